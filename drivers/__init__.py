@@ -1,0 +1,1 @@
+"""Hardware: protocols without I/O, thin adapters, and the ports that procedures see."""

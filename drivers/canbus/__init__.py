@@ -1,0 +1,1 @@
+"""CAN frames and the buses that carry them."""

@@ -1,0 +1,1 @@
+"""CANopen winches by the CiA 402 drive profile."""

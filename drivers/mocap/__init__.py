@@ -1,0 +1,1 @@
+"""Motion capture: stream decoders and the sockets that feed them."""

@@ -1,0 +1,162 @@
+"""All that a procedure may know of hardware: clock, winches, markers, and whoever answers a prompt.
+
+Real and simulated devices differ below these ports only; a procedure cannot tell which it drives.
+Records are immutable and carry the monotonic time at which they were true; an old value is unknown.
+"""
+
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Time as a port. `now` is monotonic, in seconds; a simulation's clock jumps instead of waiting."""
+
+    def now(self) -> float:
+        """Monotonic seconds."""
+        ...
+
+    async def sleep(self, seconds: float) -> None:
+        """Let at least `seconds` pass (0 lets other tasks run)."""
+        ...
+
+
+class DriveState(StrEnum):
+    """States of the CiA 402 drive machine, plus what we say when we do not know."""
+
+    NOT_READY = "not ready to switch on"
+    SWITCH_ON_DISABLED = "switch on disabled"
+    READY = "ready to switch on"
+    SWITCHED_ON = "switched on"
+    OPERATION_ENABLED = "operation enabled"
+    QUICK_STOP_ACTIVE = "quick stop active"
+    FAULT_REACTION = "fault reaction active"
+    FAULT = "fault"
+    UNKNOWN = "unknown"
+    """no status word, or one too old to be believed"""
+
+
+@dataclass(frozen=True)
+class WinchSample:
+    """What one winch said in one bus cycle."""
+
+    t: float
+    """monotonic s of the SYNC that sampled it"""
+    state: DriveState
+    length: float
+    """cable length from the encoder, m"""
+    velocity: float
+    """m/s, positive pays cable out"""
+    current: float
+    """A; positive pulls"""
+    target_reached: bool
+    fault: str = ""
+    """in words, empty without one"""
+
+
+class Winch(Protocol):
+    """One winch with its cable. Every command raises DeviceError where the drive refuses or does not answer."""
+
+    @property
+    def name(self) -> str:
+        """As in the rig file, for messages."""
+        ...
+
+    async def configure(self) -> None:
+        """Check identity, write limits and stop reactions, read them back; the drive stays without power."""
+        ...
+
+    async def enable(self) -> None:
+        """Power on and hold position. A fault is never reset here."""
+        ...
+
+    async def move_to(self, length: float, speed: float, acceleration: float) -> None:
+        """Start a move to a cable length (m) at most at `speed` (m/s); returns once the drive has taken the set-point."""
+        ...
+
+    async def hold(self) -> None:
+        """Stop on the ramp and hold position with power on."""
+        ...
+
+    def quick_stop(self) -> None:
+        """Stop on the quick-stop ramp: a single write, never waits."""
+        ...
+
+    def power_off(self) -> None:
+        """Take the power away: a single write, never waits."""
+        ...
+
+    def latest(self) -> WinchSample | None:
+        """The newest sample, None before the first; look at its time before believing it."""
+        ...
+
+
+@dataclass(frozen=True)
+class MarkerFrame:
+    """One frame of motion capture."""
+
+    t: float
+    """monotonic s of arrival"""
+    number: int
+    """the device's own frame counter"""
+    positions: tuple[tuple[float, float, float] | None, ...]
+    """m, motion-capture frame, main marker first; None where occluded"""
+
+
+class MarkerSource(Protocol):
+    """A stream of marker frames."""
+
+    @property
+    def rate(self) -> float:
+        """Frames a second, as configured, Hz."""
+        ...
+
+    def latest(self) -> MarkerFrame | None:
+        """The newest frame, None before the first."""
+        ...
+
+    def frames(self) -> AsyncIterator[MarkerFrame]:
+        """Every frame from now on, in order of frame number; late, doubled and torn ones are counted and left out."""
+        ...
+
+    def counters(self) -> dict[str, int]:
+        """How many frames were received, lost, late, doubled, malformed so far."""
+        ...
+
+
+class PromptKind(StrEnum):
+    """What is asked of whoever stands at the robot."""
+
+    DISPLACE_AND_RELEASE = "displace-and-release"
+    STEADY = "steady"
+    CONFIRM = "confirm"
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A question that a person, a script or a simulated hand answers."""
+
+    kind: PromptKind
+    text: str
+    choices: tuple[str, ...] = ("done", "skip", "abort")
+    displacement: tuple[float, ...] = field(default=())
+    """wanted displacement of the main marker's x, y from rest, m (DISPLACE_AND_RELEASE)"""
+
+
+class Operator(Protocol):
+    """Whoever answers prompts: a person at a console or UI, a script, a simulated hand."""
+
+    async def answer(self, prompt: Prompt) -> str:
+        """One of the prompt's choices, once what was asked has been done."""
+        ...
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The hardware of one experiment, real or simulated."""
+
+    clock: Clock
+    winches: tuple[Winch, ...]
+    markers: MarkerSource
+    operator: Operator

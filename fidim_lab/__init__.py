@@ -1,0 +1,1 @@
+"""Free-motion experiments, identification and diagnosis of cable-suspended robots. Imports nothing on purpose."""

@@ -1,0 +1,1 @@
+"""Command line, composition, report: what a user meets."""

@@ -1,0 +1,1 @@
+"""Frozen records, and the files they come from and go to."""

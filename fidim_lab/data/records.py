@@ -1,0 +1,223 @@
+"""The frozen values that travel between layers: robot, body, poses, windows, campaign. SI units throughout.
+
+Files become these in `robot_file` and `campaign`; nothing is validated again after that edge.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from fidim_lab.arrays import CableSeries, Inertia6, Matrix3, Positions, Rotations, Series, Twists, Vector3
+
+PARAMETER_NAMES = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
+"""The base inertial parameters χ[1:] of Eq. 22, in the paper's order; inertia per unit mass, about P."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cable:
+    """One cable with its swivelling pulley (§2.1, Table 1)."""
+
+    d: Vector3
+    """pulley entry point D, world frame, m"""
+    a: Vector3
+    """attachment A, body frame, m"""
+    radius: float
+    """pulley radius, m; 0 is a plain eyelet"""
+    x: Vector3
+    y: Vector3
+    z: Vector3
+    """fixed unit vectors of the swivel, world frame, x × y = z; z is the swivel axis"""
+
+
+@dataclass(frozen=True)
+class Winch:
+    """What turns a motor current into a cable tension."""
+
+    drum_radius: float
+    """m"""
+    gear_ratio: float
+    efficiency: float
+    torque_constant: float
+    """N m / A at the motor"""
+
+    @property
+    def newton_per_ampere(self) -> float:
+        """Cable tension for one ampere of motor current, N/A."""
+        return self.torque_constant * self.gear_ratio * self.efficiency / self.drum_radius
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Inertial parameters per unit mass: centre of mass s′ (m) and inertia I′ about P (m²), body frame (Eq. 22)."""
+
+    com: Vector3
+    inertia: Inertia6
+    """xx yy zz xy xz yz"""
+
+    @property
+    def vector(self) -> np.ndarray:
+        """The nine base parameters in the order of PARAMETER_NAMES."""
+        return np.concatenate([self.com, self.inertia])
+
+    @staticmethod
+    def from_vector(values: np.ndarray) -> "Body":
+        """The body of nine base parameters in the order of PARAMETER_NAMES."""
+        return Body(com=np.array(values[:3], dtype=float), inertia=np.array(values[3:9], dtype=float))
+
+    @property
+    def inertia_matrix(self) -> Matrix3:
+        """I′ about P as a symmetric matrix, m²."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    @property
+    def inertia_about_com(self) -> Matrix3:
+        """I′ about the centre of mass G (parallel-axis theorem), m²."""
+        s = self.com
+        return self.inertia_matrix - (s @ s * np.eye(3) - np.outer(s, s))
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a procedure may ask of the robot."""
+
+    tension: tuple[float, float] = (20.0, 200.0)
+    """N"""
+    free_displacement: tuple[float, float] = (0.1, 0.1)
+    """m, of the marker's x and y from rest"""
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Stated accuracy of the sensors, one standard deviation or one step."""
+
+    marker_noise: float = 1e-4
+    """m, one standard deviation of a marker component"""
+    encoder_resolution: float = 2e-5
+    """m of cable length for one encoder step"""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A cable-suspended robot as its robot file describes it: geometry, nominal body, limits, sensors."""
+
+    cables: tuple[Cable, ...]
+    mass: float
+    """kg"""
+    nominal: Body
+    """what CAD says"""
+    marker: Vector3
+    """main marker, body frame, m"""
+    extra_markers: tuple[Vector3, ...] = ()
+    gravity: Vector3 = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
+    limits: Limits = Limits()
+    sensors: Sensors = Sensors()
+    winches: tuple[Winch, ...] | None = None
+    """one for each cable; None where the robot file has no [winch]"""
+
+    @property
+    def n(self) -> int:
+        """Number of cables."""
+        return len(self.cables)
+
+    @property
+    def freedoms(self) -> int:
+        """λ = 6 − n."""
+        return 6 - self.n
+
+    @property
+    def markers(self) -> np.ndarray:
+        """All markers, body frame, (M, 3), the main one first."""
+        return np.array([self.marker, *self.extra_markers])
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """One pose of the platform: P in the world frame (m), rotation body → world."""
+
+    position: Vector3
+    rotation: Matrix3
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Poses over time with their twist and its derivative, all in the world frame."""
+
+    t: Series
+    positions: Positions
+    rotations: Rotations
+    twists: Twists
+    """[ṗ; ω], m/s, rad/s"""
+    accelerations: Twists
+    """[p̈; α], m/s², rad/s²"""
+
+
+class Role(StrEnum):
+    """What a window is for."""
+
+    IDENTIFY = "identify"
+    VALIDATE = "validate"
+    """never used for fitting shared parameters"""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """One recording of free motion with locked motors. A missing sample is NaN."""
+
+    id: str
+    role: Role
+    t: Series
+    """s, increasing"""
+    markers: np.ndarray
+    """(N, M, 3) world frame, m; the main marker first"""
+    lengths: CableSeries | None
+    """(N, n) from the encoders, m"""
+    currents: CableSeries | None
+    """(N, n) motor currents, A"""
+    equilibrium: Vector3 | None = None
+    """main marker at rest before the motion started, m"""
+    further: dict[str, np.ndarray] = field(default_factory=dict[str, np.ndarray])
+    """columns that the format does not name, kept as they are"""
+
+    @property
+    def duration(self) -> float:
+        """s"""
+        return float(self.t[-1] - self.t[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """A set of windows of one robot."""
+
+    name: str
+    robot: Robot
+    sample_rate: float
+    """Hz"""
+    windows: tuple[Window, ...]
+
+    def of_role(self, role: Role) -> tuple[Window, ...]:
+        """The windows of one role, in file order."""
+        return tuple(w for w in self.windows if w.role is role)
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedWindow:
+    """One equilibrium to be visited, and the displacement from which the platform is let go there."""
+
+    id: str
+    role: Role
+    lengths: np.ndarray
+    """(n,) cable lengths to hold, m"""
+    displacement: np.ndarray
+    """wanted displacement of the main marker's x, y from rest, m"""
+    position: np.ndarray
+    """(3,) where the main marker should come to rest, by the nominal model, m"""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The windows of one experiment, in the order in which they are visited."""
+
+    name: str
+    windows: tuple[PlannedWindow, ...]

@@ -1,0 +1,1 @@
+"""Physics that may have been left out: one file for each kind."""

@@ -1,0 +1,1 @@
+"""From recorded windows to inertial parameters with their uncertainty."""

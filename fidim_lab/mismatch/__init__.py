@@ -1,0 +1,1 @@
+"""Where simulation and recording differ, and why."""

@@ -1,0 +1,1 @@
+"""The physics: pure functions of state and constants, written once as CasADi expressions."""

@@ -1,0 +1,1 @@
+"""Experiments as generators of frozen steps, and the engine that walks them."""

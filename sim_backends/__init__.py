@@ -1,0 +1,1 @@
+"""Simulated hardware that feeds the real drivers with real bytes."""
