@@ -72,7 +72,7 @@ class Winch(Protocol):
         ...
 
     async def move_to(self, length: float, speed: float, acceleration: float) -> None:
-        """Start a move to a cable length (m) at most at `speed` (m/s); returns once the drive has taken the set-point."""
+        """Start a move to a cable length (m), at most at `speed` (m/s); returns once the drive has the set-point."""
         ...
 
     async def hold(self) -> None:
