@@ -1,0 +1,132 @@
+"""Campaign folders, "fidim-campaign/1": campaign.toml, robot.toml and one file a window."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tomli_w
+from pydantic import Field
+
+from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.data.robot_file import read_robot, write_robot
+from fidim_lab.data.toml_file import Table, read_toml
+from fidim_lab.data.window_csv import WindowColumns, read_window_csv, write_window_csv
+from fidim_lab.errors import FileError
+
+FORMAT = "fidim-campaign/1"
+INDEX = "campaign.toml"
+ROBOT = "robot.toml"
+
+
+class WindowTable(Table):
+    """`[[window]]`."""
+
+    id: Annotated[str, Field(min_length=1)]
+    file: str
+    role: Role
+    equilibrium: tuple[float, float, float] | None = None
+
+
+class CampaignTable(Table):
+    """The whole of campaign.toml."""
+
+    format: Literal["fidim-campaign/1"]
+    name: str
+    robot: str
+    sample_rate: Annotated[float, Field(gt=0)]
+    window: list[WindowTable] = []
+
+
+@dataclass(frozen=True, eq=False)
+class IndexEntry:
+    """One window as campaign.toml lists it."""
+
+    id: str
+    role: Role
+    equilibrium: np.ndarray | None
+
+    @property
+    def file(self) -> str:
+        """Where the window lies, relative to the campaign folder."""
+        return f"windows/{self.id}.csv"
+
+
+def read_campaign(folder: Path) -> Campaign:
+    """Read a campaign folder whole. Raises FileError with file, key or line."""
+    if not folder.is_dir():
+        what = "is a file; a campaign is a folder" if folder.exists() else "no such folder"
+        raise FileError(folder, "", what)
+    index = folder / INDEX
+    table = read_toml(index, CampaignTable, FORMAT)
+    if not table.window:
+        raise FileError(index, "window", "the campaign lists no windows")
+    _check_ids(index, table.window)
+    robot = read_robot(folder / table.robot)
+    return Campaign(
+        name=table.name,
+        robot=robot,
+        sample_rate=table.sample_rate,
+        windows=tuple(_read_window(folder, w, robot.n, len(robot.markers)) for w in table.window),
+    )
+
+
+def _check_ids(index: Path, windows: Sequence[WindowTable]) -> None:
+    seen: set[str] = set()
+    for number, window in enumerate(windows, start=1):
+        if window.id in seen:
+            raise FileError(index, f"window {number}, id", f"{window.id!r} is there twice")
+        seen.add(window.id)
+
+
+def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) -> Window:
+    path = folder / entry.file
+    if path.suffix != ".csv":
+        raise FileError(folder / INDEX, f"window {entry.id}, file", f"{entry.file!r} is not a .csv file")
+    columns = read_window_csv(path, cables)
+    found = columns.markers.shape[1]
+    if found > markers:
+        raise FileError(path, "line 1", f"{found} markers, the robot file has {markers} (platform, extra_markers)")
+    return Window(
+        id=entry.id,
+        role=entry.role,
+        t=columns.t,
+        markers=columns.markers,
+        lengths=columns.lengths,
+        currents=columns.currents,
+        equilibrium=None if entry.equilibrium is None else np.array(entry.equilibrium),
+        further=columns.further,
+    )
+
+
+def write_campaign(folder: Path, campaign: Campaign, *, robot_comment: str = "") -> None:
+    """Write a campaign folder that `read_campaign` reads back."""
+    (folder / "windows").mkdir(parents=True, exist_ok=True)
+    write_robot(folder / ROBOT, campaign.robot, comment=robot_comment)
+    entries = [IndexEntry(w.id, w.role, w.equilibrium) for w in campaign.windows]
+    for window, entry in zip(campaign.windows, entries, strict=True):
+        columns = WindowColumns(window.t, window.markers, window.lengths, window.currents, window.further)
+        write_window_csv(folder / entry.file, columns)
+    write_index(folder, campaign.name, campaign.sample_rate, entries)
+
+
+def write_index(folder: Path, name: str, sample_rate: float, entries: Sequence[IndexEntry]) -> None:
+    """Write campaign.toml whole or not at all: a run keeps it current after each accepted window."""
+    table = {
+        "format": FORMAT,
+        "name": name,
+        "robot": ROBOT,
+        "sample_rate": sample_rate,
+        "window": [_entry_table(entry) for entry in entries],
+    }
+    part = folder / (INDEX + ".part")
+    part.write_text(tomli_w.dumps(table), encoding="utf-8")
+    part.replace(folder / INDEX)
+
+
+def _entry_table(entry: IndexEntry) -> dict[str, object]:
+    table: dict[str, object] = {"id": entry.id, "file": entry.file, "role": entry.role.value}
+    if entry.equilibrium is not None:
+        table["equilibrium"] = [round(float(v), 6) for v in entry.equilibrium]
+    return table

@@ -1,0 +1,72 @@
+"""Plan files: the windows of an experiment, as TOML ("fidim-plan/1")."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tomli_w
+from pydantic import Field
+
+from fidim_lab.data.records import Plan, PlannedWindow, Role
+from fidim_lab.data.toml_file import Table, read_toml
+from fidim_lab.errors import FileError
+
+FORMAT = "fidim-plan/1"
+
+
+class PlannedWindowTable(Table):
+    """`[[window]]`."""
+
+    id: Annotated[str, Field(min_length=1)]
+    role: Role = Role.IDENTIFY
+    lengths: list[Annotated[float, Field(gt=0)]]
+    displacement: tuple[float, float]
+    position: tuple[float, float, float]
+
+
+class PlanTable(Table):
+    """The whole file."""
+
+    format: Literal["fidim-plan/1"]
+    name: str
+    window: Annotated[list[PlannedWindowTable], Field(min_length=1)]
+
+
+def read_plan(path: Path, cables: int) -> Plan:
+    """Read a plan for a robot of so many cables. Raises FileError naming every wrong key."""
+    table = read_toml(path, PlanTable, FORMAT)
+    for number, window in enumerate(table.window, start=1):
+        if len(window.lengths) != cables:
+            raise FileError(
+                path, f"window {number}, lengths", f"{len(window.lengths)} values for a robot of {cables} cables"
+            )
+    ids = [w.id for w in table.window]
+    for number, id_ in enumerate(ids, start=1):
+        if id_ in ids[: number - 1]:
+            raise FileError(path, f"window {number}, id", f"{id_!r} is there twice")
+    return Plan(
+        name=table.name,
+        windows=tuple(
+            PlannedWindow(w.id, w.role, np.array(w.lengths), np.array(w.displacement), np.array(w.position))
+            for w in table.window
+        ),
+    )
+
+
+def write_plan(path: Path, plan: Plan) -> None:
+    """Write a plan that `read_plan` reads back."""
+    table = {
+        "format": FORMAT,
+        "name": plan.name,
+        "window": [
+            {
+                "id": w.id,
+                "role": w.role.value,
+                "lengths": [round(float(v), 5) for v in w.lengths],
+                "displacement": [round(float(v), 5) for v in w.displacement],
+                "position": [round(float(v), 5) for v in w.position],
+            }
+            for w in plan.windows
+        ],
+    }
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")

@@ -1,0 +1,175 @@
+"""Robot files, "fidim-robot/1": geometry, nominal body, limits, sensors, winches of one robot."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tomli_w
+from pydantic import Field, model_validator
+
+from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Winch
+from fidim_lab.data.toml_file import Table, read_toml
+
+FORMAT = "fidim-robot/1"
+
+Vector = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+AXIS_TOLERANCE = 1e-6
+"""how far x, y, z of a swivel may be from a right-handed orthonormal triad"""
+
+
+class PlatformTable(Table):
+    """`[platform]`."""
+
+    mass: Positive
+    nominal_com: Vector
+    nominal_inertia: tuple[float, float, float, float, float, float]
+    marker: Vector
+    extra_markers: list[Vector] = []
+
+
+class LimitsTable(Table):
+    """`[limits]`."""
+
+    tension: tuple[NotNegative, Positive] = (20.0, 200.0)
+    free_displacement: tuple[Positive, Positive] = (0.1, 0.1)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "LimitsTable":
+        if self.tension[0] >= self.tension[1]:
+            raise ValueError(f"tension: the lower limit {self.tension[0]} N is not below the upper {self.tension[1]} N")
+        return self
+
+
+class SensorsTable(Table):
+    """`[sensors]`."""
+
+    marker_noise: Positive = 1e-4
+    encoder_resolution: Positive = 2e-5
+
+
+class WinchTable(Table):
+    """`[winch]` for all cables, or `[[winch]]` for each."""
+
+    drum_radius: Positive
+    gear_ratio: Positive
+    efficiency: Annotated[float, Field(gt=0, le=1)]
+    torque_constant: Positive
+
+
+class CableTable(Table):
+    """`[[cable]]`."""
+
+    d: Vector
+    a: Vector
+    radius: NotNegative
+    x: Vector
+    y: Vector
+    z: Vector
+
+    @model_validator(mode="after")
+    def _triad(self) -> "CableTable":
+        axes = np.array([self.x, self.y, self.z])
+        if np.abs(axes @ axes.T - np.eye(3)).max() > AXIS_TOLERANCE:
+            raise ValueError("x, y, z are not unit vectors at right angles")
+        if np.abs(np.cross(self.x, self.y) - self.z).max() > AXIS_TOLERANCE:
+            raise ValueError("x × y is not z: the swivel's axes must be right-handed")
+        return self
+
+
+class RobotTable(Table):
+    """The whole file."""
+
+    format: Literal["fidim-robot/1"]
+    gravity: Vector = (0.0, 0.0, -9.81)
+    platform: PlatformTable
+    limits: LimitsTable = LimitsTable()
+    sensors: SensorsTable = SensorsTable()
+    winch: WinchTable | list[WinchTable] | None = None
+    cable: Annotated[list[CableTable], Field(min_length=1, max_length=5)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "RobotTable":
+        if isinstance(self.winch, list) and len(self.winch) != len(self.cable):
+            raise ValueError(f"winch: {len(self.winch)} tables for {len(self.cable)} cables; give one for all, or each")
+        if not any(self.gravity):
+            raise ValueError("gravity: is zero; a free motion about an equilibrium needs it")
+        return self
+
+
+def read_robot(path: Path) -> Robot:
+    """Read and check a robot file. Raises FileError naming every wrong key."""
+    return _robot(read_toml(path, RobotTable, FORMAT))
+
+
+def write_robot(path: Path, robot: Robot, *, comment: str = "") -> None:
+    """Write a robot file that `read_robot` reads back to the same values."""
+    header = "".join(f"# {line}\n" for line in comment.splitlines())
+    path.write_text(header + tomli_w.dumps(_table(robot)), encoding="utf-8")
+
+
+def _robot(table: RobotTable) -> Robot:
+    platform = table.platform
+    winches = table.winch
+    if isinstance(winches, WinchTable):
+        winches = [winches] * len(table.cable)
+    return Robot(
+        cables=tuple(
+            Cable(np.array(c.d), np.array(c.a), c.radius, np.array(c.x), np.array(c.y), np.array(c.z))
+            for c in table.cable
+        ),
+        mass=platform.mass,
+        nominal=Body(np.array(platform.nominal_com), np.array(platform.nominal_inertia)),
+        marker=np.array(platform.marker),
+        extra_markers=tuple(np.array(m) for m in platform.extra_markers),
+        gravity=np.array(table.gravity),
+        limits=Limits(table.limits.tension, table.limits.free_displacement),
+        sensors=Sensors(table.sensors.marker_noise, table.sensors.encoder_resolution),
+        winches=None if winches is None else tuple(Winch(**w.model_dump()) for w in winches),
+    )
+
+
+def _table(robot: Robot) -> dict[str, object]:
+    platform: dict[str, object] = {
+        "mass": robot.mass,
+        "nominal_com": _floats(robot.nominal.com),
+        "nominal_inertia": _floats(robot.nominal.inertia),
+        "marker": _floats(robot.marker),
+    }
+    if robot.extra_markers:
+        platform["extra_markers"] = [_floats(m) for m in robot.extra_markers]
+    table: dict[str, object] = {
+        "format": FORMAT,
+        "gravity": _floats(robot.gravity),
+        "platform": platform,
+        "limits": {
+            "tension": list(robot.limits.tension),
+            "free_displacement": list(robot.limits.free_displacement),
+        },
+        "sensors": {
+            "marker_noise": robot.sensors.marker_noise,
+            "encoder_resolution": robot.sensors.encoder_resolution,
+        },
+    }
+    if robot.winches is not None:
+        alike = len(set(robot.winches)) == 1
+        tables = [dict(vars(w)) for w in robot.winches]
+        table["winch"] = tables[0] if alike else tables
+    table["cable"] = [
+        {
+            "d": _floats(c.d),
+            "a": _floats(c.a),
+            "radius": c.radius,
+            "x": _floats(c.x),
+            "y": _floats(c.y),
+            "z": _floats(c.z),
+        }
+        for c in robot.cables
+    ]
+    return table
+
+
+def _floats(values: np.ndarray) -> list[float]:
+    return [float(v) for v in values]
