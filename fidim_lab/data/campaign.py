@@ -36,7 +36,7 @@ class CampaignTable(Table):
     name: str
     robot: str
     sample_rate: Annotated[float, Field(gt=0)]
-    window: list[WindowTable] = []
+    window: tuple[WindowTable, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

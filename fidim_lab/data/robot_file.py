@@ -27,7 +27,7 @@ class PlatformTable(Table):
     nominal_com: Vector
     nominal_inertia: tuple[float, float, float, float, float, float]
     marker: Vector
-    extra_markers: list[Vector] = []
+    extra_markers: tuple[Vector, ...] = ()
 
 
 class LimitsTable(Table):

@@ -52,14 +52,21 @@ def read_toml(path: Path, schema: type[Schema], wanted_format: str) -> Schema:
 
 def _sentence(error: Any) -> str:
     place = _place(error["loc"])
-    if error["type"] == "extra_forbidden":
-        return f"{place}: unknown key"
-    if error["type"] == "missing":
-        return f"{place}: is missing"
-    if error["type"] == "value_error":
-        return f"{place}: {error['ctx']['error']}"
-    found = repr(error["input"])
-    return f"{place}: {error['msg']}, found {found if len(found) < 60 else found[:57] + '...'}"
+    found = error["input"]
+    match error["type"]:
+        case "extra_forbidden":
+            return f"{place}: unknown key"
+        case "missing" if isinstance(found, list):  # a tuple that ended too early
+            return f"{_place(error['loc'][:-1])}: {len(found)} numbers are too few"
+        case "missing":
+            return f"{place}: is missing"
+        case "too_long":
+            return f"{place}: {error['ctx']['actual_length']} values, at most {error['ctx']['max_length']} are allowed"
+        case "value_error":
+            return f"{place}: {error['ctx']['error']}"
+        case _:
+            shown = repr(found)
+            return f"{place}: {error['msg']}, found {shown if len(shown) < 60 else shown[:57] + '...'}"
 
 
 def _place(location: tuple[int | str, ...]) -> str:

@@ -1,0 +1,101 @@
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.campaign import IndexEntry, read_campaign, write_campaign, write_index
+from fidim_lab.data.plan_file import read_plan, write_plan
+from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Robot, Role, Window
+from fidim_lab.errors import FileError
+
+
+@pytest.fixture
+def campaign(irma4: Robot) -> Campaign:
+    t = np.arange(50) * 0.01
+    markers = np.round(np.random.default_rng(1).normal(size=(50, 1, 3)), 6)
+    lengths = np.full((50, 4), 1.25)
+    windows = [
+        Window(f"w{k}", role, t, markers + k, lengths, None, np.array([1.0, 0.5, -0.25]))
+        for k, role in enumerate([Role.IDENTIFY, Role.VALIDATE])
+    ]
+    return Campaign("two windows", irma4, 100.0, tuple(windows))
+
+
+def test_round_trip(campaign: Campaign, tmp_path: Path) -> None:
+    write_campaign(tmp_path, campaign)
+    back = read_campaign(tmp_path)
+    assert (back.name, back.sample_rate) == ("two windows", 100.0)
+    assert [w.id for w in back.of_role(Role.VALIDATE)] == ["w1"]
+    for ours, theirs in zip(back.windows, campaign.windows, strict=True):
+        np.testing.assert_allclose(ours.markers, theirs.markers, atol=1e-9)
+        np.testing.assert_array_equal(ours.lengths, theirs.lengths)  # type: ignore[arg-type]
+        np.testing.assert_array_equal(ours.equilibrium, theirs.equilibrium)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("sample_rate = 100.0", "", "sample_rate: is missing"),
+        ('role = "validate"', 'role = "test"', "window 2, role"),
+        ('id = "w1"', 'id = "w0"', "window 2, id: 'w0' is there twice"),
+        ('file = "windows/w1.csv"', 'file = "windows/w9.csv"', "w9.csv: no such file"),
+        ('file = "windows/w1.csv"', 'file = "windows/w1.txt"', "window w1, file: 'windows/w1.txt' is not a .csv"),
+        ('robot = "robot.toml"', 'robot = "none.toml"', "none.toml: no such file"),
+    ],
+)
+def test_mistakes_in_the_index(campaign: Campaign, tmp_path: Path, old: str, new: str, expected: str) -> None:
+    write_campaign(tmp_path, campaign)
+    index = tmp_path / "campaign.toml"
+    assert old in index.read_text()
+    index.write_text(index.read_text().replace(old, new))
+    with pytest.raises(FileError, match=re.escape(expected)):
+        read_campaign(tmp_path)
+
+
+def test_a_missing_folder_and_an_empty_campaign(campaign: Campaign, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="no such folder"):
+        read_campaign(tmp_path / "none")
+    write_campaign(tmp_path, replace(campaign, windows=()))
+    with pytest.raises(FileError, match="lists no windows"):
+        read_campaign(tmp_path)
+
+
+def test_more_markers_than_the_robot_has(campaign: Campaign, tmp_path: Path) -> None:
+    window = campaign.windows[0]
+    window = replace(window, markers=np.concatenate([window.markers, window.markers], axis=1))
+    write_campaign(tmp_path, replace(campaign, windows=(window,)))
+    with pytest.raises(FileError, match="2 markers, the robot file has 1"):
+        read_campaign(tmp_path)
+
+
+def test_the_index_is_replaced_whole(tmp_path: Path) -> None:
+    write_index(tmp_path, "a", 100.0, [])
+    write_index(tmp_path, "b", 100.0, [IndexEntry("w1", Role.IDENTIFY, None)])
+    assert 'name = "b"' in (tmp_path / "campaign.toml").read_text()
+    assert [p.name for p in tmp_path.iterdir()] == ["campaign.toml"]
+
+
+def test_plan_round_trip_and_mistakes(tmp_path: Path) -> None:
+    window = PlannedWindow(
+        "i01", Role.IDENTIFY, np.array([1.1, 1.2]), np.array([0.03, -0.01]), np.array([1.0, 0, -0.3])
+    )
+    write_plan(tmp_path / "p.toml", Plan("p", (window,)))
+    back = read_plan(tmp_path / "p.toml", 2)
+    np.testing.assert_array_equal(back.windows[0].lengths, [1.1, 1.2])
+    with pytest.raises(FileError, match="window 1, lengths: 2 values for a robot of 4 cables"):
+        read_plan(tmp_path / "p.toml", 4)
+    write_plan(tmp_path / "p.toml", Plan("p", (window, window)))
+    with pytest.raises(FileError, match="window 2, id: 'i01' is there twice"):
+        read_plan(tmp_path / "p.toml", 2)
+
+
+@pytest.mark.shared
+def test_every_open_campaign_reads(shared: Path) -> None:
+    folders = sorted((shared / "campaigns").glob("open-*"))
+    assert folders
+    for folder in folders:
+        campaign = read_campaign(folder)
+        assert len(campaign.of_role(Role.IDENTIFY)) == 12
+        assert len(campaign.of_role(Role.VALIDATE)) == 6
