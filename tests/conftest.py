@@ -14,12 +14,12 @@ SHARED = ROOT.parent / "shared"
 @pytest.fixture(scope="session")
 def irma4() -> Robot:
     """The four-cable robot of the paper's Table 1."""
-    return read_robot(ROOT / "examples" / "robots" / "irma4.toml")
+    return read_robot(ROOT / "fidim_lab" / "data" / "robots" / "irma4.toml")
 
 
 @pytest.fixture(scope="session")
 def irma4_file() -> Path:
-    return ROOT / "examples" / "robots" / "irma4.toml"
+    return ROOT / "fidim_lab" / "data" / "robots" / "irma4.toml"
 
 
 @pytest.fixture(scope="session")
