@@ -1,0 +1,174 @@
+"""The `fidim` command: options in, exit code out (FORMAT.md). What a command does lives in a module of its own.
+
+Modules are imported when their command runs: `fidim --help` stays quick.
+"""
+
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import click
+
+from fidim_lab.errors import FidimError
+
+EXIT_WRONG_USE = 2
+EXIT_OUR_BUG = 3
+EXIT_INTERRUPTED = 130
+
+FOLDER = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+def example(text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Close a command's help with an example that can be typed."""
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        command.__doc__ = f"{command.__doc__}\n\n    \b\n    Example:\n      {text}\n    "
+        return command
+
+    return add
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="fidim-lab", prog_name="fidim")
+def fidim() -> None:
+    """Free-motion experiments on cable-suspended robots: acquire, identify, explain.
+
+    Exit codes: 0 done; 1 done, and the answer is a refusal or a failed check; 2 wrong use or bad input; 3 hardware or a
+    guard stopped it; 130 interrupted. Any command takes --debug, which shows where an error came from.
+    """
+
+
+@fidim.command("dry-run")
+@click.option("--out", type=FOLDER, default=None, help="Run folder; default runs/dry-run-SEED, numbered if it exists.")
+@click.option("--seed", default=1, show_default=True, help="Same seed, same windows, byte for byte.")
+@click.option("--robot", type=FILE, default=None, help="Robot file; default the paper's four-cable robot.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option(
+    "--validate", "validation", default=3, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
+)
+@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@click.option("--real-time", is_flag=True, help="Real python-can bus, real UDP sockets, real seconds.")
+@click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
+@example("fidim dry-run --seed 7 --hide air-drag-linear:c=0.4")
+def dry_run(**options: Any) -> None:
+    """Rehearse the whole experiment on the embedded simulators, through the drivers' real bytes."""
+    from fidim_lab.app.dry_run import DryRunOptions, run_dry_run
+
+    sys.exit(run_dry_run(DryRunOptions(**options)))
+
+
+@fidim.command()
+@click.argument("campaign", type=FOLDER)
+@click.option("--method", default="tls", show_default=True, help="Estimator.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-result/1".')
+@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML report.")
+@example("fidim identify runs/dry-run-1 --json result.json")
+def identify(campaign: Path, method: str, json_file: Path | None, report: Path | None) -> None:
+    """Find the platform's inertial parameters from the recorded free motion in CAMPAIGN."""
+    from fidim_lab.app.identify import identify_command
+
+    sys.exit(identify_command(campaign, method, json_file, report))
+
+
+@fidim.command("import")
+@click.argument("kind")
+@click.argument("sources", nargs=-1, required=True, type=FOLDER)
+@click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
+@click.option("--json", "json_file", type=FILE, default=None, help="Write what was found for programs.")
+@example("fidim import irma4u recordings/irma4u --out real")
+def import_(kind: str, sources: tuple[Path, ...], out: Path, json_file: Path | None) -> None:
+    """Turn another lab's recording of KIND into a campaign folder."""
+    from fidim_lab.app.import_recording import import_command
+
+    sys.exit(import_command(kind, list(sources), out, json_file))
+
+
+@fidim.command()
+@click.option("--robot", type=FILE, required=True, help="Robot file.")
+@click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
+@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@click.option("--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True)
+@click.option(
+    "--noise", type=click.FloatRange(0), default=None, help="Marker noise, m; default that of the robot file."
+)
+@click.option("--seed", default=1, show_default=True)
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option(
+    "--validate", "validation", default=6, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
+)
+@example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
+def simulate(**options: Any) -> None:
+    """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""
+    from fidim_lab.app.simulate import SimulateOptions, simulate_command
+
+    sys.exit(simulate_command(SimulateOptions(**options)))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--out", type=FILE, default=None, help="HTML file; default FOLDER/report.html.")
+@example("fidim report runs/dry-run-1")
+def report(folder: Path, out: Path | None) -> None:
+    """Write the HTML report of a run or campaign FOLDER: one file that opens offline."""
+    from fidim_lab.app.report import report_command
+
+    sys.exit(report_command(folder, out))
+
+
+@fidim.command()
+@click.option("--robot", type=FILE, default=None, help="Also check this robot file for plausibility.")
+@click.option("--json", "json_file", type=FILE, default=None)
+@example("fidim doctor --robot robot.toml")
+def doctor(robot: Path | None, json_file: Path | None) -> None:
+    """Check installation, buses, sockets, clock and disk, and say what to do where one fails."""
+    from fidim_lab.app.doctor import doctor_command
+
+    sys.exit(doctor_command(robot, json_file))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command with these arguments and return its exit code; no traceback reaches a user without --debug."""
+    debug = "--debug" in arguments
+    try:
+        fidim.main([a for a in arguments if a != "--debug"], prog_name="fidim", standalone_mode=False)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted", err=True)
+        return EXIT_INTERRUPTED
+    except click.ClickException as error:
+        error.show()
+        return EXIT_WRONG_USE
+    except FidimError as error:
+        _explain(error, debug)
+        return error.exit_code
+    except BrokenPipeError:
+        return 0
+    except Exception as error:
+        _explain(error, debug)
+        click.echo("This is a bug of fidim-lab, not yours; --debug shows where it happened.", err=True)
+        return EXIT_OUR_BUG
+    return 0
+
+
+def _explain(error: Exception, debug: bool) -> None:
+    if debug:
+        traceback.print_exception(error)
+    sentence = str(error) if isinstance(error, FidimError) else f"{type(error).__name__}: {error}"
+    click.echo(f"fidim: {sentence}", err=True)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """A polite kill is an interruption: the robot is held and the folder kept, as with Ctrl-C."""
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Entry point of the `fidim` command."""
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.exit(run(sys.argv[1:]))
