@@ -1,0 +1,118 @@
+"""Finding poses: from free coordinates at locked lengths (Eq. 44), from lengths alone, and from a wanted place.
+
+dependent_pose      a measured marker and locked lengths → pose at every sample
+pose_from_lengths   lengths → the pose in which the platform rests
+equilibrium_at      a marker position → lengths and pose in which the platform rests there (planning)
+"""
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import PerCable, Positions, Rotations, Vector3
+from fidim_lab.data.records import Pose
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.model.batch import evaluate, from_rows, function, rows
+from fidim_lab.model.equilibria import equilibrium_at, pose_from_lengths
+from fidim_lab.model.geometry import rotation_from_gibbs
+from fidim_lab.model.mechanism import Mechanism
+
+__all__ = ["dependent_pose", "equilibrium_at", "pose_from_lengths"]
+
+NEWTON_STEPS = 5
+"""for each sample; from 5 mm away three are enough, a badly conditioned chart takes more"""
+
+LARGEST_STEP = 5e-3
+"""m (or rad) of a free coordinate from one solved pose to the next; farther samples get stepping stones"""
+
+TOLERANCE = 1e-9
+"""m (or rad) of the largest residual"""
+
+
+def dependent_pose(
+    mechanism: Mechanism,
+    lengths: PerCable,
+    marker: Vector3,
+    axes: tuple[int, ...],
+    values: Float[np.ndarray, "N free"],
+    start: Pose,
+) -> tuple[Positions, Rotations]:
+    """Poses (N, 3), (N, 3, 3) at which the cables have `lengths` and the free coordinates `values` (Eq. 44).
+
+    axes: 0, 1, 2 for the marker's x, y, z in the world (m); 3, 4, 5 for the components of 2 g, g the Gibbs vector of
+    R Rᵀ_start, that is the rotation (rad, for small ones) away from the start about the world's x, y, z.
+    Newton's method, each sample started from the one before, the first from `start`; the branch of solutions is the
+    start's. Raises InfeasibleError with the sample's number where it does not converge, and for a missing value.
+    """
+    begin = _coordinates(start, marker, axes)
+    path, samples = _stepping_stones(begin, values)
+    newton = mechanism.compiled(f"dependent pose {axes}", lambda made: _compile_newton(made, axes))
+    count = len(path)
+    states, residuals = evaluate(
+        newton.mapaccum(count),
+        np.concatenate([start.position, start.rotation.ravel()]),
+        path,
+        *(np.tile(constant, (count, 1)) for constant in (lengths, marker, start.rotation.ravel(), mechanism.theta)),
+    )
+    failed = ~(residuals[:, 0] < TOLERANCE)
+    if failed.any():
+        first = int(np.searchsorted(samples, np.argmax(failed)))
+        raise InfeasibleError(
+            f"No pose of the platform fits the locked lengths and the free coordinates {axes} at sample {first + 1} "
+            f"of {len(values)} (residual {residuals[int(np.argmax(failed)), 0]:.1e} m).",
+            hint="The coordinates may be badly conditioned there (see conditioning, best_axes), or a sample is wrong.",
+        )
+    chosen = states[samples]
+    return chosen[:, :3], chosen[:, 3:].reshape(-1, 3, 3)
+
+
+def _coordinates(pose: Pose, marker: Vector3, axes: tuple[int, ...]) -> Float[np.ndarray, " free"]:
+    place = pose.position + pose.rotation @ marker
+    return np.array([place[axis] if axis < 3 else 0.0 for axis in axes])
+
+
+def _stepping_stones(
+    begin: Float[np.ndarray, " free"], values: Float[np.ndarray, "N free"]
+) -> tuple[Float[np.ndarray, "K free"], np.ndarray]:
+    """The values with points in between where they lie far apart, and the indices of the values among them."""
+    known = np.vstack([begin, values])
+    jumps = np.nan_to_num(np.abs(np.diff(known, axis=0)).max(axis=1))
+    pieces = np.maximum(1, np.ceil(jumps / LARGEST_STEP)).astype(int)
+    samples = np.cumsum(pieces) - 1
+    at = np.concatenate([[0], samples + 1]).astype(float)
+    steps = np.arange(1, samples[-1] + 2)
+    path = np.column_stack([np.interp(steps, at, column) for column in known.T])
+    return path, samples
+
+
+def _compile_newton(mechanism: Mechanism, axes: tuple[int, ...]) -> ca.Function:
+    """(pose, values, lengths, marker, reference rotation, θ) → (pose, residual): NEWTON_STEPS of Newton's method."""
+    state, values = ca.SX.sym("pose", 12), ca.SX.sym("values", len(axes))
+    lengths, marker = ca.SX.sym("lengths", mechanism.n), ca.SX.sym("marker", 3)
+    reference, theta = ca.SX.sym("reference", 9), ca.SX.sym("theta", mechanism.theta.size)
+    step = ca.SX.sym("step", 6)
+    position = state[:3] + step[:3]
+    rotation = rotation_from_gibbs(step[3:] / 2) @ from_rows(state[3:], 3, 3)
+    cables = mechanism.cables_at(position, rotation, theta)
+    place = position + rotation @ marker
+    turned = _twice_gibbs(rotation @ from_rows(reference, 3, 3).T)
+    coordinates = ca.vertcat(*(place[axis] if axis < 3 else turned[axis - 3] for axis in axes))
+    residual = ca.vertcat(coordinates - values, mechanism.lengths_at(cables, theta) - lengths)
+    here = ca.SX.zeros(6)
+    jacobian = ca.substitute(ca.jacobian(residual, step), step, here)
+    missed = ca.substitute(residual, step, here)
+    given = [state, values, lengths, marker, reference, theta]
+    system = ca.Function("system", given, [ca.solve(jacobian, missed), ca.mmax(ca.fabs(missed))])
+    move = ca.Function("move", [state, step], [ca.vertcat(position, rows(rotation))])
+    pose, rest = state, given[1:]
+    for _ in range(NEWTON_STEPS):
+        pose = move(pose, -system(pose, *rest)[0])
+    return function("dependent_pose", given, [pose, system(pose, *rest)[1]])
+
+
+def _twice_gibbs(rotation: ca.SX) -> ca.SX:
+    """2 g of a rotation matrix: twice the axial part of R over 1 + trace R."""
+    axial = ca.vertcat(
+        rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
+    )
+    return 2 * axial / (1 + ca.trace(rotation))

@@ -1,0 +1,178 @@
+"""The mechanism: all cables of one robot with its effects, as expressions and as functions over many samples.
+
+`Mechanism` is made once per robot (some milliseconds) and handed to every other function of this package. Its methods
+take N poses at once. Whoever needs derivatives or an integrator builds on `cables_at` and keeps the compiled function
+with `compiled`.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import CableSeries, Positions, Rotations, Twists
+from fidim_lab.data.records import Robot
+from fidim_lab.errors import InfeasibleError, OurBugError
+from fidim_lab.model.batch import from_rows, function, over_samples, rows
+from fidim_lab.model.geometry import CableConstants, CableExpressions, cable_expressions, skew
+from fidim_lab.model.slots import Effect, PlatformState
+
+T = TypeVar("T")
+
+SINGULAR_DISTANCE = 1e-6
+"""m: nearer than this to the swivel axis, or to the pulley's rim, the cable has no direction"""
+
+
+class Mechanism:
+    """Kinematics of a platform on n cables; SI units, world frame (MODEL.md §1, Eq. 1–4).
+
+    `theta` are the parameters of all effects, in their order; zero (absent) unless given.
+    """
+
+    def __init__(self, robot: Robot, effects: Sequence[Effect] = (), theta: Sequence[float] | None = None) -> None:
+        self.robot = robot
+        self.effects = tuple(effects)
+        count = sum(len(effect.parameters) for effect in self.effects)
+        self.theta = np.zeros(count) if theta is None else np.array(theta, dtype=float)
+        if self.theta.shape != (count,):
+            raise OurBugError(f"Mechanism: {count} effect parameters expected, {self.theta.size} given.")
+        self._compiled: dict[str, Any] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Compiled functions stay here: another process compiles its own."""
+        return (Mechanism, (self.robot, self.effects, tuple(self.theta)))
+
+    @property
+    def n(self) -> int:
+        """Number of cables."""
+        return self.robot.n
+
+    @property
+    def freedoms(self) -> int:
+        """λ = 6 − n."""
+        return self.robot.freedoms
+
+    def compiled(self, name: str, build: Callable[["Mechanism"], T]) -> T:
+        """`build(self)`, once for this mechanism; later calls with the same name return the same object."""
+        if name not in self._compiled:
+            self._compiled[name] = build(self)
+        return self._compiled[name]
+
+    def cables_at(self, position: ca.SX, rotation: ca.SX, theta: ca.SX) -> tuple[CableExpressions, ...]:
+        """All cables at a symbolic pose, effects on geometry applied."""
+        return tuple(cable_expressions(self._constants(index, theta), position, rotation) for index in range(self.n))
+
+    def lengths_at(self, cables: Sequence[CableExpressions], theta: ca.SX) -> ca.SX:
+        """Lengths (n) of `cables_at`, effects on cable length applied."""
+        return ca.vertcat(
+            *(
+                cable.length + sum(effect.cable_length(number, part) for effect, part in self._parts(theta))
+                for number, cable in enumerate(cables, start=1)
+            )
+        )
+
+    def wrench_at(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """Sum of the effects' wrenches per unit mass (6)."""
+        return sum((effect.wrench(state, part) for effect, part in self._parts(theta)), ca.SX.zeros(6))
+
+    def lengths(self, positions: Positions, rotations: Rotations) -> CableSeries:
+        """Cable lengths l = r φ + ρ, m. Raises InfeasibleError at a singular pose, naming the cable."""
+        return self._evaluate("lengths", positions, rotations)[0]
+
+    def structure_matrix(self, positions: Positions, rotations: Rotations) -> Float[np.ndarray, "N n 6"]:
+        """Ξ with rows [tᵀ, (R a × t)ᵀ], so that Ξ [ṗ; ω] = l̇ (Eq. 3, 4). Raises InfeasibleError as `lengths`."""
+        return self._evaluate("structure matrix", positions, rotations)[0].reshape(-1, self.n, 6)
+
+    def structure_matrix_rate(
+        self, positions: Positions, rotations: Rotations, twists: Twists
+    ) -> Float[np.ndarray, "N n 6"]:
+        """Ξ̇ along the given twists, 1/s. Raises InfeasibleError as `lengths`."""
+        return self._evaluate("structure matrix rate", positions, rotations, twists)[0].reshape(-1, self.n, 6)
+
+    def swivel_angles(self, positions: Positions, rotations: Rotations) -> CableSeries:
+        """σ in (−π, π], rad. Raises InfeasibleError as `lengths`."""
+        return self._evaluate("swivel angles", positions, rotations)[0]
+
+    def wrap_angles(self, positions: Positions, rotations: Rotations) -> CableSeries:
+        """φ in [0, 2π), rad. Raises InfeasibleError as `lengths`."""
+        return self._evaluate("wrap angles", positions, rotations)[0]
+
+    def _evaluate(self, name: str, *arguments: np.ndarray) -> list[np.ndarray]:
+        outputs = self.compiled(f"kinematics: {name}", lambda mechanism: _compile(mechanism, name))
+        samples = len(arguments[0])
+        *results, distances, clearances = over_samples(outputs, samples, *arguments, self.theta)
+        _refuse_singular(distances, clearances)
+        return results
+
+    def _constants(self, index: int, theta: ca.SX) -> CableConstants:
+        constants = CableConstants.of(self.robot.cables[index])
+        for effect, part in self._parts(theta):
+            constants = effect.geometry(index + 1, constants, part)
+        return constants
+
+    def _parts(self, theta: ca.SX) -> list[tuple[Effect, ca.SX]]:
+        """Each effect with its own parameters."""
+        parts: list[tuple[Effect, ca.SX]] = []
+        first = 0
+        for effect in self.effects:
+            last = first + len(effect.parameters)
+            parts.append((effect, theta[first:last]))
+            first = last
+        return parts
+
+
+def structure_expression(cables: Sequence[CableExpressions]) -> ca.SX:
+    """Ξ (n × 6) as an expression (Eq. 3)."""
+    return ca.horzcat(*(cable.screw for cable in cables)).T
+
+
+def structure_rate_expression(structure: ca.SX, position: ca.SX, rotation: ca.SX, twist: ca.SX) -> ca.SX:
+    """Ξ̇ (n × 6) as an expression; position and rotation must be the symbols that `structure` is made of."""
+    at = ca.vertcat(position, ca.vec(rotation))
+    rate = ca.vertcat(twist[:3], ca.vec(skew(twist[3:]) @ rotation))
+    return ca.reshape(ca.jtimes(ca.vec(structure), at, rate), structure.size1(), 6)
+
+
+def _compile(mechanism: Mechanism, name: str) -> ca.Function:
+    position, flat = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9)
+    theta = ca.SX.sym("theta", mechanism.theta.size)
+    rotation = from_rows(flat, 3, 3)
+    cables = mechanism.cables_at(position, rotation, theta)
+    inputs = [position, flat]
+    match name:
+        case "lengths":
+            output = mechanism.lengths_at(cables, theta)
+        case "structure matrix":
+            output = rows(structure_expression(cables))
+        case "structure matrix rate":
+            twist = ca.SX.sym("twist", 6)
+            inputs.append(twist)
+            output = rows(structure_rate_expression(structure_expression(cables), position, rotation, twist))
+        case "swivel angles":
+            output = ca.vertcat(*(cable.swivel_angle for cable in cables))
+        case "wrap angles":
+            output = ca.vertcat(*(cable.wrap_angle for cable in cables))
+        case _:
+            raise OurBugError(f"Mechanism: no quantity is called {name!r}.")
+    distances = ca.vertcat(*(cable.axis_distance for cable in cables))
+    clearances = ca.vertcat(*(cable.clearance for cable in cables))
+    return function(name.replace(" ", "_"), [*inputs, theta], [output, distances, clearances])
+
+
+def _refuse_singular(distances: np.ndarray, clearances: np.ndarray) -> None:
+    on_axis = distances <= SINGULAR_DISTANCE
+    inside = clearances <= SINGULAR_DISTANCE**2
+    if not (on_axis.any() or inside.any()):
+        return
+    sample, cable = (int(index) for index in np.argwhere(on_axis | inside)[0])
+    why = (
+        "its attachment lies inside the pulley (L ≤ r)"
+        if inside[sample, cable]
+        else f"its attachment lies on the swivel axis (h = {distances[sample, cable]:.1e} m)"
+    )
+    raise InfeasibleError(
+        f"Cable {cable + 1} is singular at sample {sample + 1} of {len(distances)}: {why}.",
+        hint="Choose a pose farther from that pulley, or check d, a and radius in the robot file.",
+    )
