@@ -1,0 +1,91 @@
+"""The raw log of a bus, in the format of can-utils' candump: `(12.345678) can0 181#0011AABB`, one frame a line.
+
+`CandumpLog.write` is a tap for any CanTransport; `read_candump` gives the frames back, also of a file that was cut off.
+"""
+
+import re
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from drivers.canbus.transport import CanFrame
+from fidim_lab.errors import FileError
+
+_FLUSH_S = 0.1
+_LINE = re.compile(r"\((\d+\.\d+)\) (\S+) ([0-9A-Fa-f]{3})#((?:[0-9A-Fa-f]{2}){0,8})(?: [RT])?")
+
+
+def format_line(frame: CanFrame, channel: str = "can0") -> str:
+    """One frame as a line, without line end; time in µs."""
+    return f"({frame.t:017.6f}) {channel} {frame.id:03X}#{frame.data.hex().upper()}"
+
+
+class CandumpLog:
+    """Writes every frame that passes; flushed at 10 Hz of bus time, so that a killed process loses at most 0.1 s."""
+
+    def __init__(self, path: Path, channel: str = "can0") -> None:
+        """Raises FileError where the file cannot be made."""
+        self._channel = channel
+        self._lock = threading.Lock()
+        self._flushed_at = float("-inf")
+        self.error: str | None = None
+        """why writing ended (full disk); a tap must not raise, so whoever records has to look here"""
+        self.lost = 0
+        """frames that came after that"""
+        try:
+            self._file = path.open("w", encoding="ascii", newline="\n")
+        except OSError as error:
+            raise FileError(path, "", f"the raw CAN log cannot be written: {error.strerror}.") from error
+
+    def write(self, frame: CanFrame) -> None:
+        """Append one frame; never raises."""
+        line = format_line(frame, self._channel)
+        with self._lock:
+            if self.error is not None or self._file.closed:
+                self.lost += 1
+                return
+            try:
+                self._file.write(line + "\n")
+                if frame.t - self._flushed_at >= _FLUSH_S:
+                    self._flushed_at = frame.t
+                    self._file.flush()
+            except OSError as error:
+                self.error = f"the raw CAN log {self._file.name} cannot be written: {error.strerror}"
+                self.lost += 1
+
+    def close(self) -> None:
+        """Flush and close; may be called twice."""
+        with self._lock:
+            try:
+                self._file.close()
+            except OSError as error:
+                self.error = self.error or f"the raw CAN log {self._file.name} cannot be written: {error.strerror}"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def read_candump(path: Path) -> Iterator[CanFrame]:
+    """The frames of a log. Raises FileError naming the line that is none; a last line without an end is left out."""
+    try:
+        with path.open(encoding="ascii", errors="replace", newline="\n") as lines:
+            for number, line in enumerate(lines, start=1):
+                if not line.endswith("\n"):
+                    return  # cut off while it was written
+                if line.strip():
+                    yield _parse(path, number, line.rstrip("\r\n"))
+    except OSError as error:
+        raise FileError(path, "", f"cannot be read: {error.strerror}.") from error
+
+
+def _parse(path: Path, number: int, line: str) -> CanFrame:
+    match = _LINE.fullmatch(line)
+    if match is None:
+        raise FileError(path, f"line {number}", f"{line[:60]!r} is not a candump line like '(1.5) can0 181#0011'.")
+    time, _, identifier, data = match.groups()
+    return CanFrame(int(identifier, 16), bytes.fromhex(data), float(time))

@@ -1,0 +1,166 @@
+"""`PythonCanTransport`: the CanTransport port on any python-can interface, in real time.
+
+python-can's receive thread dies silently of the first exception of `recv` unless a listener has `on_error`; this one has,
+tells a garbled line (counted) from a dead bus (latched), and says so in `fault`.
+"""
+
+import asyncio
+import socket
+import time
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import can
+
+from drivers.canbus.transport import CanFrame
+from fidim_lab.errors import BusError, SetupError
+
+T = TypeVar("T")
+
+_POLL_S = 0.2
+_CLOSE_S = 2.0
+_GARBLED_IN_A_ROW = 20
+_RECEIVE_FAILED = "reading from it failed"
+
+
+@dataclass
+class BusCounters:
+    """What passed, and what was wrong with it; written by the receiving thread."""
+
+    received: int = 0
+    garbled: int = 0
+    """lines or frames that the interface could not decode"""
+    foreign: int = 0
+    """remote frames and extended identifiers, which CANopen does not use here"""
+    error_frames: int = 0
+
+
+class _Receiver(can.Listener):
+    """Runs in python-can's thread; must not raise, or receiving ends."""
+
+    def __init__(self, interface: str) -> None:
+        self.counters = BusCounters()
+        self.fault: str | None = None
+        self.subscribers: tuple[Callable[[CanFrame], None], ...] = ()
+        self.observers: tuple[Callable[[CanFrame], None], ...] = ()
+        self.notifier: can.Notifier | None = None
+        self.tolerated: Exception | None = None
+        self._interface = interface
+        self._garbled_in_a_row = 0
+
+    def latch(self, reason: str) -> None:
+        """Keep the first reason."""
+        if self.fault is None:
+            self.fault = f"{self._interface}: {reason}"
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """One frame from the bus."""
+        counters = self.counters
+        if msg.is_error_frame:
+            counters.error_frames += 1
+            return
+        if msg.is_extended_id or msg.is_remote_frame:
+            counters.foreign += 1
+            return
+        counters.received += 1
+        self._garbled_in_a_row = 0
+        frame = CanFrame(msg.arbitration_id, bytes(msg.data), time.monotonic())
+        try:
+            for call in (*self.observers, *self.subscribers):
+                call(frame)
+        except Exception as error:  # a receiver that raises would end all receiving
+            self.latch(f"a receiver of frame 0x{frame.id:03X} failed ({type(error).__name__}: {error}), our bug")
+
+    def on_error(self, exc: Exception) -> None:
+        """`recv` raised: go on after a garbled line, end after anything else."""
+        if isinstance(exc, ValueError):  # what slcan raises for a line that is none
+            self.counters.garbled += 1
+            self._garbled_in_a_row += 1
+            self.tolerated = exc
+            if self._garbled_in_a_row < _GARBLED_IN_A_ROW:
+                return
+            self.latch(f"{self._garbled_in_a_row} unreadable lines in a row; is the bit rate right?")
+        self.latch(f"{_RECEIVE_FAILED} ({type(exc).__name__}: {exc}); is the adapter plugged in?")
+        if self.notifier is not None:
+            self.notifier.stop(timeout=-1.0)  # ends this very thread without joining it
+
+
+class PythonCanTransport:
+    """A bus opened by python-can. Frames arrive on python-can's thread, SDO exchanges run on one thread a node."""
+
+    def __init__(self, interface: str, channel: str, *, bitrate: int = 1_000_000, **options: Any) -> None:
+        """`interface`, `channel`, `options` as python-can names them. Raises SetupError where it cannot be opened."""
+        self._label = f"{interface} {channel}"
+        try:
+            self._bus = can.Bus(channel, interface, bitrate=bitrate, **options)
+        except Exception as error:  # each interface has its own
+            raise SetupError(
+                f"The CAN bus {self._label} cannot be opened: {error}.",
+                hint="Is the interface name right, the adapter plugged in, and no other program using it?",
+            ) from error
+        _send_small_packets_at_once(self._bus)
+        self._receiver = _Receiver(self._label)
+        self._workers: dict[int, ThreadPoolExecutor] = {}
+        self._closed = False
+        self._notifier = can.Notifier(self._bus, [self._receiver], timeout=_POLL_S)
+        self._receiver.notifier = self._notifier
+
+    @property
+    def counters(self) -> BusCounters:
+        """Of received frames."""
+        return self._receiver.counters
+
+    @property
+    def fault(self) -> str | None:
+        """Why the bus cannot be trusted any more (latched), or None."""
+        died_of = self._notifier.exception
+        if died_of is not None and died_of is not self._receiver.tolerated:
+            self._receiver.latch(f"{_RECEIVE_FAILED} ({type(died_of).__name__}: {died_of})")
+        return self._receiver.fault
+
+    def send(self, frame_id: int, data: bytes) -> None:
+        """Put one frame on the bus. Raises BusError where that is impossible."""
+        if self._closed:
+            raise BusError(f"The CAN bus {self._label} is closed.")
+        frame = CanFrame(frame_id, data, time.monotonic())
+        try:
+            self._bus.send(can.Message(arbitration_id=frame_id, data=data, is_extended_id=False))
+        except Exception as error:  # each interface has its own
+            self._receiver.latch(f"sending failed ({type(error).__name__}: {error})")
+            raise BusError(f"The CAN bus {self._label} does not take frames: {error}.") from error
+        for observer in self._receiver.observers:
+            observer(frame)
+
+    def subscribe(self, receiver: Callable[[CanFrame], None]) -> None:
+        """Call `receiver` for each frame from the other nodes, on the receiving thread."""
+        self._receiver.subscribers = (*self._receiver.subscribers, receiver)
+
+    def tap(self, observer: Callable[[CanFrame], None]) -> None:
+        """Call `observer` for each frame in either direction, on the thread that carries it."""
+        self._receiver.observers = (*self._receiver.observers, observer)
+
+    def call(self, key: int, exchange: Callable[[], T]) -> Awaitable[T]:
+        """Run a blocking exchange on the worker thread of `key`, one at a time."""
+        if key not in self._workers:
+            self._workers[key] = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"sdo-{key}")
+        return asyncio.wrap_future(self._workers[key].submit(exchange))
+
+    def close(self) -> None:
+        """Stop receiving and free the interface; may be called twice."""
+        if self._closed:
+            return
+        self._closed = True
+        for worker in self._workers.values():
+            worker.shutdown(wait=False, cancel_futures=True)
+        self._notifier.stop(timeout=_CLOSE_S)
+        self._bus.shutdown()
+
+
+def _send_small_packets_at_once(bus: can.BusABC) -> None:
+    """Nagle off where slcan runs over TCP: pyserial leaves it on, and frames then wait for up to 40 ms."""
+    port = getattr(bus, "serialPortOrig", None)
+    link = getattr(port, "_socket", None)
+    if isinstance(link, socket.socket):
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

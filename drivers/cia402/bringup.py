@@ -1,0 +1,166 @@
+"""Bring-up of one drive: who is it, write limits and stop reactions, map PDOs; everything read back.
+
+The result is a list of checks (a table for a person); the drive stays without power, and one that fails a check is left
+in PRE-OPERATIONAL, where it takes no controlword by PDO.
+"""
+
+from collections.abc import Iterable
+
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.machine import state_of
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.nmt import NmtCommand, NmtState
+from drivers.cia402.node import NodeLink
+from drivers.cia402.pdo import COB_MASK, COB_OFF, RPDO, TPDOS, ObjectValue, mapping_expected, mapping_writes
+from drivers.cia402.sdo import SdoRefusedError
+from drivers.cia402.settings import Check, Setting, identity, limits
+from drivers.cia402.waiting import wait_until
+from drivers.cia402.words import Mode, mode_name
+from drivers.ports import DriveState
+from fidim_lab.errors import DeviceError
+
+_POWERED = (
+    DriveState.SWITCHED_ON,
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+    DriveState.FAULT_REACTION,
+)
+_COMMUNICATION = tuple(range(0x1400, 0x1404)) + tuple(range(0x1800, 0x1804))
+
+
+async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> tuple[Check, ...]:
+    """All checks, once all of them hold. `master.run()` must be running.
+
+    Raises DeviceError naming every object that does not hold, a drive that has power, or one that does not answer.
+    """
+    link.forget()
+    checks = [await _apply(link, setting) for setting in identity(config, _eds_identity(link))]
+    _refuse(config, checks)
+    await _refuse_power(link, config)
+    asked = master.clock.now()
+    link.send_nmt(NmtCommand.PRE_OPERATIONAL)
+    checks += [await _apply(link, setting) for setting in limits(config, master.host_id)]
+    _refuse(config, checks)
+    await _await_nmt(master, link, config, NmtState.PRE_OPERATIONAL, asked)
+    checks += await _map_pdos(link)
+    checks.append(await _choose_mode(master, link, config))
+    _refuse(config, checks)
+    await _start(master, link, config)
+    return tuple(checks)
+
+
+def _eds_identity(link: NodeLink) -> tuple[int, int]:
+    return link.sdo.default(0x1018, 1), link.sdo.default(0x1018, 2)
+
+
+def _refuse(config: WinchConfig, checks: Iterable[Check]) -> None:
+    wrong = [str(check) for check in checks if not check.ok]
+    if wrong:
+        raise DeviceError(
+            config.device,
+            "refused, it may not have power: " + "; ".join(wrong) + ".",
+            hint="Correct the rig file, or choose what this drive supports.",
+        )
+
+
+async def _apply(link: NodeLink, setting: Setting) -> Check:
+    """Write where asked, read back, compare. A refusal by the drive is a failed check, no answer is an error."""
+    try:
+        if setting.write:
+            await link.sdo.write(setting.index, setting.sub, setting.wanted)
+        found = await link.sdo.read(setting.index, setting.sub)
+    except SdoRefusedError as error:
+        return Check(setting.object, setting.meaning, setting.words, error.reason, ok=False)
+    return Check(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found))
+
+
+async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
+    state = state_of(await link.sdo.read(0x6041))
+    if state in _POWERED:
+        raise DeviceError(
+            config.device,
+            f"the drive has power already ({state}).",
+            hint="Another program may be driving it. Secure the load and switch the power off first.",
+        )
+
+
+async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig, state: NmtState, asked: float) -> None:
+    def there() -> bool:
+        heartbeat = link.heartbeat
+        return heartbeat is not None and heartbeat.t >= asked and heartbeat.state is state
+
+    timeout = config.step_timeout + 2.0 * config.heartbeat
+    if not await wait_until(master.clock, there, timeout=timeout, period=master.period):
+        found = "no heartbeat" if link.heartbeat is None else f"{link.heartbeat.state.words} by its last heartbeat"
+        raise DeviceError(config.device, f"{state.words} expected within {timeout:g} s, {found}.")
+
+
+async def _map_pdos(link: NodeLink) -> list[Check]:
+    used = {pdo.communication_index for pdo in (*TPDOS, RPDO)}
+    checks = [
+        await _switch_off(link, index) for index in _COMMUNICATION if index not in used and link.sdo.knows(index, 1)
+    ]
+    for pdo in (*TPDOS, RPDO):
+        try:
+            for entry in mapping_writes(pdo, link.node_id):
+                await link.sdo.write(entry.index, entry.sub, entry.value)
+        except SdoRefusedError as error:
+            wanted = " + ".join(e.name for e in pdo.entries)
+            checks.append(Check(f"{pdo.mapping_index:04X}:0", "PDO mapping", wanted, error.reason, ok=False))
+            continue
+        checks += [await _compare(link, entry) for entry in mapping_expected(pdo, link.node_id)]
+    return checks
+
+
+async def _switch_off(link: NodeLink, index: int) -> Check:
+    """A PDO that we do not use must not talk, nor take controlwords."""
+    cob = await link.sdo.read(index, 1)
+    if not cob & COB_OFF:
+        await link.sdo.write(index, 1, cob | COB_OFF)
+        cob = await link.sdo.read(index, 1)
+    return Check(f"{index:04X}:1", "unused PDO", "off", "off" if cob & COB_OFF else "on", ok=bool(cob & COB_OFF))
+
+
+async def _compare(link: NodeLink, entry: ObjectValue) -> Check:
+    found = await link.sdo.read(entry.index, entry.sub)
+    is_cob = entry.sub == 1 and entry.index in _COMMUNICATION
+    compared = found & (COB_OFF | COB_MASK) if is_cob else found
+    return Check(
+        f"{entry.index:04X}:{entry.sub:X}",
+        "PDO mapping",
+        f"0x{entry.value:X}",
+        f"0x{compared:X}",
+        ok=compared == entry.value,
+    )
+
+
+async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> Check:
+    """Write 6060 and look at 6061: a drive may keep its old mode without a word."""
+    wanted = Mode.PROFILE_POSITION
+    deadline = master.clock.now() + config.step_timeout
+    await link.sdo.write(0x6060, 0, wanted)
+    found = await link.sdo.read(0x6061)
+    while found != wanted and master.clock.now() < deadline:
+        await master.clock.sleep(master.period)
+        found = await link.sdo.read(0x6061)
+    return Check("6061:0", "mode of operation", mode_name(wanted), mode_name(found), ok=found == wanted)
+
+
+async def _start(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> None:
+    """Operational, and the first whole sample there."""
+    asked = master.clock.now()
+    link.send_nmt(NmtCommand.START)
+    await _await_nmt(master, link, config, NmtState.OPERATIONAL, asked)
+
+    def sampled() -> bool:
+        return link.values is not None and link.values.t >= asked
+
+    if not await wait_until(master.clock, sampled, timeout=config.step_timeout, period=master.period):
+        decoder = link.decoder
+        raise DeviceError(
+            config.device,
+            f"no sample within {config.step_timeout:g} s of NMT start ({decoder.incomplete} incomplete, "
+            f"{decoder.malformed} of a wrong length).",
+            hint="Is SYNC running (CanopenMaster.run), and does the drive send its TPDOs on SYNC?",
+        )
+    link.brought_up = True

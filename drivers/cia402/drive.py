@@ -1,0 +1,176 @@
+"""The dialogue with one drive: send a controlword, wait for a statusword that confirms it.
+
+A confirmation must be *fresh*: sampled by a SYNC after the command. Every command has a number; one that is waiting
+gives up as soon as another was begun, so that a stop overtakes a move and is never undone by it.
+"""
+
+from collections.abc import Callable
+
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.machine import Command, answer, next_command, state_of
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.pdo import DriveValues
+from drivers.cia402.waiting import wait_until
+from drivers.cia402.words import HALT, SET_POINT_ACKNOWLEDGED, VOLTAGE_ENABLED, Mode, controlword, mode_name, set_point
+from drivers.ports import DriveState
+from fidim_lab.errors import DeviceError
+
+_STALE_PERIODS = 10.0
+_SHORTEST_STALE = 0.05
+_STILL_SAMPLES = 3
+_FAULTED = (DriveState.FAULT, DriveState.FAULT_REACTION)
+
+
+class Drive:
+    """Commands to one drive, each confirmed or raised as a DeviceError."""
+
+    def __init__(self, config: WinchConfig, master: CanopenMaster) -> None:
+        """Registers the node with the master. Raises SetupError (see `CanopenMaster.add_node`)."""
+        self.link = master.add_node(config)
+        self._config = config
+        self._clock = master.clock
+        self._period = master.period
+        self._target = 0
+        self._order = 0
+        self._sent_at = float("-inf")
+        self._halted = False
+
+    def begin(self) -> int:
+        """The number of a new command; whatever was waiting is overtaken."""
+        self._order += 1
+        return self._order
+
+    def send(self, order: int, word: int) -> None:
+        """One controlword. Raises DeviceError where another command was begun since `order`, BusError."""
+        self._refuse_overtaken(order)
+        self._sent_at = self._clock.now()
+        self._halted = bool(word & HALT)
+        self.link.send_controlword(word, self._target)
+
+    # what is known --------------------------------------------------------------------------------------------------
+
+    def stale(self, values: DriveValues) -> bool:
+        """Whether values are too old to be believed."""
+        return self._clock.now() - values.t > max(_STALE_PERIODS * self._period, _SHORTEST_STALE)
+
+    def fault(self) -> str:
+        """What is wrong, as words; empty where nothing is."""
+        found = self.link.fault(self._clock.now())
+        values = self.link.values
+        if not found and values is not None and state_of(values.statusword) in _FAULTED:
+            last = next((e for e in reversed(self.link.emergencies) if not e.cleared), None)
+            return f"the drive is in fault; its last message was {last}" if last else "the drive is in fault"
+        return found
+
+    def believed(self) -> DriveValues:
+        """The newest values. Raises DeviceError where the drive is not configured or they are too old."""
+        values = self.link.values
+        if not self.link.brought_up:
+            raise DeviceError(self._config.device, "is not configured.", hint="Configure the winch first.")
+        if values is None or self.stale(values):
+            raise DeviceError(
+                self._config.device,
+                f"its state is unknown: {self._describe(values)}.",
+                hint=self.fault() or "Is the control loop running?",
+            )
+        return values
+
+    def healthy(self) -> DriveValues:
+        """The newest values of a drive without a fault. Raises DeviceError with the fault in words."""
+        fault = self.fault()
+        if self.link.brought_up and fault:
+            raise DeviceError(
+                self._config.device, f"{fault}.", hint="Find the cause, then acknowledge it (reset_fault) or configure."
+            )
+        return self.believed()
+
+    # confirmed commands ---------------------------------------------------------------------------------------------
+
+    async def walk_to_operation(self, order: int) -> None:
+        """Walk the table to OPERATION ENABLED, halted, every step confirmed; a fault is never reset.
+
+        Raises DeviceError.
+        """
+        goal = DriveState.OPERATION_ENABLED
+        while (state := state_of(self.healthy().statusword)) is not goal:
+            command = next_command(state, goal, quick_stop_holds=self._config.stop.holds_in_quick_stop)
+            wanted = None if command is None else answer(state, command)
+            if command is None or wanted is None:
+                raise DeviceError(self._config.device, f"cannot be enabled from state {state}.")
+            self._target = self.healthy().position
+            self.send(order, controlword(command, halt=command is Command.ENABLE_OPERATION))
+            await self.reach(order, wanted, after=command)
+
+    async def reach(self, order: int, state: DriveState, *, after: Command) -> None:
+        """Wait for a state. Raises DeviceError."""
+        await self._expect(
+            order, lambda v: state_of(v.statusword) is state, f"{state} after {after}", leaves_fault=True
+        )
+
+    async def take_set_point(self, order: int, target: int) -> None:
+        """The handshake of profile position mode: bit 4 low, bit 4 high with the target, acknowledged, bit 4 low again.
+
+        A drive that stands in halt is kept there until the new target replaces the old one, in one frame: letting it go
+        first would resume the old move.
+        """
+        self.send(order, set_point(new=False, halt=self._halted))
+        await self._expect(order, lambda v: not _acknowledged(v), "readiness for a set-point (statusword bit 12 low)")
+        self._target = target
+        self.send(order, set_point(new=True))
+        await self._expect(order, _acknowledged, "the set-point acknowledged (statusword bit 12)")
+        self.send(order, set_point(new=False))
+        await self._expect(order, lambda v: not _acknowledged(v), "the handshake finished (statusword bit 12 low)")
+
+    async def stand_still(self, order: int, slowest: float, timeout: float) -> None:
+        """Wait until the velocity (counts/s) stays at most `slowest` for some samples. Raises DeviceError."""
+        still: list[float] = []
+
+        def standing(values: DriveValues) -> bool:
+            if abs(values.velocity) > slowest:
+                still.clear()
+            elif not still or values.t > still[-1]:
+                still.append(values.t)
+            return len(still) >= _STILL_SAMPLES
+
+        await self._expect(order, standing, "standstill", timeout=timeout, in_mode=False)
+
+    async def _expect(
+        self,
+        order: int,
+        fulfilled: Callable[[DriveValues], bool],
+        what: str,
+        *,
+        timeout: float | None = None,
+        in_mode: bool = True,
+        leaves_fault: bool = False,
+    ) -> None:
+        def confirmed() -> bool:
+            self._refuse_overtaken(order)
+            values = self.link.values
+            if values is None or values.t <= self._sent_at:
+                return False
+            if state_of(values.statusword) in _FAULTED and not leaves_fault:
+                raise DeviceError(self._config.device, f"went into fault while waiting for {what}: {self.fault()}.")
+            return fulfilled(values) and (values.mode == Mode.PROFILE_POSITION or not in_mode)
+
+        seconds = self._config.step_timeout if timeout is None else timeout
+        if not await wait_until(self._clock, confirmed, timeout=seconds, period=self._period):
+            found = self._describe(self.link.values)
+            raise DeviceError(self._config.device, f"{what} expected within {seconds:g} s, found: {found}.")
+
+    def _refuse_overtaken(self, order: int) -> None:
+        if order != self._order:
+            raise DeviceError(self._config.device, "this command was overtaken by a later one.")
+
+    def _describe(self, values: DriveValues | None) -> str:
+        if values is None:
+            return "no sample at all"
+        age = self._clock.now() - values.t
+        words = [str(state_of(values.statusword)), f"statusword 0x{values.statusword:04X}", mode_name(values.mode)]
+        if not values.statusword & VOLTAGE_ENABLED:
+            words.append("no supply voltage at the power stage")
+        return f"{', '.join(words)}, sampled {age:.3f} s ago"
+
+
+def _acknowledged(values: DriveValues) -> bool:
+    return bool(values.statusword & SET_POINT_ACKNOWLEDGED)

@@ -1,0 +1,184 @@
+"""The CANopen master: SYNC, the host's heartbeat and the watch over every node, all from one control loop.
+
+Make one for a bus, `add_node` for each drive, then run `run()` as a task for as long as drives are in use. The
+heartbeat comes from the same loop: where that hangs or ends, the drives miss it and stop by themselves (1016, 6007).
+"""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import cast
+
+import can
+import canopen
+
+from drivers.canbus.load import MAX_LOAD, bus_load
+from drivers.canbus.transport import CanFrame, CanTransport
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.machine import Command
+from drivers.cia402.nmt import heartbeat_frame
+from drivers.cia402.node import NodeLink, SyncTimes
+from drivers.cia402.pdo import RPDO, TPDOS
+from drivers.cia402.sdo import SdoChannel
+from drivers.cia402.words import controlword
+from drivers.ports import Clock
+from fidim_lab.errors import BusError, SetupError
+
+_SYNC = 0x080
+_HOST_PERIODS = 3.0
+"""a drive must allow at least so many periods of the host's heartbeat"""
+
+
+class _TransportBus:
+    """What `canopen.Network` sends on: just enough of a python-can bus."""
+
+    def __init__(self, transport: CanTransport) -> None:
+        self._transport = transport
+
+    def send(self, message: can.Message, timeout: float | None = None) -> None:
+        """Pass a frame on; the transport has its own time-outs."""
+        self._transport.send(message.arbitration_id, bytes(message.data))
+
+
+class CanopenMaster:
+    """One CANopen bus. The only producer of SYNC on it."""
+
+    def __init__(
+        self,
+        transport: CanTransport,
+        clock: Clock,
+        *,
+        sync_rate: float = 250.0,
+        heartbeat_period: float = 0.05,
+        host_id: int = 127,
+        bitrate: float = 1e6,
+    ) -> None:
+        """`sync_rate` in Hz, `heartbeat_period` of the host in s, `bitrate` in bit/s (only for the load).
+
+        Raises SetupError for numbers that cannot be.
+        """
+        if not 1.0 <= sync_rate <= 1000.0:
+            raise SetupError(f"sync_rate: {sync_rate} Hz found, allowed is 1 to 1000 Hz.")
+        if not 1.0 / sync_rate <= heartbeat_period <= 10.0:
+            raise SetupError(
+                f"heartbeat_period: {heartbeat_period} s found, allowed is {1 / sync_rate:g} s (one SYNC) to 10 s."
+            )
+        self.transport = transport
+        self.clock = clock
+        self.period = 1.0 / sync_rate
+        """s between SYNCs"""
+        self.host_id = host_id
+        self.sync = SyncTimes()
+        self.skipped = 0
+        """SYNCs that were not sent because the loop came too late"""
+        self._rate = sync_rate
+        self._bitrate = bitrate
+        self._heartbeat_period = heartbeat_period
+        self._heartbeat_due = float("-inf")
+        self._links: dict[int, NodeLink] = {}
+        self._heartbeats: dict[int, float] = {}
+        self._receivers: dict[int, Callable[[CanFrame], None]] = {}
+        self._network = canopen.Network(cast(can.BusABC, _TransportBus(transport)))
+        transport.subscribe(self._on_frame)
+
+    def add_node(self, config: WinchConfig) -> NodeLink:
+        """Take a drive under watch. Raises SetupError: node id twice, unreadable EDS file, bus too full, time-outs."""
+        if config.node_id in self._links:
+            raise SetupError(f"winch {config.name!r}: node_id {config.node_id} is taken by another winch.")
+        if config.host_timeout < _HOST_PERIODS * self._heartbeat_period:
+            raise SetupError(
+                f"winch {config.name!r}: host_timeout: {config.host_timeout:g} s found, must be at least "
+                f"{_HOST_PERIODS * self._heartbeat_period:g} s, three periods of the host's heartbeat."
+            )
+        self._heartbeats[config.node_id] = config.heartbeat
+        self._refuse_overload()
+        node = canopen.RemoteNode(config.node_id, _dictionary(config))
+        self._network.add_node(node)
+        sdo = SdoChannel(node, self.transport, self.clock, device=config.device, timeout=config.sdo_timeout)
+        link = NodeLink(config.node_id, self.transport, sdo, self.sync, config.heartbeat)
+        self._links[config.node_id] = link
+        for part, pdo in enumerate(TPDOS):
+            self._receivers[pdo.cob_id(config.node_id)] = partial(link.on_tpdo, part)
+        self._receivers[0x080 + config.node_id] = link.on_emergency
+        self._receivers[0x580 + config.node_id] = partial(self._on_sdo, link)
+        self._receivers[0x700 + config.node_id] = link.on_heartbeat
+        return link
+
+    @property
+    def load(self) -> float:
+        """Worst-case share of the bus that SYNC, PDOs (one RPDO a cycle) and heartbeats take."""
+        frames = {0: self._rate, 1: 1.0 / self._heartbeat_period + sum(1.0 / h for h in self._heartbeats.values())}
+        for pdo in (*TPDOS, RPDO):
+            size = pdo.format.size
+            frames[size] = frames.get(size, 0.0) + self._rate * len(self._heartbeats)
+        return bus_load(frames, self._bitrate)
+
+    async def run(self, on_cycle: Callable[[float], None] | None = None) -> None:
+        """The control loop; never returns. `on_cycle` (guards) is called with each SYNC's time.
+
+        Raises BusError where the bus cannot be trusted any more, and whatever `on_cycle` raises: then the heartbeat
+        stops with the loop, and the drives stop by themselves.
+        """
+        start, cycle = self.clock.now(), 0
+        while True:
+            self.cycle()
+            if on_cycle is not None:
+                on_cycle(self.sync.current)
+            cycle += 1
+            late = self.clock.now() - (start + cycle * self.period)
+            if late > self.period:
+                missed = math.floor(late / self.period)
+                self.skipped += missed
+                cycle += missed
+            await self.clock.sleep(max(0.0, start + cycle * self.period - self.clock.now()))
+
+    def cycle(self) -> None:
+        """One turn of the control loop: look at the bus, count what is missing, SYNC, heartbeat."""
+        fault = self.transport.fault
+        if fault is not None:
+            self.quick_stop_all()
+            raise BusError(f"The CAN bus cannot be trusted any more: {fault}.", hint="The drives were told to stop.")
+        for link in self._links.values():
+            if link.brought_up and (link.values is None or link.values.t != self.sync.current):
+                link.counters.lost += 1
+        now = self.clock.now()
+        self.sync.advance(now)
+        self.transport.send(_SYNC, b"")
+        if now >= self._heartbeat_due:
+            self.transport.send(0x700 + self.host_id, heartbeat_frame())
+            self._heartbeat_due = now + self._heartbeat_period - self.period / 2.0
+
+    def quick_stop_all(self) -> None:
+        """One quick stop to every drive, whether or not the others can be reached."""
+        for link in self._links.values():
+            try:
+                link.send_controlword(controlword(Command.QUICK_STOP), 0)
+            except BusError:
+                continue  # the heartbeat stops as well, and that stops the drive
+
+    def _on_frame(self, frame: CanFrame) -> None:
+        receiver = self._receivers.get(frame.id)
+        if receiver is not None:
+            receiver(frame)
+
+    def _on_sdo(self, link: NodeLink, frame: CanFrame) -> None:
+        if len(frame.data) != 8:
+            link.counters.malformed += 1
+        elif not link.answers_controlword(frame):
+            self._network.notify(frame.id, bytearray(frame.data), frame.t)
+
+    def _refuse_overload(self) -> None:
+        if self.load > MAX_LOAD:
+            raise SetupError(
+                f"The CAN bus would be {self.load:.0%} full with {len(self._heartbeats)} winches at {self._rate:g} Hz; "
+                f"allowed is {MAX_LOAD:.0%}.",
+                hint="Lower the SYNC rate or raise the bit rate.",
+            )
+
+
+def _dictionary(config: WinchConfig) -> canopen.ObjectDictionary:
+    """The object dictionary of a winch. Raises SetupError naming the EDS file."""
+    try:
+        return canopen.import_od(str(config.eds), config.node_id)
+    except Exception as error:  # canopen raises whatever its parser meets
+        raise SetupError(f"winch {config.name!r}: the EDS file {config.eds} cannot be read: {error}") from error

@@ -1,0 +1,52 @@
+"""One move and one sample of a winch, between cable (m, A) and drive (counts, per mille). Pure."""
+
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.pdo import DriveValues
+from drivers.cia402.scale import LengthScale
+from drivers.cia402.settings import Setting
+from drivers.cia402.words import TARGET_REACHED
+from drivers.ports import DriveState, WinchSample
+from fidim_lab.errors import RefusedError
+
+
+def refuse_beyond_limits(config: WinchConfig, length: float, speed: float, acceleration: float) -> None:
+    """Raises RefusedError naming all that this winch may not do in a move (m, m/s, m/s²); NaN never passes."""
+    low, high = config.length_limits
+    mistakes: list[str] = []
+    if not low <= length <= high:
+        mistakes.append(f"a length of {length:.4f} m, allowed is {low:g} to {high:g} m")
+    if not 0.0 < speed <= config.max_speed:
+        mistakes.append(f"a speed of {speed:g} m/s, allowed is up to {config.max_speed:g} m/s")
+    if not 0.0 < acceleration <= config.max_acceleration:
+        mistakes.append(f"an acceleration of {acceleration:g} m/s², allowed is up to {config.max_acceleration:g} m/s²")
+    if mistakes:
+        raise RefusedError(f"{config.device} refuses the move: {'; '.join(mistakes)}.")
+
+
+def profile(config: WinchConfig, speed: float, acceleration: float) -> tuple[Setting, ...]:
+    """Speed (m/s) and acceleration (m/s²) of one move."""
+    scale = config.scale
+    ramp = scale.magnitude(acceleration)
+    return (
+        Setting(0x6081, 0, scale.magnitude(speed), "profile velocity, counts/s"),
+        Setting(0x6083, 0, ramp, "profile acceleration, counts/s²"),
+        Setting(0x6084, 0, ramp, "profile deceleration, counts/s²"),
+    )
+
+
+def make_sample(
+    values: DriveValues, config: WinchConfig, scale: LengthScale, state: DriveState, fault: str
+) -> WinchSample:
+    """What the port says of one bus cycle.
+
+    A positive motor current of the drive turns towards rising counts; ours is positive where the winch pulls.
+    """
+    return WinchSample(
+        t=values.t,
+        state=state,
+        length=scale.length(values.position),
+        velocity=scale.velocity(values.velocity),
+        current=-config.direction * config.rated_current * values.current / 1000.0,
+        target_reached=bool(values.statusword & TARGET_REACHED),
+        fault=fault,
+    )

@@ -1,0 +1,167 @@
+"""One node as the bus shows it: what its frames said last, with their times, and the single frames sent to it.
+
+The receiving thread feeds `on_…`; they never raise and never block, they replace immutable values and count.
+"""
+
+import struct
+from collections import deque
+from dataclasses import dataclass
+
+from drivers.canbus.transport import CanFrame, CanTransport
+from drivers.cia402.emcy import Emergency, decode_emergency
+from drivers.cia402.nmt import Heartbeat, NmtCommand, NmtState, decode_heartbeat, nmt_frame
+from drivers.cia402.pdo import RPDO, TPDOS, DriveValues, SampleDecoder
+from drivers.cia402.sdo import SdoChannel
+from drivers.cia402.words import Mode
+
+_CONTROLWORD_MULTIPLEXER = bytes((0x40, 0x60, 0x00))
+_WRITE_TWO_BYTES = 0x2B
+_KEPT_EMERGENCIES = 64
+_MISSED_HEARTBEATS = 3.0
+
+
+@dataclass
+class SyncTimes:
+    """The instants of the last two SYNCs, monotonic s; written by the control loop alone."""
+
+    current: float = float("-inf")
+    previous: float = float("-inf")
+
+    def advance(self, t: float) -> None:
+        """A SYNC goes out at `t`."""
+        self.previous, self.current = self.current, t
+
+    def of(self, arrival: float) -> float:
+        """The SYNC that sampled a TPDO which arrived at `arrival`."""
+        return self.current if arrival >= self.current else self.previous
+
+
+@dataclass
+class NodeCounters:
+    """What went wrong on the way, for the report."""
+
+    lost: int = 0
+    """SYNCs without a whole sample"""
+    malformed: int = 0
+    """heartbeats and emergencies that were none"""
+    refused_controlwords: int = 0
+    unasked: int = 0
+    """TPDOs before our first SYNC: somebody else produces SYNC, or a TPDO is sent on its own"""
+
+
+class NodeLink:
+    """The bus side of one drive."""
+
+    def __init__(
+        self, node_id: int, transport: CanTransport, sdo: SdoChannel, sync: SyncTimes, heartbeat_period: float
+    ) -> None:
+        """`heartbeat_period` (s) is what the drive is told to keep."""
+        self.node_id = node_id
+        self.sdo = sdo
+        self.values: DriveValues | None = None
+        self.heartbeat: Heartbeat | None = None
+        self.emergencies: deque[Emergency] = deque(maxlen=_KEPT_EMERGENCIES)
+        self.latched: Emergency | None = None
+        """the first emergency since somebody acknowledged"""
+        self.counters = NodeCounters()
+        self.decoder = SampleDecoder(TPDOS)
+        self.brought_up = False
+        self._restarted = False
+        self._transport = transport
+        self._sync = sync
+        self._heartbeat_period = heartbeat_period
+        self._rpdo = RPDO.format
+
+    # frames from the drive ------------------------------------------------------------------------------------------
+
+    def on_tpdo(self, part: int, frame: CanFrame) -> None:
+        """TPDO number `part`, from 0."""
+        t = self._sync.of(frame.t)
+        if t == float("-inf"):
+            self.counters.unasked += 1
+            return
+        values = self.decoder.feed(part, frame.data, t)
+        if values is not None:
+            self.values = values
+
+    def on_heartbeat(self, frame: CanFrame) -> None:
+        """A heartbeat, or a boot-up message."""
+        heartbeat = decode_heartbeat(frame.data, frame.t)
+        if heartbeat is None:
+            self.counters.malformed += 1
+            return
+        if heartbeat.state is NmtState.BOOT_UP and self.brought_up:
+            self._restarted = True
+        self.heartbeat = heartbeat
+
+    def on_emergency(self, frame: CanFrame) -> None:
+        """An EMCY frame; the first error is latched until somebody acknowledges."""
+        emergency = decode_emergency(frame.data, frame.t)
+        if emergency is None:
+            self.counters.malformed += 1
+            return
+        self.emergencies.append(emergency)
+        if not emergency.cleared and self.latched is None:
+            self.latched = emergency
+
+    def answers_controlword(self, frame: CanFrame) -> bool:
+        """Whether an SDO answer belongs to a controlword that was sent without waiting, and not to the SDO queue."""
+        if frame.data[1:4] != _CONTROLWORD_MULTIPLEXER:
+            return False
+        if frame.data[0] == 0x80:
+            self.counters.refused_controlwords += 1
+        return True
+
+    # frames to the drive --------------------------------------------------------------------------------------------
+
+    def send_nmt(self, command: NmtCommand) -> None:
+        """One NMT frame."""
+        self._transport.send(0x000, nmt_frame(command, self.node_id))
+
+    def send_controlword(self, word: int, target: int) -> None:
+        """One frame with a controlword, never waiting for an answer.
+
+        By RPDO while the node is operational with our mapping; otherwise RPDOs are ignored, and it goes as a single
+        expedited SDO download, whose answer is not waited for.
+        """
+        if self.brought_up and self.nmt_state is NmtState.OPERATIONAL:
+            self._transport.send(RPDO.cob_id(self.node_id), self._rpdo.pack(word, Mode.PROFILE_POSITION, target))
+        else:
+            data = bytes((_WRITE_TWO_BYTES,)) + _CONTROLWORD_MULTIPLEXER + struct.pack("<Hxx", word)
+            self._transport.send(0x600 + self.node_id, data)
+
+    # what is known --------------------------------------------------------------------------------------------------
+
+    @property
+    def nmt_state(self) -> NmtState | None:
+        """As the last heartbeat said; its age is not looked at."""
+        return None if self.heartbeat is None else self.heartbeat.state
+
+    def forget(self) -> None:
+        """Before a bring-up: what was latched belongs to the past; the history stays."""
+        self.brought_up = False
+        self._restarted = False
+        self.latched = None
+        self.values = None
+
+    def fault(self, now: float) -> str:
+        """What is wrong with this node, as words; empty where nothing is."""
+        found: list[str] = []
+        if self.latched is not None:
+            found.append(str(self.latched))
+        if self.brought_up:
+            found.extend(self._network_faults(now))
+        if self._transport.fault is not None:
+            found.append(self._transport.fault)
+        return "; ".join(found)
+
+    def _network_faults(self, now: float) -> list[str]:
+        if self._restarted:
+            return ["the drive restarted by itself (power cut?) and must be configured again"]
+        heartbeat = self.heartbeat
+        age = float("inf") if heartbeat is None else now - heartbeat.t
+        if heartbeat is None or age > _MISSED_HEARTBEATS * self._heartbeat_period:
+            return [f"no heartbeat for {age:.2g} s, one every {self._heartbeat_period:g} s expected"]
+        if heartbeat.state is not NmtState.OPERATIONAL:
+            return [f"the node is {heartbeat.state.words}, not OPERATIONAL"]
+        return []

@@ -1,0 +1,191 @@
+"""Process data objects (PDO): what is mapped where, the SDO writes that map it, and the decoder. Pure.
+
+The layout is a value, compared with the drive's own mapping in entries and bits before anything is decoded, so that a
+frame can then be taken apart with `struct` alone.
+"""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from operator import itemgetter
+from typing import cast
+
+from fidim_lab.errors import OurBugError
+
+
+class Entry(Enum):
+    """A mappable object: index, sub-index, struct code. Names are those of the profile."""
+
+    CONTROLWORD = (0x6040, 0, "H")
+    MODE = (0x6060, 0, "b")
+    TARGET_POSITION = (0x607A, 0, "i")
+    STATUSWORD = (0x6041, 0, "H")
+    MODE_DISPLAY = (0x6061, 0, "b")
+    POSITION = (0x6064, 0, "i")
+    VELOCITY = (0x606C, 0, "i")
+    TORQUE = (0x6077, 0, "h")
+    CURRENT = (0x6078, 0, "h")
+    FOLLOWING_ERROR = (0x60F4, 0, "i")
+
+    @property
+    def code(self) -> str:
+        """struct code"""
+        return self.value[2]
+
+    @property
+    def mapping(self) -> int:
+        """The entry as objects 1600 and 1A00 hold it: index, sub-index, bits."""
+        index, sub, code = self.value
+        return index << 16 | sub << 8 | struct.calcsize(code) * 8
+
+
+@dataclass(frozen=True)
+class PdoMap:
+    """One PDO of a drive: receive (host to drive) or transmit (drive to host), numbered from 1."""
+
+    number: int
+    transmit: bool
+    entries: tuple[Entry, ...]
+    transmission: int
+    """1: at every SYNC; 255: at once"""
+
+    @property
+    def format(self) -> struct.Struct:
+        """How its bytes are packed."""
+        return struct.Struct("<" + "".join(e.code for e in self.entries))
+
+    def cob_id(self, node_id: int) -> int:
+        """Frame identifier of the predefined connection set."""
+        return (0x180 if self.transmit else 0x200) + 0x100 * (self.number - 1) + node_id
+
+    @property
+    def communication_index(self) -> int:
+        """Object with COB-ID and transmission type."""
+        return (0x1800 if self.transmit else 0x1400) + self.number - 1
+
+    @property
+    def mapping_index(self) -> int:
+        """Object with the mapped entries."""
+        return (0x1A00 if self.transmit else 0x1600) + self.number - 1
+
+
+RPDO = PdoMap(1, transmit=False, entries=(Entry.CONTROLWORD, Entry.MODE, Entry.TARGET_POSITION), transmission=255)
+"""Acted upon at once, so that a stop does not wait for the next SYNC."""
+
+TPDOS = (
+    PdoMap(1, transmit=True, entries=(Entry.STATUSWORD, Entry.POSITION, Entry.MODE_DISPLAY), transmission=1),
+    PdoMap(2, transmit=True, entries=(Entry.VELOCITY, Entry.CURRENT), transmission=1),
+)
+"""Sampled at every SYNC."""
+
+COB_OFF = 1 << 31
+NO_REMOTE = 1 << 30
+COB_MASK = 0x7FF
+
+
+@dataclass(frozen=True)
+class ObjectValue:
+    """A number in an object: to be written, or expected when read."""
+
+    index: int
+    sub: int
+    value: int
+
+
+def mapping_writes(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
+    """What maps a PDO, in the order that the standard asks for: off, empty, entries, count, type, on."""
+    off_flags = COB_OFF | (NO_REMOTE if pdo.transmit else 0)
+    on_flags = NO_REMOTE if pdo.transmit else 0
+    cob = pdo.cob_id(node_id)
+    entries = [ObjectValue(pdo.mapping_index, n, e.mapping) for n, e in enumerate(pdo.entries, start=1)]
+    return (
+        ObjectValue(pdo.communication_index, 1, cob | off_flags),
+        ObjectValue(pdo.mapping_index, 0, 0),
+        *entries,
+        ObjectValue(pdo.mapping_index, 0, len(entries)),
+        ObjectValue(pdo.communication_index, 2, pdo.transmission),
+        ObjectValue(pdo.communication_index, 1, cob | on_flags),
+    )
+
+
+def mapping_expected(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
+    """What must be read back after `mapping_writes`; of a COB-ID only bit 31 and the identifier count."""
+    entries = [ObjectValue(pdo.mapping_index, n, e.mapping) for n, e in enumerate(pdo.entries, start=1)]
+    return (
+        ObjectValue(pdo.mapping_index, 0, len(entries)),
+        *entries,
+        ObjectValue(pdo.communication_index, 2, pdo.transmission),
+        ObjectValue(pdo.communication_index, 1, pdo.cob_id(node_id)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class DriveValues:
+    """What one drive said at one SYNC, in the drive's own units."""
+
+    t: float
+    """monotonic s of the SYNC"""
+    statusword: int
+    position: int
+    """counts"""
+    mode: int
+    velocity: int
+    """counts/s"""
+    current: int
+    """per mille of rated"""
+
+
+_SAMPLED = (Entry.STATUSWORD, Entry.POSITION, Entry.MODE_DISPLAY, Entry.VELOCITY, Entry.CURRENT)
+_Numbers = tuple[int, ...]
+
+
+class SampleDecoder:
+    """Puts the TPDOs of one SYNC together into one `DriveValues`; an incomplete set gives none.
+
+    Not thread-safe: one thread feeds it.
+    """
+
+    def __init__(self, tpdos: tuple[PdoMap, ...] = TPDOS) -> None:
+        """Raises OurBugError where the layout leaves out one of the sampled values."""
+        order = [entry for pdo in tpdos for entry in pdo.entries]
+        missing = [entry.name for entry in _SAMPLED if entry not in order]
+        if missing:
+            raise OurBugError(f"The TPDO layout leaves out {', '.join(missing)}.")
+        self._formats = tuple(pdo.format for pdo in tpdos)
+        self._pick = cast(Callable[[_Numbers], _Numbers], itemgetter(*(order.index(entry) for entry in _SAMPLED)))
+        self._parts: list[_Numbers | None] = [None] * len(tpdos)
+        self._t = float("nan")
+        self.received = 0
+        self.incomplete = 0
+        """SYNCs of which only some of the TPDOs arrived"""
+        self.doubled = 0
+        """a TPDO that came again within one SYNC: doubled, or the one before was late by a whole cycle"""
+        self.malformed = 0
+
+    def feed(self, part: int, data: bytes, t: float) -> DriveValues | None:
+        """TPDO number `part` (from 0) of the SYNC at `t`; the whole sample once the last of its TPDOs is there."""
+        form = self._formats[part]
+        if len(data) != form.size:
+            self.malformed += 1
+            return None
+        parts = self._parts
+        if t != self._t:
+            self._start(t)
+        if parts[part] is not None:
+            self.doubled += 1  # if the first was late by a cycle, the newer one is the right one: it replaces it
+        parts[part] = form.unpack(data)
+        merged: _Numbers = ()
+        for numbers in parts:
+            if numbers is None:
+                return None
+            merged += numbers
+        self.received += 1
+        return DriveValues(t, *self._pick(merged))
+
+    def _start(self, t: float) -> None:
+        present = sum(part is not None for part in self._parts)
+        if 0 < present < len(self._parts):
+            self.incomplete += 1
+        self._parts[:] = [None] * len(self._parts)
+        self._t = t

@@ -1,0 +1,105 @@
+"""What is compared with and written to a drive before it may have power, as a table. Pure."""
+
+from dataclasses import dataclass
+
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.words import Mode
+
+_ALL_BITS = 0xFFFFFFFF
+_PROFILE_402 = 402
+_SYNC_ID = 0x80
+_SYNC_BITS = 0x400007FF  # the identifier, and bit 30: the drive produces SYNC
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One object that must hold `wanted`; `mask` says which of its bits count, `write` whether we put it there."""
+
+    index: int
+    sub: int
+    wanted: int
+    meaning: str
+    write: bool = True
+    mask: int = _ALL_BITS
+
+    @property
+    def object(self) -> str:
+        """For messages and tables."""
+        return f"{self.index:04X}:{self.sub:X}"
+
+    @property
+    def words(self) -> str:
+        """What is wanted, for messages and tables."""
+        return str(self.wanted) if self.mask == _ALL_BITS else f"0x{self.wanted:X} in the bits 0x{self.mask:X}"
+
+    def holds(self, found: int) -> bool:
+        """Whether a value that was read back is the wanted one."""
+        return (found & self.mask) == (self.wanted & self.mask)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the bring-up report: what was wanted, what the drive says."""
+
+    object: str
+    meaning: str
+    wanted: str
+    found: str
+    ok: bool
+
+    def __str__(self) -> str:
+        return f"{self.object} {self.meaning}: {self.found} found, {self.wanted} wanted"
+
+
+def identity(config: WinchConfig, eds_identity: tuple[int, int]) -> tuple[Setting, ...]:
+    """Who must answer at this node: compared, never written.
+
+    `eds_identity` is vendor and product of the EDS file, 0 meaning any.
+    """
+    vendor = eds_identity[0] if config.vendor_id is None else config.vendor_id
+    product = eds_identity[1] if config.product_code is None else config.product_code
+    wanted = [
+        Setting(0x1000, 0, _PROFILE_402, "device profile", write=False, mask=0xFFFF),
+        Setting(0x1005, 0, _SYNC_ID, "SYNC identifier", write=False, mask=_SYNC_BITS),
+    ]
+    for sub, value, meaning in ((1, vendor, "vendor"), (2, product, "product code")):
+        if value:
+            wanted.append(Setting(0x1018, sub, value, meaning, write=False))
+    if config.serial_number is not None:
+        wanted.append(Setting(0x1018, 4, config.serial_number, "serial number", write=False))
+    bit = 1 << (Mode.PROFILE_POSITION - 1)
+    wanted.append(Setting(0x6502, 0, bit, "profile position mode supported", write=False, mask=bit))
+    milliamperes = round(config.rated_current * 1000)
+    wanted.append(Setting(0x6075, 0, milliamperes, "rated current, mA", write=False))
+    return tuple(wanted)
+
+
+def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
+    """Heartbeats, stop reactions and limits: written, read back, and a mismatch refused."""
+    scale, stop = config.scale, config.stop
+    low, high = sorted(scale.count(length) for length in config.length_limits)
+    per_mille = round(1000 * config.current_limit / config.rated_current)
+    acceleration = scale.magnitude(config.max_acceleration)
+    return (
+        Setting(0x1017, 0, _milliseconds(config.heartbeat), "heartbeat of the drive, ms"),
+        Setting(0x1016, 1, host_id << 16 | _milliseconds(config.host_timeout), "watch of the host's heartbeat"),
+        Setting(0x1029, 1, stop.communication_error, "behaviour on communication error"),
+        Setting(0x6007, 0, stop.connection_lost, "reaction to a lost connection"),
+        Setting(0x605A, 0, stop.quick_stop, "quick stop option"),
+        Setting(0x605D, 0, stop.halt, "halt option"),
+        Setting(0x605E, 0, stop.fault, "fault reaction option"),
+        Setting(0x607D, 1, low, "lowest position, counts"),
+        Setting(0x607D, 2, high, "highest position, counts"),
+        Setting(0x6065, 0, scale.magnitude(config.following_error), "following error window, counts"),
+        Setting(0x6066, 0, _milliseconds(config.following_error_time), "following error time, ms"),
+        Setting(0x6072, 0, per_mille, "highest torque, per mille of rated"),
+        Setting(0x6073, 0, per_mille, "highest current, per mille of rated"),
+        Setting(0x607F, 0, scale.magnitude(config.max_speed), "highest profile velocity, counts/s"),
+        Setting(0x6083, 0, acceleration, "profile acceleration, counts/s²"),
+        Setting(0x6084, 0, acceleration, "profile deceleration, counts/s²"),
+        Setting(0x6085, 0, scale.magnitude(config.quick_stop_deceleration), "quick stop deceleration, counts/s²"),
+    )
+
+
+def _milliseconds(seconds: float) -> int:
+    return max(1, round(seconds * 1000))

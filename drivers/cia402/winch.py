@@ -1,0 +1,136 @@
+"""`Cia402Winch`: the Winch port on one CANopen drive in profile position mode.
+
+Cable lengths and sentences outside, encoder counts and controlwords inside. Stops are one frame each, never wait, and
+overtake whatever is in progress: a move that was waiting ends with an error and sends nothing more.
+"""
+
+from drivers.cia402.bringup import bring_up
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.drive import Drive
+from drivers.cia402.machine import Command, state_of
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.moves import make_sample, profile, refuse_beyond_limits
+from drivers.cia402.node import NodeLink
+from drivers.cia402.scale import LengthScale
+from drivers.cia402.settings import Check
+from drivers.cia402.words import controlword
+from drivers.ports import DriveState, WinchSample
+from fidim_lab.errors import DeviceError, RefusedError
+
+_STANDSTILL = 0.005
+"""of the highest speed"""
+
+
+class Cia402Winch:
+    """One winch. Make it before `CanopenMaster.run()` starts; configure, enable and move while that runs."""
+
+    def __init__(self, config: WinchConfig, master: CanopenMaster) -> None:
+        """Registers the node with the master. Raises SetupError (see `CanopenMaster.add_node`)."""
+        self.config = config
+        self.scale: LengthScale = config.scale
+        """counts to lengths"""
+        self.checks: tuple[Check, ...] = ()
+        """of the last bring-up that succeeded: wanted and found"""
+        self._master = master
+        self._drive = Drive(config, master)
+        self._ramp = config.max_acceleration
+
+    @property
+    def name(self) -> str:
+        """As in the rig file."""
+        return self.config.name
+
+    @property
+    def link(self) -> NodeLink:
+        """The bus side: counters, emergencies, heartbeat."""
+        return self._drive.link
+
+    async def configure(self) -> None:
+        """Identity, limits, stop reactions, PDO mapping: written, read back; the drive stays without power.
+
+        `CanopenMaster.run()` must be running. Raises DeviceError naming every object that does not hold.
+        """
+        self._drive.begin()
+        self.checks = await bring_up(self._master, self.link, self.config)
+
+    async def enable(self) -> None:
+        """Power on, standing: the drive is enabled halted, then takes the present position as its set-point.
+
+        Raises DeviceError where there is a fault (it is never reset here) or a step is not confirmed in time.
+        """
+        if state_of(self._drive.healthy().statusword) is DriveState.OPERATION_ENABLED:
+            await self.hold()
+            return
+        order = self._drive.begin()
+        await self._drive.walk_to_operation(order)
+        await self._drive.take_set_point(order, self._drive.healthy().position)
+
+    async def move_to(self, length: float, speed: float, acceleration: float) -> None:
+        """Start a move to a cable length (m), at most at `speed` (m/s); returns once the drive has the set-point.
+
+        Raises RefusedError for a length, speed or acceleration (m/s²) beyond the winch's limits (then nothing is sent),
+        DeviceError where the drive has no power, does not take the set-point, or a stop overtook the move.
+        """
+        refuse_beyond_limits(self.config, length, speed, acceleration)
+        order = self._drive.begin()
+        state = state_of(self._drive.healthy().statusword)
+        if state is not DriveState.OPERATION_ENABLED:
+            raise DeviceError(self.config.device, f"cannot move: {state}.", hint="Enable it first.")
+        for setting in profile(self.config, speed, acceleration):
+            await self.link.sdo.write_verified(setting.index, setting.sub, setting.wanted)
+        self._ramp = acceleration
+        await self._drive.take_set_point(order, self.scale.count(length))
+
+    async def hold(self) -> None:
+        """Stop on the ramp and stand with power on; returns at standstill.
+
+        Raises DeviceError where the drive has no power. Where its state is unknown, a quick stop is sent instead.
+        """
+        order = self._drive.begin()
+        try:
+            values = self._drive.believed()
+        except DeviceError:
+            self.quick_stop()
+            raise
+        state = state_of(values.statusword)
+        if state is DriveState.OPERATION_ENABLED:
+            self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
+        elif state is not DriveState.QUICK_STOP_ACTIVE:
+            raise DeviceError(self.config.device, f"cannot hold, it has no power: {state}.")
+        speed = abs(self.scale.velocity(values.velocity))
+        slowest = _STANDSTILL * self.scale.magnitude(self.config.max_speed)
+        await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
+
+    def quick_stop(self) -> None:
+        """Stop on the quick-stop ramp: one frame, never waits."""
+        self._drive.send(self._drive.begin(), controlword(Command.QUICK_STOP))
+
+    def power_off(self) -> None:
+        """Take the power away: one frame, never waits."""
+        self._drive.send(self._drive.begin(), controlword(Command.DISABLE_VOLTAGE))
+
+    async def reset_fault(self, acknowledged_by: str) -> None:
+        """Leave the fault state, without power; `acknowledged_by` names the person who looked at the cause.
+
+        Never enables. Raises RefusedError without a name, DeviceError where the drive stays in fault.
+        """
+        if not acknowledged_by.strip():
+            raise RefusedError(f"{self.config.device}: a fault is reset only when somebody acknowledges it by name.")
+        order = self._drive.begin()
+        state = state_of(self._drive.believed().statusword)
+        self.link.latched = None
+        if state is not DriveState.FAULT:
+            return
+        self._drive.send(order, controlword(Command.DISABLE_VOLTAGE))  # bit 7 low first: a reset is its rising edge
+        await self._master.clock.sleep(2.0 * self._master.period)
+        self._drive.send(order, controlword(Command.FAULT_RESET))
+        await self._drive.reach(order, DriveState.SWITCH_ON_DISABLED, after=Command.FAULT_RESET)
+        self._drive.send(order, controlword(Command.DISABLE_VOLTAGE))
+
+    def latest(self) -> WinchSample | None:
+        """The newest sample, None before the first. One that is too old to be believed has the state UNKNOWN."""
+        values = self.link.values
+        if values is None:
+            return None
+        state = DriveState.UNKNOWN if self._drive.stale(values) else state_of(values.statusword)
+        return make_sample(values, self.config, self.scale, state, self._drive.fault())
