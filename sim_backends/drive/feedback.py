@@ -1,0 +1,101 @@
+"""What the drive measures: encoder counts, speed, current; and what it concludes: following error, overload."""
+
+import math
+
+from sim_backends.drive.dictionary import Dictionary
+from sim_backends.drive.positioner import Positioner
+from sim_backends.drive.profile import ShaftMotion
+from sim_backends.drive.shaft import Shaft
+
+_WINDOW_OFF = 0xFFFFFFFF
+
+
+class Feedback:
+    """Measured values at the time last sampled, in the units of their objects.
+
+    Current and torque are both the motor current, in per mille of 6075: a linear motor whose rated torque goes with its
+    rated current. Without power there is none (the brake holds). Not simulated: speed ripple, dynamics of the sensors.
+    """
+
+    def __init__(self, dictionary: Dictionary, shaft: Shaft, positioner: Positioner) -> None:
+        self._number = dictionary.number
+        self._shaft = shaft
+        self._positioner = positioner
+        self._strayed_since: float | None = None
+        self.now = 0.0
+        """s, the present"""
+        self.motion: ShaftMotion = positioner.motion(0.0)
+        self.powered = False
+        self.current_offset = 0.0
+        """A that the ammeter reads too much"""
+        self.slipped = 0
+        """counts by which the encoder is off the shaft"""
+        self.reference = 0
+        """the same when power came: what the position loop believes"""
+
+    def sample(self, t: float) -> None:
+        """The present is t; time never goes back."""
+        if t > self.now:
+            self.now = t
+        self.motion = self._positioner.motion(self.now)
+
+    def power(self, on: bool) -> None:
+        """The power stage is switched; switched on, the loop holds whatever the encoder shows."""
+        if on and not self.powered:
+            self.reference = self.slipped
+        self.powered = on
+        self._strayed_since = None
+
+    def position(self) -> int:
+        """6064, counts."""
+        return _wrap(self.motion.position + self.slipped)
+
+    def demand(self) -> int:
+        """6062, counts."""
+        return _wrap(self._positioner.demand(self.now).position + self.reference)
+
+    def velocity(self) -> int:
+        """606C, counts/s."""
+        return _saturate(self.motion.velocity, 32)
+
+    def current(self) -> int:
+        """6078 and 6077, per mille of the rated value."""
+        ampere = (self._shaft.load_current if self.powered else 0.0) + self.current_offset
+        return _saturate(1e6 * ampere / (self._number(0x6075) or 1000), 16)
+
+    def lag(self) -> int:
+        """60F4, following error, counts."""
+        demand = self._positioner.demand(self.now).position + self.reference
+        return _wrap(demand - self.motion.position - self.slipped)
+
+    def lacking(self) -> float:
+        """Sign of the torque that the load wants beyond 6073 or 6072; 0 where the motor can give it."""
+        limit = (
+            1e-6 * self._number(0x6075) * min(self._number(0x6073, default=1000), self._number(0x6072, default=1000))
+        )
+        load = self._shaft.load_current
+        return math.copysign(1.0, load) if abs(load) > limit else 0.0
+
+    def strayed(self) -> bool:
+        """Whether the following error is outside 6065."""
+        window = self._number(0x6065, default=_WINDOW_OFF)
+        return window != _WINDOW_OFF and self.powered and abs(self.lag()) > window
+
+    def lost(self) -> bool:
+        """Whether it has been so for longer than 6066 (asked once each tick)."""
+        if not self.strayed():
+            self._strayed_since = None
+            return False
+        if self._strayed_since is None:
+            self._strayed_since = self.now
+        return self.now - self._strayed_since >= 1e-3 * self._number(0x6066)
+
+
+def _wrap(position: float) -> int:
+    """Nearest count, as a 32-bit register shows it."""
+    return (math.floor(position + 0.5) + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+
+
+def _saturate(value: float, bits: int) -> int:
+    top = (1 << bits - 1) - 1
+    return max(-top - 1, min(top, round(value)))

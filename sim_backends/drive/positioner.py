@@ -1,0 +1,105 @@
+"""The way of the shaft: trapezoids to targets, ramps, the brake, and a motor too weak to follow.
+
+Positions here are those of the shaft (counts, unquantised); `Feedback` turns them into what the encoder shows.
+"""
+
+from sim_backends.drive.dictionary import Dictionary
+from sim_backends.drive.profile import Profile, ShaftMotion, standing, stop, trapezoid
+from sim_backends.drive.shaft import Shaft
+
+_BRAKE_TIME = 0.02
+"""s that the holding brake takes to stop the shaft, whatever its speed"""
+
+
+class Positioner:
+    """Where the shaft is asked to be (demand) and where it is; one target may wait while another is under way.
+
+    Not simulated: jerk limits (6086), blending of set-points (controlword bit 9). A motor whose load exceeds its
+    current limit stands still until the load is less, then starts again from where it stands.
+    """
+
+    def __init__(self, dictionary: Dictionary, shaft: Shaft, position: float) -> None:
+        self._dictionary = dictionary
+        self._shaft = shaft
+        self._demand = self._actual = standing(position)
+        self._waiting: float | None = None
+        self._positioning = False
+        self.target = position
+        """the target under way or reached, counts"""
+        shaft.follow(self._demand)
+
+    def motion(self, t: float) -> ShaftMotion:
+        """How the shaft moves at time t."""
+        return self._actual.at(t)
+
+    def demand(self, t: float) -> ShaftMotion:
+        """How the profile wants the shaft to move at time t."""
+        return self._demand.at(t)
+
+    def at_rest(self, t: float) -> bool:
+        """Whether no motion is under way or waiting, and the shaft is where it was wanted."""
+        return t >= self._demand.end and self._waiting is None and self._actual is self._demand
+
+    @property
+    def full(self) -> bool:
+        """Whether a target waits, so that no other is taken."""
+        return self._waiting is not None
+
+    def aim(self, t: float, target: float, *, at_once: bool, start: bool) -> None:
+        """A new target: now if `at_once` or nothing is under way, else after the present one.
+
+        Without `start` it is only kept, for `resume`.
+        """
+        if start and not at_once and self._positioning and not self.at_rest(t):
+            self._waiting = target
+            return
+        self._waiting = None
+        self.target = target
+        if start:
+            self.resume(t)
+
+    def resume(self, t: float) -> None:
+        """Go to the target from wherever the shaft is, within 6081, 6083, 6084 and 607F, 60C5, 60C6."""
+        number = self._dictionary.number
+        speed = min(number(0x6081), number(0x607F, default=0xFFFFFFFF))
+        acceleration = max(min(number(0x6083), number(0x60C5) or 0xFFFFFFFF), 1)
+        deceleration = max(min(number(0x6084), number(0x60C6) or 0xFFFFFFFF), 1)
+        self._positioning = True
+        self._follow(trapezoid(t, self._actual.at(t), self.target, speed, acceleration, deceleration))
+
+    def ramp_down(self, t: float, deceleration_object: int, *, keep_target: bool = False) -> None:
+        """Stop with the deceleration in that object; the target is kept for `resume`, or forgotten."""
+        self._positioning = False
+        self._follow(stop(t, self._actual.at(t), max(self._dictionary.number(deceleration_object), 1)))
+        if not keep_target:
+            self._forget()
+
+    def brake(self, t: float) -> None:
+        """Power goes, the brake closes; targets are forgotten."""
+        self._follow(self._braking(t))
+        self._forget()
+
+    def tick(self, t: float, lacking: float) -> None:
+        """Every 5 ms. `lacking`: sign of the torque that the motor cannot give, 0 where it can."""
+        if self._actual is not self._demand:
+            if not lacking:
+                self.resume(t)
+        elif self._positioning and lacking and self._actual.at(t).velocity * lacking > 0.0:
+            self._actual = self._braking(t)
+            self._shaft.follow(self._actual)
+        elif self._positioning and self._waiting is not None and t >= self._demand.end:
+            self.target, self._waiting = self._waiting, None
+            self.resume(t)
+
+    def _braking(self, t: float) -> Profile:
+        motion = self._actual.at(t)
+        return stop(t, motion, max(abs(motion.velocity) / _BRAKE_TIME, 1.0))
+
+    def _forget(self) -> None:
+        self._positioning = False
+        self._waiting = None
+        self.target = self._demand.rest.position
+
+    def _follow(self, profile: Profile) -> None:
+        self._demand = self._actual = profile
+        self._shaft.follow(profile)
