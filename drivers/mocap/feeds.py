@@ -1,0 +1,208 @@
+"""Where the bytes of motion capture come from: UDP datagrams or a TCP stream. `source` reads them through `ByteFeed`.
+
+A simulated server offers the same port in process (`sim_backends.mocap`). All waits go by the Clock port.
+"""
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Coroutine
+from typing import Any, Protocol, TypeVar
+
+from drivers.mocap.mailbox import Mailbox, MailboxClosedError
+from drivers.ports import Clock
+from fidim_lab.errors import DeviceError, SetupError
+
+T = TypeVar("T")
+
+RECEIVE_BUFFER = 1 << 20
+"""bytes asked of the kernel: 20 s at 200 Hz survive a stalled process (Linux may grant less)"""
+DATAGRAMS_QUEUED = 4096
+CONNECT_TIMEOUT = 5.0
+"""s"""
+PAUSES = (0.1, 2.0)
+"""s, first and longest pause between two attempts to connect"""
+
+
+class ByteFeed(Protocol):
+    """Something that delivers datagrams or pieces of a byte stream with their time of arrival; one task reads it."""
+
+    @property
+    def name(self) -> str:
+        """As in messages, e.g. "motion capture 127.0.0.1:51001"."""
+        ...
+
+    @property
+    def hint(self) -> str:
+        """What to check when nothing comes."""
+        ...
+
+    @property
+    def connection(self) -> int:
+        """How many connections were made so far: when it changes, a new byte stream has begun."""
+        ...
+
+    async def open(self) -> None:
+        """Start to listen. Raises SetupError or DeviceError."""
+        ...
+
+    async def receive(self) -> tuple[float, bytes]:
+        """Monotonic s of arrival, and the bytes; waits until there are some.
+
+        Raises DeviceError when the connection fails; the next call tries again after a pause (by the clock).
+        """
+        ...
+
+    async def close(self) -> None:
+        """Free the socket; may be called twice, and before `open`."""
+        ...
+
+
+class UdpFeed:
+    """Datagrams that arrive at a local address. Only `sender`'s are taken where one is given."""
+
+    def __init__(self, clock: Clock, port: int, host: str = "0.0.0.0", *, sender: str | None = None) -> None:
+        self._clock = clock
+        self._address = (host, port)
+        self._sender = sender
+        self._mailbox: Mailbox[tuple[float, bytes]] = Mailbox(DATAGRAMS_QUEUED)
+        self._transport: asyncio.DatagramTransport | None = None
+        self.connection = 0
+        self.overflow = 0
+        """datagrams that came while the queue was full; they show as lost frames"""
+
+    @property
+    def name(self) -> str:
+        """Where it listens; an ephemeral port (0) is replaced by the real one once open."""
+        return f"motion capture {self._address[0]}:{self._address[1]}"
+
+    @property
+    def port(self) -> int:
+        """The port that is listened at."""
+        return self._address[1]
+
+    hint = (
+        "Is the stream enabled in Tracker, is its address this computer's, is the port right, does a firewall block it?"
+    )
+
+    async def open(self) -> None:
+        """Bind the socket. Raises SetupError where the address is taken or not this computer's."""
+        loop = asyncio.get_running_loop()
+        self._mailbox = Mailbox(DATAGRAMS_QUEUED)
+        try:
+            self._transport, _ = await loop.create_datagram_endpoint(
+                lambda: _Datagrams(self._arrived), local_addr=self._address
+            )
+        except OSError as error:
+            raise SetupError(
+                f"{self.name}: cannot listen there: {error.strerror or error}.",
+                hint="Is another program listening on this port, is the address one of this computer's?",
+            ) from error
+        bound: socket.socket = self._transport.get_extra_info("socket")
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self._address = (self._address[0], bound.getsockname()[1])
+        self.connection += 1
+
+    async def receive(self) -> tuple[float, bytes]:
+        """The next datagram with its time of arrival at this process."""
+        try:
+            return await self._mailbox.get()
+        except MailboxClosedError:
+            await self._clock.sleep(PAUSES[1])
+            raise DeviceError(self.name, "the socket was closed") from None
+
+    async def close(self) -> None:
+        """Free the port."""
+        self._mailbox.close()
+        if self._transport is not None:
+            self._transport.close()
+            self._transport = None
+            await self._clock.sleep(0.0)  # the transport lets go of its socket in the next turn of the loop
+
+    def _arrived(self, data: bytes, sender: str) -> None:
+        if self._sender in (None, sender) and not self._mailbox.put((self._clock.now(), data)):
+            self.overflow += 1
+
+
+class _Datagrams(asyncio.DatagramProtocol):
+    def __init__(self, arrived: "_Arrived") -> None:
+        self._arrived = arrived
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        self._arrived(data, addr[0])
+
+
+class _Arrived(Protocol):
+    def __call__(self, data: bytes, sender: str) -> None: ...
+
+
+class TcpFeed:
+    """A byte stream from a server that is connected to, and connected to again after it was lost."""
+
+    def __init__(self, clock: Clock, host: str, port: int) -> None:
+        self._clock = clock
+        self._host = host
+        self._port = port
+        self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
+        self._pause = PAUSES[0]
+        self.connection = 0
+
+    @property
+    def name(self) -> str:
+        """The server's address."""
+        return f"motion capture {self._host}:{self._port}"
+
+    hint = "Is the server running and streaming, are host and port right?"
+
+    async def open(self) -> None:
+        """Connect. Raises DeviceError where nobody answers."""
+        connecting = asyncio.open_connection(self._host, self._port)
+        try:
+            self._streams = await _within(self._clock, CONNECT_TIMEOUT, connecting)
+        except TimeoutError as error:
+            raise DeviceError(self.name, f"no answer within {CONNECT_TIMEOUT:g} s.", hint=self.hint) from error
+        except OSError as error:
+            raise DeviceError(self.name, f"cannot connect: {error.strerror or error}.", hint=self.hint) from error
+        self.connection += 1
+
+    async def receive(self) -> tuple[float, bytes]:
+        """The next bytes. Raises DeviceError when the connection is lost or cannot be made."""
+        if self._streams is None:
+            await self._clock.sleep(self._pause)
+            self._pause = min(2.0 * self._pause, PAUSES[1])
+            await self.open()
+        if self._streams is None:
+            raise DeviceError(self.name, "the connection was closed")
+        try:
+            data = await self._streams[0].read(1 << 16)
+        except OSError as error:
+            await self.close()
+            raise DeviceError(self.name, f"connection lost: {error.strerror or error}.", hint=self.hint) from error
+        if not data:
+            await self.close()
+            raise DeviceError(self.name, "the server closed the connection.", hint=self.hint)
+        self._pause = PAUSES[0]
+        return self._clock.now(), data
+
+    async def close(self) -> None:
+        """Hang up."""
+        if self._streams is not None:
+            _, writer = self._streams
+            self._streams = None
+            writer.close()
+            with contextlib.suppress(OSError):
+                await writer.wait_closed()
+
+
+async def _within(clock: Clock, seconds: float, work: Coroutine[Any, Any, T]) -> T:
+    """The result of `work`. Raises TimeoutError after `seconds` by the clock."""
+    task, alarm = asyncio.ensure_future(work), asyncio.ensure_future(clock.sleep(seconds))
+    try:
+        await asyncio.wait({task, alarm}, return_when=asyncio.FIRST_COMPLETED)
+        if not task.done():
+            raise TimeoutError
+        return task.result()
+    finally:
+        for pending in (task, alarm):
+            pending.cancel()
+        await asyncio.gather(task, alarm, return_exceptions=True)

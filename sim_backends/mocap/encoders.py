@@ -1,0 +1,98 @@
+r"""Motion-capture packets as a device sends them, written from the formats alone (nothing here knows the decoders).
+
+`ViconEncoder`: Tracker's UDP object stream, one object for each marker. `TextEncoder`: lines `frame,x,y,z…*hh\n`.
+"""
+
+import math
+import struct
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+
+Positions = Sequence[tuple[float, float, float] | None]
+"""m, main marker first; None where occluded"""
+
+_BLOCK_SIZES = (256, 512, 1024)
+_ITEM = np.dtype(
+    [("id", "u1"), ("size", "<u2"), ("name", "S24"), ("translation", "<f8", (3,)), ("rotation", "<f8", (3,))]
+)
+"""packed: 75 bytes"""
+_TRANSLATION = 27
+_ROTATION = math.radians(0.1)
+
+
+class Encoder(Protocol):
+    """Makes the packet of one frame."""
+
+    @property
+    def is_stream(self) -> bool:
+        """Whether packets may be cut and joined anywhere on the way (TCP); datagrams are cut only by damage."""
+        ...
+
+    def encode(self, number: int, positions: Positions) -> bytes:
+        """The bytes of one frame; positions in m."""
+        ...
+
+
+class Occluded(StrEnum):
+    """What the object stream carries for an object that no camera sees (the vendor does not say)."""
+
+    ABSENT = "absent"
+    ZEROS = "zeros"
+    LAST_POSE = "last pose"
+
+
+class ViconEncoder:
+    """Object stream with one object for each marker, all with the same small rotation: a marker has none."""
+
+    is_stream = False
+
+    def __init__(self, names: Sequence[str], *, occluded: Occluded = Occluded.ABSENT) -> None:
+        """At most 13 names of at most 23 bytes."""
+        items = np.zeros(len(names), _ITEM)
+        items["size"] = _ITEM.itemsize - 3
+        items["name"] = [name.encode()[:23] for name in names]
+        # Only the translations change from frame to frame: all else is made once.
+        self._heads = [item.tobytes()[:_TRANSLATION] for item in items]
+        self._rotation = np.full(3, _ROTATION, "<f8").tobytes()
+        self._poses = [bytes(_ITEM.itemsize - _TRANSLATION)] * len(names)
+        self._occluded = occluded
+
+    def encode(self, number: int, positions: Positions) -> bytes:
+        """One datagram, padded to 256, 512 or 1024 bytes."""
+        items: list[bytes] = []
+        for index, position in enumerate(positions):
+            if position is not None:
+                x, y, z = position
+                self._poses[index] = struct.pack("<3d", 1000.0 * x, 1000.0 * y, 1000.0 * z) + self._rotation
+            elif self._occluded is Occluded.ABSENT:
+                continue
+            elif self._occluded is Occluded.ZEROS:
+                self._poses[index] = bytes(len(self._poses[index]))
+            items.append(self._heads[index] + self._poses[index])
+        packet = (number % 2**32).to_bytes(4, "little") + bytes([len(items)]) + b"".join(items)
+        return packet.ljust(next(size for size in _BLOCK_SIZES if size >= len(packet)), b"\0")
+
+
+class TextEncoder:
+    """Marker lines in metres, blank where occluded, with a checksum unless told otherwise."""
+
+    is_stream = True
+
+    def __init__(self, *, checksum: bool = True, digits: int = 7) -> None:
+        """`digits` after the point; 7 keeps 0.1 µm."""
+        self._checksum = checksum
+        self._marker = ",%%.%df,%%.%df,%%.%df" % (digits, digits, digits)  # noqa: UP031 - makes a format
+
+    def encode(self, number: int, positions: Positions) -> bytes:
+        """One line."""
+        fields = [",,," if position is None else self._marker % position for position in positions]
+        body = (str(number) + "".join(fields)).encode("ascii")
+        if not self._checksum:
+            return body + b"\n"
+        total = 0
+        for byte in body:
+            total ^= byte
+        return b"%s*%02X\n" % (body, total)
