@@ -185,7 +185,8 @@ class ViconUdpDecoder:
         if not missing:
             return "The objects are in the stream, but not tracked: look for occluded or missing markers in Tracker."
         carried = ", ".join(f"'{name}'" for name in sorted(self._seen)) or "no object at all"
-        return f"The stream carries {carried}, not " + ", ".join(f"'{name}'" for name in missing) + "."
+        absent = ", ".join(f"'{name}'" for name in missing)
+        return f"The stream carries {carried}, not {absent}: is that its name in Tracker, and is it tracked?"
 
     def _remember(self, name: str) -> None:
         # Bounded: damaged datagrams could carry ever new names.

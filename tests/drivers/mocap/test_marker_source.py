@@ -1,7 +1,6 @@
 """The whole chain on a clock that jumps: simulated server, bytes, decoder, sequencing, readers."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from typing import Any
 
@@ -9,17 +8,17 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.mocap.decoder import Decoder, Event
+from drivers.mocap.decoder import Decoder
 from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.source import StreamMarkerSource
 from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import MarkerFrame, MarkerSource
 from fidim_lab.errors import DeviceError, OurBugError
+from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import Encoder, TextEncoder, ViconEncoder
 from sim_backends.mocap.faults import During, Faults, Freeze, Jump, Occlusion
 from sim_backends.mocap.server import MocapServer, ServerFeed, Timing
 
-Jumping = Callable[[Callable[[], Coroutine[Any, Any, Any]]], Any]
 CLOCK = LoopClock()
 RATE = 100.0
 
@@ -68,7 +67,7 @@ def test_it_is_the_port() -> None:
 
 
 @pytest.mark.parametrize("kind", ["vicon", "text"])
-def test_every_frame_arrives_in_time_and_place(jumping: Jumping, kind: str) -> None:
+def test_every_frame_arrives_in_time_and_place(kind: str) -> None:
     rig = Rig(kind=kind, timing=Timing(RATE, latency=4e-3), noise=0.0)
 
     async def main() -> None:
@@ -81,33 +80,33 @@ def test_every_frame_arrives_in_time_and_place(jumping: Jumping, kind: str) -> N
             assert frame.t == pytest.approx(exposed + 4e-3, abs=1e-6)
             assert np.allclose(np.array(frame.positions), truth(exposed), atol=1e-7)
 
-    jumping(main)
+    run(main())
     assert rig.source.counters() == dict.fromkeys(rig.source.counters(), 0) | {"received": 1000}
 
 
 @pytest.mark.parametrize("kind", ["vicon", "text"])
 @pytest.mark.parametrize("length", [0.2, 3.0])
-def test_an_occluded_marker_is_none_and_no_frame_is_lost(jumping: Jumping, kind: str, length: float) -> None:
+def test_an_occluded_marker_is_none_and_no_frame_is_lost(kind: str, length: float) -> None:
     rig = Rig(Faults(occlusions=(Occlusion(During(1.0, 1.0 + length), marker=0),)), kind=kind)
-    frames = jumping(lambda: rig.record(6.0))
+    frames = run(rig.record(6.0))
     hidden = [frame.number for frame in frames if frame.positions[0] is None]
     assert hidden == list(range(101, 101 + round(length * RATE)))
     assert all(frame.positions[1] is not None for frame in frames)
     assert rig.source.counters()["lost"] == 0
 
 
-def test_reordered_packets_are_put_in_order(jumping: Jumping) -> None:
+def test_reordered_packets_are_put_in_order() -> None:
     rig = Rig(Faults(reordered=0.1))
-    frames = jumping(lambda: rig.record(30.0))
+    frames = run(rig.record(30.0))
     assert rig.server.damage.done["reordered"] > 200
     numbers = [frame.number for frame in frames]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     assert rig.source.counters()["lost"] == rig.source.counters()["late"] == 0
 
 
-def test_torn_datagrams_are_counted_and_left_out(jumping: Jumping) -> None:
+def test_torn_datagrams_are_counted_and_left_out() -> None:
     rig = Rig(Faults(torn=0.05))
-    frames = jumping(lambda: rig.record(30.0))
+    frames = run(rig.record(30.0))
     counters = rig.source.counters()
     # A datagram cut in its padding is whole all the same.
     assert 0 < counters["malformed"] <= rig.server.damage.done["torn"]
@@ -115,17 +114,17 @@ def test_torn_datagrams_are_counted_and_left_out(jumping: Jumping) -> None:
     assert len(frames) == counters["received"] == 3000 - counters["lost"]
 
 
-def test_torn_lines_are_put_together(jumping: Jumping) -> None:
+def test_torn_lines_are_put_together() -> None:
     rig = Rig(Faults(torn=0.5), kind="text")
-    frames = jumping(lambda: rig.record(10.0))
+    frames = run(rig.record(10.0))
     assert rig.server.damage.done["torn"] > 400
     assert [frame.number for frame in frames] == list(range(1, len(frames) + 1))
     assert rig.source.counters()["malformed"] == 0
 
 
-def test_lost_and_doubled_packets_are_counted(jumping: Jumping) -> None:
+def test_lost_and_doubled_packets_are_counted() -> None:
     rig = Rig(Faults(lost=0.05, doubled=0.05))
-    frames = jumping(lambda: rig.record(30.0))
+    frames = run(rig.record(30.0))
     counters = rig.source.counters()
     done = rig.server.damage.done
     assert counters["doubled"] == done["doubled"] > 50
@@ -134,7 +133,7 @@ def test_lost_and_doubled_packets_are_counted(jumping: Jumping) -> None:
     assert abs(counters["lost"] - done["lost"]) <= 6  # those before the first and after the last cannot be known
 
 
-def test_garbled_lines_never_become_frames(jumping: Jumping) -> None:
+def test_garbled_lines_never_become_frames() -> None:
     rig = Rig(Faults(garbled=0.1), kind="text", noise=0.0)
 
     async def main() -> None:
@@ -144,28 +143,28 @@ def test_garbled_lines_never_become_frames(jumping: Jumping) -> None:
         for frame in frames:
             assert np.allclose(np.array(frame.positions), truth(start + frame.number / RATE), atol=1e-7)
 
-    jumping(main)
+    run(main())
 
 
-def test_garbled_datagrams_never_stop_the_stream(jumping: Jumping) -> None:
+def test_garbled_datagrams_never_stop_the_stream() -> None:
     rig = Rig(Faults(garbled=0.3))
-    frames = jumping(lambda: rig.record(20.0))
+    frames = run(rig.record(20.0))
     numbers = [frame.number for frame in frames]
     assert numbers == sorted(set(numbers))
     assert numbers[-1] <= 2000
     assert len(numbers) > 1200
 
 
-def test_frozen_and_jumped_markers_pass_as_they_are(jumping: Jumping) -> None:
+def test_frozen_and_jumped_markers_pass_as_they_are() -> None:
     faults = Faults(freezes=(Freeze(During(1.0, 1.5)),), jumps=(Jump(During(2.0, 2.1), (0.0, 0.05, 0.0)),))
     rig = Rig(faults)
-    frames = jumping(lambda: rig.record(4.0))
+    frames = run(rig.record(4.0))
     assert rig.source.counters()["repeated"] == 50
     y = np.array([frame.positions[0][1] for frame in frames])
     assert np.flatnonzero(np.abs(y + 0.2) > 0.02).tolist() == list(range(200, 210))
 
 
-def test_silence_reaches_every_reader_and_the_stream_goes_on(jumping: Jumping) -> None:
+def test_silence_reaches_every_reader_and_the_stream_goes_on() -> None:
     rig = Rig(Faults(silences=(During(2.0, 5.0),)))
 
     async def read(frames: Any) -> tuple[int, list[str], int]:
@@ -194,11 +193,11 @@ def test_silence_reaches_every_reader_and_the_stream_goes_on(jumping: Jumping) -
             assert len(said) == 3
             assert after == 200
 
-    jumping(main)
+    run(main())
     assert rig.source.counters()["lost"] == 300
 
 
-def test_a_slow_reader_gets_what_fits_then_an_error_then_the_end(jumping: Jumping) -> None:
+def test_a_slow_reader_gets_what_fits_then_an_error_then_the_end() -> None:
     rig = Rig(queue=50)
 
     async def main() -> None:
@@ -218,11 +217,11 @@ def test_a_slow_reader_gets_what_fits_then_an_error_then_the_end(jumping: Jumpin
         with pytest.raises(StopAsyncIteration):
             await anext(slow)
 
-    jumping(main)
+    run(main())
     assert rig.source.counters()["overflow"] == 50
 
 
-def test_a_reader_that_is_gone_fills_nothing(jumping: Jumping) -> None:
+def test_a_reader_that_is_gone_fills_nothing() -> None:
     rig = Rig(queue=10)
 
     async def main() -> None:
@@ -234,11 +233,11 @@ def test_a_reader_that_is_gone_fills_nothing(jumping: Jumping) -> None:
         await CLOCK.sleep(1.0)
         await rig.source.close()
 
-    jumping(main)
+    run(main())
     assert rig.source.counters()["overflow"] == 0
 
 
-def test_frames_begin_when_asked_for(jumping: Jumping) -> None:
+def test_frames_begin_when_asked_for() -> None:
     rig = Rig()
 
     async def main() -> None:
@@ -250,10 +249,10 @@ def test_frames_begin_when_asked_for(jumping: Jumping) -> None:
         await rig.source.close()
         await rig.source.close()
 
-    jumping(main)
+    run(main())
 
 
-def test_two_tasks_may_not_share_a_subscription(jumping: Jumping) -> None:
+def test_two_tasks_may_not_share_a_subscription() -> None:
     rig = Rig()
 
     async def main() -> None:
@@ -266,95 +265,22 @@ def test_two_tasks_may_not_share_a_subscription(jumping: Jumping) -> None:
         assert (await waiting).number == 1
         await rig.source.close()
 
-    jumping(main)
+    run(main())
 
 
-def test_ready_waits_for_the_main_marker(jumping: Jumping) -> None:
-    rig = Rig(Faults(occlusions=(Occlusion(During(0.0, 0.5)),)))
-
-    async def main() -> None:
-        await rig.source.start()
-        assert (await rig.source.ready(within=2.0)).number == 51
-        await rig.source.close()
-
-    jumping(main)
-
-
-@pytest.mark.parametrize(
-    ("objects", "faults", "message"),
-    [
-        (("main",), Faults(silences=(During(0.0, 99.0),)), "nothing received for 2.0 s. This is a simulated server"),
-        (("Main",), Faults(), "main marker was not seen for 2 s. The stream carries 'main', 'second', not 'Main'"),
-        (("main",), Faults(occlusions=(Occlusion(During(0.0, 99.0)),)), "not in|not seen for 2 s"),
-    ],
-)
-def test_ready_says_what_is_amiss(jumping: Jumping, objects: tuple[str, ...], faults: Faults, message: str) -> None:
-    server = MocapServer(truth, ViconEncoder(["main", "second"]), np.random.default_rng(0), Timing(RATE), faults=faults)
-    decoder = ViconUdpDecoder(MarkerObjects(objects))
-    source = StreamMarkerSource(ServerFeed(server, CLOCK), decoder, CLOCK, rate=RATE)
-
-    async def main() -> None:
-        await source.start()
-        with pytest.raises(DeviceError, match=message):
-            await source.ready(within=2.0)
-        await source.close()
-
-    jumping(main)
-
-
-def test_ready_names_the_wrong_format(jumping: Jumping) -> None:
-    server = MocapServer(truth, TextEncoder(), np.random.default_rng(0), Timing(RATE))
-    source = StreamMarkerSource(ServerFeed(server, CLOCK), MarkerTextDecoder(1), CLOCK, rate=RATE)
-
-    async def main() -> None:
-        await source.start()
-        with pytest.raises(DeviceError, match=r"packets arrived, none of them a frame.* has 7 fields, not 4"):
-            await source.ready(within=1.0)
-        await source.close()
-
-    jumping(main)
-
-
-class Broken:
-    modulus = None
-
-    def receive(self, data: bytes) -> list[Event]:
-        raise ZeroDivisionError(len(data))
-
-    def restart(self) -> None: ...
-
-    def advice(self) -> str:
-        return ""
-
-
-def test_a_bug_in_a_decoder_is_told_to_the_readers(jumping: Jumping) -> None:
-    server = MocapServer(truth, TextEncoder(), np.random.default_rng(0))
-    source = StreamMarkerSource(ServerFeed(server, CLOCK), Broken(), CLOCK, rate=RATE)
-
-    async def main() -> None:
-        frames = source.frames()
-        await source.start()
-        with pytest.raises(OurBugError, match="its reader stopped: ZeroDivisionError"):
-            await anext(frames)
-        await source.close()
-
-    jumping(main)
-
-
-def test_the_same_seed_gives_the_same_frames(jumping: Jumping) -> None:
+def test_the_same_seed_gives_the_same_frames() -> None:
     faults = Faults(lost=0.02, doubled=0.02, reordered=0.02, torn=0.02, garbled=0.02)
     timing = Timing(RATE, drift=30e-6, latency=4e-3, jitter=5e-4, spikes=0.01)
-    first, second = (jumping(lambda: Rig(faults, timing=timing).record(20.0)) for _ in range(2))
+    first, second = (run(Rig(faults, timing=timing).record(20.0)) for _ in range(2))
     assert first == second
-    assert jumping(lambda: Rig(replace(faults, lost=0.03), timing=timing).record(20.0)) != first
+    assert run(Rig(replace(faults, lost=0.03), timing=timing).record(20.0)) != first
 
 
-def test_its_clock_finds_the_servers(jumping: Jumping) -> None:
+def test_its_clock_finds_the_servers() -> None:
     rig = Rig(timing=Timing(200.0, drift=30e-6, latency=4e-3, jitter=5e-4, spikes=0.01))
-    jumping(lambda: rig.record(12.0))
+    run(rig.record(12.0))
     fit = rig.source.frame_clock.fit()
     assert fit is not None
-    start = 100.0  # of the loop that jumps
     assert fit.rate == pytest.approx(1.0 + 30e-6, abs=1.5e-6)
-    assert fit.time(1400) == pytest.approx(start + 1400 * (1.0 + 30e-6) / 200.0 + 4e-3, abs=5e-6)
+    assert fit.time(1400) == pytest.approx(1400 * (1.0 + 30e-6) / 200.0 + 4e-3, abs=5e-6)
     # The server keeps packets in order, so that one that is held up holds up those behind it.
