@@ -20,6 +20,7 @@ from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.model.batch import evaluate, from_rows, function, over_samples, rows
 from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism, structure_expression, structure_rate_expression
+from fidim_lab.model.native import built
 from fidim_lab.model.rigid_body import BodyExpressions
 from fidim_lab.model.slots import PlatformState
 
@@ -109,9 +110,11 @@ def simulate_free_motion(
 def motion_step(mechanism: Mechanism) -> ca.Function:
     """One Dormand–Prince step: (state 18, [t, h], χ′ 9, θ) → (state at t + h, [v̇; τ] at t).
 
-    The state is [p; R row by row; v; ω]. Made once for each mechanism.
+    The state is [p; R row by row; v; ω]. Made once for each mechanism; without derivatives for a native one.
     """
-    return mechanism.compiled("motion step", _compile_step)
+    return mechanism.compiled(
+        "motion step", lambda made: built(_compile_step(made)) if made.native else _compile_step(made)
+    )
 
 
 def _integrate(

@@ -4,6 +4,7 @@
 whether all of them end up taut is checked afterwards. `equilibrium_at` goes the other way, from place to lengths.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -30,14 +31,7 @@ def pose_from_lengths(mechanism: Mechanism, body: Body, lengths: PerCable, start
     every cable at most as long as given. Raises InfeasibleError where a cable hangs slack (with its number), where the
     rest is unstable, or where there is none.
     """
-    begin = start or _hanging(mechanism.robot, lengths)
-    solver = mechanism.compiled("pose from lengths", _compile_descent)
-    parameters = np.concatenate([begin.rotation.ravel(), body.com, mechanism.theta])
-    found = solver(x0=np.concatenate([begin.position, np.zeros(3)]), p=parameters, ubg=lengths, lbg=-np.inf)
-    if not solver.stats()["success"]:
-        raise InfeasibleError(f"No equilibrium found for the cable lengths {_metres(lengths)}.", hint=_HINT)
-    answer = np.asarray(found["x"]).ravel()
-    pose = Pose(position=answer[:3], rotation=rotation_matrix(answer[3:]) @ begin.rotation)
+    pose, held = _descended(mechanism, body, lengths, _starts(mechanism.robot, lengths) if start is None else [start])
     actual = mechanism.lengths(pose.position[np.newaxis], pose.rotation[np.newaxis])[0]
     slack = lengths - actual
     if slack.max() > 1e-4:
@@ -47,8 +41,6 @@ def pose_from_lengths(mechanism: Mechanism, body: Body, lengths: PerCable, start
             f"{slack[cable] * 1e3:.1f} mm to spare.",
             hint=_HINT,
         )
-    weight = float(np.linalg.norm(mechanism.robot.gravity))
-    held = np.asarray(found["lam_g"]).ravel() * weight
     return equilibrium_of_pose(mechanism, body, _polished(mechanism, body, lengths, pose, held))
 
 
@@ -101,6 +93,19 @@ def equilibrium_at(
 _HINT = "Choose lengths or a place nearer to the middle of the workspace."
 
 
+def _descended(mechanism: Mechanism, body: Body, lengths: PerCable, starts: Sequence[Pose]) -> tuple[Pose, PerCable]:
+    """Pose and tensions (N/kg) of the lowest centre of mass, from the first start that leads to one."""
+    solver = mechanism.compiled("pose from lengths", _compile_descent)
+    for begin in starts:
+        parameters = np.concatenate([begin.rotation.ravel(), body.com, mechanism.theta])
+        found = solver(x0=np.concatenate([begin.position, np.zeros(3)]), p=parameters, ubg=lengths, lbg=-np.inf)
+        if solver.stats()["success"]:
+            answer = np.asarray(found["x"]).ravel()
+            pose = Pose(position=answer[:3], rotation=rotation_matrix(answer[3:]) @ begin.rotation)
+            return pose, np.asarray(found["lam_g"]).ravel() * float(np.linalg.norm(mechanism.robot.gravity))
+    raise InfeasibleError(f"No equilibrium found for the cable lengths {_metres(lengths)}.", hint=_HINT)
+
+
 def _level_guess(mechanism: Mechanism, body: Body, place: Vector3, reference: Matrix3) -> np.ndarray:
     """The platform unrotated at the place, with the tensions over weight that come nearest to holding it."""
     position = place - reference @ mechanism.robot.marker
@@ -124,17 +129,15 @@ def _polished(mechanism: Mechanism, body: Body, lengths: PerCable, pose: Pose, h
     return pose
 
 
-def _hanging(robot: Robot, lengths: PerCable) -> Pose:
-    """The platform unrotated, hanging below the middle of the anchors about as deep as the lengths let it."""
+def _starts(robot: Robot, lengths: PerCable) -> list[Pose]:
+    """The platform unrotated below the middle of the anchors: as deep as the lengths let it, then higher and lower."""
     down = robot.gravity / np.linalg.norm(robot.gravity)
-    anchors, attachments = (
-        np.array([vector for vector in which]) for which in zip(*((c.d, c.a) for c in robot.cables), strict=True)
-    )
+    anchors, attachments = np.array([c.d for c in robot.cables]), np.array([c.a for c in robot.cables])
     middle = anchors.mean(axis=0) - attachments.mean(axis=0)
     offsets = anchors - attachments - middle
     sideways = offsets - np.outer(offsets @ down, down)
     depth = np.sqrt(np.maximum(lengths**2 - np.sum(sideways**2, axis=1), 0.01)).mean()
-    return Pose(position=middle + depth * down, rotation=np.eye(3))
+    return [Pose(position=middle + share * depth * down, rotation=np.eye(3)) for share in (1.0, 0.6, 1.5)]
 
 
 def _metres(values: np.ndarray) -> str:

@@ -28,11 +28,20 @@ SINGULAR_DISTANCE = 1e-6
 class Mechanism:
     """Kinematics of a platform on n cables; SI units, world frame (MODEL.md §1, Eq. 1–4).
 
-    `theta` are the parameters of all effects, in their order; zero (absent) unless given.
+    `theta` are the parameters of all effects, in their order; zero (absent) unless given. `native`: simulate with
+    compiled C where a compiler is found, the same digits faster after a second of building (see `native`).
     """
 
-    def __init__(self, robot: Robot, effects: Sequence[Effect] = (), theta: Sequence[float] | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        effects: Sequence[Effect] = (),
+        theta: Sequence[float] | None = None,
+        *,
+        native: bool = False,
+    ) -> None:
         self.robot = robot
+        self.native = native
         self.effects = tuple(effects)
         count = sum(len(effect.parameters) for effect in self.effects)
         self.theta = np.zeros(count) if theta is None else np.array(theta, dtype=float)
@@ -42,7 +51,7 @@ class Mechanism:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled functions stay here: another process compiles its own."""
-        return (Mechanism, (self.robot, self.effects, tuple(self.theta)))
+        return (_remake, (self.robot, self.effects, tuple(self.theta), self.native))
 
     @property
     def n(self) -> int:
@@ -121,6 +130,10 @@ class Mechanism:
             parts.append((effect, theta[first:last]))
             first = last
         return parts
+
+
+def _remake(robot: Robot, effects: tuple[Effect, ...], theta: tuple[float, ...], native: bool) -> Mechanism:
+    return Mechanism(robot, effects, theta, native=native)
 
 
 def structure_expression(cables: Sequence[CableExpressions]) -> ca.SX:
