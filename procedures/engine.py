@@ -1,0 +1,214 @@
+"""The engine: drives a procedure's steps through their handlers while the guards look on.
+
+Plain asyncio. One task performs steps, another watches; the first that ends decides. Whatever ends a run, `run.py`
+holds the robot afterwards. Nothing is retried or replayed here: what happens next is the procedure's word.
+"""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.ports import Prompt, Rig
+from fidim_lab.errors import GuardError, OurBugError
+from procedures.events import Prompted, Publisher, StepFinished, StepProgress, StepStarted, Tripped
+from procedures.guards import Guard, Observation, Reaction, Trip, watch
+from procedures.handlers import Handler
+from procedures.journal import Journal, Kind
+from procedures.ledger import Ledger
+from procedures.listing import Outline
+from procedures.outcomes import Measurement, Outcome
+from procedures.settings import GuardSettings
+from procedures.stand import Stand
+from procedures.steps import Enable, Phase, Procedure, Result, Step, Stop
+from procedures.teardown import quick_stop
+
+PROGRESS_PERIOD = 0.1
+"""s between two progress events"""
+END_TIMEOUT = 1.0
+"""s that a cancelled step is waited for"""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a procedure itself ended; devices and guards end it with an error instead."""
+
+    outcome: Outcome
+    reason: str = ""
+
+
+class Pulse:
+    """What the running step is, for guards and listeners: the engine's only changing state."""
+
+    def __init__(self) -> None:
+        self.step: Step | None = None
+        self.number = 0
+        self.left = 0.0
+        """estimated s, at the begin of the step"""
+        self.told = -1.0
+        """when progress was last told"""
+        self.touched = False
+        """whether any command may have reached a winch"""
+        self.trip: Trip | None = None
+        """latched: no step begins after it"""
+
+    @property
+    def phase(self) -> Phase:
+        """What the robot may be doing."""
+        return self.step.phase if self.step else Phase.PREPARING
+
+
+class Engine:
+    """Runs one procedure, once. Raises GuardError when a guard trips, and whatever a handler raises."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        outline: Outline,
+        journal: Journal,
+        publish: Publisher,
+        ledger: Ledger,
+        newton_per_ampere: Sequence[float],
+    ) -> None:
+        self.pulse = Pulse()
+        self._rig = rig
+        self._outline = outline
+        self._journal = journal
+        self._publish = publish
+        self._ledger = ledger
+        self._newton_per_ampere = newton_per_ampere
+
+    async def run(
+        self,
+        procedure: Procedure,
+        stand: Stand,
+        handlers: Mapping[type[Step], Handler],
+        guards: Sequence[Guard],
+        settings: GuardSettings,
+    ) -> Ending:
+        """Perform all steps under the guards' eyes."""
+        work = asyncio.ensure_future(self._perform_all(procedure, stand, handlers))
+        eyes = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings.period, self._react))
+        try:
+            await asyncio.wait({work, eyes}, return_when=asyncio.FIRST_COMPLETED)
+            if self.pulse.trip is None:
+                # Only a trip or a bug ends the watch before it is cancelled; a bug raises here.
+                return work.result() if not eyes.done() else _watch_failed(eyes)
+        finally:
+            await _end_all(work, eyes)
+        trip = self.pulse.trip
+        where = f" ({self.pulse.step.text})" if self.pulse.step else ""
+        raise GuardError(f"The {trip.guard} guard stopped the run{where}: {trip.says}.")
+
+    async def _perform_all(self, procedure: Procedure, stand: Stand, handlers: Mapping[type[Step], Handler]) -> Ending:
+        steps = procedure()
+        try:
+            step = next(steps)
+            while not isinstance(step, Stop):
+                step = steps.send(await self._perform(step, stand, handlers))
+        except StopIteration:
+            return Ending(self._ledger.outcome, self._ledger.reason)
+        finally:
+            steps.close()
+        self._begin(step)
+        self._end(step, Result(step.outcome, step.reason))
+        return Ending(step.outcome, step.reason)
+
+    async def _perform(self, step: Step, stand: Stand, handlers: Mapping[type[Step], Handler]) -> Result:
+        handler = handlers.get(type(step))
+        if handler is None:
+            raise OurBugError(f"No handler for the step {type(step).__name__} ({step.text}).")
+        self._begin(step)
+        result = await handler(stand, step)
+        self._end(step, result)
+        return result
+
+    def _begin(self, step: Step) -> None:
+        pulse = self.pulse
+        left = self._outline.left_from(step, otherwise=pulse.left)
+        pulse.step, pulse.number, pulse.left, pulse.told = step, pulse.number + 1, left, -1.0
+        pulse.touched |= isinstance(step, Enable) or step.phase is not Phase.PREPARING
+        self._journal.write(Kind.STEP_STARTED, sync=False, step=type(step).__name__, window=step.window, text=step.text)
+        self._publish(StepStarted(self._rig.clock.now(), pulse.number, step, left))
+
+    def _end(self, step: Step, result: Result) -> None:
+        data: dict[str, Any] = {}
+        if result.measurements:
+            data["measurements"] = [_measurement_data(m) for m in result.measurements]
+        if result.values:
+            data["values"] = [round(value, 6) for value in result.values]
+        if result.answer:
+            data["answer"] = result.answer
+        self._journal.write(
+            Kind.STEP_FINISHED,
+            step=type(step).__name__,
+            window=step.window,
+            outcome=result.outcome,
+            reason=result.reason,
+            data=data,
+        )
+        now = self._rig.clock.now()
+        self._publish(StepFinished(now, self.pulse.number, step, result, max(self.pulse.left - step.seconds, 0.0)))
+        finished = self._ledger.take(step, result, now)
+        if finished is not None:
+            self._publish(finished)
+
+    def progress(self, fraction: float) -> None:
+        """A handler tells how far its step is; listeners hear it ten times a second at most."""
+        pulse, now = self.pulse, self._rig.clock.now()
+        if pulse.step is None or now - pulse.told < PROGRESS_PERIOD:
+            return
+        pulse.told = now
+        part = min(max(fraction, 0.0), 1.0)
+        tensions = tuple(
+            None if (sample := winch.latest()) is None else factor * sample.current
+            for winch, factor in zip(self._rig.winches, self._newton_per_ampere, strict=True)
+        )
+        left = max(pulse.left - part * pulse.step.seconds, 0.0)
+        self._publish(StepProgress(now, pulse.number, pulse.step, part, tensions, left))
+
+    def prompted(self, window: str, prompt: Prompt) -> None:
+        """A handler is about to ask."""
+        self._publish(Prompted(self._rig.clock.now(), window, prompt))
+
+    def _look(self) -> Observation:
+        return Observation(
+            t=self._rig.clock.now(),
+            phase=self.pulse.phase,
+            winches=tuple(winch.latest() for winch in self._rig.winches),
+            frame=self._rig.markers.latest(),
+        )
+
+    def _react(self, trip: Trip) -> None:
+        """In the cycle of the trip: latch, and stop all winches where the guard asks for it (else they are held)."""
+        self.pulse.trip = trip
+        if trip.reaction is Reaction.QUICK_STOP:
+            for winch in self._rig.winches:
+                quick_stop(winch)
+        self._publish(Tripped(trip.t, trip))
+
+
+def _watch_failed(eyes: "asyncio.Future[Trip]") -> Ending:
+    """Raise what the guards' own task raised."""
+    return Ending(Outcome.ERROR, eyes.result().says)
+
+
+async def _end_all(*tasks: "asyncio.Future[Any]") -> None:
+    """Cancel and wait, but not for ever: the robot is waiting to be held."""
+    for task in tasks:
+        task.cancel()
+    done, _ = await asyncio.wait(tasks, timeout=END_TIMEOUT)
+    for task in done:
+        if not task.cancelled():
+            task.exception()  # seen: what counts has been raised already
+
+
+def _measurement_data(measurement: Measurement) -> dict[str, Any]:
+    """As JSON has it: no infinities, no NaN."""
+    data: dict[str, Any] = {"name": measurement.name, "outcome": measurement.outcome.value}
+    if measurement.outcome is not Outcome.UNSET and measurement.value is not None:
+        data["value"] = float(f"{measurement.value:.6g}")
+    if measurement.unit:
+        data["unit"] = measurement.unit
+    limits = {"low": measurement.low, "high": measurement.high}
+    return data | {name: value for name, value in limits.items() if abs(value) != float("inf")}

@@ -1,0 +1,154 @@
+"""What a run tells while it goes on: frozen events, and how they reach listeners that must not disturb it.
+
+A listener is a quick callback; one that raises is dropped. Whoever is slow (a terminal, a socket) reads from a
+`Mailbox`, which is bounded and forgets the oldest events first.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from drivers.ports import Prompt
+from procedures.guards import Trip
+from procedures.outcomes import Outcome
+from procedures.report import RunReport
+from procedures.steps import Result, Step
+
+
+@dataclass(frozen=True)
+class RunStarted:
+    """A run begins."""
+
+    t: float
+    name: str
+    windows: tuple[str, ...]
+    seconds: float
+    """estimate for all of it"""
+
+
+@dataclass(frozen=True)
+class StepStarted:
+    """A step begins."""
+
+    t: float
+    number: int
+    """counts every step carried out, from 1"""
+    step: Step
+    left: float
+    """estimated s to the end of the run"""
+
+
+@dataclass(frozen=True)
+class StepProgress:
+    """A step goes on; at most ten a second."""
+
+    t: float
+    number: int
+    step: Step
+    fraction: float
+    """0 to 1, as far as can be known"""
+    tensions: tuple[float | None, ...]
+    """N, from the newest motor currents; None where unknown"""
+    left: float
+
+
+@dataclass(frozen=True)
+class Prompted:
+    """A question waits for its answer."""
+
+    t: float
+    window: str
+    prompt: Prompt
+
+
+@dataclass(frozen=True)
+class StepFinished:
+    """A step has ended."""
+
+    t: float
+    number: int
+    step: Step
+    result: Result
+    left: float
+
+
+@dataclass(frozen=True)
+class WindowFinished:
+    """The verdict on one planned window: accepted, skipped or given up."""
+
+    t: float
+    window: str
+    outcome: Outcome
+    reason: str
+    done: int
+    """windows that have their verdict"""
+    of: int
+
+
+@dataclass(frozen=True)
+class Tripped:
+    """A guard stopped the run."""
+
+    t: float
+    trip: Trip
+
+
+@dataclass(frozen=True)
+class RunFinished:
+    """The run has ended and the robot is held."""
+
+    t: float
+    report: RunReport
+
+
+Event = RunStarted | StepStarted | StepProgress | Prompted | StepFinished | WindowFinished | Tripped | RunFinished
+Listener = Callable[[Event], None]
+
+
+class Publisher:
+    """Tells every listener; drops those that raise."""
+
+    def __init__(self, listeners: Sequence[Listener] = ()) -> None:
+        self._listeners = list(listeners)
+        self.dropped: list[str] = []
+        """why listeners were dropped"""
+
+    def __call__(self, event: Event) -> None:
+        """Hand one event to every listener, in order."""
+        for listener in tuple(self._listeners):
+            try:
+                listener(event)
+            except Exception as error:  # whatever a listener does wrong must not reach the robot
+                self._listeners.remove(listener)
+                self.dropped.append(f"{type(error).__name__}: {error}")
+
+
+class Mailbox:
+    """A listener for slow readers: keeps the newest events, `async for` takes them out, ends after RunFinished."""
+
+    def __init__(self, capacity: int = 256) -> None:
+        self._events: deque[Event] = deque(maxlen=capacity)
+        self._arrived = asyncio.Event()
+        self._ended = False
+        self.lost = 0
+        """events forgotten because nobody read them in time"""
+
+    def __call__(self, event: Event) -> None:
+        """Take one event; never waits."""
+        self.lost += len(self._events) == self._events.maxlen
+        self._events.append(event)
+        self._arrived.set()
+
+    def __aiter__(self) -> "Mailbox":
+        return self
+
+    async def __anext__(self) -> Event:
+        if self._ended:
+            raise StopAsyncIteration
+        while not self._events:
+            self._arrived.clear()
+            await self._arrived.wait()
+        event = self._events.popleft()
+        self._ended = isinstance(event, RunFinished)
+        return event

@@ -1,0 +1,235 @@
+"""Guards: what must never happen while a run goes on, looked at in every cycle beside the procedure.
+
+A guard is told what is seen and says, in a sentence, what is wrong, or nothing. Threshold, hysteresis, duration and age
+are its own; an old value counts as a violation. The first trip ends the run: `watch` returns it, the engine latches it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from drivers.ports import Clock, DriveState, MarkerFrame, WinchSample
+from procedures.settings import GuardSettings
+from procedures.steps import Phase
+
+
+class Reaction(StrEnum):
+    """What a trip does to all winches at once."""
+
+    HOLD = "hold"
+    """stop on the ramp and hold with power on"""
+    QUICK_STOP = "quick stop"
+
+
+@dataclass(frozen=True)
+class Trip:
+    """A guard has tripped."""
+
+    t: float
+    guard: str
+    says: str
+    """what was found and what is allowed, for a person"""
+    reaction: Reaction
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is known at one instant."""
+
+    t: float
+    phase: Phase
+    winches: tuple[WinchSample | None, ...]
+    frame: MarkerFrame | None
+
+
+class Guard(Protocol):
+    """One thing that must not happen."""
+
+    @property
+    def name(self) -> str:
+        """For the journal."""
+        ...
+
+    @property
+    def reaction(self) -> Reaction:
+        """What its trip does."""
+        ...
+
+    def look(self, seen: Observation) -> str | None:
+        """What is wrong, or None."""
+        ...
+
+
+class DriveGuard:
+    """A drive reports a fault or has left OPERATION ENABLED."""
+
+    name = "drive"
+    reaction = Reaction.QUICK_STOP
+
+    def __init__(self, winches: Sequence[str]) -> None:
+        self._winches = winches
+
+    def look(self, seen: Observation) -> str | None:
+        """The first drive that is not enabled."""
+        for winch, sample in zip(self._winches, seen.winches, strict=True):
+            if sample is None or sample.state is DriveState.UNKNOWN:
+                continue  # the staleness guard's matter
+            if sample.fault:
+                return f"{winch} reports a fault: {sample.fault}"
+            if sample.state is not DriveState.OPERATION_ENABLED:
+                return f"{winch} is in state “{sample.state}”, “{DriveState.OPERATION_ENABLED}” is expected"
+        return None
+
+
+class StaleGuard:
+    """A winch has stopped reporting."""
+
+    name = "stale winch"
+    reaction = Reaction.QUICK_STOP
+
+    def __init__(self, winches: Sequence[str], age: float) -> None:
+        self._winches = winches
+        self._age = age
+
+    def look(self, seen: Observation) -> str | None:
+        """The first winch whose newest sample is too old."""
+        for winch, sample in zip(self._winches, seen.winches, strict=True):
+            if sample is None:
+                return f"{winch} has never reported"
+            if seen.t - sample.t > self._age or sample.state is DriveState.UNKNOWN:
+                return f"{winch} does not answer for {seen.t - sample.t:.2f} s; at most {self._age:g} s is allowed"
+        return None
+
+
+class TensionGuard:
+    """A cable's tension, from its motor current, stays beyond a threshold.
+
+    A violation begins beyond the threshold, ends only `hysteresis` on its good side, and trips after `lasting`.
+    A hand at the platform may slacken a cable: the lower threshold does not count while somebody handles it.
+    """
+
+    name = "tension"
+    reaction = Reaction.QUICK_STOP
+
+    def __init__(self, newton_per_ampere: Sequence[float], low: float, high: float, settings: GuardSettings) -> None:
+        self._factors = newton_per_ampere
+        self._low, self._high = low, high
+        self._hysteresis = settings.hysteresis
+        self._lasting = settings.tension_for
+        self._since: dict[tuple[int, str], float] = {}
+
+    def look(self, seen: Observation) -> str | None:
+        """The first cable whose tension has been beyond a threshold for too long."""
+        for cable, (sample, factor) in enumerate(zip(seen.winches, self._factors, strict=True), start=1):
+            if sample is None:
+                continue
+            tension = factor * sample.current
+            if seen.phase is Phase.HANDLING:
+                self._since.pop((cable, "under"), None)
+            elif self._lasts(seen.t, (cable, "under"), tension - self._low):
+                return f"cable {cable} has {tension:.1f} N, under {self._low:g} N for {self._lasting:g} s"
+            if self._lasts(seen.t, (cable, "over"), self._high - tension):
+                return f"cable {cable} has {tension:.1f} N, over {self._high:g} N for {self._lasting:g} s"
+        return None
+
+    def _lasts(self, t: float, which: tuple[int, str], room: float) -> bool:
+        """Whether the room to the threshold (N, negative beyond it) has been used up for too long."""
+        if room < 0.0:
+            self._since.setdefault(which, t)
+        elif room > self._hysteresis:
+            self._since.pop(which, None)
+        return which in self._since and t - self._since[which] >= self._lasting
+
+
+class MarkerGuard:
+    """The main marker gives no new position: the stream is silent, the marker is occluded, or its value is frozen.
+
+    Not counted while somebody handles the platform and may stand before a camera.
+    """
+
+    name = "marker"
+    reaction = Reaction.HOLD
+
+    def __init__(self, lasting: float) -> None:
+        self._lasting = lasting
+        self._position: tuple[float, float, float] | None = None
+        self._number: int | None = None
+        self._new_at: float | None = None
+        self._why = ""
+
+    def look(self, seen: Observation) -> str | None:
+        """Whether the last new position is too long ago."""
+        if self._new_at is None or seen.phase is Phase.HANDLING or self._is_new(seen.frame):
+            self._new_at = seen.t
+        lost = seen.t - self._new_at
+        return f"{self._why} for {lost:.1f} s; at most {self._lasting:g} s is allowed" if lost > self._lasting else None
+
+    def _is_new(self, frame: MarkerFrame | None) -> bool:
+        if frame is None or frame.number == self._number:
+            self._why = "no frame has come from motion capture"
+            return False
+        self._number = frame.number
+        position = frame.positions[0] if frame.positions else None
+        frozen = position == self._position
+        self._position = position
+        self._why = "the main marker is lost" if position is None else "the main marker is frozen in its place"
+        return position is not None and not frozen
+
+
+class SlipGuard:
+    """A motor moves while a window is recorded."""
+
+    name = "slip"
+    reaction = Reaction.HOLD
+
+    def __init__(self, winches: Sequence[str], allowed: float) -> None:
+        self._winches = winches
+        self._allowed = allowed
+        self._places: dict[str, float] = {}
+
+    def look(self, seen: Observation) -> str | None:
+        """The first winch that has left the place it had when recording began."""
+        if seen.phase is not Phase.RECORDING:
+            self._places.clear()
+            return None
+        for winch, sample in zip(self._winches, seen.winches, strict=True):
+            if sample is None:
+                continue
+            moved = sample.length - self._places.setdefault(winch, sample.length)
+            if abs(moved) > self._allowed:
+                return (
+                    f"{winch} moved {moved * 1e3:+.1f} mm while recording, "
+                    f"at most {self._allowed * 1e3:g} mm is allowed"
+                )
+        return None
+
+
+def standard_guards(
+    winches: Sequence[str], newton_per_ampere: Sequence[float], tension: tuple[float, float], settings: GuardSettings
+) -> tuple[Guard, ...]:
+    """A fresh set for one run; `tension` are the robot's limits, N."""
+    low, high = settings.slack * tension[0], settings.overload * tension[1]
+    return (
+        StaleGuard(winches, settings.sample_age),
+        DriveGuard(winches),
+        TensionGuard(newton_per_ampere, low, high, settings),
+        MarkerGuard(settings.marker_for),
+        SlipGuard(winches, settings.slip),
+    )
+
+
+async def watch(
+    clock: Clock, guards: Sequence[Guard], look: Callable[[], Observation], period: float, react: Callable[[Trip], None]
+) -> Trip:
+    """Look in every cycle until a guard trips; `react` is called in that same cycle. Returns the trip."""
+    while True:
+        seen = look()
+        if seen.phase is not Phase.PREPARING:
+            for guard in guards:
+                says = guard.look(seen)
+                if says is not None:
+                    trip = Trip(seen.t, guard.name, says, guard.reaction)
+                    react(trip)
+                    return trip
+        await clock.sleep(period)

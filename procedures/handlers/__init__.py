@@ -1,0 +1,51 @@
+"""One handler for each type of step, in a table: a laboratory's own step brings its own line."""
+
+from collections.abc import Awaitable, Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from procedures.handlers.hand import ask, await_hands_off
+from procedures.handlers.motion import enable, hold, move_to
+from procedures.handlers.rest import check_tension, read_encoders, settle
+from procedures.handlers.window import accept, check_window, give_up, note, record, reject
+from procedures.stand import Stand
+from procedures.steps import (
+    Accept,
+    Ask,
+    AwaitHandsOff,
+    CheckTension,
+    CheckWindow,
+    Enable,
+    GiveUp,
+    Hold,
+    MoveTo,
+    Note,
+    ReadEncoders,
+    Record,
+    Reject,
+    Result,
+    Settle,
+    Step,
+)
+
+Handler = Callable[[Stand, Any], Awaitable[Result]]
+
+HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
+    {
+        Enable: enable,
+        MoveTo: move_to,
+        Settle: settle,
+        Hold: hold,
+        ReadEncoders: read_encoders,
+        CheckTension: check_tension,
+        Ask: ask,
+        AwaitHandsOff: await_hands_off,
+        Record: record,
+        CheckWindow: check_window,
+        Accept: accept,
+        Reject: reject,
+        GiveUp: give_up,
+        Note: note,
+    }
+)
+"""`Stop` has none: it ends the run, which is the engine's own matter."""

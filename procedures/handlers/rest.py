@@ -1,0 +1,64 @@
+"""Handlers that measure the robot at rest: settling, encoders, tensions."""
+
+import numpy as np
+
+from procedures.handlers.trace import MarkerTrace, winch_means
+from procedures.outcomes import Measurement, Outcome, judge
+from procedures.stand import Stand
+from procedures.steps import CheckTension, ReadEncoders, Result, Settle
+from procedures.timing import POLL
+
+
+async def settle(stand: Stand, step: Settle) -> Result:
+    """Wait for rest; values are the marker's mean position."""
+    clock, source = stand.rig.clock, stand.rig.markers
+    trace = MarkerTrace(source.rate, step.over)
+    begin = clock.now()
+    while clock.now() - begin < step.timeout:
+        trace.take(source.latest(), clock.now())
+        if trace.full and trace.spread <= step.tolerance:
+            still = Measurement("marker peak to peak", trace.spread, "m", high=step.tolerance)
+            return Result(measurements=(still,), values=tuple(float(v) for v in trace.mean))
+        stand.progress((clock.now() - begin) / step.timeout)
+        await clock.sleep(POLL)
+    spread = trace.spread if trace.full else None
+    still = Measurement("marker peak to peak", spread, "m", high=step.tolerance)
+    if spread is None:
+        reason = f"The main marker was seen too seldom for {step.timeout:g} s to tell whether the platform rests."
+        return Result(Outcome.FAIL, reason, (still,))
+    reason = (
+        f"The marker still moves {spread * 1e3:.1f} mm peak to peak after {step.timeout:g} s, "
+        f"{step.tolerance * 1e3:g} mm is allowed."
+    )
+    return Result(Outcome.FAIL, reason, (still,))
+
+
+async def read_encoders(stand: Stand, step: ReadEncoders) -> Result:
+    """Mean lengths, each compared with what was asked for."""
+    lengths = await winch_means(stand, step.over, lambda sample: sample.length)
+    errors = tuple(
+        Measurement(f"encoder error of cable {cable}", abs(found - wanted), "m", high=step.tolerance)
+        for cable, (found, wanted) in enumerate(zip(lengths, step.lengths, strict=True), start=1)
+    )
+    outcome, reason = judge(errors)
+    return Result(outcome, reason, errors, values=tuple(float(v) for v in lengths))
+
+
+async def check_tension(stand: Stand, step: CheckTension) -> Result:
+    """Mean tensions against limits: marginal beyond a limit, failed beyond its tolerance."""
+    currents = await winch_means(stand, step.over, lambda sample: sample.current)
+    tensions = np.array(stand.newton_per_ampere) * currents
+    low, high = step.limits
+    found = tuple(
+        Measurement(
+            f"tension of cable {cable}",
+            float(tension),
+            "N",
+            low=low * (1 - step.tolerance),
+            high=high * (1 + step.tolerance),
+            margin=low * step.tolerance,
+        )
+        for cable, tension in enumerate(tensions, start=1)
+    )
+    outcome, reason = judge(found)
+    return Result(outcome, reason, found, values=tuple(float(v) for v in tensions))

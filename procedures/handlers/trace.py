@@ -1,0 +1,71 @@
+"""Short looks back: what markers and winches did during the last moments."""
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from drivers.ports import MarkerFrame, WinchSample
+from fidim_lab.arrays import PerCable, Vector3
+from procedures.stand import Stand
+from procedures.timing import POLL
+
+ENOUGH = 0.5
+"""part of the frames that must have come for a look back to be believed (frames between two polls go unseen)"""
+
+
+class MarkerTrace:
+    """The main marker's positions during the last `over` seconds."""
+
+    def __init__(self, rate: float, over: float) -> None:
+        self._over = over
+        self._enough = ENOUGH * over * min(rate, 1.0 / POLL)
+        self._number = -1
+        self._seen: deque[tuple[float, tuple[float, float, float]]] = deque()
+        self._begin: float | None = None
+        self._now = 0.0
+
+    def take(self, frame: MarkerFrame | None, now: float) -> None:
+        """Look at the newest frame; one seen before, or without the marker, adds nothing."""
+        self._begin = now if self._begin is None else self._begin
+        if frame is not None and frame.number != self._number:
+            self._number = frame.number
+            place = frame.positions[0] if frame.positions else None
+            if place is not None:
+                self._seen.append((now, place))
+        while self._seen and self._seen[0][0] < now - self._over:
+            self._seen.popleft()
+        self._now = now
+
+    @property
+    def full(self) -> bool:
+        """Whether enough was seen for all of the time."""
+        return self._begin is not None and self._now - self._begin >= self._over and len(self._seen) >= self._enough
+
+    @property
+    def spread(self) -> float:
+        """Peak to peak of the coordinate that moves most, m; 0 when nothing was seen."""
+        return float(np.ptp(self._places, axis=0).max()) if self._seen else 0.0
+
+    @property
+    def mean(self) -> Vector3:
+        """Mean position, m."""
+        return self._places.mean(axis=0)
+
+    @property
+    def _places(self) -> np.ndarray:
+        return np.array([place for _, place in self._seen])
+
+
+async def winch_means(stand: Stand, over: float, value: Callable[[WinchSample], float]) -> PerCable:
+    """The mean of one quantity of every winch over some seconds. Raises DeviceError when one stops reporting."""
+    clock = stand.rig.clock
+    begin = clock.now()
+    taken: list[list[float]] = []
+    while True:
+        taken.append([value(sample) for sample in stand.samples()])
+        passed = clock.now() - begin
+        if passed >= over:
+            return np.mean(taken, axis=0)
+        stand.progress(passed / over)
+        await clock.sleep(POLL)

@@ -1,0 +1,44 @@
+"""Handlers that record, judge, keep and set aside windows, and those that only say something."""
+
+from procedures.outcomes import Outcome, judge
+from procedures.stand import Stand
+from procedures.steps import Accept, CheckWindow, GiveUp, Note, Record, Reject, Result
+from procedures.window_check import window_measurements
+
+
+async def record(stand: Stand, step: Record) -> Result:
+    """Record; what was recorded stays with the recorder until it is accepted or rejected."""
+    recording = await stand.recorder.record(step.window, step.attempt, step.duration, stand.progress)
+    lost = {name: count for name, count in recording.counters.items() if count and name != "received"}
+    return Result(reason="; ".join(f"{count} frames {name}" for name, count in sorted(lost.items())))
+
+
+async def check_window(stand: Stand, step: CheckWindow) -> Result:
+    """Judge the recording just made."""
+    recording = stand.recorder.last(step.window, step.attempt)
+    found = window_measurements(recording, step.limits, step.equilibrium, stand.newton_per_ampere)
+    outcome, reason = judge(found)
+    return Result(outcome, reason, found)
+
+
+async def accept(stand: Stand, step: Accept) -> Result:
+    """Make it a part of the campaign."""
+    stand.recorder.accept(step.window)
+    stand.folder.add(step.window, step.role, step.equilibrium)
+    return Result(step.outcome, step.reason)
+
+
+async def reject(stand: Stand, step: Reject) -> Result:
+    """Set it aside."""
+    stand.recorder.reject(step.window, step.attempt)
+    return Result(Outcome.FAIL, step.reason)
+
+
+async def give_up(_stand: Stand, step: GiveUp) -> Result:
+    """Nothing to do but say so."""
+    return Result(step.outcome, step.reason)
+
+
+async def note(_stand: Stand, _step: Note) -> Result:
+    """Nothing to do but say so."""
+    return Result()

@@ -1,0 +1,225 @@
+"""The identification protocol (paper §5; MODEL.md §2): free motion about each planned equilibrium, window by window.
+
+For each window: move – settle (measured) – hold – read encoders – check tensions – ask to displace and release – wait
+until the hand is away – record – check – accept, or record again. A rejected window is kept aside and recorded anew.
+"""
+
+from collections.abc import Callable, Generator
+
+from drivers.ports import Prompt, PromptKind
+from fidim_lab.data.records import Plan, PlannedWindow, Robot
+from fidim_lab.errors import InfeasibleError
+from procedures.outcomes import Outcome
+from procedures.settings import Settings
+from procedures.steps import (
+    Accept,
+    Ask,
+    AwaitHandsOff,
+    CheckTension,
+    CheckWindow,
+    Enable,
+    GiveUp,
+    Hold,
+    Lengths,
+    MoveTo,
+    ReadEncoders,
+    Record,
+    Reject,
+    Result,
+    Settle,
+    Step,
+    Steps,
+    Stop,
+    WindowLimits,
+)
+
+Route = Callable[[Lengths, Lengths], tuple[Lengths, ...]]
+"""(from, to) → the lengths to move to one after another, the last being `to`; raises InfeasibleError without a way"""
+
+
+def straight(_start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
+    """The direct way."""
+    return (goal,)
+
+
+def identify(plan: Plan, robot: Robot, settings: Settings | None = None, route: Route = straight) -> Steps:
+    """The steps of the protocol for a plan.
+
+    Raises InfeasibleError (from `route`) where no safe way to an equilibrium is known.
+    """
+    protocol = _Protocol(robot, settings or Settings(), route)
+    at = (yield Enable()).values
+    swinging = False
+    for planned in plan.windows:
+        if swinging:
+            yield from protocol.steady(planned, "The platform still swings. Bring it to rest before the next move.")
+        at = yield from protocol.go(planned, at)
+        swinging = yield from protocol.visit(planned)
+
+
+class _Protocol:
+    """The parts of the protocol, for one robot and its settings. Each is a generator of steps."""
+
+    def __init__(self, robot: Robot, settings: Settings, route: Route) -> None:
+        self._robot = robot
+        self._settings = settings
+        self._route = route
+
+    def go(self, planned: PlannedWindow, at: Lengths) -> Generator[Step, Result, Lengths]:
+        """Move to the planned lengths; returns them."""
+        motion = self._settings.motion
+        goal = tuple(float(length) for length in planned.lengths)
+        start = at or None
+        for lengths in self._way(planned.id, at, goal) if at else (goal,):
+            yield MoveTo(
+                window=planned.id,
+                lengths=lengths,
+                start=start,
+                speed=motion.speed,
+                acceleration=motion.acceleration,
+                tolerance=motion.position_tolerance,
+                way_point=lengths != goal,
+            )
+            start = lengths
+        return goal
+
+    def _way(self, window: str, at: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
+        try:
+            return self._route(at, goal)
+        except InfeasibleError as error:
+            raise InfeasibleError(f"Window {window}: {error.message}", hint=error.hint) from error
+
+    def visit(self, planned: PlannedWindow) -> Generator[Step, Result, bool]:
+        """Everything at one equilibrium; returns whether the platform was set swinging."""
+        rest = yield from self._settle(planned)
+        if rest is None:
+            return False
+        yield from self._check_at_rest(planned)
+        return (yield from self._record(planned, rest.values))
+
+    def steady(self, planned: PlannedWindow, text: str) -> Generator[Step, Result, str]:
+        """Have the platform brought to rest; returns the answer."""
+        return (yield from self._ask(planned, Prompt(PromptKind.STEADY, text)))
+
+    def _ask(self, planned: PlannedWindow, prompt: Prompt) -> Generator[Step, Result, str]:
+        asked = Ask(window=planned.id, prompt=prompt, estimate=self._settings.prompt_estimate)
+        answer = (yield asked).answer
+        if answer == "abort":
+            yield Stop(window=planned.id, outcome=Outcome.ABORTED, reason=f"The operator aborted at “{prompt.text}”.")
+        return answer
+
+    def _settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:
+        """The measured rest, or None where the window is given up."""
+        motion = self._settings.motion
+        step = Settle(
+            window=planned.id,
+            tolerance=motion.settle_tolerance,
+            over=motion.settle_over,
+            timeout=motion.settle_timeout,
+        )
+        result = yield step
+        for _ in range(motion.settle_tries - 1):
+            if result.outcome.usable:
+                return result
+            answer = yield from self.steady(planned, f"{result.reason} Bring the platform to rest.")
+            if answer == "skip":
+                yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
+                return None
+            result = yield step
+        if result.outcome.usable:
+            return result
+        yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=result.reason)
+        return None
+
+    def _check_at_rest(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
+        """Hold, encoders, tensions; what is wrong here is wrong with the robot, so the run ends."""
+        motion, tension = self._settings.motion, self._settings.tension
+        checks = (
+            Hold(window=planned.id),
+            ReadEncoders(
+                window=planned.id,
+                lengths=tuple(float(length) for length in planned.lengths),
+                tolerance=motion.position_tolerance,
+                over=tension.over,
+            ),
+            CheckTension(
+                window=planned.id,
+                limits=self._robot.limits.tension,
+                tolerance=tension.tolerance,
+                over=tension.over,
+            ),
+        )
+        for check in checks:
+            result = yield check
+            if not result.outcome.usable:
+                yield Stop(window=planned.id, outcome=Outcome.FAIL, reason=f"Window {planned.id}: {result.reason}.")
+
+    def _record(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, bool]:
+        """Record until a window is good, or given up; returns whether the platform was set swinging."""
+        attempts = 1 + self._settings.record.repeats
+        reasons: list[str] = []
+        for attempt in range(1, attempts + 1):
+            answer = yield from self._ask(planned, self._displace(planned, reasons))
+            if answer == "skip":
+                yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
+                return bool(reasons)
+            reason = yield from self._attempt(planned, attempt, rest)
+            if reason is None:
+                return True
+            reasons.append(reason)
+        said = "; ".join(dict.fromkeys(reasons))
+        yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=f"rejected {attempts} times: {said}")
+        return True
+
+    def _attempt(
+        self, planned: PlannedWindow, attempt: int, rest: tuple[float, ...]
+    ) -> Generator[Step, Result, str | None]:
+        """One recording; returns None when accepted, else why not."""
+        away = yield self._hands_off(planned)
+        if not away.outcome.usable:
+            return away.reason
+        yield Record(window=planned.id, attempt=attempt, duration=self._settings.record.seconds)
+        check = CheckWindow(window=planned.id, attempt=attempt, equilibrium=rest, limits=self._window_limits())
+        verdict = yield check
+        if not verdict.outcome.usable:
+            yield Reject(window=planned.id, attempt=attempt, reason=verdict.reason)
+            return verdict.reason
+        yield Accept(
+            window=planned.id,
+            attempt=attempt,
+            role=planned.role,
+            equilibrium=rest,
+            outcome=verdict.outcome,
+            reason=verdict.reason,
+        )
+        return None
+
+    def _displace(self, planned: PlannedWindow, reasons: list[str]) -> Prompt:
+        wanted = tuple(float(v) for v in planned.displacement)
+        where = ", ".join(f"{axis} {value * 1e3:+.0f} mm" for axis, value in zip("xyz", wanted, strict=False))
+        again = f"Not good: {reasons[-1]}. Once more: d" if reasons else "D"
+        text = f"{again}isplace the platform by {where}, keep it still, and let go."
+        return Prompt(PromptKind.DISPLACE_AND_RELEASE, text, displacement=wanted)
+
+    def _hands_off(self, planned: PlannedWindow) -> AwaitHandsOff:
+        hand, (low, high) = self._settings.hand, self._robot.limits.tension
+        return AwaitHandsOff(
+            window=planned.id,
+            moving=hand.moving,
+            limits=(hand.tension[0] * low, hand.tension[1] * high),
+            over=hand.over,
+            timeout=hand.timeout,
+        )
+
+    def _window_limits(self) -> WindowLimits:
+        record, limits = self._settings.record, self._robot.limits
+        return WindowLimits(
+            complete=record.complete,
+            longest_gap=record.longest_gap,
+            amplitude=record.amplitude,
+            displacement=limits.free_displacement,
+            displacement_tolerance=record.displacement,
+            motors_still=record.motors_still,
+            tension=self._settings.hand.tension[0] * limits.tension[0],
+            tension_over=record.tension_over,
+        )

@@ -1,0 +1,154 @@
+"""The run's journal: append-only JSON lines, on the disk at every step's end, readable after a crash or power cut.
+
+`Journal` writes, `read_journal` reads back. A torn last line is what a power cut leaves; anything torn before is not.
+The time of day comes from a callable that the application hands in, so that a simulated run is the same to the byte.
+"""
+
+import io
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from drivers.ports import Clock
+from fidim_lab.errors import FileError, HardwareError
+from procedures.outcomes import Outcome
+
+NAME = "journal.jsonl"
+FORMAT = "fidim-journal/1"
+
+WallTime = Callable[[], str]
+"""the time of day as ISO 8601 text"""
+
+
+class Kind(StrEnum):
+    """What a line tells."""
+
+    RUN_STARTED = "run-started"
+    STEP_STARTED = "step-started"
+    STEP_FINISHED = "step-finished"
+    TRIPPED = "guard-tripped"
+    HELD = "held"
+    RUN_FINISHED = "run-finished"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # pyright: ignore[reportUnannotatedClassAttribute]
+
+    number: int
+    t: float
+    """monotonic s"""
+    wall: str
+    kind: Kind
+    step: str = ""
+    """the step's type"""
+    window: str = ""
+    text: str = ""
+    outcome: Outcome = Outcome.UNSET
+    reason: str = ""
+    data: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """measurements and whatever else belongs to the line"""
+
+
+_LINE: TypeAdapter[Entry] = TypeAdapter(Entry)
+
+
+class Journal:
+    """Appends lines to a file. `write` raises HardwareError when the disk does not take them."""
+
+    def __init__(self, path: Path, clock: Clock, wall_time: WallTime) -> None:
+        self.path = path
+        self._clock = clock
+        self._wall_time = wall_time
+        kept = _mend(path) if path.exists() else 0
+        self._number = kept
+        # Unbuffered: what was written is with the operating system before the next statement runs.
+        self._file = path.open("ab", buffering=0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def write(self, kind: Kind, *, sync: bool = True, **fields: Any) -> Entry:
+        """Append one line (fields as in `Entry`); on the disk when this returns, unless `sync` is False."""
+        entry = Entry(self._number + 1, round(self._clock.now(), 6), self._wall_time(), kind, **fields)
+        line = json.dumps(_compact(entry), ensure_ascii=False, allow_nan=False) + "\n"
+        try:
+            self._append(line.encode())
+            if sync:
+                os.fsync(self._file.fileno())
+        except OSError as error:
+            raise HardwareError(
+                f"{self.path}: the journal cannot be written: {error.strerror or error}.",
+                hint="Free some space; what was recorded so far is kept.",
+            ) from error
+        self._number += 1
+        return entry
+
+    def _append(self, data: bytes) -> None:
+        """All of it or, as far as the disk allows, none."""
+        start = self._file.seek(0, os.SEEK_END)
+        try:
+            while data:
+                data = data[self._file.write(data) or 0 :]
+        except OSError:
+            if self._file.seekable():
+                self._file.truncate(start)
+            raise
+
+
+def read_journal(path: Path) -> tuple[Entry, ...]:
+    """All whole lines; a torn last one is left out. Raises FileError for anything wrong before it."""
+    return tuple(entry for entry, _ in _read(path))
+
+
+def _mend(path: Path) -> int:
+    """Cut a torn last line off, so that appending goes on with whole lines; returns how many there are."""
+    entries = _read(path)
+    end = entries[-1][1] if entries else 0
+    with path.open("r+b") as file:
+        file.truncate(end)
+        file.seek(0, os.SEEK_END)
+        if end:
+            file.seek(end - 1)
+            if file.read(1) != b"\n":
+                file.write(b"\n")
+    return len(entries)
+
+
+def _read(path: Path) -> list[tuple[Entry, int]]:
+    """Each whole entry with the offset where it ends."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(path, "", f"cannot be read: {error.strerror}") from None
+    entries: list[tuple[Entry, int]] = []
+    offset = 0
+    for number, line in enumerate(io.BytesIO(data), start=1):
+        offset += len(line)
+        try:
+            entry = _LINE.validate_json(line)
+        except ValidationError as error:
+            if data[offset:].strip(b"\0\n") == b"":  # the last line: torn by a crash
+                break
+            raise FileError(path, f"line {number}", f"is not a journal line: {error.errors()[0]['msg']}") from None
+        entries.append((entry, offset))
+    return entries
+
+
+def _compact(entry: Entry) -> dict[str, Any]:
+    """Without the fields that say nothing."""
+    return {name: value for name, value in asdict(entry).items() if value not in ("", Outcome.UNSET, {})}

@@ -1,0 +1,60 @@
+"""Keeps account of the planned windows while a run goes on, by reading the steps and their results."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from fidim_lab.data.records import Role
+from procedures.events import WindowFinished
+from procedures.outcomes import Outcome, worst
+from procedures.report import WindowRow
+from procedures.steps import Accept, CheckWindow, GiveUp, Record, Result, Step
+
+
+class Ledger:
+    """One row for each planned window, in order."""
+
+    def __init__(self, folder: Path, roles: Mapping[str, Role]) -> None:
+        self._folder = folder
+        self._rows = {window: WindowRow(window, role) for window, role in roles.items()}
+
+    @property
+    def rows(self) -> tuple[WindowRow, ...]:
+        """As they stand now."""
+        return tuple(self._rows.values())
+
+    @property
+    def outcome(self) -> Outcome:
+        """Of a run that went through all windows: the worst of theirs; PASS for a procedure without windows."""
+        return worst(row.outcome for row in self.rows) if self._rows else Outcome.PASS
+
+    @property
+    def reason(self) -> str:
+        """How many windows are there, and why some are not."""
+        missing = [f"{row.id}: {row.reason}" for row in self.rows if row.file is None]
+        accepted = f"{len(self._rows) - len(missing)} of {len(self._rows)} windows accepted"
+        return ". ".join([accepted, *missing]) + "."
+
+    def take(self, step: Step, result: Result, t: float) -> WindowFinished | None:
+        """Account for one finished step; the verdict event when it decides about a window."""
+        row = self._rows.get(step.window)
+        if row is None:
+            return None
+        match step:
+            case Record():
+                self._rows[row.id] = replace(row, attempts=step.attempt)
+            case CheckWindow():
+                self._rows[row.id] = replace(row, measurements=result.measurements)
+            case Accept():
+                file = self._folder / "windows" / f"{row.id}.csv"
+                self._rows[row.id] = replace(
+                    row, outcome=result.outcome, reason=result.reason, equilibrium=step.equilibrium, file=file
+                )
+            case GiveUp():
+                self._rows[row.id] = replace(row, outcome=result.outcome, reason=result.reason)
+            case _:
+                return None
+        if not isinstance(step, Accept | GiveUp):
+            return None
+        done = sum(known.outcome is not Outcome.UNSET for known in self.rows)
+        return WindowFinished(t, row.id, result.outcome, result.reason, done, len(self._rows))

@@ -1,0 +1,168 @@
+"""The check before any motion: every equilibrium, and the way between, against the limits by the nominal model.
+
+`Workspace` answers for lengths; `check_moves` reads the steps of a procedure; `find_route` leads around forbidden ways
+by way of lengths that are known to be safe.
+"""
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.arrays import PerCable
+from fidim_lab.data.records import Robot
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.model.kinematics import pose_from_lengths
+from fidim_lab.model.mechanism import Mechanism
+from procedures.steps import Ask, Lengths, MoveTo, Step, longest_way
+
+Statics = Callable[[PerCable], PerCable]
+"""(n,) cable lengths, m → (n,) tensions at rest, N; raises InfeasibleError where there is no equilibrium"""
+
+SPACING = 0.03
+"""m of the longest way between two checked points"""
+SLACK = 0.005
+"""part of a tension limit that is forgiven: plans sit on the limit and are rounded to 0.01 mm"""
+
+
+def nominal_statics(robot: Robot) -> Statics:
+    """Tensions at rest by the robot file's nominal body and mass (some 3 ms a call)."""
+    mechanism = Mechanism(robot)
+    return lambda lengths: pose_from_lengths(mechanism, robot.nominal, lengths).tensions_in_newton(robot.mass)
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One thing that is not allowed."""
+
+    says: str
+    """a sentence without its full stop"""
+
+
+class Workspace:
+    """Where the robot may be at rest: tensions by the nominal model and cable lengths within limits.
+
+    Answers are remembered: plans, routes and the run ask the same questions.
+    """
+
+    def __init__(
+        self, robot: Robot, statics: Statics, length_limits: Sequence[tuple[float, float]] | None = None
+    ) -> None:
+        self._tension = robot.limits.tension
+        self._statics = statics
+        self._length_limits = length_limits
+        self._points: dict[Lengths, Violation | None] = {}
+        self._ways: dict[tuple[Lengths, Lengths], Violation | None] = {}
+
+    def at(self, lengths: Lengths) -> Violation | None:
+        """What is wrong with resting at these lengths (m); None if nothing."""
+        if lengths not in self._points:
+            self._points[lengths] = self._judge(lengths)
+        return self._points[lengths]
+
+    def between(self, start: Lengths, end: Lengths) -> Violation | None:
+        """What is wrong on the straight line between two length sets, both ends included; None if nothing."""
+        key = (start, end) if start <= end else (end, start)
+        if key not in self._ways:
+            self._ways[key] = self._first_violation(*key)
+        return self._ways[key]
+
+    def require(self, start: Lengths | None, end: Lengths, what: str) -> None:
+        """Raise InfeasibleError, naming `what` is to be done, where the way is not allowed."""
+        wrong = self.at(end)
+        if wrong is not None:
+            raise InfeasibleError(f"{what}: {wrong.says}.", hint="Nothing was moved. Choose other lengths for it.")
+        wrong = None if start is None else self.between(start, end)
+        if wrong is not None:
+            raise InfeasibleError(f"{what}, on the way there: {wrong.says}.", hint="Go there by way of another pose.")
+
+    def _judge(self, lengths: Lengths) -> Violation | None:
+        for cable, (length, (low, high)) in enumerate(zip(lengths, self._length_limits or (), strict=False), start=1):
+            if not low <= length <= high:
+                return Violation(
+                    f"cable {cable} would be {length:.3f} m long, its winch allows {low:.3f} to {high:.3f} m"
+                )
+        try:
+            tensions = self._statics(np.array(lengths))
+        except InfeasibleError as error:
+            return Violation(f"no equilibrium: {error.message.rstrip('.')}")
+        low, high = self._tension
+        for cable, tension in enumerate(tensions, start=1):
+            if not low * (1 - SLACK) <= tension <= high * (1 + SLACK):
+                return Violation(
+                    f"cable {cable} would have {tension:.1f} N by the nominal model, {low:g} to {high:g} N is allowed"
+                )
+        return None
+
+    def _first_violation(self, start: Lengths, end: Lengths) -> Violation | None:
+        points = max(2, 1 + round(longest_way(start, end) / SPACING))
+        for part in np.linspace(0.0, 1.0, points):
+            wrong = self.at(tuple(float(a + part * (b - a)) for a, b in zip(start, end, strict=True)))
+            if wrong is not None:
+                where = " ".join(f"{a + part * (b - a):.3f}" for a, b in zip(start, end, strict=True))
+                return Violation(f"at lengths {where} m {wrong.says}")
+        return None
+
+
+def check_moves(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> None:
+    """Refuse a procedure that leaves the workspace anywhere. Raises InfeasibleError naming all steps that do."""
+    found = [f"{name}: {wrong.says}" for name, wrong in _wrong_steps(steps, robot, workspace)]
+    if found:
+        more = f" (and {len(found) - 4} more)" if len(found) > 4 else ""
+        raise InfeasibleError(
+            "The plan leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
+            hint="Nothing was moved. Change these windows in the plan.",
+        )
+
+
+def _wrong_steps(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> Iterable[tuple[str, Violation]]:
+    for number, step in enumerate(steps, start=1):
+        name = f"step {number}, window {step.window or '–'}, {step.text}"
+        if isinstance(step, MoveTo):
+            wrong = workspace.at(step.lengths)
+            if wrong is None and step.start is not None:
+                wrong = workspace.between(step.start, step.lengths)
+            if wrong is not None:
+                yield name, wrong
+        elif isinstance(step, Ask):
+            for axis, wanted, allowed in zip(
+                "xy", step.prompt.displacement, robot.limits.free_displacement, strict=False
+            ):
+                if abs(wanted) > allowed:
+                    yield name, Violation(f"displacement {axis} is {wanted:.3f} m, at most {allowed:.3f} m is allowed")
+
+
+def find_route(workspace: Workspace, start: Lengths, goal: Lengths, via: Sequence[Lengths]) -> tuple[Lengths, ...]:
+    """The shortest safe way from `start` to `goal`: straight where allowed, else by way of some of `via`.
+
+    Returns the length sets to move to one after another, the last being `goal`; the direct way, too, where one of its
+    ends is forbidden itself, which `check_moves` and the move then say better. Raises InfeasibleError naming what
+    stands in the direct way where there is no other.
+    """
+    direct = workspace.between(start, goal)
+    if direct is None or workspace.at(start) is not None or workspace.at(goal) is not None:
+        return (goal,)
+    order = itertools.count()
+    queue: list[tuple[float, int, tuple[Lengths, ...]]] = [(0.0, next(order), (start,))]
+    done: set[Lengths] = set()
+    while queue:
+        way, _, path = heapq.heappop(queue)
+        here = path[-1]
+        if here == goal:
+            return path[1:]
+        if here in done:
+            continue
+        done.add(here)
+        for there in (*via, goal):
+            if there not in done and workspace.between(here, there) is None:
+                heapq.heappush(queue, (way + longest_way(here, there), next(order), (*path, there)))
+    raise InfeasibleError(
+        f"No safe way from lengths {_text(start)} to {_text(goal)} m: {direct.says}.",
+        hint="Add a window between them to the plan, or start from another pose.",
+    )
+
+
+def _text(lengths: Lengths) -> str:
+    return " ".join(f"{length:.3f}" for length in lengths)

@@ -1,0 +1,57 @@
+"""Reading a procedure without hardware: its steps, how long they take, and the list to print.
+
+Every step is answered by what it expects, so what is read is the run in which everything goes well.
+"""
+
+from collections.abc import Iterator
+
+from procedures.steps import Procedure, Step
+
+
+def planned_steps(procedure: Procedure) -> Iterator[Step]:
+    """The steps of the run in which everything goes well."""
+    steps = procedure()
+    try:
+        step = next(steps)
+        while True:
+            yield step
+            step = steps.send(step.expected)
+    except StopIteration:
+        return
+    finally:
+        steps.close()
+
+
+class Outline:
+    """The planned steps, and how much is left after each: for listing and progress."""
+
+    def __init__(self, procedure: Procedure) -> None:
+        self.steps = tuple(planned_steps(procedure))
+        self.seconds = sum(step.seconds for step in self.steps)
+        self.windows = tuple(dict.fromkeys(step.window for step in self.steps if step.window))
+        self._left: dict[tuple[object, ...], float] = {}
+        left = self.seconds
+        for step in self.steps:
+            self._left.setdefault(step.place, left)
+            left -= step.seconds
+
+    def left_from(self, step: Step, otherwise: float) -> float:
+        """Estimated s from the begin of a step to the end; `otherwise` for a step that no plan has (a prompt again)."""
+        return self._left.get(step.place, otherwise)
+
+    def text(self) -> str:
+        """The numbered list, one line a step, with estimated time since the start."""
+        lines: list[str] = []
+        passed = 0.0
+        for number, step in enumerate(self.steps, start=1):
+            where = f"[{step.window}] " if step.window else ""
+            lines.append(f"{number:4d}  {_clock(passed)}  {where}{step.text}")
+            passed += step.seconds
+        lines.append(f"      {_clock(passed)}  end: {len(self.windows)} windows, all winches held")
+        return "\n".join(lines) + "\n"
+
+
+def _clock(seconds: float) -> str:
+    """h:mm:ss"""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"

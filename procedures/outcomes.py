@@ -1,0 +1,94 @@
+"""How things end: outcomes, and measurements that are judged against limits.
+
+A value that was never measured is UNSET, and UNSET is not PASS.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Outcome(StrEnum):
+    """How a measurement, a step, a window or a run ended."""
+
+    PASS = "pass"
+    MARGINAL = "marginal"
+    """within limits, but near the edge"""
+    SKIPPED = "skipped"
+    """left out by the operator's word"""
+    UNSET = "unset"
+    """never measured"""
+    FAIL = "fail"
+    """measured, and outside its limits; or refused"""
+    ABORTED = "aborted"
+    """stopped by a person"""
+    ERROR = "error"
+    """a device, a guard or the disk stopped it"""
+
+    @property
+    def usable(self) -> bool:
+        """Whether what ended like this may be built on."""
+        return self in (Outcome.PASS, Outcome.MARGINAL)
+
+
+_SEVERITY = tuple(Outcome)
+"""from best to worst, as declared"""
+
+
+def worst(outcomes: Iterable[Outcome]) -> Outcome:
+    """The worst of some outcomes; UNSET when there are none, for nothing was shown."""
+    return max(outcomes, key=_SEVERITY.index, default=Outcome.UNSET)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One named value with what is allowed for it."""
+
+    name: str
+    value: float | None
+    """None: not measured"""
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    """allowed range, ends included"""
+    margin: float = 0.0
+    """width of the band inside each finite limit that is MARGINAL, in the unit of the value"""
+
+    @property
+    def outcome(self) -> Outcome:
+        """UNSET, FAIL, MARGINAL or PASS."""
+        if self.value is None or math.isnan(self.value):
+            return Outcome.UNSET
+        if not self.low <= self.value <= self.high:
+            return Outcome.FAIL
+        near = self.value < self.low + self.margin or self.value > self.high - self.margin
+        return Outcome.MARGINAL if near else Outcome.PASS
+
+    @property
+    def sentence(self) -> str:
+        """What was found and what is allowed."""
+        if self.outcome is Outcome.UNSET:
+            return f"{self.name} was not measured ({self._allowed})"
+        return f"{self.name} is {self.value:.4g}{self._unit} ({self._allowed})"
+
+    @property
+    def _unit(self) -> str:
+        return f" {self.unit}" if self.unit else ""
+
+    @property
+    def _allowed(self) -> str:
+        if math.isinf(self.low) and math.isinf(self.high):
+            return "no limits"
+        if math.isinf(self.low):
+            return f"at most {self.high:.4g}{self._unit} is allowed"
+        if math.isinf(self.high):
+            return f"at least {self.low:.4g}{self._unit} is allowed"
+        return f"{self.low:.4g} to {self.high:.4g}{self._unit} is allowed"
+
+
+def judge(measurements: Iterable[Measurement]) -> tuple[Outcome, str]:
+    """The worst outcome of some measurements, and the sentences of those that did not pass."""
+    taken = tuple(measurements)
+    outcome = worst(m.outcome for m in taken)
+    return outcome, "; ".join(m.sentence for m in taken if m.outcome is not Outcome.PASS)

@@ -1,0 +1,59 @@
+"""What came of a run, as a frozen value: for the command line's table, its exit code, and the HTML report."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fidim_lab.data.records import Role
+from procedures.outcomes import Measurement, Outcome
+
+
+@dataclass(frozen=True)
+class WindowRow:
+    """One planned window."""
+
+    id: str
+    role: Role
+    outcome: Outcome = Outcome.UNSET
+    """UNSET: never reached"""
+    reason: str = ""
+    attempts: int = 0
+    """recordings made, rejected ones included"""
+    equilibrium: tuple[float, ...] = ()
+    """the main marker at rest, m"""
+    measurements: tuple[Measurement, ...] = ()
+    """of the last recording's check"""
+    file: Path | None = None
+    """where the accepted window lies"""
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """One run, ended."""
+
+    name: str
+    folder: Path
+    outcome: Outcome
+    reason: str
+    """a sentence"""
+    windows: tuple[WindowRow, ...]
+    held: bool
+    """whether every winch was seen to stand still at the end"""
+    held_says: str
+    seconds: float
+    """as the run's clock counts"""
+    interrupted: bool = False
+    """cancelled from outside (Ctrl-C)"""
+
+    @property
+    def accepted(self) -> tuple[WindowRow, ...]:
+        """The windows that the campaign has."""
+        return tuple(row for row in self.windows if row.file is not None)
+
+    @property
+    def exit_code(self) -> int:
+        """As FORMAT.md fixes it: 0 done, 1 a refusal or failed check, 3 hardware or guard, 130 interrupted."""
+        if self.interrupted:
+            return 130
+        if self.outcome is Outcome.ERROR or not self.held:
+            return 3
+        return 0 if self.outcome.usable else 1

@@ -1,0 +1,227 @@
+"""One run, whole: check the plan, record into a folder, and leave the robot held whatever happens.
+
+`identification` makes the checked experiment for a plan; `run_procedure` carries an experiment out. What is wrong
+before the first command raises; after it, every end (done, refused, fault, Ctrl-C) is a `RunReport` and a held robot.
+"""
+
+import asyncio
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+from drivers.ports import Rig
+from fidim_lab.data.records import Plan, Robot, Role
+from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
+from procedures.engine import Ending, Engine
+from procedures.events import Listener, Publisher, RunFinished, RunStarted
+from procedures.guards import Reaction, standard_guards
+from procedures.handlers import HANDLERS, Handler
+from procedures.identify import identify
+from procedures.journal import FORMAT, Journal, Kind, WallTime
+from procedures.ledger import Ledger
+from procedures.limits import Statics, Workspace, check_moves, find_route, nominal_statics
+from procedures.listing import Outline
+from procedures.outcomes import Outcome
+from procedures.recorder import Recorder, WriteBytes
+from procedures.report import RunReport
+from procedures.run_folder import RunFolder, check_window_ids
+from procedures.settings import Settings
+from procedures.stand import Stand
+from procedures.steps import Lengths, Procedure, Step
+from procedures.teardown import UNTOUCHED, Held, deferred_interrupts, hold_robot
+from procedures.timing import uninterrupted
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What is to be run on which robot."""
+
+    name: str
+    robot: Robot
+    procedure: Procedure
+    roles: Mapping[str, Role]
+    """of the planned windows, in order"""
+    workspace: Workspace
+    settings: Settings
+
+
+def identification(
+    plan: Plan, robot: Robot, settings: Settings | None = None, statics: Statics | None = None
+) -> Experiment:
+    """The identification protocol for a plan, its limits checked (some seconds; the robot is not needed).
+
+    statics: tensions at rest; by the nominal model unless given. Raises InfeasibleError naming window, cable, value and
+    what is allowed where the plan, or every way between two of its equilibria, leaves the limits; SetupError for a
+    window that cannot be a file.
+    """
+    settings = settings or Settings()
+    check_window_ids([window.id for window in plan.windows])
+    workspace = Workspace(robot, statics or nominal_statics(robot), settings.motion.length_limits)
+    via = [tuple(float(length) for length in window.lengths) for window in plan.windows]
+
+    def route(start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
+        return find_route(workspace, start, goal, via)
+
+    procedure = partial(identify, plan, robot, settings, route)
+    check_moves(Outline(procedure).steps, robot, workspace)
+    roles = {window.id: window.role for window in plan.windows}
+    return Experiment(plan.name, robot, procedure, roles, workspace, settings)
+
+
+async def run_procedure(
+    experiment: Experiment,
+    rig: Rig,
+    folder: Path,
+    *,
+    wall_time: WallTime,
+    listeners: Sequence[Listener] = (),
+    handlers: Mapping[type[Step], Handler] = HANDLERS,
+    write: WriteBytes = os.write,
+) -> RunReport:
+    """Carry an experiment out into a new folder, which is a campaign as FORMAT.md fixes it.
+
+    wall_time: the time of day as ISO 8601 text, for the journal (a constant in simulations). Raises SetupError or
+    InfeasibleError before anything is commanded; CancelledError after the robot is held when it was cancelled (the
+    report goes to the listeners in `RunFinished`); and what only a bug can raise, likewise after the robot is held.
+    """
+    run = _Run(experiment, rig, folder, wall_time, listeners, write)
+    return await run.carry_out(handlers)
+
+
+class _Run:
+    """One run: what belongs together while it lasts."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        rig: Rig,
+        folder: Path,
+        wall_time: WallTime,
+        listeners: Sequence[Listener],
+        write: WriteBytes,
+    ) -> None:
+        robot, settings = experiment.robot, experiment.settings
+        factors = _newton_per_ampere(robot, rig)
+        self._experiment = experiment
+        self._rig = rig
+        self._factors = factors
+        self._outline = Outline(experiment.procedure)
+        check_moves(self._outline.steps, robot, experiment.workspace)
+        self._folder = RunFolder(folder, experiment.name, robot, rig.markers.rate)
+        self._journal = Journal(self._folder.journal, rig.clock, wall_time)
+        self._publish = Publisher(listeners)
+        self._ledger = Ledger(folder, experiment.roles)
+        age, markers = settings.guard.sample_age, len(robot.markers)
+        self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write)
+        self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, factors)
+
+    async def carry_out(self, handlers: Mapping[type[Step], Handler]) -> RunReport:
+        """Perform the steps, then hold the robot; raises only after that."""
+        begin = self._rig.clock.now()
+        error: BaseException | None = None
+        with self._journal:
+            try:
+                ending = await self._perform(handlers)
+            except FidimError as problem:
+                ending = Ending(_outcome(problem), str(problem))
+            except BaseException as problem:  # cancelled, or a bug: held first, raised afterwards
+                error, ending = problem, self._broken_off(problem)
+            with deferred_interrupts():
+                report = await uninterrupted(self._close(ending, begin, error))
+        if error is not None:
+            raise error
+        return report
+
+    async def _perform(self, handlers: Mapping[type[Step], Handler]) -> Ending:
+        experiment, settings = self._experiment, self._experiment.settings
+        stand = Stand(
+            rig=self._rig,
+            robot=experiment.robot,
+            settings=settings,
+            workspace=experiment.workspace,
+            recorder=self._recorder,
+            folder=self._folder,
+            newton_per_ampere=self._factors,
+            progress=self._engine.progress,
+            prompted=self._engine.prompted,
+        )
+        names = [winch.name for winch in self._rig.winches]
+        guards = standard_guards(names, self._factors, experiment.robot.limits.tension, settings.guard)
+        outline, windows = self._outline, tuple(experiment.roles)
+        data = {
+            "format": FORMAT,
+            "windows": windows,
+            "seconds": round(outline.seconds, 1),
+            "settings": asdict(settings),
+        }
+        self._journal.write(Kind.RUN_STARTED, text=experiment.name, data=data)
+        self._publish(RunStarted(self._rig.clock.now(), experiment.name, windows, outline.seconds))
+        return await self._engine.run(experiment.procedure, stand, handlers, guards, settings.guard)
+
+    async def _close(self, ending: Ending, begin: float, error: BaseException | None) -> RunReport:
+        """Hold the robot, keep what was recorded, write it down. Cannot be cut short."""
+        held = await self._hold()
+        kept = self._recorder.abandon()
+        reason = ending.reason
+        if kept is not None:
+            reason += f" What was recorded of the open window is kept in {kept.relative_to(self._folder.path)}."
+        report = RunReport(
+            name=self._experiment.name,
+            folder=self._folder.path,
+            outcome=ending.outcome,
+            reason=reason,
+            windows=self._ledger.rows,
+            held=held.ok,
+            held_says=held.says,
+            seconds=self._rig.clock.now() - begin,
+            interrupted=isinstance(error, asyncio.CancelledError | KeyboardInterrupt),
+        )
+        self._write_down(report)
+        self._publish(RunFinished(self._rig.clock.now(), report))
+        return report
+
+    async def _hold(self) -> Held:
+        pulse, settings = self._engine.pulse, self._experiment.settings
+        if not pulse.touched:
+            return UNTOUCHED
+        latched = pulse.trip is not None and pulse.trip.reaction is Reaction.QUICK_STOP
+        age = settings.guard.sample_age
+        return await hold_robot(self._rig.clock, self._rig.winches, settings.hold, age, latched=latched)
+
+    def _write_down(self, report: RunReport) -> None:
+        """The journal's last lines; a full disk has been said already and must not hide the report."""
+        trip = self._engine.pulse.trip
+        with suppress(HardwareError):
+            if trip is not None:
+                data = {"guard": trip.guard, "reaction": trip.reaction.value, "at": round(trip.t, 6)}
+                self._journal.write(Kind.TRIPPED, outcome=Outcome.ERROR, reason=trip.says, data=data)
+            outcome = Outcome.PASS if report.held else Outcome.ERROR
+            self._journal.write(Kind.HELD, outcome=outcome, reason=report.held_says)
+            windows = {row.id: row.outcome.value for row in report.windows}
+            data = {"windows": windows, "seconds": round(report.seconds, 3)}
+            self._journal.write(Kind.RUN_FINISHED, outcome=report.outcome, reason=report.reason, data=data)
+
+    def _broken_off(self, error: BaseException) -> Ending:
+        step = self._engine.pulse.step
+        where = f" at “{step.text}”" if step else ""
+        if isinstance(error, asyncio.CancelledError | KeyboardInterrupt):
+            return Ending(Outcome.ABORTED, f"Interrupted{where}.")
+        return Ending(Outcome.ERROR, f"A bug of this program{where}: {type(error).__name__}: {error}.")
+
+
+def _outcome(error: FidimError) -> Outcome:
+    return Outcome.FAIL if isinstance(error, RefusedError) else Outcome.ERROR
+
+
+def _newton_per_ampere(robot: Robot, rig: Rig) -> tuple[float, ...]:
+    if len(rig.winches) != robot.n:
+        raise SetupError(f"The rig has {len(rig.winches)} winches, the robot file {robot.n} cables.")
+    if robot.winches is None:
+        raise SetupError(
+            "The robot file has no [winch] table, so motor currents tell no tension and no limit can be kept.",
+            hint="Add drum_radius, gear_ratio, efficiency and torque_constant.",
+        )
+    return tuple(winch.newton_per_ampere for winch in robot.winches)

@@ -1,0 +1,61 @@
+"""The folder of one run: a valid campaign from the first accepted window on, with the journal and what was rejected."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.data.campaign import INDEX, ROBOT, IndexEntry, write_index
+from fidim_lab.data.records import Robot, Role
+from fidim_lab.data.robot_file import write_robot
+from fidim_lab.errors import SetupError
+from procedures.disk import disk_error, sync
+from procedures.journal import NAME as JOURNAL
+
+_FILE_NAME = re.compile(r"\w[\w.-]*")
+
+
+class RunFolder:
+    """Where a run writes. Raises SetupError where the folder holds something already, HardwareError for a full disk."""
+
+    def __init__(self, path: Path, name: str, robot: Robot, sample_rate: float) -> None:
+        self.path = path
+        self._name = name
+        self._rate = sample_rate
+        self._entries: list[IndexEntry] = []
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise SetupError(f"{path}: there is something already.", hint="Give a new folder; a run never overwrites.")
+        try:
+            for folder in ("windows", "rejected"):
+                (path / folder).mkdir(parents=True)
+            write_robot(path / ROBOT, robot)
+            write_index(path, name, sample_rate, ())
+        except OSError as error:
+            raise disk_error(path, error) from error
+
+    @property
+    def journal(self) -> Path:
+        """The journal's file."""
+        return self.path / JOURNAL
+
+    def add(self, window: str, role: Role, equilibrium: Sequence[float]) -> None:
+        """List an accepted window in campaign.toml, on the disk when this returns."""
+        place = np.array(equilibrium) if len(equilibrium) == 3 else None
+        entries = [*self._entries, IndexEntry(window, role, place)]
+        try:
+            write_index(self.path, self._name, self._rate, entries)
+            sync(self.path / INDEX)
+            sync(self.path)
+        except OSError as error:
+            raise disk_error(self.path / INDEX, error) from error
+        self._entries = entries
+
+
+def check_window_ids(ids: Sequence[str]) -> None:
+    """Windows become file names. Raises SetupError for an id that cannot, or is there twice."""
+    for number, id_ in enumerate(ids, start=1):
+        if not _FILE_NAME.fullmatch(id_):
+            raise SetupError(f"Window {number}: {id_!r} cannot be a file name; use letters, digits, _ . and -.")
+        if id_ in ids[: number - 1]:
+            raise SetupError(f"Window {number}: the id {id_!r} is there twice.")

@@ -1,0 +1,122 @@
+"""What a procedure may be told: speeds, tolerances, limits and times, with defaults for a small laboratory robot.
+
+One frozen value for each concern, so that a handler or a guard receives only what it uses. SI units.
+"""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """Moving from one equilibrium to the next, and coming to rest there."""
+
+    speed: float = 0.1
+    """m/s of the cable that has the longest way; the others are slowed so that all arrive together"""
+    acceleration: float = 0.2
+    """m/s²"""
+    position_tolerance: float = 1e-3
+    """m, a cable's encoder against the length asked for"""
+    settle_tolerance: float = 2e-3
+    """m, peak to peak of each marker coordinate"""
+    settle_over: float = 1.0
+    """s over which it is taken: longer than the slowest mode's period"""
+    settle_timeout: float = 8.0
+    """s until somebody is asked to steady the platform"""
+    settle_tries: int = 4
+    """time-outs in a row after which the equilibrium is given up"""
+    length_limits: tuple[tuple[float, float], ...] | None = None
+    """m, for each winch, from the rig file; None where it has none"""
+
+
+@dataclass(frozen=True)
+class TensionSettings:
+    """Tensions as motor currents tell them."""
+
+    over: float = 1.0
+    """s over which currents are averaged at rest"""
+    tolerance: float = 0.1
+    """what a motor current is worth as a tension: gear friction, as a part of the limit. The check at rest fails
+    beyond the robot's limits widened by this much, and is marginal beyond the limits themselves"""
+
+
+@dataclass(frozen=True)
+class HandSettings:
+    """When the hand is away."""
+
+    over: float = 0.5
+    """s for which everything below must hold"""
+    moving: float = 3e-3
+    """m, peak to peak of the marker's fastest coordinate: a platform that is still being held does not move"""
+    tension: tuple[float, float] = (0.25, 1.25)
+    """smallest and largest tension, as parts of the robot's lower and upper limit"""
+    timeout: float = 10.0
+    """s"""
+
+
+@dataclass(frozen=True)
+class RecordSettings:
+    """Recording a window, and what makes it a good one."""
+
+    seconds: float = 10.0
+    repeats: int = 3
+    """how often a rejected window is recorded again"""
+    longest_gap: float = 0.1
+    """s without a new marker position"""
+    complete: float = 0.98
+    """part of the samples that must be there"""
+    amplitude: float = 5e-3
+    """m, peak to peak of the marker's largest coordinate: less tells too little"""
+    displacement: float = 1.25
+    """largest displacement from rest in x, y as a part of the robot's free_displacement limit"""
+    motors_still: float = 3e-3
+    """m, peak to peak of an encoder length: a drive that gives way under the motion's tension"""
+    tension_over: float = 0.05
+    """s, moving average over the current sensor's noise"""
+
+
+@dataclass(frozen=True)
+class GuardSettings:
+    """What stops a run at once. Every guard looks at each cycle."""
+
+    period: float = 0.01
+    """s between two looks"""
+    sample_age: float = 0.2
+    """s after which a winch sample is unknown"""
+    slack: float = 0.1
+    """lower tension threshold, as a part of the robot's lower limit"""
+    overload: float = 1.25
+    """upper tension threshold, as a part of the robot's upper limit"""
+    hysteresis: float = 2.0
+    """N by which a tension must come back before its violation is forgotten"""
+    tension_for: float = 0.1
+    """s for which a tension must be beyond its threshold"""
+    marker_for: float = 3.0
+    """s for which the main marker may be lost or frozen"""
+    slip: float = 5e-3
+    """m by which an encoder may leave its place while a window is recorded"""
+
+
+@dataclass(frozen=True)
+class HoldSettings:
+    """How a run ends, whatever ended it."""
+
+    timeout: float = 3.0
+    """s for all winches to confirm the hold"""
+    still_for: float = 0.2
+    """s for which encoders must stand still"""
+    still: float = 5e-4
+    """m by which an encoder may move meanwhile"""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All of them."""
+
+    motion: MotionSettings = field(default_factory=MotionSettings)
+    tension: TensionSettings = field(default_factory=TensionSettings)
+    hand: HandSettings = field(default_factory=HandSettings)
+    record: RecordSettings = field(default_factory=RecordSettings)
+    guard: GuardSettings = field(default_factory=GuardSettings)
+    hold: HoldSettings = field(default_factory=HoldSettings)
+    prompt_estimate: float = 15.0
+    """s that a person needs to answer a prompt, for the time estimate only"""

@@ -1,0 +1,58 @@
+"""What step handlers work with: the rig, the robot, the settings, the recorder, the run folder. Made once for a run."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from drivers.ports import Prompt, Rig, WinchSample
+from fidim_lab.data.records import Robot
+from fidim_lab.errors import DeviceError
+from procedures.limits import Workspace
+from procedures.recorder import Recorder
+from procedures.run_folder import RunFolder
+from procedures.settings import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """Everything a handler may use."""
+
+    rig: Rig
+    robot: Robot
+    settings: Settings
+    workspace: Workspace
+    recorder: Recorder
+    folder: RunFolder
+    newton_per_ampere: tuple[float, ...]
+    progress: Callable[[float], None]
+    """how far the step is, 0 to 1"""
+    prompted: Callable[[str, Prompt], None]
+    """a question is about to be asked in a window"""
+
+    def sample(self, winch: int) -> WinchSample:
+        """The newest sample of a winch. Raises DeviceError when it is too old to be believed."""
+        device = self.rig.winches[winch]
+        sample = device.latest()
+        if sample is None:
+            raise DeviceError(device.name, "has never reported", hint="Check its power, its node id and the bus.")
+        age = self.rig.clock.now() - sample.t
+        if age > self.settings.guard.sample_age:
+            raise DeviceError(
+                device.name,
+                f"does not answer for {age:.2f} s; at most {self.settings.guard.sample_age:g} s is allowed",
+                hint="Check its power and the bus.",
+            )
+        return sample
+
+    def samples(self) -> tuple[WinchSample, ...]:
+        """The newest sample of every winch. Raises DeviceError as `sample`."""
+        return tuple(self.sample(winch) for winch in range(len(self.rig.winches)))
+
+    def lengths(self) -> tuple[float, ...]:
+        """Cable lengths, m. Raises DeviceError as `sample`."""
+        return tuple(sample.length for sample in self.samples())
+
+    def tensions(self) -> tuple[float, ...]:
+        """Cable tensions from the newest motor currents, N. Raises DeviceError as `sample`."""
+        return tuple(
+            factor * sample.current for factor, sample in zip(self.newton_per_ampere, self.samples(), strict=True)
+        )

@@ -1,0 +1,37 @@
+"""The steps of which procedures are made: frozen values, so that the engine is only one of their readers.
+
+Listing, limit check, time estimate and report read the same steps. A procedure is a generator that yields steps and is
+sent the `Result` of each; a reader without hardware sends `step.expected`. Lengths are m, in the order of the winches.
+"""
+
+from procedures.steps.base import Lengths, Phase, Procedure, Result, Step, Steps
+from procedures.steps.person import Ask, AwaitHandsOff
+from procedures.steps.robot import CheckTension, Enable, Hold, MoveTo, ReadEncoders, Settle, longest_way, travel_time
+from procedures.steps.window import Accept, CheckWindow, GiveUp, Note, Record, Reject, Stop, WindowLimits
+
+__all__ = [
+    "Accept",
+    "Ask",
+    "AwaitHandsOff",
+    "CheckTension",
+    "CheckWindow",
+    "Enable",
+    "GiveUp",
+    "Hold",
+    "Lengths",
+    "MoveTo",
+    "Note",
+    "Phase",
+    "Procedure",
+    "ReadEncoders",
+    "Record",
+    "Reject",
+    "Result",
+    "Settle",
+    "Step",
+    "Steps",
+    "Stop",
+    "WindowLimits",
+    "longest_way",
+    "travel_time",
+]

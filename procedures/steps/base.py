@@ -1,0 +1,70 @@
+"""What every step is: text, estimate, what guards may expect meanwhile, and what may come of it."""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import ClassVar
+
+from procedures.outcomes import Measurement, Outcome
+
+Lengths = tuple[float, ...]
+
+
+class Phase(StrEnum):
+    """What the robot may be doing, by which guards know what to expect."""
+
+    PREPARING = "preparing"
+    """no power yet: drives are not expected to be enabled"""
+    MOVING = "moving"
+    RESTING = "resting"
+    HANDLING = "handling"
+    """somebody touches the platform"""
+    RECORDING = "recording"
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of a step."""
+
+    outcome: Outcome = Outcome.PASS
+    reason: str = ""
+    """a sentence; empty when there is nothing to say"""
+    measurements: tuple[Measurement, ...] = ()
+    answer: str = ""
+    """of a prompt"""
+    values: tuple[float, ...] = ()
+    """what the step read: encoder lengths, tensions, or the marker's position at rest"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One step. `window` is the planned window it belongs to, empty where it belongs to none."""
+
+    phase: ClassVar[Phase] = Phase.RESTING
+
+    window: str = ""
+
+    @property
+    def text(self) -> str:
+        """What is done, for a person."""
+        return type(self).__name__
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """Where in a procedure it stands: the same for repetitions of a step, different for any two others."""
+        return (type(self), self.window)
+
+    @property
+    def seconds(self) -> float:
+        """How long it should take."""
+        return 0.0
+
+    @property
+    def expected(self) -> Result:
+        """What a reader without hardware takes for its result."""
+        return Result()
+
+
+Steps = Generator[Step, Result, None]
+Procedure = Callable[[], Steps]
+"""Makes a fresh generator: the same procedure is read several times (listing, limit check, run)."""

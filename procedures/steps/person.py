@@ -1,0 +1,68 @@
+"""Steps that need whoever stands at the robot."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from drivers.ports import Prompt
+from procedures.steps.base import Phase, Result, Step
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ask(Step):
+    """Ask whoever stands at the robot, and wait for the answer."""
+
+    phase: ClassVar[Phase] = Phase.HANDLING
+
+    prompt: Prompt
+    estimate: float
+    """s"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"ask: {self.prompt.text}"
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """Also what for."""
+        return (type(self), self.window, self.prompt.kind)
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return self.estimate
+
+    @property
+    def expected(self) -> Result:
+        """The first choice."""
+        return Result(answer=self.prompt.choices[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class AwaitHandsOff(Step):
+    """Wait until the marker moves by itself and every tension has margin. FAIL after the time-out.
+
+    A hand that goes on moving the platform cannot be told from free motion here; identification finds it afterwards.
+    """
+
+    phase: ClassVar[Phase] = Phase.HANDLING
+
+    moving: float
+    """m, least peak to peak of the marker's fastest coordinate"""
+    limits: tuple[float, float]
+    """N"""
+    over: float
+    """s"""
+    timeout: float
+    """s"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        low, high = self.limits
+        return f"wait until the platform moves freely, with tensions between {low:g} and {high:g} N"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return self.over

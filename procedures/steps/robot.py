@@ -1,0 +1,157 @@
+"""Steps that move the robot or measure it at rest."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from procedures.steps.base import Lengths, Phase, Step
+
+UNKNOWN_WAY = 0.5
+"""m, what the time estimate assumes of a move whose start is not known"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Enable(Step):
+    """Configure all winches, read back, power on, wait until winches and markers report. Values: encoder lengths."""
+
+    phase: ClassVar[Phase] = Phase.PREPARING
+
+    timeout: float = 5.0
+    """s for the first samples"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return "configure the winches, read back their limits, power on and hold"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoveTo(Step):
+    """Move to cable lengths along a straight line in length space: all winches start and arrive together."""
+
+    phase: ClassVar[Phase] = Phase.MOVING
+
+    lengths: Lengths
+    start: Lengths | None = None
+    """where the move begins by plan; None where the robot happens to be"""
+    speed: float
+    """m/s of the cable with the longest way"""
+    acceleration: float
+    """m/s²"""
+    tolerance: float
+    """m of encoder error at which a winch has arrived"""
+    way_point: bool = False
+    """only passed through, because the straight way leaves the workspace"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        where = " ".join(f"{length:.3f}" for length in self.lengths)
+        return f"move {'by way of' if self.way_point else 'to'} lengths {where} m, at most {self.speed:g} m/s"
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """Also where to."""
+        return (type(self), self.window, self.lengths)
+
+    @property
+    def seconds(self) -> float:
+        """Time of the trapezoidal profile over the longest way."""
+        way = UNKNOWN_WAY if self.start is None else longest_way(self.start, self.lengths)
+        return travel_time(way, self.speed, self.acceleration)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settle(Step):
+    """Wait until the marker has come to rest, measured. Values: its mean position, m. FAIL after the time-out."""
+
+    tolerance: float
+    """m, peak to peak of each coordinate"""
+    over: float
+    """s"""
+    timeout: float
+    """s"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return (
+            f"wait until the marker moves less than {self.tolerance * 1e3:g} mm peak to peak in {self.over:g} s "
+            f"(at most {self.timeout:g} s)"
+        )
+
+    @property
+    def seconds(self) -> float:
+        """Estimate: the platform needs about as long again to come to rest."""
+        return min(2.0 * self.over, self.timeout)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold(Step):
+    """All winches hold their position, and stand still."""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return "hold all winches"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadEncoders(Step):
+    """Average the encoders and compare with the lengths asked for. Values: mean lengths, m."""
+
+    lengths: Lengths
+    tolerance: float
+    """m"""
+    over: float
+    """s"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"read the encoders for {self.over:g} s, at most {self.tolerance * 1e3:g} mm off"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return self.over
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckTension(Step):
+    """Compare each cable's tension at rest, from the mean motor current, with its limits. Values: tensions, N."""
+
+    limits: tuple[float, float]
+    """N"""
+    tolerance: float
+    """part of a limit by which a tension from a motor current may be off"""
+    over: float
+    """s"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        low, high = self.limits
+        return f"check every tension: {low:g} to {high:g} N, ±{self.tolerance:.0%} as it comes from motor currents"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return self.over
+
+
+def longest_way(start: Lengths, end: Lengths) -> float:
+    """The largest change of any length, m."""
+    return max(abs(b - a) for a, b in zip(start, end, strict=True))
+
+
+def travel_time(way: float, speed: float, acceleration: float) -> float:
+    """Duration of a trapezoidal (or, for short ways, triangular) velocity profile, s."""
+    if way < speed**2 / acceleration:
+        return 2.0 * math.sqrt(way / acceleration)
+    return way / speed + speed / acceleration

@@ -1,0 +1,139 @@
+"""Steps about recorded windows, and the words of a procedure: note, stop."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from fidim_lab.data.records import Role
+from procedures.outcomes import Outcome
+from procedures.steps.base import Phase, Step
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record(Step):
+    """Record markers, lengths and currents. Nothing but the recorder is touched; the motors hold."""
+
+    phase: ClassVar[Phase] = Phase.RECORDING
+
+    attempt: int
+    duration: float
+    """s"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"record {self.duration:g} s" + (f", attempt {self.attempt}" if self.attempt > 1 else "")
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return self.duration
+
+
+@dataclass(frozen=True)
+class WindowLimits:
+    """What makes a recorded window a good one."""
+
+    complete: float
+    """least part of the samples that are there"""
+    longest_gap: float
+    """s without a new marker position"""
+    amplitude: float
+    """m, least peak to peak of the marker's largest coordinate"""
+    displacement: tuple[float, float]
+    """m, largest displacement of the marker's x, y from rest that is planned for; marginal beyond"""
+    displacement_tolerance: float
+    """factor on `displacement` beyond which a window is rejected"""
+    motors_still: float
+    """m, peak to peak of an encoder length"""
+    tension: float
+    """N: above it a cable has margin; marginal below, rejected at 0"""
+    tension_over: float
+    """s, moving average over the current sensor's noise"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckWindow(Step):
+    """Judge the window just recorded: samples complete, tensions positive, motors still, amplitude useful."""
+
+    attempt: int
+    equilibrium: tuple[float, ...]
+    """m, the marker at rest; empty where unknown"""
+    limits: WindowLimits
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        limits = self.limits
+        return (
+            f"check the window: {limits.complete:.0%} of the samples, no gap over {limits.longest_gap:g} s, "
+            f"amplitude over {limits.amplitude * 1e3:g} mm, motors still within {limits.motors_still * 1e3:g} mm, "
+            "tensions positive"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accept(Step):
+    """Keep the window just recorded as a part of the campaign."""
+
+    attempt: int
+    role: Role
+    equilibrium: tuple[float, ...]
+    """m"""
+    outcome: Outcome
+    reason: str = ""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"accept as windows/{self.window}.csv"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reject(Step):
+    """Keep the window just recorded aside, as rejected; never spliced into another."""
+
+    attempt: int
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"reject attempt {self.attempt}: {self.reason}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class GiveUp(Step):
+    """Go on without this window."""
+
+    outcome: Outcome
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"go on without {self.window}: {self.reason}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Note(Step):
+    """A remark for the journal and whoever listens."""
+
+    remark: str
+
+    @property
+    def text(self) -> str:
+        """What is said."""
+        return self.remark
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop(Step):
+    """End the run here, with the robot held."""
+
+    outcome: Outcome
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"stop: {self.reason}"

@@ -1,0 +1,55 @@
+"""Waiting with the Clock port: time limits, and work that a cancellation cannot cut short."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+from drivers.ports import Clock
+
+T = TypeVar("T")
+
+POLL = 0.01
+"""s between two looks at a device's newest sample"""
+
+
+async def within(clock: Clock, seconds: float, work: Coroutine[Any, Any, T]) -> T:
+    """The result of `work`. Raises TimeoutError when it takes longer; cancels it then, and when cancelled itself."""
+    task = asyncio.ensure_future(work)
+    timer = asyncio.ensure_future(clock.sleep(seconds))
+    try:
+        await asyncio.wait({task, timer}, return_when=asyncio.FIRST_COMPLETED)
+        if not task.done():
+            raise TimeoutError
+        return task.result()
+    finally:
+        timer.cancel()
+        task.cancel()
+
+
+async def wait_until(clock: Clock, seconds: float, condition: Callable[[], bool]) -> bool:
+    """Look until `condition` holds; False when it does not within `seconds`."""
+    deadline = clock.now() + seconds
+    while not condition():
+        if clock.now() >= deadline:
+            return False
+        await clock.sleep(POLL)
+    return True
+
+
+async def uninterrupted(work: Coroutine[Any, Any, T]) -> T:
+    """Run `work` to its end whatever is cancelled meanwhile; the cancellation is raised afterwards.
+
+    A cancellation that reaches the inner task itself (an event loop being closed) is `work`'s own matter.
+    """
+    task = asyncio.ensure_future(work)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.shield(task)
+        except asyncio.CancelledError as error:
+            cancelled = error
+        except Exception:
+            break  # raised by task.result() below
+    if cancelled is not None and not task.cancelled() and task.exception() is None:
+        raise cancelled
+    return task.result()
