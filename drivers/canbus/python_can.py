@@ -1,11 +1,12 @@
 """`PythonCanTransport`: the CanTransport port on any python-can interface, in real time.
 
-python-can's receive thread dies silently of the first exception of `recv` unless a listener has `on_error`; this one has,
-tells a garbled line (counted) from a dead bus (latched), and says so in `fault`.
+python-can's receive thread dies silently of the first exception of `recv` unless a listener has `on_error`; this one
+has, tells a garbled line (counted) from a dead bus (latched), and says so in `fault`.
 """
 
 import asyncio
 import socket
+import threading
 import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -49,6 +50,7 @@ class _Receiver(can.Listener):
         self.tolerated: Exception | None = None
         self._interface = interface
         self._garbled_in_a_row = 0
+        self._ended = False
 
     def latch(self, reason: str) -> None:
         """Keep the first reason."""
@@ -57,6 +59,8 @@ class _Receiver(can.Listener):
 
     def on_message_received(self, msg: can.Message) -> None:
         """One frame from the bus."""
+        if self._ended:
+            return
         counters = self.counters
         if msg.is_error_frame:
             counters.error_frames += 1
@@ -83,8 +87,14 @@ class _Receiver(can.Listener):
                 return
             self.latch(f"{self._garbled_in_a_row} unreadable lines in a row; is the bit rate right?")
         self.latch(f"{_RECEIVE_FAILED} ({type(exc).__name__}: {exc}); is the adapter plugged in?")
-        if self.notifier is not None:
-            self.notifier.stop(timeout=-1.0)  # ends this very thread without joining it
+        self._ended = True
+        self.attach(self.notifier)
+
+    def attach(self, notifier: can.Notifier | None) -> None:
+        """Know whom to stop: receiving may have failed before the notifier was even made."""
+        self.notifier = notifier
+        if self._ended and notifier is not None:
+            notifier.stop(timeout=-1.0)  # may be that very thread: do not join it
 
 
 class PythonCanTransport:
@@ -104,8 +114,9 @@ class PythonCanTransport:
         self._receiver = _Receiver(self._label)
         self._workers: dict[int, ThreadPoolExecutor] = {}
         self._closed = False
+        self._sending = threading.Lock()
         self._notifier = can.Notifier(self._bus, [self._receiver], timeout=_POLL_S)
-        self._receiver.notifier = self._notifier
+        self._receiver.attach(self._notifier)
 
     @property
     def counters(self) -> BusCounters:
@@ -126,7 +137,10 @@ class PythonCanTransport:
             raise BusError(f"The CAN bus {self._label} is closed.")
         frame = CanFrame(frame_id, data, time.monotonic())
         try:
-            self._bus.send(can.Message(arbitration_id=frame_id, data=data, is_extended_id=False))
+            with (
+                self._sending
+            ):  # SYNC and SDO come from different threads; slcan writes text, which must not interleave
+                self._bus.send(can.Message(arbitration_id=frame_id, data=data, is_extended_id=False))
         except Exception as error:  # each interface has its own
             self._receiver.latch(f"sending failed ({type(error).__name__}: {error})")
             raise BusError(f"The CAN bus {self._label} does not take frames: {error}.") from error

@@ -11,13 +11,14 @@ from drivers.cia402.machine import Command, answer, next_command, state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.pdo import DriveValues
 from drivers.cia402.waiting import wait_until
-from drivers.cia402.words import HALT, SET_POINT_ACKNOWLEDGED, VOLTAGE_ENABLED, Mode, controlword, mode_name, set_point
+from drivers.cia402.words import HALT, SET_POINT_ACKNOWLEDGED, Mode, controlword, mode_name, remarks, set_point
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
 
 _STALE_PERIODS = 10.0
 _SHORTEST_STALE = 0.05
 _STILL_SAMPLES = 3
+_LONGEST_WALK = 8
 _FAULTED = (DriveState.FAULT, DriveState.FAULT_REACTION)
 
 
@@ -42,7 +43,8 @@ class Drive:
 
     def send(self, order: int, word: int) -> None:
         """One controlword. Raises DeviceError where another command was begun since `order`, BusError."""
-        self._refuse_overtaken(order)
+        if order != self._order:
+            raise _overtaken(self._config)
         self._sent_at = self._clock.now()
         self._halted = bool(word & HALT)
         self.link.send_controlword(word, self._target)
@@ -70,7 +72,7 @@ class Drive:
         if values is None or self.stale(values):
             raise DeviceError(
                 self._config.device,
-                f"its state is unknown: {self._describe(values)}.",
+                f"its state is unknown: {_describe(values, self._clock.now())}.",
                 hint=self.fault() or "Is the control loop running?",
             )
         return values
@@ -92,7 +94,10 @@ class Drive:
         Raises DeviceError.
         """
         goal = DriveState.OPERATION_ENABLED
-        while (state := state_of(self.healthy().statusword)) is not goal:
+        for _ in range(_LONGEST_WALK):
+            state = state_of(self.healthy().statusword)
+            if state is goal:
+                return
             command = next_command(state, goal, quick_stop_holds=self._config.stop.holds_in_quick_stop)
             wanted = None if command is None else answer(state, command)
             if command is None or wanted is None:
@@ -100,6 +105,10 @@ class Drive:
             self._target = self.healthy().position
             self.send(order, controlword(command, halt=command is Command.ENABLE_OPERATION))
             await self.reach(order, wanted, after=command)
+        raise DeviceError(
+            self._config.device,
+            f"falls back again and again on the way to {goal}: {_describe(self.link.values, self._clock.now())}.",
+        )
 
     async def reach(self, order: int, state: DriveState, *, after: Command) -> None:
         """Wait for a state. Raises DeviceError."""
@@ -145,7 +154,8 @@ class Drive:
         leaves_fault: bool = False,
     ) -> None:
         def confirmed() -> bool:
-            self._refuse_overtaken(order)
+            if order != self._order:
+                raise _overtaken(self._config)
             values = self.link.values
             if values is None or values.t <= self._sent_at:
                 return False
@@ -155,21 +165,20 @@ class Drive:
 
         seconds = self._config.step_timeout if timeout is None else timeout
         if not await wait_until(self._clock, confirmed, timeout=seconds, period=self._period):
-            found = self._describe(self.link.values)
+            found = _describe(self.link.values, self._clock.now())
             raise DeviceError(self._config.device, f"{what} expected within {seconds:g} s, found: {found}.")
 
-    def _refuse_overtaken(self, order: int) -> None:
-        if order != self._order:
-            raise DeviceError(self._config.device, "this command was overtaken by a later one.")
 
-    def _describe(self, values: DriveValues | None) -> str:
-        if values is None:
-            return "no sample at all"
-        age = self._clock.now() - values.t
-        words = [str(state_of(values.statusword)), f"statusword 0x{values.statusword:04X}", mode_name(values.mode)]
-        if not values.statusword & VOLTAGE_ENABLED:
-            words.append("no supply voltage at the power stage")
-        return f"{', '.join(words)}, sampled {age:.3f} s ago"
+def _overtaken(config: WinchConfig) -> DeviceError:
+    return DeviceError(config.device, "this command was overtaken by a later one.")
+
+
+def _describe(values: DriveValues | None, now: float) -> str:
+    if values is None:
+        return "no sample at all"
+    words = [str(state_of(values.statusword)), f"statusword 0x{values.statusword:04X}", mode_name(values.mode)]
+    words += remarks(values.statusword)
+    return f"{', '.join(words)}, sampled {now - values.t:.3f} s ago"
 
 
 def _acknowledged(values: DriveValues) -> bool:

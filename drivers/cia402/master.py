@@ -76,7 +76,7 @@ class CanopenMaster:
         self._heartbeat_period = heartbeat_period
         self._heartbeat_due = float("-inf")
         self._links: dict[int, NodeLink] = {}
-        self._heartbeats: dict[int, float] = {}
+        self._heartbeats: list[float] = []
         self._receivers: dict[int, Callable[[CanFrame], None]] = {}
         self._network = canopen.Network(cast(can.BusABC, _TransportBus(transport)))
         transport.subscribe(self._on_frame)
@@ -90,13 +90,13 @@ class CanopenMaster:
                 f"winch {config.name!r}: host_timeout: {config.host_timeout:g} s found, must be at least "
                 f"{_HOST_PERIODS * self._heartbeat_period:g} s, three periods of the host's heartbeat."
             )
-        self._heartbeats[config.node_id] = config.heartbeat
-        self._refuse_overload()
+        self._refuse_overload(config.heartbeat)
         node = canopen.RemoteNode(config.node_id, _dictionary(config))
         self._network.add_node(node)
         sdo = SdoChannel(node, self.transport, self.clock, device=config.device, timeout=config.sdo_timeout)
         link = NodeLink(config.node_id, self.transport, sdo, self.sync, config.heartbeat)
         self._links[config.node_id] = link
+        self._heartbeats.append(config.heartbeat)
         for part, pdo in enumerate(TPDOS):
             self._receivers[pdo.cob_id(config.node_id)] = partial(link.on_tpdo, part)
         self._receivers[0x080 + config.node_id] = link.on_emergency
@@ -107,11 +107,7 @@ class CanopenMaster:
     @property
     def load(self) -> float:
         """Worst-case share of the bus that SYNC, PDOs (one RPDO a cycle) and heartbeats take."""
-        frames = {0: self._rate, 1: 1.0 / self._heartbeat_period + sum(1.0 / h for h in self._heartbeats.values())}
-        for pdo in (*TPDOS, RPDO):
-            size = pdo.format.size
-            frames[size] = frames.get(size, 0.0) + self._rate * len(self._heartbeats)
-        return bus_load(frames, self._bitrate)
+        return self._load_with(self._heartbeats)
 
     async def run(self, on_cycle: Callable[[float], None] | None = None) -> None:
         """The control loop; never returns. `on_cycle` (guards) is called with each SYNC's time.
@@ -167,10 +163,19 @@ class CanopenMaster:
         elif not link.answers_controlword(frame):
             self._network.notify(frame.id, bytearray(frame.data), frame.t)
 
-    def _refuse_overload(self) -> None:
-        if self.load > MAX_LOAD:
+    def _load_with(self, heartbeats: list[float]) -> float:
+        frames = {0: self._rate, 1: 1.0 / self._heartbeat_period + sum(1.0 / period for period in heartbeats)}
+        for pdo in (*TPDOS, RPDO):
+            size = pdo.format.size
+            frames[size] = frames.get(size, 0.0) + self._rate * len(heartbeats)
+        return bus_load(frames, self._bitrate)
+
+    def _refuse_overload(self, another: float) -> None:
+        heartbeats = [*self._heartbeats, another]
+        load = self._load_with(heartbeats)
+        if load > MAX_LOAD:
             raise SetupError(
-                f"The CAN bus would be {self.load:.0%} full with {len(self._heartbeats)} winches at {self._rate:g} Hz; "
+                f"The CAN bus would be {load:.0%} full with {len(heartbeats)} winches at {self._rate:g} Hz; "
                 f"allowed is {MAX_LOAD:.0%}.",
                 hint="Lower the SYNC rate or raise the bit rate.",
             )

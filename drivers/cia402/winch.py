@@ -27,11 +27,10 @@ class Cia402Winch:
     def __init__(self, config: WinchConfig, master: CanopenMaster) -> None:
         """Registers the node with the master. Raises SetupError (see `CanopenMaster.add_node`)."""
         self.config = config
-        self.scale: LengthScale = config.scale
-        """counts to lengths"""
         self.checks: tuple[Check, ...] = ()
         """of the last bring-up that succeeded: wanted and found"""
         self._master = master
+        self._scale: LengthScale = config.scale
         self._drive = Drive(config, master)
         self._ramp = config.max_acceleration
 
@@ -79,7 +78,7 @@ class Cia402Winch:
         for setting in profile(self.config, speed, acceleration):
             await self.link.sdo.write_verified(setting.index, setting.sub, setting.wanted)
         self._ramp = acceleration
-        await self._drive.take_set_point(order, self.scale.count(length))
+        await self._drive.take_set_point(order, self._scale.count(length))
 
     async def hold(self) -> None:
         """Stop on the ramp and stand with power on; returns at standstill.
@@ -97,8 +96,8 @@ class Cia402Winch:
             self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
         elif state is not DriveState.QUICK_STOP_ACTIVE:
             raise DeviceError(self.config.device, f"cannot hold, it has no power: {state}.")
-        speed = abs(self.scale.velocity(values.velocity))
-        slowest = _STANDSTILL * self.scale.magnitude(self.config.max_speed)
+        speed = abs(self._scale.velocity(values.velocity))
+        slowest = _STANDSTILL * self._scale.magnitude(self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
 
     def quick_stop(self) -> None:
@@ -133,4 +132,4 @@ class Cia402Winch:
         if values is None:
             return None
         state = DriveState.UNKNOWN if self._drive.stale(values) else state_of(values.statusword)
-        return make_sample(values, self.config, self.scale, state, self._drive.fault())
+        return make_sample(values, self.config, self._scale, state, self._drive.fault())

@@ -27,18 +27,22 @@ def mode_name(value: int) -> str:
         return f"mode {value}"
 
 
-def supports(supported_modes: int, mode: Mode) -> bool:
-    """Whether object 6502 claims `mode`."""
-    return bool(supported_modes >> (mode - 1) & 1)
-
-
 # statusword 6041
 VOLTAGE_ENABLED = 1 << 4
-WARNING = 1 << 7
 TARGET_REACHED = 1 << 10
-INTERNAL_LIMIT = 1 << 11
 SET_POINT_ACKNOWLEDGED = 1 << 12
-FOLLOWING_ERROR = 1 << 13
+_REMARKS = (
+    (1 << 7, "with a warning"),
+    (1 << 11, "at an internal limit"),
+    (1 << 13, "with a following error"),
+)
+
+
+def remarks(statusword: int) -> list[str]:
+    """What a statusword says beside its state and is worth telling a person, in profile position mode."""
+    found = [words for bit, words in _REMARKS if statusword & bit]
+    return found if statusword & VOLTAGE_ENABLED else [*found, "no supply voltage at the power stage"]
+
 
 # controlword 6040
 _NEW_SET_POINT = 1 << 4
