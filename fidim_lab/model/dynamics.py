@@ -118,7 +118,7 @@ def motion_step(mechanism: Mechanism) -> ca.Function:
 
 
 def _integrate(
-    mechanism: Mechanism, body: Body, pose: Pose, twist: np.ndarray, begin: float, pieces: Series
+    mechanism: Mechanism, body: Body, pose: Pose, twist: np.ndarray, begin: float, pieces: Float[np.ndarray, " pieces"]
 ) -> tuple[Float[np.ndarray, "K 18"], Float[np.ndarray, "K k"]]:
     """States and [v̇; τ] at the begin of every piece and at the end of the last."""
     count = len(pieces) + 1
@@ -135,7 +135,7 @@ def _integrate(
     return np.vstack([first, after[: count - 1]]), outputs[:count]
 
 
-def _division(times: Series, step: float) -> tuple[Series, np.ndarray]:
+def _division(times: Series, step: float) -> tuple[Float[np.ndarray, " pieces"], np.ndarray]:
     """Step sizes from times[0] to times[-1], and the index of each time among their ends."""
     intervals = np.diff(times)
     if len(times) == 0 or not np.all(np.isfinite(times)) or np.any(intervals <= 0) or step <= 0:
@@ -172,7 +172,7 @@ def _refuse_stretching(mechanism: Mechanism, pose: Pose, twist: np.ndarray) -> N
         )
 
 
-def _refuse_broken(states: np.ndarray, begin: float, pieces: Series) -> None:
+def _refuse_broken(states: np.ndarray, begin: float, pieces: Float[np.ndarray, " pieces"]) -> None:
     broken = ~np.isfinite(states).all(axis=1)
     if broken.any():
         first = int(np.argmax(broken))

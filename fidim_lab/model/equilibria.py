@@ -4,7 +4,6 @@
 whether all of them end up taut is checked afterwards. `equilibrium_at` goes the other way, from place to lengths.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -18,7 +17,13 @@ from fidim_lab.model.geometry import rotation_from_gibbs, rotation_matrix
 from fidim_lab.model.mechanism import Mechanism, structure_expression
 from fidim_lab.model.statics import Equilibrium, balance, equilibrium_of_pose
 
-QUIET = {"print_time": False, "error_on_fail": False, "ipopt.print_level": 0, "ipopt.sb": "yes"}
+QUIET = {
+    "print_time": False,
+    "error_on_fail": False,
+    "show_eval_warnings": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+}
 
 REACHED = 1e-6
 """m between the wanted and the found place of the marker"""
@@ -31,7 +36,18 @@ def pose_from_lengths(mechanism: Mechanism, body: Body, lengths: PerCable, start
     every cable at most as long as given. Raises InfeasibleError where a cable hangs slack (with its number), where the
     rest is unstable, or where there is none.
     """
-    pose, held = _descended(mechanism, body, lengths, _starts(mechanism.robot, lengths) if start is None else [start])
+    refusals: list[InfeasibleError] = []
+    for begin in _starts(mechanism.robot, lengths) if start is None else [start]:
+        try:
+            return _rest_below(mechanism, body, lengths, begin)
+        except InfeasibleError as refusal:
+            refusals.append(refusal)
+    raise refusals[0]
+
+
+def _rest_below(mechanism: Mechanism, body: Body, lengths: PerCable, begin: Pose) -> Equilibrium:
+    """The equilibrium downhill from one pose."""
+    pose, held = _descended(mechanism, body, lengths, begin)
     actual = mechanism.lengths(pose.position[np.newaxis], pose.rotation[np.newaxis])[0]
     slack = lengths - actual
     if slack.max() > 1e-4:
@@ -93,17 +109,16 @@ def equilibrium_at(
 _HINT = "Choose lengths or a place nearer to the middle of the workspace."
 
 
-def _descended(mechanism: Mechanism, body: Body, lengths: PerCable, starts: Sequence[Pose]) -> tuple[Pose, PerCable]:
-    """Pose and tensions (N/kg) of the lowest centre of mass, from the first start that leads to one."""
+def _descended(mechanism: Mechanism, body: Body, lengths: PerCable, begin: Pose) -> tuple[Pose, PerCable]:
+    """Pose and tensions (N/kg) where the centre of mass is lowest."""
     solver = mechanism.compiled("pose from lengths", _compile_descent)
-    for begin in starts:
-        parameters = np.concatenate([begin.rotation.ravel(), body.com, mechanism.theta])
-        found = solver(x0=np.concatenate([begin.position, np.zeros(3)]), p=parameters, ubg=lengths, lbg=-np.inf)
-        if solver.stats()["success"]:
-            answer = np.asarray(found["x"]).ravel()
-            pose = Pose(position=answer[:3], rotation=rotation_matrix(answer[3:]) @ begin.rotation)
-            return pose, np.asarray(found["lam_g"]).ravel() * float(np.linalg.norm(mechanism.robot.gravity))
-    raise InfeasibleError(f"No equilibrium found for the cable lengths {_metres(lengths)}.", hint=_HINT)
+    parameters = np.concatenate([begin.rotation.ravel(), body.com, mechanism.theta])
+    found = solver(x0=np.concatenate([begin.position, np.zeros(3)]), p=parameters, ubg=lengths, lbg=-np.inf)
+    if not solver.stats()["success"]:
+        raise InfeasibleError(f"No equilibrium found for the cable lengths {_metres(lengths)}.", hint=_HINT)
+    answer = np.asarray(found["x"]).ravel()
+    pose = Pose(position=answer[:3], rotation=rotation_matrix(answer[3:]) @ begin.rotation)
+    return pose, np.asarray(found["lam_g"]).ravel() * float(np.linalg.norm(mechanism.robot.gravity))
 
 
 def _level_guess(mechanism: Mechanism, body: Body, place: Vector3, reference: Matrix3) -> np.ndarray:

@@ -16,13 +16,14 @@ from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.equilibria import equilibrium_at, pose_from_lengths
 from fidim_lab.model.geometry import rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.native import built
 
 __all__ = ["dependent_pose", "equilibrium_at", "pose_from_lengths"]
 
 NEWTON_STEPS = 5
-"""for each sample; from 5 mm away three are enough, a badly conditioned chart takes more"""
+"""for each sample; from 10 mm away three are enough, a badly conditioned chart takes more"""
 
-LARGEST_STEP = 5e-3
+LARGEST_STEP = 1e-2
 """m (or rad) of a free coordinate from one solved pose to the next; farther samples get stepping stones"""
 
 TOLERANCE = 1e-9
@@ -107,7 +108,8 @@ def _compile_newton(mechanism: Mechanism, axes: tuple[int, ...]) -> ca.Function:
     pose, rest = state, given[1:]
     for _ in range(NEWTON_STEPS):
         pose = move(pose, -system(pose, *rest)[0])
-    return function("dependent_pose", given, [pose, system(pose, *rest)[1]])
+    compiled = function("dependent_pose", given, [pose, system(pose, *rest)[1]])
+    return built(compiled) if mechanism.native else compiled
 
 
 def _twice_gibbs(rotation: ca.SX) -> ca.SX:

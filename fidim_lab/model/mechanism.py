@@ -28,8 +28,8 @@ SINGULAR_DISTANCE = 1e-6
 class Mechanism:
     """Kinematics of a platform on n cables; SI units, world frame (MODEL.md §1, Eq. 1–4).
 
-    `theta` are the parameters of all effects, in their order; zero (absent) unless given. `native`: simulate with
-    compiled C where a compiler is found, the same digits faster after a second of building (see `native`).
+    `theta` are the parameters of all effects, in their order; zero (absent) unless given. `native`: simulate and
+    solve with compiled C where a compiler is found, the same digits faster after a second of building (see `native`).
     """
 
     def __init__(
@@ -71,65 +71,67 @@ class Mechanism:
 
     def cables_at(self, position: ca.SX, rotation: ca.SX, theta: ca.SX) -> tuple[CableExpressions, ...]:
         """All cables at a symbolic pose, effects on geometry applied."""
-        return tuple(cable_expressions(self._constants(index, theta), position, rotation) for index in range(self.n))
+        return tuple(cable_expressions(_constants(self, index, theta), position, rotation) for index in range(self.n))
 
     def lengths_at(self, cables: Sequence[CableExpressions], theta: ca.SX) -> ca.SX:
         """Lengths (n) of `cables_at`, effects on cable length applied."""
         return ca.vertcat(
             *(
-                cable.length + sum(effect.cable_length(number, part) for effect, part in self._parts(theta))
+                cable.length + sum(effect.cable_length(number, part) for effect, part in _parts(self.effects, theta))
                 for number, cable in enumerate(cables, start=1)
             )
         )
 
     def wrench_at(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Sum of the effects' wrenches per unit mass (6)."""
-        return sum((effect.wrench(state, part) for effect, part in self._parts(theta)), ca.SX.zeros(6))
+        return sum((effect.wrench(state, part) for effect, part in _parts(self.effects, theta)), ca.SX.zeros(6))
 
     def lengths(self, positions: Positions, rotations: Rotations) -> CableSeries:
         """Cable lengths l = r φ + ρ, m. Raises InfeasibleError at a singular pose, naming the cable."""
-        return self._evaluate("lengths", positions, rotations)[0]
+        return _evaluate(self, "lengths", positions, rotations)
 
     def structure_matrix(self, positions: Positions, rotations: Rotations) -> Float[np.ndarray, "N n 6"]:
         """Ξ with rows [tᵀ, (R a × t)ᵀ], so that Ξ [ṗ; ω] = l̇ (Eq. 3, 4). Raises InfeasibleError as `lengths`."""
-        return self._evaluate("structure matrix", positions, rotations)[0].reshape(-1, self.n, 6)
+        return _evaluate(self, "structure matrix", positions, rotations).reshape(-1, self.n, 6)
 
     def structure_matrix_rate(
         self, positions: Positions, rotations: Rotations, twists: Twists
     ) -> Float[np.ndarray, "N n 6"]:
         """Ξ̇ along the given twists, 1/s. Raises InfeasibleError as `lengths`."""
-        return self._evaluate("structure matrix rate", positions, rotations, twists)[0].reshape(-1, self.n, 6)
+        return _evaluate(self, "structure matrix rate", positions, rotations, twists).reshape(-1, self.n, 6)
 
     def swivel_angles(self, positions: Positions, rotations: Rotations) -> CableSeries:
         """σ in (−π, π], rad. Raises InfeasibleError as `lengths`."""
-        return self._evaluate("swivel angles", positions, rotations)[0]
+        return _evaluate(self, "swivel angles", positions, rotations)
 
     def wrap_angles(self, positions: Positions, rotations: Rotations) -> CableSeries:
         """φ in [0, 2π), rad. Raises InfeasibleError as `lengths`."""
-        return self._evaluate("wrap angles", positions, rotations)[0]
+        return _evaluate(self, "wrap angles", positions, rotations)
 
-    def _evaluate(self, name: str, *arguments: np.ndarray) -> list[np.ndarray]:
-        outputs = self.compiled(f"kinematics: {name}", lambda mechanism: _compile(mechanism, name))
-        samples = len(arguments[0])
-        *results, distances, clearances = over_samples(outputs, samples, *arguments, self.theta)
-        _refuse_singular(distances, clearances)
-        return results
 
-    def _constants(self, index: int, theta: ca.SX) -> CableConstants:
-        constants = CableConstants.of(self.robot.cables[index])
-        for effect, part in self._parts(theta):
-            constants = effect.geometry(index + 1, constants, part)
-        return constants
+def _evaluate(mechanism: Mechanism, name: str, *arguments: np.ndarray) -> np.ndarray:
+    compiled = mechanism.compiled(f"kinematics: {name}", lambda made: _compile(made, name))
+    result, distances, clearances = over_samples(compiled, len(arguments[0]), *arguments, mechanism.theta)
+    _refuse_singular(distances, clearances)
+    return result
 
-    def _parts(self, theta: ca.SX) -> list[tuple[Effect, ca.SX]]:
-        """Each effect with its own parameters."""
-        parts: list[tuple[Effect, ca.SX]] = []
-        first = 0
-        for effect in self.effects:
-            last = first + len(effect.parameters)
-            parts.append((effect, theta[first:last]))
-            first = last
-        return parts
+
+def _constants(mechanism: Mechanism, index: int, theta: ca.SX) -> CableConstants:
+    constants = CableConstants.of(mechanism.robot.cables[index])
+    for effect, part in _parts(mechanism.effects, theta):
+        constants = effect.geometry(index + 1, constants, part)
+    return constants
+
+
+def _parts(effects: Sequence[Effect], theta: ca.SX) -> list[tuple[Effect, ca.SX]]:
+    """Each effect with its own parameters."""
+    parts: list[tuple[Effect, ca.SX]] = []
+    first = 0
+    for effect in effects:
+        last = first + len(effect.parameters)
+        parts.append((effect, theta[first:last]))
+        first = last
+    return parts
 
 
 def _remake(robot: Robot, effects: tuple[Effect, ...], theta: tuple[float, ...], native: bool) -> Mechanism:

@@ -69,6 +69,14 @@ def test_a_start_elsewhere_finds_the_same_rest(paper, twelve):
     np.testing.assert_allclose(again.pose.position, twelve[5].pose.position, atol=1e-9)
 
 
+@pytest.mark.parametrize("place", [(0.6, 0.0, -0.4), (1.8, -0.9, -0.4), (0.9, 0.4, -0.7), (1.2, -0.2, 0.0)])
+def test_lengths_for_a_place_lead_back_to_it_from_a_cold_start(paper, place):
+    body = paper.robot.nominal
+    found = equilibrium_at(paper, body, np.array(place))
+    again = pose_from_lengths(paper, body, found.lengths)
+    np.testing.assert_allclose(again.pose.position, place, atol=1e-6)
+
+
 def lengths_for(mechanism):
     """Five equal cables would not all be taut."""
     if mechanism.n < 5:
