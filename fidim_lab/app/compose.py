@@ -1,0 +1,182 @@
+"""The composition root: the one place that chooses real or simulated hardware. Everything above gets a `Rig`."""
+
+import asyncio
+import contextlib
+import math
+import time
+from collections.abc import AsyncGenerator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import can
+import numpy as np
+
+from drivers.canbus.python_can import PythonCanTransport
+from drivers.canbus.transport import CanTransport
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.winch import Cia402Winch
+from drivers.clock import LoopClock
+from drivers.mocap.feeds import ByteFeed, UdpFeed
+from drivers.mocap.source import StreamMarkerSource
+from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
+from drivers.ports import Operator, Rig
+from fidim_lab.arrays import PerCable
+from fidim_lab.data.records import Plan, Robot
+from sim_backends import jumping_loop
+from sim_backends.drive.node import SimulatedDrive
+from sim_backends.in_process_bus import InProcessBus
+from sim_backends.laboratory import Laboratory
+from sim_backends.mocap.encoders import ViconEncoder
+from sim_backends.mocap.faults import Faults
+from sim_backends.mocap.server import ServerFeed
+from sim_backends.mocap.sockets import UdpSender
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import World, make_world
+from sim_backends.served_bus import ServedBus
+from sim_backends.simulate import truth_of
+
+T = TypeVar("T")
+
+SYNC_RATE = 100.0
+"""Hz in a dry run: as many currents as marker frames (a real rig's default is 250)"""
+MARKER_RATE = 100.0
+"""Hz"""
+REACH = 0.3
+"""m of cable beyond the plan's shortest and longest that a simulated winch may wind or pay out"""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRig:
+    """A rig in a simulated laboratory, with what a rehearsal may reach behind the ports."""
+
+    rig: Rig
+    transport: CanTransport
+    laboratory: Laboratory
+    drives: tuple[SimulatedDrive, ...]
+
+
+def simulated_world(robot: Robot, seed: int, hide: tuple[str, ...]) -> World:
+    """A true robot near the robot file's, with hidden effects. Raises SetupError for an effect it does not know."""
+    effects = tuple(parse_effect(text, robot.n) for text in hide)
+    return make_world(robot, np.random.default_rng([seed, 0]), effects)
+
+
+def world_truth(world: World, name: str, seed: int) -> dict[str, object]:
+    """What is true in a simulated world, for truth.json."""
+    return truth_of(world, name, seed)
+
+
+def run_loop(main: Coroutine[Any, Any, T], *, real_time: bool) -> T:
+    """Run a coroutine on a loop that waits, or on one whose clock jumps."""
+    return asyncio.run(main) if real_time else jumping_loop.run(main)
+
+
+@asynccontextmanager
+async def simulated_rig(
+    robot: Robot,
+    plan: Plan,
+    world: World,
+    seed: int,
+    *,
+    real_time: bool = False,
+    operator: Operator | None = None,
+    faults: Faults | None = None,
+) -> AsyncGenerator[SimulatedRig]:
+    """The drivers on simulated devices, running, until the context ends.
+
+    In process on the running loop's clock; with `real_time` over a python-can bus and a UDP socket. The robot rests at
+    the plan's first lengths. Raises SetupError or InfeasibleError where such a laboratory cannot be.
+    """
+    clock = LoopClock()
+    now: Callable[[], float] = time.monotonic if real_time else clock.now
+    start = _start(plan)
+    laboratory = Laboratory(robot, world, start, np.random.default_rng([seed, 1]), now)
+    configs = _winch_configs(robot, plan, laboratory)
+    drives = laboratory.drives(configs[0].eds)
+    names = tuple(f"marker{k}" for k in range(1, len(robot.markers) + 1))
+    server = laboratory.mocap_server(ViconEncoder(names), MARKER_RATE, faults)
+    async with contextlib.AsyncExitStack() as stack:
+        feed: ByteFeed
+        if real_time:
+            transport = _served(stack, drives)
+            feed = UdpFeed(clock, 0, "127.0.0.1")
+        else:
+            bus = transport = InProcessBus(clock.now)
+            for drive in drives:
+                bus.attach(drive)
+            feed = ServerFeed(server, clock)
+        stack.callback(transport.close)
+        master = CanopenMaster(transport, clock, sync_rate=SYNC_RATE)
+        winches = tuple(Cia402Winch(config, master) for config in configs)
+        markers = StreamMarkerSource(feed, ViconUdpDecoder(MarkerObjects(names)), clock, rate=MARKER_RATE)
+        await _running(stack, master.run())
+        if isinstance(transport, InProcessBus):
+            await _running(stack, _live(transport, clock))
+        await markers.start()
+        stack.push_async_callback(markers.close)
+        if isinstance(feed, UdpFeed):
+            sender = UdpSender(server, clock, feed.port)
+            await sender.start()
+            stack.push_async_callback(sender.close)
+        rig = Rig(clock, winches, markers, operator or laboratory.hand(clock))
+        yield SimulatedRig(rig, transport, laboratory, drives)
+
+
+def _start(plan: Plan) -> PerCable:
+    return plan.windows[0].lengths
+
+
+def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory) -> tuple[WinchConfig, ...]:
+    """What a rig file would say of the simulated winches."""
+    lengths = np.array([window.lengths for window in plan.windows])
+    winches = robot.winches or ()
+    return tuple(
+        WinchConfig(
+            name=f"winch {cable + 1}",
+            node_id=cable + 1,
+            counts_per_turn=2.0 * math.pi * winch.drum_radius / drum.metres_per_count,
+            drum_radius=winch.drum_radius,
+            rated_current=RATED_CURRENT,
+            current_limit=1.5 * robot.limits.tension[1] / winch.newton_per_ampere,
+            max_speed=0.5,
+            max_acceleration=1.0,
+            length_limits=(
+                max(0.05, float(lengths[:, cable].min()) - REACH),
+                float(lengths[:, cable].max()) + REACH,
+            ),
+            direction=drum.direction,
+            home_length=drum.home_length,
+        )
+        for cable, (winch, drum) in enumerate(zip(winches, laboratory.drums, strict=True))
+    )
+
+
+RATED_CURRENT = 5.0
+"""A, object 6075 of the generic EDS"""
+
+
+def _served(stack: contextlib.AsyncExitStack, drives: tuple[SimulatedDrive, ...]) -> CanTransport:
+    """The drives on a python-can bus of this process, served by a thread in real time."""
+    channel = f"fidim-{id(drives):x}"
+    stack.enter_context(ServedBus(can.Bus(interface="virtual", channel=channel), drives))
+    return PythonCanTransport("virtual", channel)
+
+
+async def _live(bus: InProcessBus, clock: LoopClock) -> None:
+    """Let the nodes of an in-process bus live: heartbeats, moves, late answers."""
+    while True:
+        bus.advance(clock.now())
+        await clock.sleep(min(max(bus.due - clock.now(), 1e-4), 0.05))
+
+
+async def _running(stack: contextlib.AsyncExitStack, work: Coroutine[Any, Any, Any]) -> None:
+    """Run something beside, until the context ends; how it failed shows in the values that it no longer brings."""
+    task = asyncio.ensure_future(work)
+
+    async def end() -> None:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    stack.push_async_callback(end)
