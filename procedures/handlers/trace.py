@@ -21,18 +21,23 @@ class MarkerTrace:
         self._over = over
         self._enough = ENOUGH * over * min(rate, 1.0 / POLL)
         self._number = -1
+        self._last: tuple[float, float, float] | None = None
         self._seen: deque[tuple[float, tuple[float, float, float]]] = deque()
         self._begin: float | None = None
         self._now = 0.0
 
     def take(self, frame: MarkerFrame | None, now: float) -> None:
-        """Look at the newest frame; one seen before, or without the marker, adds nothing."""
+        """Look at the newest frame; one seen before, without the marker, or with it frozen in its place adds nothing.
+
+        A sensor has noise: exactly the same position again is no sign of rest.
+        """
         self._begin = now if self._begin is None else self._begin
         if frame is not None and frame.number != self._number:
             self._number = frame.number
             place = frame.positions[0] if frame.positions else None
-            if place is not None:
+            if place is not None and place != self._last:
                 self._seen.append((now, place))
+            self._last = place
         while self._seen and self._seen[0][0] < now - self._over:
             self._seen.popleft()
         self._now = now

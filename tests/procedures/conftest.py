@@ -3,6 +3,7 @@
 It has no physics: lengths go where they are sent, the marker swings as a cosine once it is let go.
 """
 
+import asyncio
 import math
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -35,6 +36,7 @@ class FakeWinch:
         self.name = name
         self.world = world
         self.state = DriveState.SWITCH_ON_DISABLED
+        self.configured = False
         self.commands: list[str] = []
         self.fault = ""
         self.tension: float | None = None
@@ -51,9 +53,12 @@ class FakeWinch:
 
     async def configure(self) -> None:
         self._command("configure")
+        await self.world.clock.sleep(0.02)
+        self.configured = True
 
     async def enable(self) -> None:
         self._command("enable")
+        await self.world.clock.sleep(0.1)
         self.state = DriveState.OPERATION_ENABLED
 
     async def move_to(self, length: float, speed: float, acceleration: float) -> None:
@@ -85,7 +90,7 @@ class FakeWinch:
         return self._from + math.copysign(min(abs(way), passed), way) + self.creep * max(0.0, t - self._begin)
 
     def latest(self) -> WinchSample | None:
-        if self.state is DriveState.SWITCH_ON_DISABLED:
+        if not self.configured:
             return None
         now = min(self.world.now(), self.silent_since)
         t = math.floor(now / CYCLE + 1e-9) * CYCLE
@@ -177,7 +182,8 @@ class World:
         self.events: list[Event] = []
         self.settings = Settings()
         self.write: Callable[[int, bytes], int] | None = None
-        self._plants: list[tuple[str, Callable[[], None]]] = []
+        self._plants: list[tuple[str, float, Callable[[], Any]]] = []
+        self._tasks: list[asyncio.Future[None]] = []
 
     def now(self) -> float:
         return self.clock.now()
@@ -194,16 +200,25 @@ class World:
     def tension(self, t: float) -> float:
         return 60.0 + 600.0 * self.amplitude * math.sin(2 * math.pi * 1.3 * (t - self.released))
 
-    def at(self, step: str, fault: Callable[[], None]) -> None:
-        self._plants.append((step, fault))
+    def at(self, step: str, fault: Callable[[], Any], *, after: float = 0.0) -> None:
+        """Let `fault` happen so many seconds after the first step of this type begins."""
+        self._plants.append((step, after, fault))
+
+    async def _later(self, after: float, fault: Callable[[], Any]) -> None:
+        await self.clock.sleep(after)
+        fault()
 
     def hear(self, event: Event) -> None:
         self.events.append(event)
         if isinstance(event, StepStarted):
             for plant in tuple(self._plants):
-                if plant[0] == type(event.step).__name__:
+                step, after, fault = plant
+                if step == type(event.step).__name__:
                     self._plants.remove(plant)
-                    plant[1]()
+                    if after:
+                        self._tasks.append(asyncio.ensure_future(self._later(after, fault)))
+                    else:
+                        fault()
 
     @property
     def rig(self) -> Rig:
@@ -236,7 +251,9 @@ def comfortable(lengths: np.ndarray) -> np.ndarray:
 
 def make_plan(sets: Sequence[Sequence[float]], name: str = "two windows") -> Plan:
     windows = tuple(
-        PlannedWindow(f"i{k:02d}", Role.IDENTIFY, np.array(lengths), np.array([0.03, 0.012]), np.array([1.2, -0.2, -0.3]))
+        PlannedWindow(
+            f"i{k:02d}", Role.IDENTIFY, np.array(lengths), np.array([0.03, 0.012]), np.array([1.2, -0.2, -0.3])
+        )
         for k, lengths in enumerate(sets, start=1)
     )
     return Plan(name, windows)

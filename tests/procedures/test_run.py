@@ -14,7 +14,8 @@ def test_the_happy_path_gives_a_campaign(world, lab, tmp_path):
     report = world.run(lab.plan, tmp_path / "run")
     assert report.outcome is Outcome.PASS, report.reason
     assert report.exit_code == 0
-    assert report.held and report.held_says == "All winches stand still, held."
+    assert report.held
+    assert report.held_says == "All winches stand still, held."
     assert [row.id for row in report.accepted] == ["i01", "i02"]
     campaign = read_campaign(tmp_path / "run")
     for window in campaign.windows:
@@ -75,7 +76,8 @@ def test_listeners_hear_progress_with_a_falling_time_left(world, lab, tmp_path):
     left = [e.left for e in world.events if isinstance(e, StepFinished)]
     assert left[-1] == 0.0
     assert left == sorted(left, reverse=True)
-    assert isinstance(world.events[-1], RunFinished) and world.events[-1].report == report
+    assert isinstance(world.events[-1], RunFinished)
+    assert world.events[-1].report == report
 
 
 def test_a_listener_that_raises_disturbs_nothing(world, lab, tmp_path):
