@@ -93,7 +93,7 @@ class Communication:
             self.outbox += self._pdos.events(now)
 
     def _enter(self, state: NmtState) -> None:
-        if state is NmtState.STOPPED and self.state is not NmtState.STOPPED:
+        if state is NmtState.STOPPED and self.state is not NmtState.STOPPED and self._axis.feedback.powered:
             self._axis.abort_connection()
             self.settle(self._axis.feedback.now)
         entering, self.state = state is not self.state, state
@@ -123,7 +123,8 @@ class Communication:
         if command in _ENTERED:
             self._enter(_ENTERED[command])
             return
-        self._axis.abort_connection()
+        if self._axis.feedback.powered:
+            self._axis.abort_connection()
         self._od.restore(0x1000, 0x9FFF if command is NmtCommand.RESET_NODE else 0x1FFF)
         if command is NmtCommand.RESET_NODE:
             self._axis.reset()

@@ -1,5 +1,6 @@
 """An EDS file as object dictionary of a simulated drive (parsed by `canopen`, nothing else of which is used)."""
 
+import configparser
 import struct
 from pathlib import Path
 from typing import Any
@@ -22,9 +23,9 @@ def read_eds(path: Path, node_id: int) -> Dictionary:
     try:
         with path.open(encoding="utf-8", errors="replace") as stream:
             tree: Any = canopen.import_od(stream, node_id=node_id)
-    except (OSError, ValueError, KeyError) as problem:
-        raise FileError(path, "", f"cannot be read as an EDS file: {problem}") from problem
-    except Exception as problem:  # configparser's errors have no common base but Exception
+    except OSError as problem:
+        raise FileError(path, "", f"cannot be read: {problem}") from problem
+    except (ValueError, LookupError, TypeError, AttributeError, configparser.Error) as problem:
         raise FileError(path, "", f"is no EDS file: {problem}") from problem
     variables: list[Any] = []
     for entry in tree.values():

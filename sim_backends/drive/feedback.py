@@ -65,6 +65,9 @@ class Feedback:
 
     def lag(self) -> int:
         """60F4, following error, counts."""
+        if not self._positioner.behind:
+            off = self.reference - self.slipped
+            return _wrap(off) if off else 0
         demand = self._positioner.demand(self.now).position + self.reference
         return _wrap(demand - self.motion.position - self.slipped)
 

@@ -3,6 +3,8 @@
 Positions here are those of the shaft (counts, unquantised); `Feedback` turns them into what the encoder shows.
 """
 
+import math
+
 from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.profile import Profile, ShaftMotion, standing, stop, trapezoid
 from sim_backends.drive.shaft import Shaft
@@ -26,7 +28,7 @@ class Positioner:
         self._positioning = False
         self.target = position
         """the target under way or reached, counts"""
-        shaft.follow(self._demand)
+        shaft.follow(-math.inf, self._demand)
 
     def motion(self, t: float) -> ShaftMotion:
         """How the shaft moves at time t."""
@@ -39,6 +41,11 @@ class Positioner:
     def at_rest(self, t: float) -> bool:
         """Whether no motion is under way or waiting, and the shaft is where it was wanted."""
         return t >= self._demand.end and self._waiting is None and self._actual is self._demand
+
+    @property
+    def behind(self) -> bool:
+        """Whether the motor was too weak to follow, so that demand and shaft differ."""
+        return self._actual is not self._demand
 
     @property
     def full(self) -> bool:
@@ -65,18 +72,18 @@ class Positioner:
         acceleration = max(min(number(0x6083), number(0x60C5) or 0xFFFFFFFF), 1)
         deceleration = max(min(number(0x6084), number(0x60C6) or 0xFFFFFFFF), 1)
         self._positioning = True
-        self._follow(trapezoid(t, self._actual.at(t), self.target, speed, acceleration, deceleration))
+        self._follow(t, trapezoid(t, self._actual.at(t), self.target, speed, acceleration, deceleration))
 
     def ramp_down(self, t: float, deceleration_object: int, *, keep_target: bool = False) -> None:
         """Stop with the deceleration in that object; the target is kept for `resume`, or forgotten."""
         self._positioning = False
-        self._follow(stop(t, self._actual.at(t), max(self._dictionary.number(deceleration_object), 1)))
+        self._follow(t, stop(t, self._actual.at(t), max(self._dictionary.number(deceleration_object), 1)))
         if not keep_target:
             self._forget()
 
     def brake(self, t: float) -> None:
         """Power goes, the brake closes; targets are forgotten."""
-        self._follow(self._braking(t))
+        self._follow(t, self._braking(t))
         self._forget()
 
     def tick(self, t: float, lacking: float) -> None:
@@ -86,7 +93,7 @@ class Positioner:
                 self.resume(t)
         elif self._positioning and lacking and self._actual.at(t).velocity * lacking > 0.0:
             self._actual = self._braking(t)
-            self._shaft.follow(self._actual)
+            self._shaft.follow(t, self._actual)
         elif self._positioning and self._waiting is not None and t >= self._demand.end:
             self.target, self._waiting = self._waiting, None
             self.resume(t)
@@ -100,6 +107,6 @@ class Positioner:
         self._waiting = None
         self.target = self._demand.rest.position
 
-    def _follow(self, profile: Profile) -> None:
+    def _follow(self, t: float, profile: Profile) -> None:
         self._demand = self._actual = profile
-        self._shaft.follow(profile)
+        self._shaft.follow(t, profile)

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 _NEGLIGIBLE = 1e-12
 """s; shorter pieces are left out"""
 
 
-@dataclass(frozen=True, slots=True)
-class ShaftMotion:
+class ShaftMotion(NamedTuple):
     """Where a shaft is and how it moves: counts, counts/s, counts/s²."""
 
     position: float
