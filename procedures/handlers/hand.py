@@ -11,6 +11,8 @@ from procedures.stand import Stand
 from procedures.steps import Ask, AwaitHandsOff, Result
 from procedures.timing import POLL
 
+LOOKS = 5
+
 _OUTCOMES = {"skip": Outcome.SKIPPED, "abort": Outcome.ABORTED}
 
 
@@ -44,10 +46,16 @@ async def await_hands_off(stand: Stand, step: AwaitHandsOff) -> Result:
         await clock.sleep(POLL)
 
 
+def _smoothed(tensions: np.ndarray) -> np.ndarray:
+    """The mean of each LOOKS in a row, (N, n): a current sensor's noise is not the cable going slack."""
+    looks = min(LOOKS, len(tensions))
+    sums = np.cumsum(np.vstack([np.zeros(tensions.shape[1]), tensions]), axis=0)
+    return (sums[looks:] - sums[:-looks]) / looks
+
+
 def _measurements(step: AwaitHandsOff, trace: MarkerTrace, tensions: np.ndarray) -> tuple[Measurement, ...]:
     low, high = step.limits
-    # The mean of each five looks: a current sensor's noise is not the cable going slack.
-    smooth = np.array([tensions[i : i + 5].mean(axis=0) for i in range(max(1, len(tensions) - 4))])
+    smooth = _smoothed(tensions)
     slack, tight = int(np.argmin(smooth.min(axis=0))), int(np.argmax(smooth.max(axis=0)))
     return (
         Measurement("marker peak to peak", trace.spread if trace.full else None, "m", low=step.moving),

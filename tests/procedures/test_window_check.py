@@ -1,0 +1,115 @@
+"""What makes a recorded window a good one."""
+
+import numpy as np
+import pytest
+
+from procedures.outcomes import Outcome, judge
+from procedures.recorder import Recording
+from procedures.steps import WindowLimits
+from procedures.window_check import moving_average, seen_samples, window_measurements
+
+LIMITS = WindowLimits(
+    complete=0.98,
+    longest_gap=0.1,
+    amplitude=5e-3,
+    displacement=(0.1, 0.1),
+    displacement_tolerance=1.25,
+    motors_still=3e-3,
+    tension=5.0,
+    tension_over=0.05,
+)
+
+
+def recording(*, amplitude=0.03, tension=60.0):
+    t = np.arange(1001) / 100.0
+    rng = np.random.default_rng(3)
+    swing = amplitude * np.cos(2 * np.pi * 1.3 * t)
+    place = np.column_stack([1.2 + swing, -0.2 + 0.4 * swing, np.full(1001, -0.3)]) + rng.normal(0, 1e-4, (1001, 3))
+    lengths = np.full((1001, 4), 1.4)
+    currents = np.full((1001, 4), tension / 34.0) + rng.normal(0, 0.05, (1001, 4))
+    return Recording("i01", 1, 100.0, place[:, None, :], lengths, currents, {})
+
+
+def verdict(made):
+    return judge(window_measurements(made, LIMITS, (1.2, -0.2, -0.3), (34.0,) * 4))
+
+
+def test_a_good_window_passes():
+    assert verdict(recording()) == (Outcome.PASS, "")
+
+
+CASES = {
+    "gap": (
+        lambda r: r.markers.__setitem__(slice(300, 320), np.nan),
+        Outcome.FAIL,
+        "longest gap of the marker is 0.2 s",
+    ),
+    "frozen": (
+        lambda r: r.markers.__setitem__(slice(300, 320), r.markers[299]),
+        Outcome.FAIL,
+        "is 0.2 s (at most 0.1 s",
+    ),
+    "a few lost": (lambda r: r.markers.__setitem__(slice(0, 950, 100), np.nan), Outcome.PASS, ""),
+    "many lost": (lambda r: r.markers.__setitem__(slice(0, 1000, 20), np.nan), Outcome.FAIL, "part of marker samples"),
+    "nothing seen": (lambda r: r.markers.fill(np.nan), Outcome.FAIL, "amplitude (peak to peak) was not measured"),
+    "motor gave way": (
+        lambda r: r.lengths[:, 2].__isub__(np.linspace(0, 4e-3, 1001)),
+        Outcome.FAIL,
+        "motor of cable 3 is 0.004 m",
+    ),
+    "motor gave way a little": (
+        lambda r: r.lengths[:, 2].__isub__(np.linspace(0, 2e-3, 1001)),
+        Outcome.MARGINAL,
+        "cable 3",
+    ),
+    "slack": (lambda r: r.currents[500:530, 1].fill(-0.1), Outcome.FAIL, "smallest tension of cable 2 is -3.4 N"),
+    "nearly slack": (
+        lambda r: r.currents[500:530, 1].fill(0.1),
+        Outcome.MARGINAL,
+        "smallest tension of cable 2 is 3.4 N",
+    ),
+    "one bad current": (lambda r: r.currents.__setitem__((500, 1), -1.0), Outcome.PASS, ""),
+    "no currents": (lambda r: r.currents.fill(np.nan), Outcome.FAIL, "smallest tension was not measured"),
+    "too far": (
+        lambda r: r.markers[400, 0].__setitem__(0, 1.33),
+        Outcome.FAIL,
+        "displacement x is 0.13 m (at most 0.125 m",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_wrong_is_said(case):
+    spoil, outcome, says = CASES[case]
+    made = recording()
+    spoil(made)
+    found, reason = verdict(made)
+    assert found is outcome
+    assert says in reason
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "outcome"), [(0.001, Outcome.FAIL), (0.11, Outcome.MARGINAL), (0.13, Outcome.FAIL)]
+)
+def test_amplitude_has_a_floor_and_a_limit(amplitude, outcome):
+    assert verdict(recording(amplitude=amplitude))[0] is outcome
+
+
+def test_an_unknown_rest_does_not_pass():
+    outcome, reason = judge(window_measurements(recording(), LIMITS, (), (34.0,) * 4))
+    assert outcome is Outcome.UNSET
+    assert "displacement x was not measured" in reason
+
+
+def test_four_equal_positions_are_chance_five_are_frozen():
+    place = np.arange(60.0).reshape(20, 3)
+    place[5:9] = place[5]
+    assert seen_samples(place).all()
+    place[9] = place[5]
+    assert np.flatnonzero(~seen_samples(place)).tolist() == [6, 7, 8, 9]
+
+
+def test_moving_average_leaves_blanks_out():
+    assert moving_average(np.array([1.0, np.nan, 3.0, np.nan, np.nan]), 2) == pytest.approx(
+        [1.0, 3.0, 3.0, np.nan], nan_ok=True
+    )
