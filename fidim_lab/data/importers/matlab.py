@@ -1,0 +1,128 @@
+"""MATLAB .mat files with manners: every field that is wrong is a FileError with its name (`mat5` reads the bytes).
+
+`variables` says what a file holds without reading it; `load_struct` opens one struct, whose fields are then asked for
+with the shape they must have.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fidim_lab.data.importers.mat5 import DamagedError, read_names, read_variables
+from fidim_lab.errors import FileError
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class MatStruct:
+    """One struct of a .mat file, and where in the file it stands."""
+
+    path: Path
+    place: str
+    fields: Mapping[str, Any]
+
+    def struct(self, name: str) -> "MatStruct":
+        """A field that is a struct."""
+        value = self._field(name)
+        if not isinstance(value, Mapping):
+            raise self._wrong(name, f"is {_kind(value)}; a struct was expected")
+        return MatStruct(self.path, self._at(name), value)
+
+    def structs(self, name: str) -> "tuple[MatStruct, ...]":
+        """A field that is a cell or struct array of structs, one or more."""
+        items = _items(self._field(name))
+        if not items:
+            raise self._wrong(name, "is empty; one struct or more was expected")
+        for number, item in enumerate(items, start=1):
+            if not isinstance(item, Mapping):
+                raise self._wrong(f"{name}{{{number}}}", f"is {_kind(item)}; a struct was expected")
+        return tuple(
+            MatStruct(self.path, self._at(f"{name}{{{number}}}"), item) for number, item in enumerate(items, start=1)
+        )
+
+    def number(self, name: str) -> float:
+        """A field that is one finite number."""
+        return float(_checked(self, name, self._field(name), ()))
+
+    def array(self, name: str, *shape: int | None) -> np.ndarray:
+        """A field that is a finite numeric array of this shape; None is any length."""
+        return _checked(self, name, self._field(name), shape)
+
+    def cells(self, name: str, *shape: int | None) -> tuple[np.ndarray, ...]:
+        """A field that is a cell array of numeric arrays of this shape."""
+        items = _items(self._field(name))
+        return tuple(_checked(self, f"{name}{{{k}}}", item, shape) for k, item in enumerate(items, start=1))
+
+    def _field(self, name: str) -> Any:
+        if name not in self.fields:
+            raise self._wrong(name, f"is missing; found {', '.join(self.fields)[:120] or 'nothing'}")
+        return self.fields[name]
+
+    def _at(self, name: str) -> str:
+        return f"{self.place}.{name}"
+
+    def _wrong(self, name: str, problem: str) -> FileError:
+        return FileError(self.path, self._at(name), problem)
+
+
+def variables(path: Path) -> tuple[str, ...]:
+    """Names of the variables in a file. Raises FileError where it is not a readable .mat file."""
+    return _carefully(path, read_names)
+
+
+def load_struct(path: Path, variable: str) -> MatStruct:
+    """One struct variable of a file. Raises FileError where file or variable is not what it should be."""
+    content = _carefully(path, read_variables)
+    if variable not in content:
+        raise FileError(path, variable, f"no such variable; found {', '.join(content)[:120] or 'nothing'}")
+    value = content[variable]
+    if not isinstance(value, Mapping):
+        raise FileError(path, variable, f"is {_kind(value)}; a struct was expected")
+    return MatStruct(path, variable, value)
+
+
+def _carefully(path: Path, read: Callable[[bytes], T]) -> T:
+    try:
+        return read(path.read_bytes())
+    except DamagedError as error:
+        raise FileError(path, "", f"is damaged or no .mat file: {error}") from None
+    except FileNotFoundError:
+        raise FileError(path, "", "no such file") from None
+    except IsADirectoryError:
+        raise FileError(path, "", "is a folder, a file was expected") from None
+    except OSError as error:
+        raise FileError(path, "", f"cannot be read: {error.strerror}") from None
+
+
+def _items(value: Any) -> Sequence[Any]:
+    """The elements of a cell or struct array; a 1 × 1 struct is its own only element."""
+    return value if isinstance(value, list) else [value]
+
+
+def _checked(owner: MatStruct, name: str, value: Any, shape: tuple[int | None, ...]) -> np.ndarray:
+    """The value as an array of this shape: MATLAB has no vectors, so sizes of 1 do not count."""
+    place = f"{owner.place}.{name}"
+    wanted = " × ".join("any" if size is None else str(size) for size in shape) or "one number"
+    if not isinstance(value, np.ndarray):
+        raise FileError(owner.path, place, f"is {_kind(value)}; numbers ({wanted}) were expected")
+    found = [size for size in value.shape if size != 1]
+    sizes = [size for size in shape if size != 1]
+    if len(found) != len(sizes) or any(w not in (None, f) for w, f in zip(sizes, found, strict=True)):
+        has = " × ".join(str(size) for size in value.shape)
+        raise FileError(owner.path, place, f"has shape {has}; {wanted} was expected")
+    if not np.isfinite(value).all():
+        raise FileError(owner.path, place, "holds values that are not finite")
+    remaining = iter(found)
+    return value.reshape([1 if size == 1 else next(remaining) for size in shape])
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "a struct"
+    if isinstance(value, np.ndarray):
+        return f"an array of {' × '.join(str(size) for size in value.shape)} numbers"
+    return "text" if isinstance(value, str) else "a cell or struct array"
