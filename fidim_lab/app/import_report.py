@@ -1,0 +1,199 @@
+"""What an import found, `ImportReport`: `table` for programs (import.json, "fidim-import/1"), `summary` for people."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from fidim_lab.data.alignment import ClockOffset
+from fidim_lab.data.importers.recording import Recording
+from fidim_lab.data.records import Campaign
+from fidim_lab.data.rigid_body import ClusterShape
+from fidim_lab.identification.arrangement import Evidence
+from fidim_lab.identification.registration import Registration
+from fidim_lab.mismatch.hand_contact import HandFree
+from fidim_lab.units import degrees, millimetres
+
+FORMAT = "fidim-import/1"
+
+
+@dataclass(frozen=True, eq=False)
+class ImportReport:
+    """What an import found and wrote."""
+
+    recording: Recording
+    cluster: ClusterShape
+    arrangements: tuple[Evidence, ...]
+    chosen: Evidence
+    hand_free: HandFree
+    campaign: Campaign
+    folder: Path
+
+    @property
+    def registration(self) -> Registration:
+        """The registration in force: the chosen arrangement, with stretch."""
+        return self.chosen.stretched
+
+
+def table(report: ImportReport) -> dict[str, object]:
+    """Everything that was found, as plain values in SI units."""
+    recording, cluster, hand_free = report.recording, report.cluster, report.hand_free
+    registration, balance = report.registration, report.hand_free.balance
+    return {
+        "format": FORMAT,
+        "kind": recording.kind,
+        "name": recording.name,
+        "sources": {
+            "markers": str(recording.markers.source),
+            "log": str(recording.log.source),
+            "geometry": str(recording.geometry_source),
+        },
+        "cluster": {
+            "markers": list(recording.markers.names),
+            "rms": cluster.rms,
+            "rms_per_marker": _floats(cluster.rms_per_marker),
+            "noise": cluster.noise,
+            "frames_used": cluster.samples_used,
+            "frames": len(recording.markers.t),
+        },
+        "registration": {
+            "rms": registration.rms,
+            "rms_per_cable": _floats(registration.rms_per_cable),
+            "compliance": registration.compliance,
+            "tilt": registration.tilt,
+            "world": _transform(report.registration.world.rotation, report.registration.world.translation),
+            "body": _transform(report.registration.body.rotation, report.registration.body.translation),
+            "lengths": _floats(registration.lengths),
+        },
+        "arrangements": [_arrangement(evidence, evidence is report.chosen) for evidence in report.arrangements],
+        "clock": {
+            "log_minus_markers": _clock(report.chosen.clock),
+            "by_inclinometer": _clock(report.chosen.inclinometer),
+            "by_load_cells": _clock(report.chosen.load_cells),
+        },
+        "soft_directions": {
+            "free_directions": balance.free_directions,
+            "singular_values": _floats(balance.singular_values),
+        },
+        "windows": [
+            {
+                "id": window.id,
+                "role": window.role.value,
+                "t": [found.begin, found.end],
+                "begins_after": found.before.value,
+                "ends_before": found.after.value,
+                "says": found.says,
+            }
+            for window, found in zip(report.campaign.windows, hand_free.windows, strict=True)
+        ],
+        "too_short": [[found.begin, found.end] for found in hand_free.too_short],
+    }
+
+
+def summary(report: ImportReport, out: Console) -> None:
+    """Print what was found and where it is, for people."""
+    recording, cluster, chosen = report.recording, report.cluster, report.chosen
+    registration = report.registration
+    out.print(
+        f"{recording.name}: {len(recording.markers.t)} frames of {len(recording.markers.names)} markers at "
+        f"{recording.markers.rate:g} Hz, log of {recording.log.t[-1] - recording.log.t[0]:.1f} s, "
+        f"geometry from {recording.geometry_source.name}"
+    )
+    out.print(
+        f"Markers     rigid to {millimetres(cluster.rms):.2f} mm rms (noise {millimetres(cluster.noise):.2f} mm; worst "
+        f"{recording.markers.names[int(np.argmax(cluster.rms_per_marker))]}, "
+        f"{millimetres(float(cluster.rms_per_marker.max())):.2f} mm)"
+    )
+    out.print(
+        f"Placing     lengths constant to {millimetres(chosen.rigid.rms):.2f} mm rms, with stretch "
+        f"{millimetres(registration.rms):.2f} mm; the two verticals differ by {degrees(registration.tilt):.1f}°"
+    )
+    out.print(_arrangements(report))
+    out.print(
+        f"Clocks      log − markers {_milliseconds(chosen.clock)} by swivel angles; by inclinometer "
+        f"{_milliseconds(chosen.inclinometer)}, by load cells {_milliseconds(chosen.load_cells)}: "
+        "each includes that sensor's own delay"
+    )
+    _print_softness(report, out)
+    out.print(_windows(report))
+    out.print("The shortest windows are held out: long ones excite more of the modes.")
+    out.print(f"Written to {report.folder}; next: fidim identify {report.folder}")
+
+
+def _arrangements(report: ImportReport) -> Table:
+    shown = Table(title="Which way round? (swivel angles decide; a right arrangement stretches with tension)")
+    for name in ("yaw", "lengths, mm rms", "with stretch", "stretch, µm/N", "swivel correlation", ""):
+        shown.add_column(name, justify="right")
+    for evidence in report.arrangements:
+        shown.add_row(
+            f"{degrees(evidence.rigid.yaw):.0f}°",
+            f"{millimetres(evidence.rigid.rms):.3f}",
+            f"{millimetres(evidence.stretched.rms):.3f}",
+            f"{evidence.stretched.compliance * 1e6:.0f}",
+            f"{evidence.clock.correlation:.2f}",
+            "chosen" if evidence is report.chosen else "",
+        )
+    return shown
+
+
+def _print_softness(report: ImportReport, out: Console) -> None:
+    balance, freedoms = report.hand_free.balance, report.recording.robot.freedoms
+    if balance.free_directions > freedoms:
+        least, next_one = balance.singular_values[-1], balance.singular_values[-2]
+        out.print(
+            f"Soft mode   the cables hold one direction hardly at all (singular values of Ξ {least:.3f} and "
+            f"{next_one:.2f}): {balance.free_directions} directions move, not {freedoms}; "
+            "rigid cables are the wrong model here"
+        )
+
+
+def _windows(report: ImportReport) -> Table:
+    shown = Table(title=f"Hand-free windows ({len(report.hand_free.too_short)} shorter stretches left out)")
+    for name in ("window", "from, s", "to, s", "role", "begins after", "ends because"):
+        shown.add_column(name)
+    for window, found in zip(report.campaign.windows, report.hand_free.windows, strict=True):
+        shown.add_row(
+            window.id,
+            f"{found.begin:.2f}",
+            f"{found.end:.2f}",
+            window.role.value,
+            found.before.value,
+            found.after.value,
+        )
+    return shown
+
+
+def _milliseconds(clock: ClockOffset) -> str:
+    return f"{clock.offset * 1e3:+.1f} ± {clock.sd * 1e3:.1f} ms"
+
+
+def _clock(clock: ClockOffset) -> dict[str, object]:
+    return {
+        "offset": clock.offset,
+        "sd": clock.sd,
+        "correlation": clock.correlation,
+        "per_channel": _floats(clock.per_channel),
+        "correlations": _floats(clock.correlations),
+    }
+
+
+def _arrangement(evidence: Evidence, chosen: bool) -> dict[str, object]:
+    return {
+        "chosen": chosen,
+        "yaw": evidence.rigid.yaw,
+        "rms_rigid": evidence.rigid.rms,
+        "rms_with_stretch": evidence.stretched.rms,
+        "compliance": evidence.stretched.compliance,
+        "power_explained_by_stretch": evidence.gain,
+        "swivel_correlation": evidence.clock.correlation,
+    }
+
+
+def _transform(rotation: np.ndarray, translation: np.ndarray) -> dict[str, object]:
+    return {"rotation": [_floats(row) for row in rotation], "translation": _floats(translation)}
+
+
+def _floats(values: np.ndarray) -> list[float]:
+    return [float(value) for value in values]
