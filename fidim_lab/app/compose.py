@@ -24,9 +24,9 @@ from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import Operator, Rig
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan, Robot
-from sim_backends import jumping_loop
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.in_process_bus import InProcessBus
+from sim_backends.jumping_loop import run as run_jumping
 from sim_backends.laboratory import Laboratory
 from sim_backends.mocap.encoders import ViconEncoder
 from sim_backends.mocap.faults import Faults
@@ -70,7 +70,7 @@ def world_truth(world: World, name: str, seed: int) -> dict[str, object]:
 
 def run_loop(main: Coroutine[Any, Any, T], *, real_time: bool) -> T:
     """Run a coroutine on a loop that waits, or on one whose clock jumps."""
-    return asyncio.run(main) if real_time else jumping_loop.run(main)
+    return asyncio.run(main) if real_time else run_jumping(main)
 
 
 @asynccontextmanager

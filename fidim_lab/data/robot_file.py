@@ -11,6 +11,8 @@ from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Winch
 from fidim_lab.data.toml_file import Table, read_toml
 
 FORMAT = "fidim-robot/1"
+PAPERS_ROBOT = Path(__file__).parent / "robots" / "irma4.toml"
+"""the four-cable robot of the paper (Table 1, Eq. 43)"""
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]

@@ -1,0 +1,177 @@
+"""`fidim dry-run`: the whole experiment on the embedded simulators, from the plan to the report.
+
+The steps, drivers, protocols and identification are those of a real session; only `compose` knows that the world is not
+real. A run folder is a campaign with journal, raw CAN log, truth and report beside it.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from drivers.canbus.candump import CandumpLog
+from drivers.canbus.transport import CanFrame
+from fidim_lab.app import compose, console
+from fidim_lab.app.identify import run_identify, summary
+from fidim_lab.app.report.write import write_report
+from fidim_lab.app.run_display import display
+from fidim_lab.data.plan_file import write_plan
+from fidim_lab.data.records import Plan, Robot
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.identification.result import IdentificationResult
+from fidim_lab.identification.result_file import write_result
+from procedures.events import Event, RunFinished, RunStarted
+from procedures.report import RunReport
+from procedures.run import Experiment, identification, run_procedure
+
+SIMULATED_DAY = "2000-01-01T00:00:00Z"
+"""wall time of a simulated journal: the same seed gives the same bytes"""
+CAN_LOG = "raw/can.log"
+PLAN = "plan.toml"
+TRUTH = "truth.json"
+RESULT = "result.json"
+
+
+@dataclass(frozen=True)
+class DryRunOptions:
+    """As on the command line."""
+
+    out: Path | None
+    seed: int
+    robot: Path | None
+    equilibria: int
+    validation: int
+    hide: tuple[str, ...]
+    real_time: bool
+    json_file: Path | None
+
+
+def run_dry_run(options: DryRunOptions) -> int:
+    """Rehearse, identify, report; returns the exit code. Raises FidimError before anything has moved."""
+    robot = read_robot(options.robot or PAPERS_ROBOT)
+    folder = options.out or _free_folder(options.seed)
+    world = compose.simulated_world(robot, options.seed, options.hide)
+    with console.err.status("planning: equilibria where the robot can rest and swing …"):
+        plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed)
+        experiment = identification(plan, robot)
+    recorder = _Rehearsal(robot, plan, experiment, folder, options)
+    report = recorder.run(world)
+    console.out.print(f"run {report.outcome}: {report.reason or 'all windows have their verdict.'} {report.held_says}")
+    if not report.accepted:
+        console.out.print(f"Nothing to identify. The run folder is {folder}", markup=False)
+        return report.exit_code
+    truth = compose.world_truth(world, plan.name, options.seed)
+    (folder / TRUTH).write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+    if report.exit_code == 0:
+        _identify(folder, truth, options)
+    console.out.print(f"run folder  {folder}", markup=False)
+    return report.exit_code
+
+
+def _identify(folder: Path, truth: dict[str, object], options: DryRunOptions) -> None:
+    with console.err.status("identifying …"):
+        result = run_identify(folder)
+    write_result(folder / RESULT, result)
+    if options.json_file is not None:
+        write_result(options.json_file, result)
+    console.out.print(summary(result))
+    console.out.print(truth_table(result, truth))
+    report = write_report(folder, result)
+    console.out.print(f"report      {report}", markup=False)
+
+
+def truth_table(result: IdentificationResult, truth: dict[str, object]) -> Table:
+    """Identified parameters beside the hidden true ones, the error in units of the stated uncertainty."""
+    true = [*_numbers(truth["s"]), *_numbers(truth["I"])]
+    table = Table(title="Identified beside the hidden truth (s in mm, I in 1e-3 m² per unit mass, about P)")
+    for column in ("parameter", "identified", "±", "true", "error", "error, %", "error / ±"):
+        table.add_column(column, justify="left" if column == "parameter" else "right")
+    for (name, parameter), value in zip(result.parameters.items(), true, strict=True):
+        error = parameter.value - value
+        stated = max(parameter.sd, parameter.spread or 0.0)
+        table.add_row(
+            name,
+            f"{parameter.value * 1e3:.3f}",
+            f"{stated * 1e3:.3f}",
+            f"{value * 1e3:.3f}",
+            f"{error * 1e3:+.3f}",
+            f"{100 * error / value:+.2f}" if value else "",
+            f"{error / stated:+.1f}" if stated else "",
+        )
+    return table
+
+
+def _numbers(values: object) -> list[float]:
+    return [float(v) for v in values] if isinstance(values, list) else []
+
+
+class _Rehearsal:
+    """One run of the experiment in the simulated laboratory, with its displays and logs."""
+
+    def __init__(self, robot: Robot, plan: Plan, experiment: Experiment, folder: Path, options: DryRunOptions) -> None:
+        self._robot, self._plan, self._experiment, self._folder = robot, plan, experiment, folder
+        self._options = options
+        self._log: CandumpLog | None = None
+        self._ended: RunReport | None = None
+
+    def run(self, world: compose.World) -> RunReport:
+        """Carry it out. Ctrl-C ends in a report too: the robot is held, and what was recorded is there."""
+        title = "dry run" + (" in real time" if self._options.real_time else "")
+        with display(console.err, title) as shown:
+            try:
+                report = compose.run_loop(self._carry_out(world, shown), real_time=self._options.real_time)
+            except KeyboardInterrupt:
+                if self._ended is None:
+                    raise
+                report = self._ended
+            finally:
+                if self._log is not None:
+                    self._log.close()
+        if self._log is not None and self._log.error is not None:
+            console.warn([self._log.error])
+        return report
+
+    async def _carry_out(self, world: compose.World, shown: object) -> RunReport:
+        options = self._options
+        async with compose.simulated_rig(
+            self._robot, self._plan, world, options.seed, real_time=options.real_time
+        ) as simulated:
+            simulated.transport.tap(self._on_frame)
+            return await run_procedure(
+                self._experiment,
+                simulated.rig,
+                self._folder,
+                wall_time=_wall_time if options.real_time else lambda: SIMULATED_DAY,
+                listeners=(self._on_event, shown),  # type: ignore[arg-type]
+            )
+
+    def _on_event(self, event: Event) -> None:
+        if isinstance(event, RunStarted):
+            raw = self._folder / CAN_LOG
+            raw.parent.mkdir(exist_ok=True)
+            self._log = CandumpLog(raw)
+            write_plan(self._folder / PLAN, self._plan)
+        elif isinstance(event, RunFinished):
+            self._ended = event.report
+
+    def _on_frame(self, frame: CanFrame) -> None:
+        if self._log is not None:
+            self._log.write(frame)
+
+
+def _wall_time() -> str:
+    from datetime import UTC, datetime
+
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def _free_folder(seed: int) -> Path:
+    """runs/dry-run-SEED, or the first numbered one that does not exist."""
+    folder = Path("runs") / f"dry-run-{seed}"
+    number = 1
+    while folder.exists():
+        number += 1
+        folder = Path("runs") / f"dry-run-{seed}-{number}"
+    return folder
