@@ -1,0 +1,35 @@
+"""The estimators there are, by name. A new one is one file with `estimate(problem) -> Estimate` and one line here."""
+
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+from types import MappingProxyType
+
+from fidim_lab.errors import SetupError
+from fidim_lab.identification import total_least_squares
+from fidim_lab.identification.estimate import Estimate
+from fidim_lab.identification.problem import Problem
+
+Estimator = Callable[[Problem], Estimate]
+
+
+class Method(StrEnum):
+    """Estimators that can be asked for."""
+
+    TLS = "tls"
+    """FIDIM by total least squares, the paper's"""
+
+
+ESTIMATORS: Mapping[Method, Estimator] = MappingProxyType({Method.TLS: total_least_squares.estimate})
+
+NOT_YET = ("mle", "ls", "iv")
+"""named in FORMAT.md, but not built"""
+
+
+def method_named(name: str) -> Method:
+    """The method of this name. Raises SetupError that lists what there is."""
+    if name in {method.value for method in Method}:
+        return Method(name)
+    available = ", ".join(Method)
+    if name in NOT_YET:
+        raise SetupError(f"Method {name!r} is not built yet; available: {available}.")
+    raise SetupError(f"There is no method {name!r}; available: {available}.")

@@ -1,0 +1,174 @@
+"""From a campaign to a judged result: the one function that puts the pieces of this package together."""
+
+from collections import defaultdict
+from time import perf_counter
+
+import numpy as np
+
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
+from fidim_lab.identification import consistency, tls
+from fidim_lab.identification.estimate import Estimate
+from fidim_lab.identification.estimators import ESTIMATORS, Method
+from fidim_lab.identification.problem import Problem, build
+from fidim_lab.identification.recipe import BEST, Recipe
+from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.uncertainty import jackknife_sd
+from fidim_lab.identification.validation import THOROUGH, Checks, expected_sigma_perp, verdicts
+
+MODEL_ERROR = 1.5
+"""an rms of the equations so many times what noise explains is a model error"""
+OPTIMISM = 3.0
+"""a spread so many times the nominal sd is worth a warning"""
+
+
+def identify(
+    campaign: Campaign, method: Method = Method.TLS, recipe: Recipe = BEST, checks: Checks = THOROUGH
+) -> IdentificationResult:
+    """Identify the body from the `identify` windows, judge it on all windows.
+
+    Raises RefusedError when no window can be used or the windows do not identify a body, SetupError when what was asked
+    for does not fit the campaign.
+    """
+    begin = perf_counter()
+    problem = build(campaign, recipe)
+    estimate = ESTIMATORS[method](problem)
+    windows = verdicts(problem, estimate, checks)
+    parameters = _parameters(problem, estimate)
+    outcome = _outcome(estimate)
+    return IdentificationResult(
+        campaign=campaign.name,
+        method=method,
+        outcome=outcome,
+        message=_message(outcome, estimate, windows),
+        parameters=parameters,
+        non_essential=estimate.non_essential,
+        sigma_W=estimate.sigma_W,
+        C=estimate.C,
+        windows=windows,
+        warnings=_warnings(problem, estimate, windows),
+        seconds=perf_counter() - begin,
+        noise_ratio=estimate.noise_ratio,
+        covariance=estimate.covariance,
+        leave_one_out=estimate.leave_one_out,
+        alone={a.window: a.values for a in estimate.alone},
+        attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
+        freedoms=campaign.robot.freedoms,
+    )
+
+
+def _parameters(problem: Problem, estimate: Estimate) -> dict[str, Parameter]:
+    nominal = problem.campaign.robot.nominal.vector
+    jackknife = None if estimate.leave_one_out is None else jackknife_sd(estimate.leave_one_out)
+    return {
+        name: Parameter(
+            value=float(estimate.values[k]),
+            sd=float(estimate.sd[k]),
+            sd_bootstrap=_entry(estimate.sd_bootstrap, k),
+            sd_jackknife=_entry(jackknife, k),
+            nominal=float(nominal[k]),
+            without_non_essential=_entry(estimate.reduced, k),
+        )
+        for k, name in enumerate(PARAMETER_NAMES)
+    }
+
+
+def _entry(values: np.ndarray | None, k: int) -> float | None:
+    return None if values is None else float(values[k])
+
+
+def _outcome(estimate: Estimate) -> Outcome:
+    if not consistency.can_move(estimate.body):
+        return Outcome.IMPOSSIBLE_BODY
+    return Outcome.DOUBTFUL if _doubtful(estimate) else Outcome.CONVERGED
+
+
+def _doubtful(estimate: Estimate) -> tuple[str, ...]:
+    """Parameters over 10 % by nominal sd or by the spread between windows, and not near zero."""
+    spread = np.zeros(9) if estimate.leave_one_out is None else jackknife_sd(estimate.leave_one_out)
+    size = np.abs(estimate.values)
+    loose = spread > size * tls.WELL_IDENTIFIED_PERCENT / 100
+    essential = ~tls.near_zero(estimate.values)
+    by_spread = {n for n, is_loose in zip(PARAMETER_NAMES, loose & essential, strict=True) if is_loose}
+    return tuple(n for n in PARAMETER_NAMES if n in by_spread or n in estimate.doubtful)
+
+
+def _message(outcome: Outcome, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> str:
+    used = sum(w.used and w.role is Role.IDENTIFY for w in windows)
+    parts = [outcome.value, consistency.sentence(estimate.body), f"{used} windows were used."]
+    if doubtful := _doubtful(estimate):
+        parts.append(f"Not well identified: {', '.join(doubtful)}.")
+    return " ".join(parts)
+
+
+def _warnings(problem: Problem, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:
+    warnings = [f"Window {u.window.id} is not used: {u.reason}" for u in problem.unused]
+    warnings += _grouped_notes(windows)
+    warnings += _spread_warning(estimate)
+    if not consistency.can_exist(estimate.body):
+        warnings.append(consistency.sentence(estimate.body))
+    warnings += _noise_warning(estimate)
+    warnings += _held_out_warning(problem, estimate, windows)
+    warnings += estimate.notes
+    if estimate.scaling_effect is not None:
+        in_sd = np.abs(estimate.scaling_effect) / np.maximum(estimate.sd, 1e-300)
+        worst = int(np.argmax(in_sd))
+        if in_sd[worst] > 1:
+            warnings.append(
+                f"Scaling the columns to equal norm (the paper's scaling, used here, is none) would move "
+                f"{PARAMETER_NAMES[worst]} by {estimate.scaling_effect[worst]:.2e}, {in_sd[worst]:.1f} nominal sd."
+            )
+    return tuple(warnings)
+
+
+def _grouped_notes(windows: tuple[WindowVerdict, ...]) -> list[str]:
+    """One line for a note that many windows share in kind; the first window's figures stand for it."""
+    groups: dict[str, list[tuple[str, str]]] = defaultdict(list)
+    for window in windows:
+        if window.used:
+            for note in window.notes:
+                kind = " ".join(word for word in note.split() if not any(c.isdigit() for c in word))
+                groups[kind].append((window.id, note))
+    lines: list[str] = []
+    for members in groups.values():
+        first, note = members[0]
+        if len(members) == 1:
+            lines.append(f"Window {first}: {note}.")
+        else:
+            lines.append(f"{len(members)} windows ({', '.join(w for w, _ in members)}), as in {first}: {note}.")
+    return lines
+
+
+def _spread_warning(estimate: Estimate) -> list[str]:
+    if estimate.leave_one_out is None:
+        return ["Fewer than three windows: the spread from window to window is unknown, and the sd are nominal only."]
+    ratio = jackknife_sd(estimate.leave_one_out) / np.maximum(estimate.sd, 1e-300)
+    worst = int(np.argmax(ratio))
+    if ratio[worst] < OPTIMISM:
+        return []
+    return [
+        f"The spread between windows is up to {ratio[worst]:.0f} times the nominal sd ({PARAMETER_NAMES[worst]}): "
+        "some windows are worse than others, or the model lacks something; believe the spread."
+    ]
+
+
+def _noise_warning(estimate: Estimate) -> list[str]:
+    if estimate.noise_ratio is None or estimate.noise_ratio < MODEL_ERROR:
+        return []
+    return [
+        f"The equations are off by {estimate.noise_ratio:.1f} times what marker noise explains: something is missing "
+        "from the model, or the noise in the robot file is too small."
+    ]
+
+
+def _held_out_warning(problem: Problem, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> list[str]:
+    if estimate.sigma_W is None:
+        return []
+    expected = expected_sigma_perp(estimate.sigma_W, estimate.body, problem.campaign.robot.freedoms)
+    held_out = [w for w in windows if w.role is Role.VALIDATE and w.sigma_perp is not None]
+    bad = [w.id for w in held_out if w.sigma_perp is not None and w.sigma_perp > 2 * expected]
+    if not bad:
+        return []
+    return [
+        f"Held-out windows {', '.join(bad)} fit at least twice as badly as the identified ones "
+        f"(σ⊥ over 2 √λ ‖χ‖ σ_W = {2 * expected:.3g})."
+    ]

@@ -1,0 +1,187 @@
+"""A window predicted from its initial state alone: the judge that no regression can flatter.
+
+The identified body is let go where the platform was at the window's first usable sample; only that state (λ positions
+along the free directions, λ rates) is fitted, first on a short stretch, then on longer ones, so that a wrong frequency
+cannot lock in a slipped cycle. What is left is compared with the marker noise: rms and χ²/dof.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fidim_lab.data.records import Body, Pose, Robot
+from fidim_lab.errors import InfeasibleError, SetupError
+from fidim_lab.identification.measured import MeasuredMotion, held_lengths
+from fidim_lab.identification.surface import ARM, free_directions, marker_jacobian, tied_least_squares
+from fidim_lab.model.dynamics import simulate_free_motion
+from fidim_lab.model.mechanism import Mechanism
+
+HORIZONS = ((1.0, np.inf), (0.5, 1.5, 4.0, np.inf))
+"""s; the initial state is fitted on ever longer stretches: in two strides, and where that loses the phase in four"""
+STEP = 0.01
+"""s; Dormand–Prince at 10 ms is within 1 µm of 5 ms over 10 s here, at half the price"""
+NUDGES = (1e-4, 1e-3)
+"""m and m/s of the finite differences"""
+ROUNDS = 4
+"""Gauss–Newton steps on each stretch, at most"""
+SETTLED = 1e-3
+"""share of the squares below which another step is not worth a simulation"""
+LENGTH_TOLERANCE = 1e-11
+"""m"""
+LOST = 0.7
+"""of the motion's own rms: an error beyond is a slipped phase, not a fit"""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """How well one window is predicted from its fitted initial state."""
+
+    rms: float
+    """m, over all marker coordinates"""
+    chi2_per_dof: float
+    """against the marker noise of the robot file"""
+    residuals: np.ndarray
+    """(N, M, 3) measured − predicted, m; NaN where nothing was measured"""
+    t: np.ndarray
+    """(N,) s, from the window's first usable sample to its end"""
+    markers: np.ndarray
+    """(N, M, 3) predicted, m"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """The surface of initial states around the measured one."""
+
+    mechanism: Mechanism
+    lengths: np.ndarray
+    pose: Pose
+    twist: np.ndarray
+    directions: np.ndarray
+    """(6, λ)"""
+
+    def state(self, x: np.ndarray) -> tuple[Pose, np.ndarray]:
+        """Pose and twist for x = [λ displacements; λ rates], both obeying the held lengths."""
+        free = self.directions.shape[1]
+        pose = to_surface(self.mechanism, self.lengths, _moved(self.pose, self.directions @ x[:free]))
+        twist = self.twist + self.directions @ x[free:]
+        xi = self.mechanism.structure_matrix(pose.position[None], pose.rotation[None])
+        return pose, _nearest(xi, -xi @ twist, twist)
+
+
+def predict(mechanism: Mechanism, body: Body, measured: MeasuredMotion) -> Prediction | None:
+    """Fit the initial state and compare; None where that fails (no lengths, a slack cable, a lost phase)."""
+    window, robot = measured.window, mechanism.robot
+    if window.lengths is None:
+        return None
+    begin = measured.motion.t[0] - 1e-9
+    rows = np.flatnonzero(window.t >= begin)
+    t, markers = window.t[rows], window.markers[rows]
+    try:
+        start = _start(mechanism, measured)
+    except (InfeasibleError, SetupError):
+        return None
+    for horizons in HORIZONS:
+        found = _grow(start, robot, body, t, markers, horizons)
+        verdict = None if found is None else _judge(robot, t, markers, found, 2 * start.directions.shape[1])
+        if verdict is not None:
+            return verdict
+    return None
+
+
+def _grow(
+    start: _Start, robot: Robot, body: Body, t: np.ndarray, markers: np.ndarray, horizons: tuple[float, ...]
+) -> np.ndarray | None:
+    """The predicted markers (N, M, 3) after fitting on growing horizons; None where the physics ends."""
+    x = np.zeros(2 * start.directions.shape[1])
+    found = None
+    try:
+        for horizon in horizons:
+            use = t - t[0] <= horizon
+            x, found = _fit(start, robot, body, t[use], markers[use], x)
+    except InfeasibleError:
+        return None
+    return found
+
+
+def _judge(robot: Robot, t: np.ndarray, markers: np.ndarray, predicted: np.ndarray, fitted: int) -> Prediction | None:
+    residuals = markers - predicted
+    rms = float(np.sqrt(np.nanmean(residuals**2)))
+    if not rms < LOST * float(np.sqrt(np.nanmean((markers - np.nanmean(markers, axis=0)) ** 2))):
+        return None
+    dof = int(np.isfinite(residuals).sum()) - fitted
+    chi2 = float(np.nansum((residuals / robot.sensors.marker_noise) ** 2)) / dof
+    return Prediction(rms, chi2, residuals, t, predicted)
+
+
+def _start(mechanism: Mechanism, measured: MeasuredMotion) -> _Start:
+    motion, lengths = measured.motion, held_lengths(measured.window)
+    pose = to_surface(mechanism, lengths, Pose(motion.positions[0], motion.rotations[0]))
+    xi = mechanism.structure_matrix(pose.position[None], pose.rotation[None])
+    N = free_directions(xi)
+    # Metres of marker motion as unknowns: the singular vectors of J N make them comparable.
+    J = marker_jacobian(pose.rotation[None], mechanism.robot.markers[: measured.window.markers.shape[1]])
+    _, s, Vt = np.linalg.svd((J @ N)[0], full_matrices=False)
+    directions = N[0] @ (Vt.T / np.maximum(s, 1e-2 * s[0]))
+    twist = _nearest(xi, -xi @ motion.twists[0], motion.twists[0])
+    return _Start(mechanism, lengths, pose, twist, directions)
+
+
+def _fit(
+    start: _Start, robot: Robot, body: Body, t: np.ndarray, markers: np.ndarray, x: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss–Newton with one finite-difference Jacobian: near the solution it hardly changes. Also the prediction."""
+    count = markers.shape[1]
+    seen = np.isfinite(markers)
+    best = _simulate(start, robot, body, t, count, x)
+    nudges = np.repeat(NUDGES, len(x) // 2)
+    nudged = [_simulate(start, robot, body, t, count, x + step) for step in np.diag(nudges)]
+    J = np.stack([(there - best)[seen] for there in nudged], axis=1) / nudges
+    cost = float(((markers - best)[seen] ** 2).sum())
+    for _ in range(ROUNDS):
+        trial = x + np.linalg.lstsq(J, (markers - best)[seen], rcond=None)[0]
+        there = _simulate(start, robot, body, t, count, trial)
+        now = float(((markers - there)[seen] ** 2).sum())
+        if not now < cost:
+            break
+        settled = now > cost * (1 - SETTLED)
+        x, best, cost = trial, there, now
+        if settled:
+            break
+    return x, best
+
+
+def _simulate(start: _Start, robot: Robot, body: Body, t: np.ndarray, count: int, x: np.ndarray) -> np.ndarray:
+    """(N, M, 3) marker positions, m. Raises InfeasibleError when a cable goes slack before the end."""
+    pose, twist = start.state(x)
+    found = simulate_free_motion(start.mechanism, body, pose, twist, t, step=STEP)
+    if found.slack_time is not None:
+        raise InfeasibleError(f"Cable {found.slack_cable} goes slack at t = {found.slack_time:.2f} s.")
+    motion = found.motion
+    return motion.positions[:, None] + np.einsum("nij,mj->nmi", motion.rotations, robot.markers[:count])
+
+
+def to_surface(mechanism: Mechanism, lengths: np.ndarray, pose: Pose) -> Pose:
+    """The nearest pose with these lengths (m), by Newton steps that move least; rotations count 0.2 m per radian.
+
+    Raises InfeasibleError when it is not reached.
+    """
+    off = np.inf
+    for _ in range(20):
+        p, R = pose.position[None], pose.rotation[None]
+        short = lengths - mechanism.lengths(p, R)
+        off = float(np.abs(short).max())
+        if off < LENGTH_TOLERANCE:
+            return pose
+        pose = _moved(pose, _nearest(mechanism.structure_matrix(p, R), short, np.zeros(6)))
+    raise InfeasibleError(f"No pose near the measured one has the held lengths (off by {off:.1e} m).")
+
+
+def _nearest(xi: np.ndarray, exact: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """target + the least correction y with Ξ y = exact; xi (1, n, 6)."""
+    scale = np.diag([1.0, 1.0, 1.0, ARM, ARM, ARM])[None]
+    return target + tied_least_squares(scale, xi, np.zeros((1, 6)), exact.reshape(1, -1))[0]
+
+
+def _moved(pose: Pose, step: np.ndarray) -> Pose:
+    return Pose(pose.position + step[:3], Rotation.from_rotvec(step[3:]).as_matrix() @ pose.rotation)
