@@ -1,0 +1,158 @@
+"""`fidim identify`: a campaign folder in, the identified body with its uncertainty out.
+
+`run_identify` does it, `summary` shows it to a person, `table` parts of it are reused by the dry run. Warnings are in
+the summary because they belong to the answer.
+"""
+
+from pathlib import Path
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.identification.estimators import method_named
+from fidim_lab.identification.identify import MODEL_ERROR, identify
+from fidim_lab.identification.recipe import BEST, PAPER, Recipe
+from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.validation import QUICK, THOROUGH, expected_sigma_perp
+from fidim_lab.units import millimetres, percent
+
+SPREAD_SEEN = 5.0
+"""spread over nominal sd beyond which the closing sentence speaks of model error"""
+
+
+def run_identify(
+    campaign_folder: Path, method: str = "tls", *, paper: bool = False, predict: bool = True
+) -> IdentificationResult:
+    """Identify the body from a campaign folder.
+
+    `paper`: the paper's form to the letter (`recipe.PAPER`) instead of ours; `predict`: also simulate every window from
+    its fitted initial state (half a second per 10 s window).
+    Raises FileError for a wrong campaign, SetupError for an unknown method, RefusedError when no body is identified.
+    """
+    chosen = method_named(method)
+    recipe: Recipe = PAPER if paper else BEST
+    return identify(read_campaign(campaign_folder), chosen, recipe, THOROUGH if predict else QUICK)
+
+
+def summary(result: IdentificationResult) -> RenderableType:
+    """The whole answer for a terminal: parameters, gauge-free values, windows, warnings, a closing sentence."""
+    parts: list[RenderableType] = [
+        Text(f"{result.campaign}: {result.message}"),
+        parameter_table(result),
+        gauge_table(result),
+        window_table(result),
+        *(Text(f"warning: {warning}", style="yellow") for warning in result.warnings),
+        Text(closing_sentence(result), style="bold"),
+    ]
+    return Group(*parts)
+
+
+def parameter_table(result: IdentificationResult) -> Table:
+    """CAD, identified, nominal sd, spread between windows, and that spread in percent, for all nine."""
+    table = Table(title="Inertial parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
+    _columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %", "re-fit")
+    for name, parameter in result.parameters.items():
+        refit = parameter.without_non_essential
+        shown = "" if refit is None else "dropped" if name in result.non_essential else f"{millimetres(refit):.3f}"
+        table.add_row(*_cells(name, parameter), shown)
+    return table
+
+
+def gauge_table(result: IdentificationResult) -> Table:
+    """What does not depend on where P is put: s_z from the attachment plane, and I about G."""
+    table = Table(title="Free of the choice of P: s_z from the plane of the attachments (mean a_z), I about G")
+    _columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %")
+    s_z, plane = result.parameters["s_z"], result.attachment_plane
+    relative = Parameter(s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane)
+    table.add_row(*_cells("s_z − a_z", relative))
+    for name, parameter in result.about_com().items():
+        table.add_row(*_cells(f"{name} about G", parameter))
+    return table
+
+
+def window_table(result: IdentificationResult) -> Table:
+    """Every window with σ⊥ and, where it was predicted, the error of the trajectory."""
+    expected = None
+    if result.sigma_W is not None:
+        expected = expected_sigma_perp(result.sigma_W, result.body, result.freedoms)
+    scale = (
+        "" if result.sigma_W is None else f"; σ_W = {result.sigma_W:.3g}, so σ⊥ ≈ {expected:.3g} is as good as fitted"
+    )
+    table = Table(title=f"Windows (σ⊥ of Eq. 50{scale}; rms and χ²/dof: predicted from the fitted initial state)")
+    _columns(table, "window", "role", "pose from", "samples", "σ⊥", "rms, mm", "χ²/dof", "conditioning")
+    for window in result.windows:
+        table.add_row(*_window_cells(window))
+    return table
+
+
+def closing_sentence(result: IdentificationResult) -> str:
+    """How far this may be trusted, said honestly."""
+    if result.outcome is Outcome.IMPOSSIBLE_BODY:
+        return result.outcome.value
+    s_z = result.parameters["s_z"]
+    if s_z.spread is None:
+        return (
+            "With fewer than three windows nothing shows the model error: total least squares states only its nominal "
+            "sd, which are several times too small on a real robot."
+        )
+    ratio = max((p.spread or 0.0) / p.sd for p in result.parameters.values() if p.sd > 0)
+    noise = result.noise_ratio or 0.0
+    lever = abs(s_z.value - result.attachment_plane)
+    size = f"s_z is good to about {millimetres(s_z.spread):.2g} mm ({percent(s_z.spread / lever):.2g} % of its lever)"
+    if ratio > SPREAD_SEEN or noise > MODEL_ERROR:
+        found = (
+            f"the equations are off by {noise:.1f}" if noise > MODEL_ERROR else f"the windows disagree by {ratio:.0f}"
+        )
+        return (
+            f"The model lacks something ({found} times what noise explains). By the spread between windows {size}, but "
+            "total least squares turns unmodelled physics into wrong parameters in every window alike, which no spread "
+            "shows: expect errors of the order of 10 % until it is explained."
+        )
+    return (
+        f"The windows agree within what noise explains: {size}. Total least squares sees neither geometry nor length "
+        "errors that are the same in all windows; held-out σ⊥ and χ²/dof are the test of that."
+    )
+
+
+def _columns(table: Table, *names: str) -> None:
+    for index, name in enumerate(names):
+        table.add_column(name, justify="left" if index == 0 else "right")
+
+
+def _cells(name: str, parameter: Parameter) -> tuple[str, ...]:
+    """Both kinds happen to read well in thousandths: s in mm, I in 1e-3 m²."""
+    spread = parameter.spread
+    size = abs(parameter.value)
+    return (
+        name,
+        f"{millimetres(parameter.nominal):.3f}",
+        f"{millimetres(parameter.value):.3f}",
+        f"{millimetres(parameter.sd):.3f}",
+        "unknown" if spread is None else f"{millimetres(spread):.3f}",
+        "" if spread is None or size == 0 else _percent(spread / size),
+    )
+
+
+def _window_cells(window: WindowVerdict) -> tuple[str, ...]:
+    if not window.used:
+        return (window.id, window.role.value, "not used", "", "", "", "", "")
+    return (
+        window.id,
+        window.role.value,
+        window.variant or "",
+        str(window.samples),
+        _number(window.sigma_perp),
+        _number(window.rms_mm),
+        _number(window.chi2_per_dof),
+        _number(window.conditioning),
+    )
+
+
+def _percent(ratio: float) -> str:
+    return "> 100" if ratio > 1 else f"{percent(ratio):.2g}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"

@@ -1,0 +1,68 @@
+"""What a person reads after `fidim identify`."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from fidim_lab.app.identify import closing_sentence, run_identify, summary
+from fidim_lab.errors import FileError, SetupError
+from fidim_lab.identification.estimators import Method
+from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter
+
+
+def made_up(*, spread: float | None = 2e-5, noise_ratio: float = 1.0, outcome: Outcome = Outcome.CONVERGED):
+    names = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
+    values = (0.002, -0.001, 0.19, 0.06, 0.06, 0.03, 0.0, 0.0, 0.0)
+    parameters = {n: Parameter(v, 1e-5, spread, spread, v * 1.1) for n, v in zip(names, values, strict=True)}
+    return IdentificationResult(
+        campaign="c04", method=Method.TLS, outcome=outcome, message="Done.", parameters=parameters, non_essential=(),
+        sigma_W=0.05, C=9.0, windows=(), warnings=("mind the gap",), seconds=1.0, noise_ratio=noise_ratio,
+        covariance=1e-10 * np.eye(9), attachment_plane=0.2665,
+    )  # fmt: skip
+
+
+def text_of(result: IdentificationResult) -> str:
+    console = Console(width=140, record=True, file=io.StringIO())
+    console.print(summary(result))
+    return console.export_text()
+
+
+def test_the_summary_shows_parameters_gauge_and_warnings():
+    shown = text_of(made_up())
+    assert "190.000" in shown  # s_z in mm
+    assert "-76.500" in shown  # s_z − a_z: what does not depend on where P is put
+    assert "I_zz about G" in shown
+    assert "warning: mind the gap" in shown
+
+
+@pytest.mark.parametrize(
+    ("result", "says"),
+    [
+        (made_up(), "agree within what noise explains"),
+        (made_up(spread=4e-4), "the windows disagree by 40 times"),
+        (made_up(noise_ratio=6.2), "the equations are off by 6.2 times"),
+        (made_up(spread=None), "fewer than three windows"),
+        (made_up(outcome=Outcome.IMPOSSIBLE_BODY), "do not use them"),
+    ],
+)
+def test_the_last_sentence_is_honest(result, says):
+    assert says in closing_sentence(result)
+
+
+def test_mistakes_are_sentences(tmp_path):
+    with pytest.raises(SetupError, match="not built yet"):
+        run_identify(tmp_path, "mle")
+    with pytest.raises(FileError):
+        run_identify(tmp_path / "nowhere")
+
+
+@pytest.mark.shared
+def test_a_campaign_folder_is_identified_and_shown(shared):
+    result = run_identify(shared / "campaigns" / "open-two-at-once", predict=False)
+    shown = text_of(replace(result, seconds=0.0))
+    assert "i01" in shown
+    assert "full" in shown
+    assert "v18" in shown
