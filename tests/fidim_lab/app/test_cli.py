@@ -1,0 +1,95 @@
+"""The command line as a user meets it: exit codes, sentences, no traceback (FORMAT.md)."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from fidim_lab.app import cli
+from fidim_lab.errors import DeviceError, FidimError, GuardError, InfeasibleError, RefusedError, SetupError
+
+COMMANDS = sorted(cli.fidim.commands)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run([command, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "Example:" in said
+    assert f"fidim {command} " in said
+
+
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert all(command in said for command in COMMANDS)
+    assert {"dry-run", "identify", "import", "simulate", "report", "doctor"} <= set(COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["identify"], "Missing argument 'CAMPAIGN'"),
+        (["identify", "nowhere"], "nowhere: no such folder"),
+        (["dry-run", "--sped", "3"], "No such option"),
+        (["dry-run", "--equilibria", "0"], "0 is not in the range"),
+        (["dry-run", "--robot", "none.toml"], "none.toml: no such file"),
+        (["dry-run", "--hide", "gremlins"], "no effect is called 'gremlins'"),
+        (["fly"], "No such command 'fly'"),
+        (["import", "vhs", "tape", "--out", "out"], "vhs"),
+        (["report", "nowhere"], "nowhere"),
+    ],
+)
+def test_wrong_use_is_two_and_a_sentence(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.run(arguments) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert "Traceback" not in error
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("problem", "code"),
+    [
+        (SetupError("a"), 2),
+        (RefusedError("b"), 1),
+        (InfeasibleError("c"), 1),
+        (DeviceError("winch 1", "silent"), 3),
+        (GuardError("d"), 3),
+        (KeyboardInterrupt(), 130),
+        (click.Abort(), 130),
+        (ZeroDivisionError("our bug"), 3),
+    ],
+)
+def test_exit_codes(
+    problem: BaseException, code: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> int:
+        raise problem
+
+    monkeypatch.setattr("fidim_lab.app.doctor.doctor_command", fail)
+    assert cli.run(["doctor"]) == code
+    error = capsys.readouterr().err
+    assert "Traceback" not in error
+    if isinstance(problem, FidimError):
+        assert str(problem) in error
+
+
+def test_debug_shows_the_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["identify", "nowhere", "--debug"]) == 2
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_help_is_quick() -> None:
+    """`fidim --help` imports none of the heavy libraries."""
+    code = (
+        "import sys; from fidim_lab.app import cli; print(sorted({'casadi','scipy','pandas','can'} & set(sys.modules)))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ})
+    assert found.stdout.strip() == "[]"
