@@ -10,11 +10,14 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from fidim_lab.app import console
+from fidim_lab.app.report.write import write_report
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.identification.estimators import method_named
 from fidim_lab.identification.identify import MODEL_ERROR, identify
 from fidim_lab.identification.recipe import BEST, PAPER, Recipe
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.result_file import write_result
 from fidim_lab.identification.validation import QUICK, THOROUGH, expected_sigma_perp
 from fidim_lab.units import millimetres, percent
 
@@ -34,6 +37,18 @@ def run_identify(
     chosen = method_named(method)
     recipe: Recipe = PAPER if paper else BEST
     return identify(read_campaign(campaign_folder), chosen, recipe, THOROUGH if predict else QUICK)
+
+
+def identify_command(campaign_folder: Path, method: str, json_file: Path | None, report: Path | None) -> int:
+    """What `fidim identify` does: identify, print, write. Returns the exit code; raises as `run_identify`."""
+    with console.err.status("identifying …"):
+        result = run_identify(campaign_folder, method)
+    if json_file is not None:
+        write_result(json_file, result)
+    console.out.print(summary(result))
+    if report is not None:
+        console.out.print(f"Report      {write_report(campaign_folder, result, report)}", markup=False)
+    return 1 if result.outcome is Outcome.IMPOSSIBLE_BODY else 0
 
 
 def summary(result: IdentificationResult) -> RenderableType:

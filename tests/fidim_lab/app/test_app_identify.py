@@ -1,5 +1,6 @@
 """What a person reads after `fidim identify`."""
 
+import functools
 import io
 from dataclasses import replace
 
@@ -7,10 +8,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from fidim_lab.app.identify import closing_sentence, run_identify, summary
+from fidim_lab.app.identify import closing_sentence, identify_command, run_identify, summary
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.estimators import Method
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter
+from fidim_lab.identification.result_file import read_result
 
 
 def made_up(*, spread: float | None = 2e-5, noise_ratio: float = 1.0, outcome: Outcome = Outcome.CONVERGED):
@@ -57,6 +59,16 @@ def test_mistakes_are_sentences(tmp_path):
         run_identify(tmp_path, "mle")
     with pytest.raises(FileError):
         run_identify(tmp_path / "nowhere")
+
+
+@pytest.mark.shared
+def test_the_command_prints_and_writes(shared, tmp_path, monkeypatch, capsys):
+    quick = functools.partial(run_identify, predict=False)
+    monkeypatch.setattr("fidim_lab.app.identify.run_identify", quick)
+    path = tmp_path / "result.json"
+    assert identify_command(shared / "campaigns" / "open-two-at-once", "tls", path, None) == 0
+    assert read_result(path).campaign == "two at once"
+    assert "s_z − a_z" in capsys.readouterr().out
 
 
 @pytest.mark.shared
