@@ -7,14 +7,15 @@ by way of lengths that are known to be safe.
 import heapq
 import itertools
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from fidim_lab.arrays import PerCable
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.model.kinematics import pose_from_lengths
+from fidim_lab.model.kinematics import equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from procedures.steps import Ask, Lengths, MoveTo, Step, longest_way
 
@@ -134,34 +135,55 @@ def _wrong_steps(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> I
                     yield name, Violation(f"displacement {axis} is {wanted:.3f} m, at most {allowed:.3f} m is allowed")
 
 
-def find_route(workspace: Workspace, start: Lengths, goal: Lengths, via: Sequence[Lengths]) -> tuple[Lengths, ...]:
+def find_route(
+    workspace: Workspace, start: Lengths, goal: Lengths, via: Callable[[], Sequence[Lengths]]
+) -> tuple[Lengths, ...]:
     """The shortest safe way from `start` to `goal`: straight where allowed, else by way of some of `via`.
 
     Returns the length sets to move to one after another, the last being `goal`; the direct way, too, where one of its
-    ends is forbidden itself, which `check_moves` and the move then say better. Raises InfeasibleError naming what
-    stands in the direct way where there is no other.
+    ends is forbidden itself, which `check_moves` and the move then say better. `via` is asked for only when needed.
+    Raises InfeasibleError naming what stands in the direct way where there is no other.
     """
     direct = workspace.between(start, goal)
     if direct is None or workspace.at(start) is not None or workspace.at(goal) is not None:
         return (goal,)
+    places = (*via(), goal)
+    # A* whose edges are checked only when their turn comes: a check costs some 50 ms, a candidate nothing.
     order = itertools.count()
-    queue: list[tuple[float, int, tuple[Lengths, ...]]] = [(0.0, next(order), (start,))]
+    queue: list[tuple[float, int, float, tuple[Lengths, ...]]] = [(0.0, next(order), 0.0, (start,))]
     done: set[Lengths] = set()
     while queue:
-        way, _, path = heapq.heappop(queue)
+        _, _, way, path = heapq.heappop(queue)
         here = path[-1]
+        if here in done or (len(path) > 1 and workspace.between(path[-2], here) is not None):
+            continue
         if here == goal:
             return path[1:]
-        if here in done:
-            continue
         done.add(here)
-        for there in (*via, goal):
-            if there not in done and workspace.between(here, there) is None:
-                heapq.heappush(queue, (way + longest_way(here, there), next(order), (*path, there)))
+        for there in places:
+            if there not in done:
+                far = way + longest_way(here, there)
+                heapq.heappush(queue, (far + longest_way(there, goal), next(order), far, (*path, there)))
     raise InfeasibleError(
         f"No safe way from lengths {_text(start)} to {_text(goal)} m: {direct.says}.",
         hint="Add a window between them to the plan, or start from another pose.",
     )
+
+
+def way_points(robot: Robot, plan: Plan, per_axis: int = 3) -> tuple[Lengths, ...]:
+    """Places to go by way of: the plan's own equilibria, and a grid over the box they span (some 10 ms a place).
+
+    Places where the platform cannot rest within the robot's limits are left out.
+    """
+    positions = np.array([window.position for window in plan.windows])
+    axes = np.linspace(positions.min(axis=0), positions.max(axis=0), per_axis).T
+    mechanism = Mechanism(robot)
+    found = [tuple(float(length) for length in window.lengths) for window in plan.windows]
+    for place in itertools.product(*axes):
+        with suppress(InfeasibleError):
+            rest = equilibrium_at(mechanism, robot.nominal, np.array(place))
+            found.append(tuple(float(length) for length in rest.lengths))
+    return tuple(found)
 
 
 def _text(lengths: Lengths) -> str:

@@ -32,7 +32,7 @@ class Outline:
         self._left: dict[tuple[object, ...], float] = {}
         left = self.seconds
         for step in self.steps:
-            self._left.setdefault(step.place, left)
+            self._left.setdefault(step.place, max(left, 0.0))  # rounding may end below zero
             left -= step.seconds
 
     def left_from(self, step: Step, otherwise: float) -> float:

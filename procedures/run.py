@@ -9,7 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 from drivers.ports import Rig
@@ -22,7 +22,7 @@ from procedures.handlers import HANDLERS, Handler
 from procedures.identify import identify
 from procedures.journal import FORMAT, Journal, Kind, WallTime
 from procedures.ledger import Ledger
-from procedures.limits import Statics, Workspace, check_moves, find_route, nominal_statics
+from procedures.limits import Statics, Workspace, check_moves, find_route, nominal_statics, way_points
 from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.recorder import Recorder, WriteBytes
@@ -60,7 +60,7 @@ def identification(
     settings = settings or Settings()
     check_window_ids([window.id for window in plan.windows])
     workspace = Workspace(robot, statics or nominal_statics(robot), settings.motion.length_limits)
-    via = [tuple(float(length) for length in window.lengths) for window in plan.windows]
+    via = lru_cache(partial(way_points, robot, plan))
 
     def route(start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
         return find_route(workspace, start, goal, via)

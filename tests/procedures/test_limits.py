@@ -8,6 +8,8 @@ import pytest
 
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.errors import InfeasibleError, SetupError
+from fidim_lab.model.kinematics import pose_from_lengths
+from fidim_lab.model.mechanism import Mechanism
 from procedures.identify import identify
 from procedures.limits import Workspace, check_moves, find_route, nominal_statics
 from procedures.listing import Outline
@@ -57,21 +59,39 @@ def test_a_slack_cable_on_the_way_is_found_though_both_ends_are_good(walled):
 
 
 def test_a_route_leads_around(walled):
-    assert find_route(walled, LEFT, RIGHT, [LEFT, ABOVE, RIGHT]) == (ABOVE, RIGHT)
+    assert find_route(walled, LEFT, RIGHT, lambda: [LEFT, ABOVE, RIGHT]) == (ABOVE, RIGHT)
 
 
 def test_a_free_way_is_taken_straight(walled):
-    assert find_route(walled, LEFT, ABOVE, [RIGHT]) == (ABOVE,)
+    assert find_route(walled, LEFT, ABOVE, _never) == (ABOVE,)
+
+
+def _never():
+    raise AssertionError("nobody needs a detour")
 
 
 def test_no_way_is_refused_with_what_stands_in_it(walled):
     with pytest.raises(InfeasibleError, match=r"No safe way from lengths 1\.200 .* cable 2 would have 5\.0 N"):
-        find_route(walled, LEFT, RIGHT, [])
+        find_route(walled, LEFT, RIGHT, list)
+
+
+def test_few_windows_get_a_detour_through_the_workspace(irma4):
+    """With only these two windows no planned equilibrium leads around; a place between them does."""
+    two = [TABLE_2[3], TABLE_2[4]]
+    workspace = Workspace(irma4, nominal_statics(irma4))
+    sets = [tuple(float(v) for v in row) for row in two]
+    rests = [pose_from_lengths(Mechanism(irma4), irma4.nominal, row).pose.position for row in two]
+    plan = Plan("two", tuple(PlannedWindow(f"i{k}", Role.IDENTIFY, two[k], np.zeros(2), rests[k]) for k in range(2)))
+    assert workspace.between(*sets) is not None
+    moves = [s for s in Outline(identification(plan, irma4).procedure).steps if isinstance(s, MoveTo)]
+    assert [m.lengths for m in moves if not m.way_point] == sets
+    assert any(m.way_point for m in moves)
+    assert all(m.start is None or workspace.between(m.start, m.lengths) is None for m in moves)
 
 
 def test_the_shortest_of_several_ways_is_taken(walled):
     far, near = (1.5, 2.5, 1.4, 1.4), (1.5, 1.8, 1.4, 1.4)
-    assert find_route(walled, LEFT, RIGHT, [far, near]) == (near, RIGHT)
+    assert find_route(walled, LEFT, RIGHT, lambda: [far, near]) == (near, RIGHT)
 
 
 def test_lengths_beyond_a_winch_are_refused(irma4):
@@ -135,7 +155,7 @@ def test_table_2_is_feasible_by_a_detour_that_the_nominal_model_asks_for(irma4):
     assert wrong == [4]
     moves = [s for s in Outline(partial(identify, plan_of(*sets), irma4)).steps if isinstance(s, MoveTo)]
     assert len(moves) == 12  # without a router: straight
-    way = find_route(workspace, sets[3], sets[4], sets)
+    way = find_route(workspace, sets[3], sets[4], lambda: sets)
     assert len(way) == 2
     assert way[-1] == sets[4]
     assert all(workspace.between(a, b) is None for a, b in zip((sets[3], *way), way, strict=False))
