@@ -1,0 +1,185 @@
+"""The forces on the platform besides its cables' tension: weight, the operator's hand, and the hidden ones.
+
+Each term is a function of the `Platform` that gives a `Wrench` about G in the world frame. `TERMS` maps the ids of the
+catalogue to them; an id that is absent there enters somewhere else (geometry, stretch, inertia, sensors).
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import casadi as ca
+
+from sim_backends.plant.hidden import HiddenEffect
+from sim_backends.plant.kinematics import CableEnd, Platform, Point, oscillation
+
+DRY_RATE = 0.01
+"""rad/s within which a dry torque builds up: small against 1 rad/s, the rate of a swinging platform's joints"""
+
+
+class Wrench(NamedTuple):
+    """Force (N) and moment about G (N m), world frame."""
+
+    force: ca.SX
+    moment: ca.SX
+
+
+Term = Callable[[Platform, HiddenEffect], Wrench]
+
+
+def applied(platform: Platform) -> Wrench:
+    """All that acts on the platform but its cables and the operator's hand."""
+    wrenches = [_weight(platform)]
+    wrenches += [TERMS[e.id](platform, e) for e in platform.world.hidden if e.id in TERMS]
+    return Wrench(sum((w.force for w in wrenches), ca.SX.zeros(3)), sum((w.moment for w in wrenches), ca.SX.zeros(3)))
+
+
+def dry(rate: ca.SX) -> ca.SX:
+    """The sign of a rate, smoothed around zero."""
+    return ca.tanh(rate / DRY_RATE)
+
+
+def _at(point: Point, force: ca.SX) -> Wrench:
+    return Wrench(force, ca.cross(point.arm, force))
+
+
+def _at_centre(force: ca.SX) -> Wrench:
+    return Wrench(force, ca.SX.zeros(3))
+
+
+def _weight(platform: Platform) -> Wrench:
+    return _at_centre(ca.SX(platform.world.gravity * platform.world.mass))
+
+
+def hand_push(platform: Platform, law: ca.SX) -> Wrench:
+    """The operator's hand: spring and damper to where it wants the marker, damper of rotation, steady force."""
+    marker = platform.point(platform.world.markers[0])
+    force = law[3:6] * (law[0:3] - marker.position) - law[6:9] * marker.velocity + law[10:13]
+    wrench = _at(marker, force)
+    return Wrench(force, wrench.moment - law[9] * platform.omega)
+
+
+def _air_drag_linear(platform: Platform, effect: HiddenEffect) -> Wrench:
+    return _at_centre(-effect["c"] * platform.velocity)
+
+
+def _air_drag_quadratic(platform: Platform, effect: HiddenEffect) -> Wrench:
+    # The tiny term keeps the derivative finite at rest.
+    speed = ca.sqrt(ca.dot(platform.velocity, platform.velocity) + 1e-16)
+    return _at_centre(-effect["c"] * speed * platform.velocity)
+
+
+def _rotational_drag(platform: Platform, effect: HiddenEffect) -> Wrench:
+    return Wrench(ca.SX.zeros(3), -effect["c"] * platform.omega)
+
+
+def _at_each_cable(platform: Platform, force: Callable[[CableEnd], ca.SX]) -> Wrench:
+    wrenches = [_at(end.point, force(end)) for end in platform.cables]
+    return Wrench(sum((w.force for w in wrenches), ca.SX.zeros(3)), sum((w.moment for w in wrenches), ca.SX.zeros(3)))
+
+
+def _about_swivel(end: CableEnd, torque: ca.SX) -> ca.SX:
+    """The force at A that does the work of a torque about the swivel axis."""
+    return torque / end.tangent.lever * end.tangent.across
+
+
+def _swivel_friction(platform: Platform, effect: HiddenEffect) -> Wrench:
+    return _at_each_cable(
+        platform,
+        lambda end: _about_swivel(end, -effect["c"] * dry(end.tangent.swivel_rate(end.velocity))),
+    )
+
+
+def _swivel_damping(platform: Platform, effect: HiddenEffect) -> Wrench:
+    return _at_each_cable(
+        platform,
+        lambda end: _about_swivel(end, -effect["c"] * end.tangent.swivel_rate(end.velocity)),
+    )
+
+
+def _pulley_friction(platform: Platform, effect: HiddenEffect) -> Wrench:
+    def force(end: CableEnd) -> ca.SX:
+        rate = end.tangent.wrap_rate(end.velocity)
+        torque = -effect["viscous"] * rate - effect["dry"] * dry(rate)
+        return torque / end.tangent.free * end.tangent.normal
+
+    return _at_each_cable(platform, force)
+
+
+def _attachment_friction(platform: Platform, effect: HiddenEffect) -> Wrench:
+    """Torque against ω − t × Ȧ/ρ on the platform; the cable hands the reaction on as a force across itself."""
+    total = Wrench(ca.SX.zeros(3), ca.SX.zeros(3))
+    for end in platform.cables:
+        along, free = end.tangent.along, end.tangent.free
+        slip = platform.omega - ca.cross(along, end.velocity) / free
+        speed = ca.sqrt(ca.dot(slip, slip) + DRY_RATE**2)
+        torque = -(effect["viscous"] + effect["dry"] / speed) * slip
+        reaction = _at(end.point, -ca.cross(torque, along) / free)
+        total = Wrench(total.force + reaction.force, total.moment + reaction.moment + torque)
+    return total
+
+
+def _constant_force(platform: Platform, effect: HiddenEffect) -> Wrench:
+    return _at_centre(ca.SX(effect.vector("fx", "fy", "fz")))
+
+
+def _periodic_force(platform: Platform, effect: HiddenEffect) -> Wrench:
+    force, _, _ = oscillation(effect, platform.now[0])
+    return _at_centre(ca.SX.zeros(3) if platform.still else force)
+
+
+def _umbilical(platform: Platform, effect: HiddenEffect) -> Wrench:
+    end = platform.point(effect.vector("bx", "by", "bz"))
+    reach = end.position - ca.DM(effect.vector("x", "y", "z") + platform.world.middle)
+    if effect["rest"] <= 0:
+        return _at(end, -effect["k"] * reach - effect["c"] * end.velocity)
+    length = ca.norm_2(reach)
+    direction = reach / length
+    pull = effect["k"] * (length - effect["rest"]) + effect["c"] * ca.dot(direction, end.velocity)
+    return _at(end, -ca.if_else(length > effect["rest"], pull, 0.0) * direction)
+
+
+def loose_acceleration(platform: Platform, effect: HiddenEffect) -> tuple[Point, ca.SX]:
+    """Where a loose mass is held, and what its spring and damper give it, m/s²."""
+    hold = platform.point(effect.vector("bx", "by", "bz"))
+    w = 2 * ca.pi * effect["f"]
+    if platform.still:
+        return hold, ca.SX(-platform.world.gravity)
+    position, velocity = platform.loose[platform.world.effects("loose-mass").index(effect)]
+    return hold, w**2 * (hold.position - position) + 2 * effect["zeta"] * w * (hold.velocity - velocity)
+
+
+def _loose_mass(platform: Platform, effect: HiddenEffect) -> Wrench:
+    hold, pulled = loose_acceleration(platform, effect)
+    return _at(hold, -effect["m"] * pulled)
+
+
+def _hand_contact(platform: Platform, effect: HiddenEffect) -> Wrench:
+    start, stop, t = effect["start"], effect["stop"], platform.now[1]
+    touching = ca.logic_and(t > start, t < stop)
+    if effect["window"]:
+        touching = ca.logic_and(touching, platform.now[2] == effect["window"])
+    push = ca.if_else(touching, ca.sin(ca.pi * (t - start) / (stop - start)) ** 2, 0.0)
+    marker = platform.point(platform.world.markers[0])
+    return _at(marker, ca.SX(0.0 if platform.still else push) * ca.SX(effect.vector("fx", "fy", "fz")))
+
+
+def _unknown(platform: Platform, effect: HiddenEffect) -> Wrench:
+    away = (platform.centre - ca.DM(effect.vector("x", "y", "z") + platform.world.middle)) / effect["w"]
+    return _at_centre(effect["k"] * away * ca.exp(-ca.dot(away, away) / 2))
+
+
+TERMS: Mapping[str, Term] = {
+    "air-drag-linear": _air_drag_linear,
+    "air-drag-quadratic": _air_drag_quadratic,
+    "rotational-drag": _rotational_drag,
+    "swivel-friction": _swivel_friction,
+    "swivel-damping": _swivel_damping,
+    "pulley-friction": _pulley_friction,
+    "attachment-friction": _attachment_friction,
+    "constant-force": _constant_force,
+    "periodic-force": _periodic_force,
+    "umbilical": _umbilical,
+    "loose-mass": _loose_mass,
+    "hand-contact": _hand_contact,
+    "unknown": _unknown,
+}
