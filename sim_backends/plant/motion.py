@@ -29,6 +29,8 @@ from sim_backends.plant.world import World
 BISECTIONS = 12
 MOST_EVENTS = 200
 """in one `run`; after that a chattering cable is left as it is until the next"""
+DEPENDENT = 1e-12
+"""ratio of the smallest to the largest eigenvalue of J M⁻¹ Jᵀ"""
 UNSEEN = 2e-5
 """s"""
 PUSHING = 1e-6
@@ -132,7 +134,11 @@ class Motion:
         """the last states, oldest first, the present one included"""
 
     def start(self, x: np.ndarray, t: float, drive: Drive) -> None:
-        """Begin at a state with every cable taut; the twist is made to agree with the lengths' rates."""
+        """Begin at a state with every cable taut; the twist is made to agree with the lengths' rates.
+
+        Raises:
+            InfeasibleError: the pose is singular.
+        """
         self.x, self.t = x.copy(), t
         self.active[:] = 1.0
         self.slack = SlackLog()
@@ -214,10 +220,7 @@ class Motion:
         self.x = step.outputs[0].copy()
         self.tensions = step.outputs[1].copy()
         if not np.isfinite(self.x).all():
-            raise InfeasibleError(
-                f"The simulated platform came into a singular pose at t = {self.t:.3f} s: an attachment reached a "
-                "swivel axis or a pulley, or the cables became dependent."
-            )
+            raise _singular(self.t)
         self.t += h
         self.history.append((self.t, self.x))
         if self.active.min() < 1.0 or self.tensions.min() <= 0.0:
@@ -243,6 +246,8 @@ class Motion:
         self._fill(function, drive, drive.lengths, drive.rates)
         function()
         spread, condensed, excess, too_fast, beyond = (part.copy() for part in function.outputs)
+        if m and not _independent(condensed.reshape(m, m)):
+            raise _singular(self.t)
         # CasADi counts by columns; `condensed` is symmetric.
         return spread.reshape(m, 6).T, condensed.reshape(m, m), excess, too_fast, beyond
 
@@ -256,6 +261,21 @@ class Motion:
 
     def _note_slack(self) -> None:
         self.slack.note(self.t, (self.active < 1.0) | (self.tensions <= 0.0))
+
+
+def _independent(condensed: np.ndarray) -> bool:
+    """Whether J M⁻¹ Jᵀ of the rigid cables can be inverted."""
+    if not np.isfinite(condensed).all():
+        return False
+    values = np.linalg.eigvalsh(condensed)
+    return bool(values[0] > DEPENDENT * values[-1])
+
+
+def _singular(t: float) -> InfeasibleError:
+    return InfeasibleError(
+        f"The simulated platform came into a singular pose at t = {t:.3f} s: an attachment reached a swivel axis or a "
+        "pulley, or the cables became dependent."
+    )
 
 
 def _later(drive: Drive, elapsed: float) -> Drive:

@@ -1,11 +1,14 @@
 """Cables that winches move, and cables that go slack."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from fidim_lab.errors import OurBugError
+from fidim_lab.errors import InfeasibleError, OurBugError
 from sim_backends.plant.plant import HandLaw, Plant
 from sim_backends.plant.unilateral import impact, pushes, taut
+from sim_backends.plant.world import make_world
 
 LENGTHS = np.array([1.42, 1.40, 1.45, 1.47])
 TICK = 0.01
@@ -113,6 +116,14 @@ def test_a_hand_that_is_there_moves_the_platform_and_is_gone_at_its_time(world_o
     free = plant.energy()
     plant.advance(5.0)
     assert plant.energy() == pytest.approx(free, abs=1e-5)
+
+
+def test_dependent_cables_are_refused_in_words(irma4):
+    twice = replace(irma4, cables=(*irma4.cables[:3], irma4.cables[2]))
+    plant = Plant(make_world(twice, np.random.default_rng(0), body=irma4.nominal))
+    sound = Plant(make_world(irma4, np.random.default_rng(0), body=irma4.nominal)).rest(LENGTHS)
+    with pytest.raises(InfeasibleError, match="dependent"):
+        plant.place(sound, LENGTHS)
 
 
 def test_complementarity_of_pulls_and_gaps():
