@@ -97,8 +97,11 @@ class StaleGuard:
         for winch, sample in zip(self._winches, seen.winches, strict=True):
             if sample is None:
                 return f"{winch} has never reported"
-            if seen.t - sample.t > self._age or sample.state is DriveState.UNKNOWN:
-                return f"{winch} does not answer for {seen.t - sample.t:.2f} s; at most {self._age:g} s is allowed"
+            age = max(seen.t - sample.t, 0.0)
+            if age > self._age:
+                return f"{winch} does not answer for {age:.2f} s; at most {self._age:g} s is allowed"
+            if sample.state is DriveState.UNKNOWN:
+                return f"{winch} does not answer: its driver no longer believes a value {age:.2f} s old"
         return None
 
 

@@ -167,8 +167,8 @@ class _Protocol:
             if reason is None:
                 return True
             reasons.append(reason)
-        said = "; ".join(dict.fromkeys(reasons))
-        yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=f"rejected {attempts} times: {said}")
+        reason = f"rejected {attempts} times, at last: {reasons[-1]}"
+        yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return True
 
     def _attempt(

@@ -24,10 +24,16 @@ def window_measurements(
         [moving_average(c, smooth) * k for c, k in zip(recording.currents.T, newton_per_ampere, strict=True)]
     )
     winches = ~np.isnan(recording.lengths + recording.currents).any(axis=1)
+    arrived = winches | ~np.isnan(recording.markers).all(axis=(1, 2))  # a frame that never came says nothing of winches
     return (
         Measurement("part of marker samples that are there", float(seen.mean()), "", low=limits.complete),
         Measurement("longest gap of the marker", _longest_gap(seen) / recording.rate, "s", high=limits.longest_gap),
-        Measurement("part of winch samples that are there", float(winches.mean()), "", low=limits.complete),
+        Measurement(
+            "part of winch samples that are there",
+            float(winches.sum() / max(arrived.sum(), 1)),
+            "",
+            low=limits.complete,
+        ),
         Measurement("amplitude (peak to peak)", _amplitude(place[seen]), "m", low=limits.amplitude),
         *_displacements(place[seen], equilibrium, limits),
         _stillness(recording.lengths, limits.motors_still),

@@ -69,6 +69,10 @@ FAULTS = {
         lambda w: setattr(w.winches[3], "state", DriveState.SWITCHED_ON),
         "winch 4 is in state “switched on”",
     ),
+    "unknown state": (
+        lambda w: setattr(w.winches[3], "state", DriveState.UNKNOWN),
+        "winch 4 does not answer: its driver no longer believes a value 0.0",
+    ),
     "overload": (lambda w: setattr(w.winches[2], "tension", 300.0), "cable 3 has 300.0 N, over 250 N"),
 }
 
@@ -180,7 +184,7 @@ def test_a_window_is_given_up_after_four_attempts_and_the_next_one_recorded(worl
     assert report.outcome is Outcome.FAIL
     assert report.windows[0].outcome is Outcome.FAIL
     assert report.windows[0].attempts == 4
-    assert "rejected 4 times: amplitude (peak to peak) is 0.00" in report.windows[0].reason
+    assert "rejected 4 times, at last: amplitude (peak to peak) is 0.00" in report.windows[0].reason
     assert "1 of 2 windows accepted" in report.reason
     assert [row.id for row in report.accepted] == ["i02"]
     assert len(list((tmp_path / "run" / "rejected").iterdir())) == 4

@@ -38,7 +38,19 @@ def test_a_good_window_passes():
     assert verdict(recording()) == (Outcome.PASS, "")
 
 
+def _lose(made, rows):
+    """Frames that never came: the whole row is blank."""
+    for part in (made.markers, made.lengths, made.currents):
+        part[rows] = np.nan
+
+
 CASES = {
+    "lost frames": (lambda r: _lose(r, slice(0, 1000, 20)), Outcome.FAIL, "part of marker samples"),
+    "stale winch": (
+        lambda r: r.lengths[600:700, 0].fill(np.nan),
+        Outcome.FAIL,
+        "part of winch samples that are there is 0.9",
+    ),
     "gap": (
         lambda r: r.markers.__setitem__(slice(300, 320), np.nan),
         Outcome.FAIL,
@@ -86,6 +98,7 @@ def test_what_is_wrong_is_said(case):
     found, reason = verdict(made)
     assert found is outcome
     assert says in reason
+    assert ("winch samples" in reason) == (case in ("stale winch", "no currents"))
 
 
 @pytest.mark.parametrize(
