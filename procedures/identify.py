@@ -159,7 +159,7 @@ class _Protocol:
         attempts = 1 + self._settings.record.repeats
         reasons: list[str] = []
         for attempt in range(1, attempts + 1):
-            answer = yield from self._ask(planned, self._displace(planned, reasons))
+            answer = yield from self._ask(planned, _displace(planned, reasons))
             if answer == "skip":
                 yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
                 return bool(reasons)
@@ -194,13 +194,6 @@ class _Protocol:
         )
         return None
 
-    def _displace(self, planned: PlannedWindow, reasons: list[str]) -> Prompt:
-        wanted = tuple(float(v) for v in planned.displacement)
-        where = ", ".join(f"{axis} {value * 1e3:+.0f} mm" for axis, value in zip("xyz", wanted, strict=False))
-        again = f"Not good: {reasons[-1]}. Once more: d" if reasons else "D"
-        text = f"{again}isplace the platform by {where}, keep it still, and let go."
-        return Prompt(PromptKind.DISPLACE_AND_RELEASE, text, displacement=wanted)
-
     def _hands_off(self, planned: PlannedWindow) -> AwaitHandsOff:
         hand, (low, high) = self._settings.hand, self._robot.limits.tension
         return AwaitHandsOff(
@@ -223,3 +216,11 @@ class _Protocol:
             tension=self._settings.hand.tension[0] * limits.tension[0],
             tension_over=record.tension_over,
         )
+
+
+def _displace(planned: PlannedWindow, reasons: list[str]) -> Prompt:
+    wanted = tuple(float(v) for v in planned.displacement)
+    where = ", ".join(f"{axis} {value * 1e3:+.0f} mm" for axis, value in zip("xyz", wanted, strict=False))
+    again = f"Not good: {reasons[-1]}. Once more: d" if reasons else "D"
+    text = f"{again}isplace the platform by {where}, keep it still, and let go."
+    return Prompt(PromptKind.DISPLACE_AND_RELEASE, text, displacement=wanted)
