@@ -45,6 +45,8 @@ MARKER_RATE = 100.0
 """Hz"""
 REACH = 0.3
 """m of cable beyond the plan's shortest and longest that a simulated winch may wind or pay out"""
+SHORTEST = 0.05
+"""m"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,13 +126,19 @@ async def simulated_rig(
         yield SimulatedRig(rig, transport, laboratory, drives)
 
 
+def length_limits(plan: Plan) -> tuple[tuple[float, float], ...]:
+    """Shortest and longest cable (m) that each simulated winch may have, as a rig file would say it."""
+    lengths = np.array([window.lengths for window in plan.windows])
+    shortest = np.maximum(SHORTEST, lengths.min(axis=0) - REACH)
+    return tuple(zip(shortest.tolist(), (lengths.max(axis=0) + REACH).tolist(), strict=True))
+
+
 def _start(plan: Plan) -> PerCable:
     return plan.windows[0].lengths
 
 
 def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory) -> tuple[WinchConfig, ...]:
     """What a rig file would say of the simulated winches."""
-    lengths = np.array([window.lengths for window in plan.windows])
     winches = robot.winches or ()
     return tuple(
         WinchConfig(
@@ -142,14 +150,11 @@ def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory) -> tuple[Wi
             current_limit=1.5 * robot.limits.tension[1] / winch.newton_per_ampere,
             max_speed=0.5,
             max_acceleration=1.0,
-            length_limits=(
-                max(0.05, float(lengths[:, cable].min()) - REACH),
-                float(lengths[:, cable].max()) + REACH,
-            ),
+            length_limits=reach,
             direction=drum.direction,
             home_length=drum.home_length,
         )
-        for cable, (winch, drum) in enumerate(zip(winches, laboratory.drums, strict=True))
+        for cable, (winch, drum, reach) in enumerate(zip(winches, laboratory.drums, length_limits(plan), strict=True))
     )
 
 

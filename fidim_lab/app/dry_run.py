@@ -25,6 +25,7 @@ from fidim_lab.identification.result_file import write_result
 from procedures.events import Event, RunFinished, RunStarted
 from procedures.report import RunReport
 from procedures.run import Experiment, identification, run_procedure
+from procedures.settings import MotionSettings, Settings
 
 SIMULATED_DAY = "2000-01-01T00:00:00Z"
 """wall time of a simulated journal: the same seed gives the same bytes"""
@@ -55,7 +56,8 @@ def run_dry_run(options: DryRunOptions) -> int:
     world = compose.simulated_world(robot, options.seed, options.hide)
     with console.err.status("planning: equilibria where the robot can rest and swing …"):
         plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed)
-        experiment = identification(plan, robot)
+        motion = MotionSettings(length_limits=compose.length_limits(plan))
+        experiment = identification(plan, robot, Settings(motion=motion))
     recorder = _Rehearsal(robot, plan, experiment, folder, options)
     report = recorder.run(world)
     console.out.print(f"run {report.outcome}: {report.reason or 'all windows have their verdict.'} {report.held_says}")
