@@ -13,6 +13,7 @@ from rich.text import Text
 from fidim_lab.app import console
 from fidim_lab.app.report.write import write_report
 from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.records import Role
 from fidim_lab.identification.estimators import method_named
 from fidim_lab.identification.identify import MODEL_ERROR, identify
 from fidim_lab.identification.recipe import BEST, PAPER, Recipe
@@ -23,6 +24,8 @@ from fidim_lab.units import millimetres, percent
 
 SPREAD_SEEN = 5.0
 """spread over nominal sd beyond which the closing sentence speaks of model error"""
+ENOUGH_WINDOWS = 8
+"""with fewer, leaving one out can unbalance the excitation: a large spread then says nothing of the model"""
 
 
 def run_identify(
@@ -116,7 +119,8 @@ def closing_sentence(result: IdentificationResult) -> str:
     noise = result.noise_ratio or 0.0
     lever = abs(s_z.value - result.attachment_plane)
     size = f"s_z is good to about {millimetres(s_z.spread):.2g} mm ({percent(s_z.spread / lever):.2g} % of its lever)"
-    if ratio > SPREAD_SEEN or noise > MODEL_ERROR:
+    fitted = sum(window.used and window.role is Role.IDENTIFY for window in result.windows)
+    if (ratio > SPREAD_SEEN and fitted >= ENOUGH_WINDOWS) or noise > MODEL_ERROR:
         found = (
             f"the equations are off by {noise:.1f}" if noise > MODEL_ERROR else f"the windows disagree by {ratio:.0f}"
         )
@@ -125,8 +129,11 @@ def closing_sentence(result: IdentificationResult) -> str:
             "total least squares turns unmodelled physics into wrong parameters in every window alike, which no spread "
             "shows: expect errors of the order of 10 % until it is explained."
         )
+    agree = "The windows agree within what noise explains"
+    if ratio > SPREAD_SEEN:
+        agree = f"{fitted} windows are few, and the answer leans on single ones"
     return (
-        f"The windows agree within what noise explains: {size}. Total least squares sees neither geometry nor length "
+        f"{agree}: {size}. Total least squares sees neither geometry nor length "
         "errors that are the same in all windows; held-out σ⊥ and χ²/dof are the test of that."
     )
 

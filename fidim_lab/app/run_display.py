@@ -111,6 +111,8 @@ class LiveDisplay:
         name = NAMES.get(type(event.step))
         if name is None:
             return
+        if not isinstance(event.step, Ask):
+            self._says = ""  # answered
         line = self._lines.get(event.step.window, _Line())
         starting = isinstance(event, StepStarted)
         recordings = line.recordings + (starting and isinstance(event.step, Record))
