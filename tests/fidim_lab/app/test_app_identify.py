@@ -9,19 +9,25 @@ import pytest
 from rich.console import Console
 
 from fidim_lab.app.identify import closing_sentence, identify_command, run_identify, summary
+from fidim_lab.data.records import Role
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.estimators import Method
-from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter
+from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.identification.result_file import read_result
 
 
-def made_up(*, spread: float | None = 2e-5, noise_ratio: float = 1.0, outcome: Outcome = Outcome.CONVERGED):
+def made_up(
+    *, spread: float | None = 2e-5, noise_ratio: float = 1.0, outcome: Outcome = Outcome.CONVERGED, windows: int = 12
+):
+    used = tuple(
+        WindowVerdict(f"i{k:02d}", Role.IDENTIFY, True, "surface", 961, 0.07, 0.1, 1.0, 1.2) for k in range(windows)
+    )
     names = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
     values = (0.002, -0.001, 0.19, 0.06, 0.06, 0.03, 0.0, 0.0, 0.0)
     parameters = {n: Parameter(v, 1e-5, spread, spread, v * 1.1) for n, v in zip(names, values, strict=True)}
     return IdentificationResult(
         campaign="c04", method=Method.TLS, outcome=outcome, message="Done.", parameters=parameters, non_essential=(),
-        sigma_W=0.05, C=9.0, windows=(), warnings=("mind the gap",), seconds=1.0, noise_ratio=noise_ratio,
+        sigma_W=0.05, C=9.0, windows=used, warnings=("mind the gap",), seconds=1.0, noise_ratio=noise_ratio,
         covariance=1e-10 * np.eye(9), attachment_plane=0.2665,
     )  # fmt: skip
 
@@ -45,6 +51,7 @@ def test_the_summary_shows_parameters_gauge_and_warnings():
     [
         (made_up(), "agree within what noise explains"),
         (made_up(spread=4e-4), "the windows disagree by 40 times"),
+        (made_up(spread=4e-4, windows=4), "4 windows are few"),
         (made_up(noise_ratio=6.2), "the equations are off by 6.2 times"),
         (made_up(spread=None), "fewer than three windows"),
         (made_up(outcome=Outcome.IMPOSSIBLE_BODY), "do not use them"),
