@@ -1,0 +1,69 @@
+"""The time grid of a batch: blocks of equal length, each with its Lobatto nodes, both ends included.
+
+The states are integrated from node to node; the variational equation is collocated on the nodes of a block.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy.polynomial import legendre
+
+from fidim_lab.arrays import Series
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How finely time is divided."""
+
+    intervals: int
+    """k nodes after the first in each block"""
+    block: float = 0.1
+    """s"""
+
+
+QUICK = Resolution(intervals=8)
+"""Four cables, 10 s: states to 6e-8 m, sensitivities to 4e-4: for the way to the optimum."""
+
+FINE = Resolution(intervals=10)
+"""States to 1e-8 m, sensitivities to 4e-6: for the optimum and what is said of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Nodes of so many blocks."""
+
+    blocks: int
+    resolution: Resolution
+
+    @staticmethod
+    def covering(duration: float, resolution: Resolution) -> "Grid":
+        """The shortest grid that reaches `duration` (s)."""
+        return Grid(max(1, int(np.ceil(duration / resolution.block - 1e-9))), resolution)
+
+    @property
+    def nodes(self) -> int:
+        """How many there are."""
+        return self.blocks * self.resolution.intervals + 1
+
+    @property
+    def t(self) -> Series:
+        """Time of every node, s."""
+        inner = lobatto(self.resolution.intervals)[0][1:]
+        ends = (np.arange(self.blocks)[:, np.newaxis] + inner) * self.resolution.block
+        return np.concatenate([[0.0], ends.ravel()])
+
+    @property
+    def quadrature(self) -> Float[np.ndarray, "k+1 k+1"]:
+        """∫ from the begin of a block to node i of the polynomial through all its nodes: Σ_j Q_ij f_j, s."""
+        return lobatto(self.resolution.intervals)[1] * self.resolution.block
+
+
+def lobatto(intervals: int) -> tuple[Series, Float[np.ndarray, "k+1 k+1"]]:
+    """The k + 1 Lobatto nodes of [0, 1] and the matrix of Lobatto IIIA (order 2 k)."""
+    derivative = legendre.legder(np.eye(intervals + 1)[intervals])
+    x = np.concatenate([[-1.0], np.sort(legendre.legroots(derivative)), [1.0]])
+    # Legendre polynomials rather than powers: well conditioned for any k
+    values = legendre.legvander(x, intervals)
+    integrals = [legendre.legval(x, legendre.legint(row, lbnd=-1)) for row in np.eye(intervals + 1)]
+    return (x + 1) / 2, np.stack(integrals, axis=1) @ np.linalg.inv(values) / 2

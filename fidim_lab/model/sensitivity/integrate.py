@@ -1,0 +1,141 @@
+"""Free motions of W windows on one grid, by Dormand and Prince's eighth-order method from node to node.
+
+One compiled loop for the whole batch. Each step writes the rotation as a Gibbs vector relative to its own start.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+from scipy.integrate import DOP853
+
+from fidim_lab.arrays import Series
+from fidim_lab.model.batch import evaluate, from_rows, function, rows
+from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.native import built
+from fidim_lab.model.sensitivity.equations import shared_count, slopes
+from fidim_lab.model.sensitivity.grid import Grid
+
+STAGES = DOP853.n_stages
+# scipy's stubs do not know the tableau
+COEFFICIENTS: np.ndarray = np.asarray(DOP853.A)[:STAGES, :STAGES]
+NODES: np.ndarray = np.asarray(DOP853.C)[:STAGES]
+WEIGHTS: np.ndarray = np.asarray(DOP853.B)
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Initial states of W windows: where the platform is let go, and how fast it is then."""
+
+    positions: Float[np.ndarray, "W 3"]
+    rotations: Float[np.ndarray, "W 3 3"]
+    twists: Float[np.ndarray, "W 6"]
+    """[ṗ; ω], world frame; Ξ v = 0"""
+
+    def of(self, chosen: slice) -> "States":
+        """Some of the windows."""
+        return States(self.positions[chosen], self.rotations[chosen], self.twists[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectories:
+    """W motions at the N nodes of one grid; NaN from where a motion breaks down (no body, a singular pose)."""
+
+    grid: Grid
+    begins: Float[np.ndarray, " W"]
+    """s on each window's own clock, at the grid's 0"""
+    positions: Float[np.ndarray, "W N 3"]
+    rotations: Float[np.ndarray, "W N 3 3"]
+    twists: Float[np.ndarray, "W N 6"]
+    accelerations: Float[np.ndarray, "W N 6"]
+    tensions: Float[np.ndarray, "W N n"]
+    """per unit mass, N/kg; negative where the model has lost its validity"""
+
+    def first_slack(self, window: int) -> tuple[float, int] | None:
+        """When (s from the grid's 0, by interpolation) and which cable (1-based) first has no tension; None if taut."""
+        held = self.tensions[window]
+        slack = np.flatnonzero((held <= 0).any(axis=1))
+        if len(slack) == 0:
+            return None
+        node = int(slack[0])
+        cable = int(np.argmin(held[node]))
+        if node == 0:
+            return 0.0, cable + 1
+        before, after = held[node - 1, cable], held[node, cable]
+        share = before / (before - after)
+        t = self.grid.t
+        return float(t[node - 1] + share * (t[node] - t[node - 1])), cable + 1
+
+
+def integrate(
+    mechanism: Mechanism,
+    shared: Float[np.ndarray, " shared"],
+    states: States,
+    grid: Grid,
+    begins: Float[np.ndarray, " W"],
+) -> Trajectories:
+    """The motions of all windows. `begins` matters only to effects that depend on time.
+
+    Cables are not watched here: see `Trajectories.first_slack`. Never raises for the physics: NaN instead.
+    """
+    count, nodes, t = len(states.positions), grid.nodes, grid.t
+    loop = mechanism.compiled(
+        f"sensitivity: {count} windows, {nodes} nodes",
+        lambda made: _step_of(made).mapaccum("motion", nodes, {"base": 8}).map(count),
+    )
+    timing = np.empty((count, nodes, 2))
+    timing[..., 0] = begins[:, np.newaxis] + t
+    timing[..., 1] = np.append(np.diff(t), 0.0)  # the last step goes nowhere: it gives the last node's accelerations
+    first = np.concatenate([states.positions, states.rotations.reshape(count, 9), states.twists], axis=1)
+    after, outputs = evaluate(loop, first, timing, np.broadcast_to(shared, (count * nodes, len(shared))))
+    at = np.concatenate([first[:, np.newaxis], after.reshape(count, nodes, 18)[:, :-1]], axis=1)
+    outputs = outputs.reshape(count, nodes, -1)
+    return Trajectories(
+        grid=grid,
+        begins=begins,
+        positions=at[..., :3],
+        rotations=at[..., 3:12].reshape(count, nodes, 3, 3),
+        twists=at[..., 12:],
+        accelerations=outputs[..., :6],
+        tensions=outputs[..., 6:],
+    )
+
+
+def node_times(trajectories: Trajectories) -> Series:
+    """Time of every node of every window on the windows' own clocks, (W N), s."""
+    return (trajectories.begins[:, np.newaxis] + trajectories.grid.t).ravel()
+
+
+def _step_of(mechanism: Mechanism) -> ca.Function:
+    return mechanism.compiled(
+        "sensitivity: step", lambda made: built(_compile_step(made)) if made.native else _compile_step(made)
+    )
+
+
+def _compile_step(mechanism: Mechanism) -> ca.Function:
+    """(state 18, [t, h], shared) → (state at t + h, [v̇; τ] at t); the state is [p; R row by row; v; ω]."""
+    solve = slopes(mechanism)
+    state, timing = ca.SX.sym("state", 18), ca.SX.sym("timing", 2)
+    shared = ca.SX.sym("shared", shared_count(mechanism))
+    time, h = timing[0], timing[1]
+    reference = from_rows(state[3:12], 3, 3)
+    start = ca.vertcat(state[:3], ca.SX.zeros(3), state[12:])  # [p; g; v; ω]
+    found: list[ca.SX] = []
+    outputs: list[ca.SX] = []
+    for node, coefficients in zip(NODES, COEFFICIENTS, strict=True):
+        at = start + h * _combined(coefficients, found)
+        rotation = rotation_from_gibbs(at[3:6]) @ reference
+        output = solve(time + float(node) * h, at[:3], rows(rotation), at[6:], shared)
+        outputs.append(output)
+        found.append(ca.vertcat(at[6:9], gibbs_rate(at[3:6], at[9:]), output[:6]))
+    end = start + h * _combined(WEIGHTS, found)
+    after = ca.vertcat(end[:3], rows(rotation_from_gibbs(end[3:6]) @ reference), end[6:])
+    return function("eighth_order_step", [state, timing, shared], [after, outputs[0]])
+
+
+def _combined(coefficients: np.ndarray, found: list[ca.SX]) -> ca.SX:
+    """Σ c_i k_i over the stages so far; zeros of the tableau cost nothing."""
+    terms = (float(c) * slope for c, slope in zip(coefficients, found, strict=False) if c != 0)
+    return sum(terms, ca.SX.zeros(12))

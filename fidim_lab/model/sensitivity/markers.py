@@ -1,0 +1,100 @@
+"""Where markers of the platform are, at any times between the nodes of a grid, with derivatives.
+
+Position, velocity and acceleration at the nodes, and the quintic Hermite polynomial between them: the nodes lie at most
+17 ms apart, so it is good to 1e-9 m for motions of a few hertz.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import Series
+from fidim_lab.model.sensitivity.integrate import Trajectories
+from fidim_lab.model.sensitivity.variation import Variations
+
+Nodal = Float[np.ndarray, "W N 3 M 3"]
+"""marker position, velocity, acceleration at the nodes; markers; world x, y, z"""
+
+
+def at_nodes(trajectories: Trajectories, markers: Float[np.ndarray, "M 3"]) -> Nodal:
+    """Position (m), velocity and acceleration of markers (body frame, m) at every node."""
+    arms = _arms(trajectories, markers)
+    v, a = trajectories.twists[:, :, np.newaxis], trajectories.accelerations[:, :, np.newaxis]
+    swept = np.cross(v[..., 3:], arms)
+    return np.stack(
+        [
+            trajectories.positions[:, :, np.newaxis] + arms,
+            v[..., :3] + swept,
+            a[..., :3] + np.cross(a[..., 3:], arms) + np.cross(v[..., 3:], swept),
+        ],
+        axis=2,
+    )
+
+
+def varied_at_nodes(
+    trajectories: Trajectories, by: Variations, markers: Float[np.ndarray, "M 3"]
+) -> Float[np.ndarray, "W N 3 M 3 P"]:
+    """Derivatives of `at_nodes` by the P columns of the variations."""
+    arms, spin, spin_rate = (
+        _skew(x)
+        for x in (
+            _arms(trajectories, markers),
+            trajectories.twists[:, :, np.newaxis, 3:],
+            trajectories.accelerations[:, :, np.newaxis, 3:],
+        )
+    )
+    count, nodes, marks = arms.shape[:3]
+    one = np.broadcast_to(np.eye(3), (count, nodes, marks, 3, 3))
+    # δ(R m) = δθ × R m with δθ = R δφ
+    turned = -arms @ trajectories.rotations[:, :, np.newaxis]
+    swept = _skew((spin @ _arms(trajectories, markers)[..., np.newaxis])[..., 0])
+    none = np.zeros_like(one)
+    by_pose = np.stack(
+        [
+            np.concatenate([one, turned], axis=-1),
+            np.concatenate([none, spin @ turned], axis=-1),
+            np.concatenate([none, (spin_rate + spin @ spin) @ turned], axis=-1),
+        ],
+        axis=2,
+    )
+    rigid = np.concatenate([one, -arms], axis=-1)
+    by_spin = np.concatenate([none, -swept - spin @ arms], axis=-1)
+    varied = by_pose @ by.poses[:, :, np.newaxis, np.newaxis]
+    varied[:, :, 1] += rigid @ by.twists[:, :, np.newaxis]
+    varied[:, :, 2] += by_spin @ by.twists[:, :, np.newaxis] + rigid @ by.accelerations[:, :, np.newaxis]
+    return varied
+
+
+def hermite(nodes: Series, times: Series) -> tuple[np.ndarray, Float[np.ndarray, "T 2 3"]]:
+    """Interval of each time, and its weights of value, slope and curvature at the interval's two ends."""
+    index = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(nodes) - 2)
+    h = nodes[index + 1] - nodes[index]
+    s = (times - nodes[index]) / h
+    begin = _ends_weights(s, h)
+    end = _ends_weights(1 - s, h) * np.array([1.0, -1.0, 1.0])
+    return index, np.stack([begin, end], axis=1)
+
+
+def between(nodal: Float[np.ndarray, "N 3 ..."], index: np.ndarray, weights: Float[np.ndarray, "T 2 3"]) -> np.ndarray:
+    """Values at the times for which `hermite` gave index and weights; nodal: value, slope, curvature at each node."""
+    ends = np.stack([nodal[index], nodal[index + 1]], axis=1)
+    flat = ends.reshape(len(index), 6, -1)
+    return (weights.reshape(-1, 1, 6) @ flat).reshape(len(index), *nodal.shape[2:])
+
+
+def _ends_weights(s: Series, h: Series) -> Float[np.ndarray, "T 3"]:
+    left = 1 - s
+    return np.stack(
+        [left**3 * (1 + 3 * s + 6 * s**2), left**3 * s * (1 + 3 * s) * h, left**3 * s**2 / 2 * h**2],
+        axis=1,
+    )
+
+
+def _arms(trajectories: Trajectories, markers: np.ndarray) -> Float[np.ndarray, "W N M 3"]:
+    return np.einsum("wnij,mj->wnmi", trajectories.rotations, markers)
+
+
+def _skew(vectors: np.ndarray) -> np.ndarray:
+    matrices = np.zeros((*vectors.shape, 3))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    matrices[..., 0, 1], matrices[..., 0, 2], matrices[..., 1, 2] = -z, y, -x
+    return matrices - np.swapaxes(matrices, -1, -2)
