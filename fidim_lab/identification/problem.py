@@ -81,11 +81,15 @@ class WindowEquations:
         deviations of Eq. 31–32 look smaller than they are.
         """
         W = self.rows(body)
-        count = len(W) if self.recipe.samples is None else min(len(W), self.recipe.samples)
+        return W[self.picked(len(W))]
+
+    def picked(self, rows: int) -> np.ndarray:
+        """Which of so many neighbouring rows `decimated` keeps, as indices."""
+        count = rows if self.recipe.samples is None else min(rows, self.recipe.samples)
         if self.recipe.equations is not None and self.recipe.samples is not None:
-            independent = 2 * self.recipe.equations.stop_band * len(W) / self.measured.rate
+            independent = 2 * self.recipe.equations.stop_band * rows / self.measured.rate
             count = min(count, max(2, round(independent)))
-        return W[np.rint(np.linspace(0, len(W) - 1, count)).astype(int)]
+        return np.rint(np.linspace(0, rows - 1, count)).astype(int)
 
     def _marker_projection(self, body: Body) -> np.ndarray:
         """(N, K, 6): B (BᵀB)⁻¹ Ξ⊥ᵀ, the wrench as the least change of marker accelerations that would balance it.
@@ -176,15 +180,19 @@ class Problem:
 
 def window_equations(mechanism: Mechanism, campaign: Campaign, window: Window, recipe: Recipe) -> WindowEquations:
     """The equations of one window. Raises as `measure`."""
-    measured = measure(mechanism, campaign, window, recipe)
-    motion = measured.motion
-    noise = campaign.robot.sensors.marker_noise
+    return motion_equations(mechanism, measure(mechanism, campaign, window, recipe), recipe)
+
+
+def motion_equations(mechanism: Mechanism, measured: MeasuredMotion, recipe: Recipe) -> WindowEquations:
+    """The equations of a motion that is known. Raises InfeasibleError at a singular pose."""
+    motion, robot = measured.motion, mechanism.robot
     xi = mechanism.structure_matrix(motion.positions, motion.rotations)
     if recipe.rows is Rows.FREE_COORDINATES:
-        directions = free_twist_basis(xi, marker_selector(motion.rotations, campaign.robot.marker, measured.axes))
+        directions = free_twist_basis(xi, marker_selector(motion.rotations, robot.marker, measured.axes))
     else:
         directions = free_directions(xi)
-    return WindowEquations(measured, platform_regressor(motion, campaign.robot.gravity), directions, recipe, noise)
+    regressor = platform_regressor(motion, robot.gravity)
+    return WindowEquations(measured, regressor, directions, recipe, robot.sensors.marker_noise)
 
 
 def build(campaign: Campaign, recipe: Recipe, windows: Sequence[Window] | None = None) -> Problem:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.data.records import Body, Pose, Robot
+from fidim_lab.data.records import Body, Motion, Pose, Robot
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.identification.measured import MeasuredMotion, held_lengths
 from fidim_lab.identification.surface import ARM, free_directions, marker_jacobian, tied_least_squares
@@ -47,6 +47,8 @@ class Prediction:
     """(N,) s, from the window's first usable sample to its end"""
     markers: np.ndarray
     """(N, M, 3) predicted, m"""
+    motion: Motion
+    """predicted, at the same times"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +85,7 @@ def predict(mechanism: Mechanism, body: Body, measured: MeasuredMotion) -> Predi
         return None
     for horizons in HORIZONS:
         found = _grow(start, robot, body, t, markers, horizons)
-        verdict = None if found is None else _judge(robot, t, markers, found, 2 * start.directions.shape[1])
+        verdict = None if found is None else _judge(robot, markers, found, 2 * start.directions.shape[1])
         if verdict is not None:
             return verdict
     return None
@@ -91,8 +93,8 @@ def predict(mechanism: Mechanism, body: Body, measured: MeasuredMotion) -> Predi
 
 def _grow(
     start: _Start, robot: Robot, body: Body, t: np.ndarray, markers: np.ndarray, horizons: tuple[float, ...]
-) -> np.ndarray | None:
-    """The predicted markers (N, M, 3) after fitting on growing horizons; None where the physics ends."""
+) -> Motion | None:
+    """The predicted motion after fitting on growing horizons; None where the physics ends."""
     x = np.zeros(2 * start.directions.shape[1])
     found = None
     try:
@@ -104,14 +106,15 @@ def _grow(
     return found
 
 
-def _judge(robot: Robot, t: np.ndarray, markers: np.ndarray, predicted: np.ndarray, fitted: int) -> Prediction | None:
+def _judge(robot: Robot, markers: np.ndarray, motion: Motion, fitted: int) -> Prediction | None:
+    predicted = _seen(robot, motion, markers.shape[1])
     residuals = markers - predicted
     rms = float(np.sqrt(np.nanmean(residuals**2)))
     if not rms < LOST * float(np.sqrt(np.nanmean((markers - np.nanmean(markers, axis=0)) ** 2))):
         return None
     dof = int(np.isfinite(residuals).sum()) - fitted
     chi2 = float(np.nansum((residuals / robot.sensors.marker_noise) ** 2)) / dof
-    return Prediction(rms, chi2, residuals, t, predicted)
+    return Prediction(rms, chi2, residuals, motion.t, predicted, motion)
 
 
 def _start(mechanism: Mechanism, measured: MeasuredMotion) -> _Start:
@@ -129,38 +132,42 @@ def _start(mechanism: Mechanism, measured: MeasuredMotion) -> _Start:
 
 def _fit(
     start: _Start, robot: Robot, body: Body, t: np.ndarray, markers: np.ndarray, x: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, Motion]:
     """Gauss–Newton with one finite-difference Jacobian: near the solution it hardly changes. Also the prediction."""
     count = markers.shape[1]
     seen = np.isfinite(markers)
-    coarse = _simulate(start, robot, body, t, count, x, COARSE)
+    coarse = _seen(robot, _simulate(start, body, t, x, COARSE), count)
     nudges = np.repeat(NUDGES, len(x) // 2)
-    nudged = [_simulate(start, robot, body, t, count, x + step, COARSE) for step in np.diag(nudges)]
+    nudged = [_seen(robot, _simulate(start, body, t, x + step, COARSE), count) for step in np.diag(nudges)]
     J = np.stack([(there - coarse)[seen] for there in nudged], axis=1) / nudges
-    best = _simulate(start, robot, body, t, count, x)
+    found = _simulate(start, body, t, x)
+    best = _seen(robot, found, count)
     cost = float(((markers - best)[seen] ** 2).sum())
     for _ in range(ROUNDS):
         trial = x + np.linalg.lstsq(J, (markers - best)[seen], rcond=None)[0]
-        there = _simulate(start, robot, body, t, count, trial)
+        tried = _simulate(start, body, t, trial)
+        there = _seen(robot, tried, count)
         now = float(((markers - there)[seen] ** 2).sum())
         if not now < cost:
             break
         settled = now > cost * (1 - SETTLED)
-        x, best, cost = trial, there, now
+        x, found, best, cost = trial, tried, there, now
         if settled:
             break
-    return x, best
+    return x, found
 
 
-def _simulate(
-    start: _Start, robot: Robot, body: Body, t: np.ndarray, count: int, x: np.ndarray, step: float = STEP
-) -> np.ndarray:
-    """(N, M, 3) marker positions, m. Raises InfeasibleError when a cable goes slack before the end."""
+def _simulate(start: _Start, body: Body, t: np.ndarray, x: np.ndarray, step: float = STEP) -> Motion:
+    """The free motion. Raises InfeasibleError when a cable goes slack before the end."""
     pose, twist = start.state(x)
     found = simulate_free_motion(start.mechanism, body, pose, twist, t, step)
     if found.slack_time is not None:
         raise InfeasibleError(f"Cable {found.slack_cable} goes slack at t = {found.slack_time:.2f} s.")
-    motion = found.motion
+    return found.motion
+
+
+def _seen(robot: Robot, motion: Motion, count: int) -> np.ndarray:
+    """(N, M, 3) positions of the first `count` markers, m."""
     return motion.positions[:, None] + np.einsum("nij,mj->nmi", motion.rotations, robot.markers[:count])
 
 
