@@ -4,7 +4,7 @@ A guard is told what is seen and says, in a sentence, what is wrong, or nothing.
 are its own; an old value counts as a violation. The first trip ends the run: `watch` returns it, the engine latches it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -71,15 +71,20 @@ class DriveGuard:
         self._winches = winches
 
     def look(self, seen: Observation) -> str | None:
-        """The first drive that is not enabled."""
+        """The first drive that is not enabled, with all others in which the same is wrong (a bus that failed)."""
+        faults: dict[str, str] = {}
+        states: dict[str, str] = {}
         for winch, sample in zip(self._winches, seen.winches, strict=True):
             if sample is None or sample.state is DriveState.UNKNOWN:
                 continue  # the staleness guard's matter
             if sample.fault:
-                return f"{winch} reports a fault: {sample.fault}"
-            if sample.state is not DriveState.OPERATION_ENABLED:
-                return f"{winch} is in state “{sample.state}”, “{DriveState.OPERATION_ENABLED}” is expected"
-        return None
+                faults[winch] = sample.fault
+            elif sample.state is not DriveState.OPERATION_ENABLED:
+                states[winch] = f"“{sample.state}”, “{DriveState.OPERATION_ENABLED}” is expected"
+        count = len(self._winches)
+        return _shared(faults, count, "reports a fault:", "report a fault:") or _shared(
+            states, count, "is in state", "are in state"
+        )
 
 
 class StaleGuard:
@@ -93,16 +98,20 @@ class StaleGuard:
         self._age = age
 
     def look(self, seen: Observation) -> str | None:
-        """The first winch whose newest sample is too old."""
+        """The winches whose newest sample is too old; where it is all of them, what they have in common."""
+        silent: dict[str, str] = {}
         for winch, sample in zip(self._winches, seen.winches, strict=True):
+            age = 0.0 if sample is None else max(seen.t - sample.t, 0.0)
             if sample is None:
-                return f"{winch} has never reported"
-            age = max(seen.t - sample.t, 0.0)
-            if age > self._age:
-                return f"{winch} does not answer for {age:.2f} s; at most {self._age:g} s is allowed"
-            if sample.state is DriveState.UNKNOWN:
-                return f"{winch} does not answer: its driver no longer believes a value {age:.2f} s old"
-        return None
+                silent[winch] = "at all so far"
+            elif age > self._age:
+                silent[winch] = f"for {age:.2f} s; at most {self._age:g} s is allowed"
+            elif sample.state is DriveState.UNKNOWN:
+                silent[winch] = f"for {age:.2f} s, longer than its driver believes a value"
+        says = _shared(silent, len(self._winches), "does not answer", "do not answer")
+        if says is not None and 1 < len(silent) == len(self._winches):
+            says += "; look at the bus, its adapter and power, and whether this computer's control loop kept up"
+        return says
 
 
 class TensionGuard:
@@ -166,7 +175,7 @@ class MarkerGuard:
         if self._new_at is None or seen.phase is Phase.HANDLING or self._is_new(seen.frame):
             self._new_at = seen.t
         lost = seen.t - self._new_at
-        return f"{self._why} for {lost:.1f} s; at most {self._lasting:g} s is allowed" if lost > self._lasting else None
+        return f"{self._why} for {lost:.2f} s; at most {self._lasting:g} s is allowed" if lost > self._lasting else None
 
     def _is_new(self, frame: MarkerFrame | None) -> bool:
         if frame is None or frame.number == self._number:
@@ -206,6 +215,17 @@ class SlipGuard:
                     f"at most {self._allowed * 1e3:g} mm is allowed"
                 )
         return None
+
+
+def _shared(wrong: Mapping[str, str], count: int, one: str, many: str) -> str | None:
+    """What is wrong with the first winch, said of all (of `count`) with which the same is wrong."""
+    if not wrong:
+        return None
+    what = next(iter(wrong.values()))
+    names = [winch for winch, other in wrong.items() if other == what]
+    if len(names) == 1:
+        return f"{names[0]} {one} {what}"
+    return f"{f'all {count} winches' if len(names) == count else ', '.join(names)} {many} {what}"
 
 
 def standard_guards(

@@ -47,7 +47,9 @@ async def hold_robot(
     says = [f"{w.name} {what}" for w, what in zip(winches, stands, strict=True) if what]
     says += [f"{w.name} was quick-stopped ({why})" for w, why in zip(winches, refusals, strict=True) if why]
     ok = not any(stands)
-    sentence = "All winches stand still, held." if ok else "NOT VERIFIED that the robot is held."
+    sentence = (
+        "All winches stand still, held." if ok else "NOT VERIFIED that the robot is held: look before you go near it."
+    )
     unpowered = [w.name for w in winches if ok and (s := w.latest()) is not None and s.state not in POWERED]
     if unpowered:
         sentence = f"All winches stand still, without motor power: {', '.join(unpowered)}."

@@ -91,7 +91,12 @@ async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig,
 
     timeout = config.step_timeout + 2.0 * config.heartbeat
     if not await wait_until(master.clock, there, timeout=timeout, period=master.period):
-        found = "no heartbeat" if link.heartbeat is None else f"{link.heartbeat.state.words} by its last heartbeat"
+        last = link.heartbeat
+        found = (
+            "no heartbeat"
+            if last is None
+            else f"{last.state.words} by its last heartbeat, {master.clock.now() - last.t:.2f} s ago"
+        )
         raise DeviceError(config.device, f"{state.words} expected within {timeout:g} s, {found}.")
 
 
