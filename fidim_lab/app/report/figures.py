@@ -1,114 +1,96 @@
-"""Pictures of the report, each returned as SVG text: trajectories, tensions, residuals, parameters, cross-validation.
+"""Pictures of what was measured and found: a window's motion, tensions, parameters, cross-validation, the run.
 
-Drawn by matplotlib without a screen; the same data give the same bytes. Colours are those of Okabe and Ito,
-which colour-blind people can tell apart; lines differ in style too.
+Each returns SVG for a page (see `svg`); the same data give the same bytes.
 """
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from fidim_lab.arrays import CableSeries, Series
+from fidim_lab.app.report.svg import COLOURS, STYLES, sheet, styled, thin, to_svg
+from fidim_lab.arrays import CableSeries, Positions, Series, Vector3
+from fidim_lab.units import millimetres
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (1, 1)))
-POINTS = 400
-"""samples drawn for each line: more than the eye sees, few enough for a small file"""
-
-_STYLE: dict[Any, Any] = {
-    "svg.hashsalt": "fidim",
-    "svg.fonttype": "none",
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "path.simplify": True,
-    "path.simplify_threshold": 0.5,
-}
+WIDTH = 6.4
+"""inches of a picture"""
 
 
-def _svg(figure: Figure) -> str:
-    buffer = io.StringIO()
-    with mpl.rc_context(_STYLE):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Three coordinates over a time of their own."""
+
+    t: Series
+    """s"""
+    values: Positions
+    """m"""
 
 
-def _figure(width: float, height: float, rows: int = 1) -> tuple[Figure, list[Axes]]:
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        axes = figure.subplots(rows, 1, sharex=True, squeeze=False)
-    return figure, list(axes[:, 0])
-
-
-def _thin(samples: int) -> slice:
-    return slice(None, None, max(1, samples // POINTS))
-
-
-def trajectory(t: Series, marker: np.ndarray, rest: np.ndarray | None, model: np.ndarray | None) -> str:
-    """Draw the main marker (N, 3) against time, in mm from rest, the model's prediction over it."""
-    figure, axes = _figure(6.4, 3.4, rows=3)
-    origin = np.nanmean(marker, axis=0) if rest is None else rest
-    pick = _thin(len(t))
+@styled
+def trajectory(recorded: Line, rest: Vector3 | None, model: Line | None) -> str:
+    """Draw the main marker against time, mm from rest (from its mean where that is unknown), the model over it."""
+    figure, axes = sheet(WIDTH, 5.6, rows=3)
+    origin = _mean(recorded.values) if rest is None else rest
     for k, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
-        axis.plot(t[pick], (marker[pick, k] - origin[k]) * 1e3, color=COLOURS[0], lw=1.0, label="recorded")
+        _line(axis, recorded.t, millimetres_of(recorded.values[:, k] - origin[k]), 0, "recorded", width=1.6)
         if model is not None:
-            axis.plot(t[pick], (model[pick, k] - origin[k]) * 1e3, color=COLOURS[1], lw=0.8, ls="--", label="model")
+            _line(axis, model.t, millimetres_of(model.values[:, k] - origin[k]), 1, "model", width=0.9)
         axis.set_ylabel(f"{name} / mm")
-    axes[0].legend(loc="upper right", ncols=2, frameon=False)
-    axes[-1].set_xlabel("t / s")
-    return _svg(figure)
+    _legend(axes[0], 2)
+    _time(axes[-1], recorded.t)
+    return to_svg(figure)
 
 
+@styled
+def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Line | None) -> str:
+    """Draw what the model leaves over: ε (N, K) of the equations, and Δ = recorded − model of the main marker in mm.
+
+    t: the window's, so that all its pictures have the same abscissa.
+    """
+    rows = (epsilon is not None) + (missed is not None)
+    figure, axes = sheet(WIDTH, 1.5 * rows + 0.6, rows)
+    if missed is not None:
+        for k, name in enumerate("xyz"):
+            _line(axes[0], missed.t, millimetres_of(missed.values[:, k]), k, f"Δ{name}")
+        _zero(axes[0])
+        axes[0].set_ylabel("Δ / mm")
+        _legend(axes[0], 3)
+    if epsilon is not None:
+        times, values = epsilon
+        for k in range(values.shape[1]):
+            _line(axes[-1], times, values[:, k], k, f"equation {k + 1}")
+        _zero(axes[-1])
+        axes[-1].set_ylabel("ε / (m/s²)")
+        _legend(axes[-1], min(values.shape[1], 3))
+    _time(axes[-1], t)
+    return to_svg(figure)
+
+
+@styled
 def tensions(t: Series, tension: CableSeries, limits: tuple[float, float]) -> str:
-    """Draw each cable's tension (N) from its motor current against the limits."""
-    figure, (axis,) = _figure(6.4, 2.2)
-    pick = _thin(len(t))
+    """Draw each cable's tension (N) against the limits: the lower always, the upper where it is near."""
+    figure, (axis,) = sheet(WIDTH, 2.3)
     for cable in range(tension.shape[1]):
-        axis.plot(
-            t[pick],
-            tension[pick, cable],
-            lw=0.8,
-            color=COLOURS[cable % len(COLOURS)],
-            ls=STYLES[cable % len(STYLES)],
-            label=f"cable {cable + 1}",
-        )
-    axis.axhline(0.0, color="black", lw=0.8)
-    for limit in limits:
-        if np.nanmax(tension) > 0.5 * limit:
-            axis.axhline(limit, color="black", lw=0.8, ls=":")
+        _line(axis, t, tension[:, cable], cable, f"cable {cable + 1}")
+    _zero(axis)
+    low, high = limits
+    largest = float(np.max(tension, where=np.isfinite(tension), initial=0.0))
+    axis.axhline(low, color="black", lw=0.9, ls=":")
+    if largest > 0.5 * high:
+        axis.axhline(high, color="black", lw=0.9, ls=":")
+    axis.set_ylim(top=max(largest, low) * 1.25)
     axis.set_ylabel("tension / N")
-    axis.set_xlabel("t / s")
-    axis.legend(loc="upper right", ncols=tension.shape[1], frameon=False)
-    return _svg(figure)
-
-
-def residuals(t: Series, residual: np.ndarray, unit: str) -> str:
-    """Draw the residual (N, K) of the identification model against time."""
-    figure, (axis,) = _figure(6.4, 2.0)
-    for k in range(residual.shape[1]):
-        axis.plot(t, residual[:, k], lw=0.8, color=COLOURS[k], ls=STYLES[k], label=f"freedom {k + 1}")
-    axis.axhline(0.0, color="black", lw=0.6)
-    axis.set_ylabel(f"residual / {unit}")
-    axis.set_xlabel("t / s")
-    axis.legend(loc="upper right", ncols=2, frameon=False)
-    return _svg(figure)
+    _legend(axis, tension.shape[1])
+    _time(axis, t)
+    return to_svg(figure)
 
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One identified parameter beside what else is known about it."""
+    """One identified parameter beside what else is known about it, all in one unit."""
 
     name: str
-    unit: str
     value: float
     sd: float
     spread: float | None
@@ -116,38 +98,140 @@ class ParameterRow:
     true: float | None
 
 
+@styled
 def parameters(rows: Sequence[ParameterRow]) -> str:
     """Draw each parameter's interval (±2 sd thick, ±2 spread thin), the CAD value and, if known, the truth.
 
     Each row has its own scale: the widest of its intervals and distances is its half width.
     """
-    figure, (axis,) = _figure(6.4, 0.45 * len(rows) + 0.8)
-    for k, row in enumerate(rows):
+    figure, (axis,) = sheet(WIDTH, 0.32 * len(rows) + 0.75, left=1.15)
+    for y, row in enumerate(reversed(rows)):
         others = [abs(v - row.value) for v in (row.nominal, row.true) if v is not None]
         wide = max([2 * row.sd, 2 * (row.spread or 0.0), *others, 1e-12]) * 1.1
-        y = len(rows) - 1 - k
         if row.spread is not None:
-            axis.plot([-2 * row.spread / wide, 2 * row.spread / wide], [y, y], color=COLOURS[0], lw=1.2)
+            reach = 2 * row.spread / wide
+            axis.plot([-reach, reach], [y, y], color=COLOURS[0], lw=1.2, marker="|", ms=7)
         axis.plot([-2 * row.sd / wide, 2 * row.sd / wide], [y, y], color=COLOURS[0], lw=4, solid_capstyle="butt")
-        axis.plot(0.0, y, "o", color=COLOURS[0], ms=4)
+        axis.plot(0.0, y, "o", color=COLOURS[0], ms=4, label="identified" if y == 0 else None)
         if row.nominal is not None:
-            axis.plot((row.nominal - row.value) / wide, y, "s", color=COLOURS[4], ms=5, mfc="none")
+            place = (row.nominal - row.value) / wide
+            axis.plot(place, y, "s", color=COLOURS[4], ms=6, mfc="none", label="CAD" if y == 0 else None)
         if row.true is not None:
-            axis.plot((row.true - row.value) / wide, y, "x", color=COLOURS[1], ms=6)
+            place = (row.true - row.value) / wide
+            axis.plot(place, y, "x", color=COLOURS[1], ms=7, label="true" if y == 0 else None)
     axis.set_yticks(range(len(rows)), [row.name for row in reversed(rows)])
     axis.set_xlim(-1.05, 1.05)
+    axis.set_ylim(-0.6, len(rows) - 0.4)
     axis.set_xticks([])
-    axis.set_xlabel("○ identified ±2 sd (thick), ±2 spread (thin)   □ CAD   × true;  each row on its own scale")
-    return _svg(figure)
+    axis.set_xlabel("±2 sd thick, ±2 spread between windows thin; each row on its own scale")
+    _legend(axis, 3)
+    return to_svg(figure)
 
 
-def cross_validation(ids: Sequence[str], sigma: Sequence[float], sigma_w: float | None) -> str:
-    """Draw σ⊥ of Eq. 50 for each held-out window against σ_W, as Fig. 3."""
-    figure, (axis,) = _figure(6.4, 2.4)
-    axis.bar(range(len(ids)), sigma, color=COLOURS[0], width=0.6)
-    if sigma_w is not None:
-        axis.axhline(sigma_w, color=COLOURS[1], ls="--", lw=1.2, label="σ_W of the fit")
-        axis.legend(frameon=False)
-    axis.set_xticks(range(len(ids)), list(ids))
-    axis.set_ylabel("σ⊥")
-    return _svg(figure)
+@dataclass(frozen=True)
+class Bar:
+    """One window's σ⊥."""
+
+    window: str
+    sigma_perp: float
+    held_out: bool
+
+
+@styled
+def cross_validation(bars: Sequence[Bar], sigma_W: float | None, expected: float | None) -> str:
+    """Draw σ⊥ (Eq. 50) of each window against σ_W (Eq. 31), as Fig. 3; held-out windows dark, identified ones pale.
+
+    expected: √λ ‖χ‖ σ_W, where a window as good as the identified ones should be.
+    """
+    figure, (axis,) = sheet(WIDTH, 2.7)
+    for held_out, label in ((True, "held out"), (False, "identified from")):
+        places = [k for k, bar in enumerate(bars) if bar.held_out is held_out]
+        if places:
+            heights = [bars[k].sigma_perp for k in places]
+            colour, hatch = (COLOURS[0], None) if held_out else ("#d7e7f1", "///")
+            axis.bar(places, heights, color=colour, hatch=hatch, edgecolor=COLOURS[0], lw=0.5, width=0.65, label=label)
+    if sigma_W is not None:
+        axis.axhline(sigma_W, color=COLOURS[1], ls=":", lw=1.4, label="σ_W of the fit")
+    if expected is not None:
+        axis.axhline(expected, color=COLOURS[2], ls="--", lw=1.4, label="as good as fitted")
+    crowded = len(bars) > 12
+    axis.set_xticks(range(len(bars)), [_short(bar.window) for bar in bars], rotation=90 if crowded else 0)
+    axis.grid(visible=False, axis="x")
+    tallest = max([bar.sigma_perp for bar in bars] + [v for v in (sigma_W, expected) if v is not None])
+    axis.set_ylim(0.0, 1.25 * tallest)
+    axis.set_ylabel("σ⊥ / (m/s²)")
+    _legend(axis, 4)
+    return to_svg(figure)
+
+
+@dataclass(frozen=True)
+class Bout:
+    """A stretch of a run in which one kind of thing happened for one window."""
+
+    window: str
+    kind: str
+    begin: float
+    end: float
+    """s"""
+
+
+@styled
+def timeline(windows: Sequence[str], kinds: Sequence[str], bouts: Sequence[Bout], marks: Sequence[float]) -> str:
+    """Draw what was done when (s from the run's begin), a row for each window; `marks`: when something went amiss."""
+    figure, (axis,) = sheet(WIDTH, 0.19 * len(windows) + 0.85, left=0.95)
+    rows = {window: len(windows) - 1 - k for k, window in enumerate(windows)}
+    for k, kind in enumerate(kinds):
+        of_kind = [bout for bout in bouts if bout.kind == kind and bout.window in rows]
+        if of_kind:
+            axis.barh(
+                [rows[bout.window] for bout in of_kind],
+                [bout.end - bout.begin for bout in of_kind],
+                left=[bout.begin for bout in of_kind],
+                height=0.8,
+                color=COLOURS[k % len(COLOURS)],
+                label=kind,
+            )
+    for mark in marks:
+        axis.axvline(mark, color="black", lw=0.8, ls=":")
+    axis.set_yticks(range(len(windows)), [_short(window) for window in reversed(windows)])
+    axis.tick_params(axis="y", labelsize=7)
+    axis.grid(visible=False, axis="y")
+    axis.set_ylim(-0.7, len(windows) - 0.3)
+    axis.set_xlabel("t / s")
+    handles, _ = axis.get_legend_handles_labels()
+    if handles:
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.99), ncols=5, fontsize=8, borderaxespad=0.1)
+    return to_svg(figure)
+
+
+def millimetres_of(metres: Series) -> Series:
+    """Metres to millimetres, for showing."""
+    return metres * millimetres(1.0)
+
+
+def _line(axis: Axes, t: Series, values: Series, k: int, label: str, width: float = 0.9) -> None:
+    style = STYLES[k % len(STYLES)]
+    axis.plot(*thin(t, values), color=COLOURS[k % len(COLOURS)], ls=style, lw=width, label=label)
+
+
+def _legend(axis: Axes, columns: int) -> None:
+    """Above the axes, where it covers nothing."""
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=columns, fontsize=8, borderaxespad=0.1)
+
+
+def _zero(axis: Axes) -> None:
+    axis.axhline(0.0, color="black", lw=0.6)
+
+
+def _time(axis: Axes, t: Series) -> None:
+    axis.set_xlim(t[0], t[-1])
+    axis.set_xlabel("t / s")
+
+
+def _mean(values: Positions) -> Vector3:
+    seen = values[np.isfinite(values).all(axis=1)]
+    return seen.mean(axis=0) if len(seen) else np.zeros(3)
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 12 else f"{name[:11]}…"

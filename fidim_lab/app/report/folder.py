@@ -1,0 +1,160 @@
+"""What a run, campaign or import folder holds: `read_folder`. Only campaign.toml, robot.toml and windows must be there.
+
+campaign.toml, robot.toml, windows/   the recording            truth.json     what a simulator hid
+journal.jsonl                         how it was recorded      import.json    where it was imported from
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from fidim_lab.app.report.provenance import Provenance, provenance
+from fidim_lab.app.report.story import Story, read_story
+from fidim_lab.data.campaign import FORMAT, INDEX, CampaignTable, read_campaign
+from fidim_lab.data.records import Body, Campaign
+from fidim_lab.data.robot_file import read_robot
+from fidim_lab.data.toml_file import read_text, read_toml
+from fidim_lab.errors import FileError
+from procedures.journal import NAME as JOURNAL
+
+TRUTH = "truth.json"
+IMPORT = "import.json"
+
+Values3 = tuple[float, float, float]
+Values6 = tuple[float, float, float, float, float, float]
+
+
+class _Lenient(BaseModel):
+    """Files of which the report needs a part."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class Case(_Lenient):
+    """What a simulator left out of the model."""
+
+    title: str = ""
+    label: tuple[str, ...] = ()
+
+
+class Truth(_Lenient):
+    """truth.json: the body that a simulator hid."""
+
+    seed: int | None = None
+    case: Case = Case()
+    s: Values3
+    I: Values6  # noqa: E741 - the file's key, the field's symbol
+
+    @property
+    def body(self) -> Body:
+        """The true body."""
+        return Body.from_vector([*self.s, *self.I])  # type: ignore[arg-type]
+
+
+class Cluster(_Lenient):
+    """The markers as a rigid body."""
+
+    noise: float
+    rms: float
+    frames_used: int
+    frames: int
+
+
+class Registration(_Lenient):
+    """How the markers were placed in the robot's frame."""
+
+    rms: float
+    compliance: float
+    tilt: float
+
+
+class ClockFound(_Lenient):
+    """One clock against another, s."""
+
+    offset: float
+    sd: float
+
+
+class Clocks(_Lenient):
+    """The log's clock against motion capture."""
+
+    log_minus_markers: ClockFound
+
+
+class ImportedWindow(_Lenient):
+    """One stretch that was cut out, s of the recording."""
+
+    id: str
+    t: tuple[float, float]
+    says: str = ""
+
+
+class Imported(_Lenient):
+    """import.json, "fidim-import/1", as far as the report tells it."""
+
+    kind: str
+    name: str
+    sources: dict[str, str]
+    cluster: Cluster
+    registration: Registration
+    clock: Clocks
+    windows: tuple[ImportedWindow, ...]
+
+    def of(self, window: str) -> ImportedWindow | None:
+        """Where one window was cut out; None where this import does not know it."""
+        return next((found for found in self.windows if found.id == window), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """All that a report can tell of a folder; None for what is not there."""
+
+    campaign: Campaign
+    """without windows for a run that ended before the first was accepted"""
+    story: Story | None
+    truth: Truth | None
+    imported: Imported | None
+    rejected: tuple[str, ...]
+    """names of the recordings kept aside"""
+    provenance: Provenance
+
+
+def read_folder(folder: Path) -> Contents:
+    """Read a folder. Raises FileError for a missing or wrong file, with the place in it."""
+    journal = folder / JOURNAL
+    return Contents(
+        campaign=_campaign(folder, begun=journal.exists()),
+        story=read_story(journal) if journal.exists() else None,
+        truth=_json(folder / TRUTH, Truth),
+        imported=_json(folder / IMPORT, Imported),
+        rejected=tuple(sorted(path.name for path in folder.glob("rejected/*.csv"))),
+        provenance=provenance(folder),
+    )
+
+
+def _campaign(folder: Path, *, begun: bool) -> Campaign:
+    """The campaign; one without windows is an error unless a journal tells why there is none."""
+    if begun and folder.is_dir():
+        table = read_toml(folder / INDEX, CampaignTable, FORMAT)
+        if not table.window:
+            return Campaign(table.name, read_robot(folder / table.robot), table.sample_rate, ())
+    return read_campaign(folder)
+
+
+Schema = TypeVar("Schema", bound=_Lenient)
+
+
+def _json(path: Path, schema: type[Schema]) -> Schema | None:
+    if not path.exists():
+        return None
+    try:
+        found: Any = json.loads(read_text(path))
+        return schema.model_validate(found)
+    except json.JSONDecodeError as error:
+        raise FileError(path, f"line {error.lineno}", f"is not JSON: {error.msg}") from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise FileError(path, ".".join(str(part) for part in first["loc"]), first["msg"]) from None

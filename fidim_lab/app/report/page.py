@@ -1,0 +1,200 @@
+"""Puts a report together: `make_page` from what a folder holds and what was identified, `render` to HTML.
+
+Text reaches the page escaped; only our own SVG and style sheet go in as they are.
+"""
+
+from dataclasses import dataclass
+from importlib.resources import files
+
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from fidim_lab.app.report import figures, tables, words
+from fidim_lab.app.report.folder import Contents
+from fidim_lab.app.report.numerals import short
+from fidim_lab.app.report.paper import is_papers_robot
+from fidim_lab.app.report.scene import scene, views
+from fidim_lab.app.report.svg import distinct
+from fidim_lab.app.report.tables import MARKS, Table
+from fidim_lab.app.report.windows import Drawing, WindowSection, section
+from fidim_lab.data.records import Body
+from fidim_lab.identification.result import IdentificationResult
+from fidim_lab.identification.validation import expected_sigma_perp
+
+KINDS = ("moving", "settling", "checks", "hand", "recording")
+"""what the timeline tells apart"""
+
+
+@dataclass(frozen=True)
+class Page:
+    """Everything that the template sets, in words."""
+
+    title: str
+    badges: tuple[str, ...]
+    summary: tuple[tuple[str, str], ...]
+    """what a sentence is about, the sentence"""
+    warnings: tuple[str, ...]
+    parameters: Drawing | None
+    parameter_tables: tuple[Table, ...]
+    robot: tuple[Drawing, ...]
+    cross_validation: Drawing | None
+    windows_table: Table | None
+    windows: tuple[WindowSection, ...]
+    rejected: Table | None
+    timeline: Drawing | None
+    incidents: Table | None
+    imported: Table | None
+    origin: tuple[tuple[str, str], ...]
+    """facts of the provenance"""
+    origin_tables: tuple[Table, ...]
+
+
+def make_page(contents: Contents, result: IdentificationResult | None, trust: str) -> Page:
+    """The page of a folder. `trust`: how far to trust the result, or why there is none."""
+    campaign = contents.campaign
+    verdicts = {} if result is None else {verdict.id: verdict for verdict in result.windows}
+    body = campaign.robot.nominal if result is None else result.body
+    drawings = tuple(Drawing(svg, f"The robot {seen}.") for seen, svg in views(scene(campaign, body)))
+    return Page(
+        title=campaign.name,
+        badges=_badges(contents, result),
+        summary=_summary(contents, result, trust),
+        warnings=() if result is None else result.warnings,
+        parameters=None if result is None else _parameters(contents, result),
+        parameter_tables=() if result is None else _parameter_tables(contents, result),
+        robot=drawings,
+        cross_validation=None if result is None else _cross_validation(result),
+        windows_table=None if result is None else tables.window_table(result.windows, contents.story),
+        windows=tuple(section(contents, window, verdicts.get(window.id)) for window in campaign.windows),
+        rejected=tables.rejected_table(contents),
+        timeline=_timeline(contents),
+        incidents=None if contents.story is None else tables.incident_table(contents.story),
+        imported=None if contents.imported is None else tables.import_table(contents.imported),
+        origin=_origin(contents, result),
+        origin_tables=(tables.version_table(contents), tables.file_table(contents)),
+    )
+
+
+def render(page: Page) -> str:
+    """The page as one HTML file: nothing to load, no script."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters["picture"] = _Numbered()
+    here = files("fidim_lab.app.report")
+    template = environment.from_string((here / "page.html.jinja").read_text(encoding="utf-8"))
+    style = Markup((here / "page.css").read_text(encoding="utf-8"))
+    return template.render(page=page, style=style)
+
+
+class _Numbered:
+    """Makes each picture's identifiers its own."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def __call__(self, drawing: Drawing) -> Markup:
+        self._count += 1
+        return Markup(distinct(drawing.svg, f"p{self._count}"))
+
+
+def _badges(contents: Contents, result: IdentificationResult | None) -> tuple[str, ...]:
+    badges: list[str] = []
+    if contents.truth is not None:
+        badges.append("simulated")
+    if contents.imported is not None:
+        badges.append("imported")
+    if contents.story is not None:
+        badges.append(f"run: {MARKS[contents.story.outcome]}")
+    if result is None:
+        return (*badges, "✗ nothing identified")
+    sign = "✓" if result.outcome.good else "✗"
+    return (*badges, f"{sign} {result.outcome.name.lower().replace('_', ' ')} ({result.method.value})")
+
+
+def _summary(contents: Contents, result: IdentificationResult | None, trust: str) -> tuple[tuple[str, str], ...]:
+    recorded = ("Recorded", words.recorded_sentence(contents))
+    if result is None:
+        return (recorded, ("Found", "Nothing was identified."), ("Why", trust))
+    rows, gauge = tables.parameter_rows(result, _true(contents)), tables.gauge_rows(result, _true(contents))
+    sentences = [recorded, ("Found", words.found_sentence(rows, gauge)), ("Trust", trust)]
+    if beside := words.truth_sentence(rows):
+        sentences.append(("Truth", beside))
+    return tuple(sentences)
+
+
+def _true(contents: Contents) -> Body | None:
+    return None if contents.truth is None else contents.truth.body
+
+
+def _parameters(contents: Contents, result: IdentificationResult) -> Drawing:
+    rows = tables.parameter_rows(result, _true(contents)) + tables.gauge_rows(result, _true(contents))
+    return Drawing(figures.parameters(rows), "Identified parameters with their intervals beside what else is known.")
+
+
+def _parameter_tables(contents: Contents, result: IdentificationResult) -> tuple[Table, ...]:
+    true = _true(contents)
+    theirs = true is None and is_papers_robot(contents.campaign.robot)
+    beside = tables.paper_columns(result) if theirs else {}
+    return (
+        tables.parameter_table(
+            "Inertial parameters per unit mass, about P: s in mm, I in 10⁻³ m²",
+            tables.parameter_rows(result, true),
+            {"re-fit": tables.refits(result)} | beside,
+        ),
+        tables.parameter_table(
+            f"Free of the choice of P: s_z from the plane of the attachments (mean a_z = "
+            f"{1e3 * result.attachment_plane:.1f} mm) in mm, I about G in 10⁻³ m²",
+            tables.gauge_rows(result, true),
+            {},
+        ),
+    )
+
+
+def _cross_validation(result: IdentificationResult) -> Drawing | None:
+    found = tables.bars(result.windows)
+    if not found:
+        return None
+    expected = None
+    if result.sigma_W is not None:
+        expected = expected_sigma_perp(result.sigma_W, result.body, result.freedoms)
+    held_out = sum(bar.held_out for bar in found)
+    caption = "σ⊥ (Eq. 50) of each window against σ_W (Eq. 31)" + (
+        f" = {short(result.sigma_W)} m/s²; a window as good as the identified ones has √λ ‖χ‖ σ_W = {short(expected)}."
+        if expected is not None
+        else "."
+    )
+    if not held_out:
+        caption += " No window was held out: this judges nothing that the fit has not seen."
+    return Drawing(figures.cross_validation(found, result.sigma_W, expected), caption)
+
+
+def _timeline(contents: Contents) -> Drawing | None:
+    story = contents.story
+    if story is None or not story.bouts:
+        return None
+    windows = [told.id for told in story.windows]
+    marks = [incident.t for incident in story.incidents]
+    dotted = "; dotted: something went amiss" if marks else ""
+    return Drawing(
+        figures.timeline(windows, KINDS, story.bouts, marks), f"What was done when, window by window{dotted}."
+    )
+
+
+def _origin(contents: Contents, result: IdentificationResult | None) -> tuple[tuple[str, str], ...]:
+    facts: list[tuple[str, str]] = []
+    truth, story = contents.truth, contents.story
+    if story is not None:
+        simulated = " (a simulated day)" if truth is not None else ""
+        facts.append(("journal", f"from {story.began} to {story.ended}{simulated}"))
+        if story.held:
+            facts.append(("left behind", story.held))
+    if truth is not None:
+        facts.append(("hidden by the simulator", ", ".join(truth.case.label) or truth.case.title or "nothing"))
+        if truth.seed is not None:
+            facts.append(("seed", str(truth.seed)))
+    if result is not None:
+        facts.append(("method", result.method.value))
+        facts.append(("C of the equations (Eq. 40)", short(result.C)))
+        facts.append(("rms of the equations over what marker noise explains", short(result.noise_ratio)))
+    return tuple(facts)

@@ -1,0 +1,71 @@
+"""Where a report comes from: versions of what computed it, and the files it was computed from with their checksums.
+
+Nothing here depends on when or in which folder the report is written: the same run gives the same report.
+"""
+
+import hashlib
+import platform
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from fidim_lab.errors import FileError
+
+LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "pydantic", "canopen", "python-can", "matplotlib", "jinja2")
+DERIVED = ("result.json", "explanation.json")
+"""written from the other files, with the seconds that it took: no source, and never twice the same"""
+DERIVED_SUFFIXES = (".html", ".part", ".pdf", ".svg")
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """One file of the folder."""
+
+    name: str
+    """relative to the folder, with /"""
+    size: int
+    """bytes"""
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a reader needs to repeat it."""
+
+    versions: tuple[tuple[str, str], ...]
+    """name, version; fidim-lab and Python first"""
+    files: tuple[SourceFile, ...]
+
+
+def provenance(folder: Path) -> Provenance:
+    """Versions, and all files of a folder but derived and hidden ones. Raises FileError where one cannot be read."""
+    return Provenance(
+        versions=(
+            ("fidim-lab", _version("fidim-lab")),
+            (platform.python_implementation(), platform.python_version()),
+            *((name, _version(name)) for name in LIBRARIES),
+        ),
+        files=tuple(_source(folder, path) for path in sorted(folder.rglob("*")) if _is_source(folder, path)),
+    )
+
+
+def _is_source(folder: Path, path: Path) -> bool:
+    parts = path.relative_to(folder).parts
+    derived = path.name in DERIVED or path.suffix in DERIVED_SUFFIXES
+    return path.is_file() and not derived and not any(part.startswith(".") for part in parts)
+
+
+def _source(folder: Path, path: Path) -> SourceFile:
+    try:
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return SourceFile(path.relative_to(folder).as_posix(), path.stat().st_size, digest)
+    except OSError as error:
+        raise FileError(path, "", f"cannot be read: {error.strerror}") from None
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,248 @@
+"""Tables of the report, as text cells: parameters, gauge-free values, windows, attempts, what was rejected, files.
+
+A column appears only where something is known for it. The page's template sets them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import compress
+
+from fidim_lab.app.report.figures import Bar, ParameterRow
+from fidim_lab.app.report.folder import Contents, Imported
+from fidim_lab.app.report.numerals import decimals, duration, fixed, short, size
+from fidim_lab.app.report.paper import FOUND
+from fidim_lab.app.report.story import Attempt, Seen, Story
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
+from fidim_lab.identification.result import IdentificationResult, Parameter, WindowVerdict
+from fidim_lab.units import degrees, millimetres, percent
+from procedures.outcomes import Outcome
+
+MARKS = {
+    Outcome.PASS: "✓ pass",
+    Outcome.MARGINAL: "~ marginal",
+    Outcome.SKIPPED: "– skipped",
+    Outcome.UNSET: "? open",
+    Outcome.FAIL: "✗ fail",
+    Outcome.ABORTED: "✗ aborted",
+    Outcome.ERROR: "✗ error",
+}
+"""a sign and a word for each outcome: never colour alone"""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Text cells under column names; the first column is the row's name."""
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numbers: bool = True
+    """whether all columns but the first hold numbers"""
+
+
+def parameter_rows(result: IdentificationResult, true: Body | None) -> tuple[ParameterRow, ...]:
+    """The nine parameters in mm and 1e-3 m², the first picture and the first table alike."""
+    values = [None] * 9 if true is None else [float(v) for v in true.vector]
+    return tuple(
+        _row(name, result.parameters[name], value) for name, value in zip(PARAMETER_NAMES, values, strict=True)
+    )
+
+
+def gauge_rows(result: IdentificationResult, true: Body | None) -> tuple[ParameterRow, ...]:
+    """What does not depend on where P is put: s_z from the plane of the attachments (mean a_z), and I about G."""
+    s_z, plane = result.parameters["s_z"], result.attachment_plane
+    relative = Parameter(s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane)
+    central = [None] * 6 if true is None else _central(true)
+    return (
+        _row("s_z − a_z", relative, None if true is None else float(true.com[2]) - plane),
+        *(
+            _row(f"{name} about G", parameter, value)
+            for (name, parameter), value in zip(result.about_com().items(), central, strict=True)
+        ),
+    )
+
+
+def _central(body: Body) -> list[float]:
+    inertia = body.inertia_about_com
+    return [float(inertia[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+
+
+def _row(name: str, parameter: Parameter, true: float | None) -> ParameterRow:
+    """Both kinds happen to read well in thousandths."""
+    return ParameterRow(
+        name=name,
+        value=millimetres(parameter.value),
+        sd=millimetres(parameter.sd),
+        spread=None if parameter.spread is None else millimetres(parameter.spread),
+        nominal=millimetres(parameter.nominal),
+        true=None if true is None else millimetres(true),
+    )
+
+
+def stated(row: ParameterRow) -> float:
+    """The uncertainty to believe: the larger of nominal sd and spread."""
+    return max(row.sd, row.spread or 0.0)
+
+
+def parameter_table(caption: str, rows: Sequence[ParameterRow], further: Mapping[str, Sequence[str]]) -> Table:
+    """Values with what is known of them; `further` columns, if not empty, follow CAD: a cell for each row."""
+    more = {name: cells for name, cells in further.items() if cells}
+    spread, true = any(row.spread is not None for row in rows), any(row.true is not None for row in rows)
+    there = (*[True] * 3, spread, spread, True, *[True] * len(more), true, true, true)
+    names = ("parameter", "identified", "sd", "spread", "spread, %", "CAD", *more, "true", "error", "error / ±")
+    cells = [_cells(row, [column[k] for column in more.values()]) for k, row in enumerate(rows)]
+    return Table(caption, tuple(compress(names, there)), tuple(tuple(compress(row, there)) for row in cells))
+
+
+def refits(result: IdentificationResult) -> tuple[str, ...]:
+    """Each parameter after the non-essential ones were dropped; empty where that was not done."""
+    if all(p.without_non_essential is None for p in result.parameters.values()):
+        return ()
+    return tuple(
+        "dropped"
+        if name in result.non_essential
+        else fixed(_milli(p.without_non_essential), decimals(millimetres(max(p.sd, p.spread or 0.0))))
+        for name, p in result.parameters.items()
+    )
+
+
+def paper_columns(result: IdentificationResult) -> dict[str, tuple[str, ...]]:
+    """What the paper found, with the digits of ours."""
+    return {
+        name: tuple(
+            fixed(millimetres(value), decimals(stated(row)))
+            for value, row in zip(values, parameter_rows(result, None), strict=True)
+        )
+        for name, values in FOUND.items()
+    }
+
+
+def _cells(row: ParameterRow, further: Sequence[str]) -> tuple[str, ...]:
+    """Digits as the larger uncertainty leaves them."""
+    places = decimals(stated(row))
+    share = None if row.spread is None or row.value == 0 else row.spread / abs(row.value)
+    error = None if row.true is None else row.value - row.true
+    return (
+        row.name,
+        fixed(row.value, places),
+        fixed(row.sd, max(places, decimals(row.sd))),
+        fixed(row.spread, places),
+        "" if share is None else "> 100" if share > 1 else f"{percent(share):.2g}",
+        fixed(row.nominal, places),
+        *further,
+        fixed(row.true, places),
+        "" if error is None else f"{error:+.{places}f}",
+        "" if error is None or not stated(row) else f"{error / stated(row):+.1f}",
+    )
+
+
+def window_table(windows: Sequence[WindowVerdict], story: Story | None) -> Table:
+    """One line a window: what the result means for it, and how often it was recorded."""
+    attempts = {told.id: sum(a.recorded for a in told.attempts) for told in story.windows} if story else {}
+    names = ("window", "role", "pose from", "samples", "σ⊥, m/s²", "rms, mm", "χ²/dof", "conditioning", "recordings")
+    there = (*[True] * 8, bool(attempts))
+    rows = [(*verdict_cells(window), str(attempts.get(window.id, "–"))) for window in windows]
+    return Table(
+        "All windows. rms and χ²/dof: recorded against predicted from the fitted initial state alone.",
+        tuple(compress(names, there)),
+        tuple(tuple(compress(row, there)) for row in rows),
+    )
+
+
+def verdict_cells(window: WindowVerdict) -> tuple[str, ...]:
+    """id, role, variant, samples, σ⊥, rms, χ²/dof, conditioning."""
+    numbers = (window.sigma_perp, window.rms_mm, window.chi2_per_dof, window.conditioning)
+    pose_from = (window.variant or "–") if window.used else "not used"
+    return (window.id, window.role.value, pose_from, str(window.samples), *map(short, numbers))
+
+
+def bars(windows: Sequence[WindowVerdict]) -> tuple[Bar, ...]:
+    """σ⊥ of every window that has one, held-out ones first."""
+    found = [Bar(w.id, w.sigma_perp, w.role is Role.VALIDATE) for w in windows if w.sigma_perp is not None]
+    return tuple(sorted(found, key=lambda bar: not bar.held_out))
+
+
+def attempt_table(attempts: Sequence[Attempt]) -> Table:
+    """Every try at one window."""
+    rows = [(str(a.number), duration(a.begin), MARKS[a.outcome], a.reason or _clean(a)) for a in attempts]
+    return Table("Attempts", ("attempt", "at", "verdict", "why"), tuple(rows), numbers=False)
+
+
+def _clean(attempt: Attempt) -> str:
+    return f"all of {len(attempt.measurements)} checks passed" if attempt.measurements else ""
+
+
+def check_table(measurements: Sequence[Seen]) -> Table:
+    """What the check of a recording measured, against what is allowed."""
+    rows = [
+        (seen.name, f"{short(seen.value)} {seen.unit}".strip(), _allowed(seen), MARKS[seen.outcome])
+        for seen in measurements
+    ]
+    return Table("Checks of the recording", ("measurement", "found", "allowed", ""), tuple(rows), numbers=False)
+
+
+def _allowed(seen: Seen) -> str:
+    if seen.low is not None and seen.high is not None:
+        return f"{seen.low:.4g} to {seen.high:.4g} {seen.unit}".strip()
+    if seen.low is not None:
+        return f"≥ {seen.low:.4g} {seen.unit}".strip()
+    return "" if seen.high is None else f"≤ {seen.high:.4g} {seen.unit}".strip()
+
+
+def rejected_table(contents: Contents) -> Table | None:
+    """Recordings and windows that did not become part of the campaign, with the reason; None without any."""
+    rows: list[tuple[str, ...]] = []
+    kept = set(contents.rejected)
+    for told in contents.story.windows if contents.story else ():
+        for attempt in told.attempts:
+            if not attempt.outcome.usable:
+                file = f"{told.id}-attempt{attempt.number}.csv"
+                there = file in kept
+                kept.discard(file)
+                reason = attempt.reason or "broken off"
+                rows.append((told.id, str(attempt.number), reason, f"rejected/{file}" if there else "–"))
+        if told.outcome is not Outcome.UNSET and not told.outcome.usable:
+            rows.append((told.id, "", f"given up: {told.reason}", "–"))
+        elif told.outcome is Outcome.UNSET:
+            rows.append((told.id, "", "the run ended before it was accepted", "–"))
+    rows += [("", "", "no journal tells why", f"rejected/{name}") for name in sorted(kept)]
+    names = ("window", "attempt", "why it was not taken", "kept as")
+    return Table("Not taken", names, tuple(rows), numbers=False) if rows else None
+
+
+def incident_table(story: Story) -> Table | None:
+    """What went amiss in a run; None when nothing did."""
+    rows = [(duration(i.t), i.window, i.what, MARKS[i.outcome], i.reason) for i in story.incidents]
+    names = ("at", "window", "step", "outcome", "what was said")
+    return Table("What went amiss", names, tuple(rows), numbers=False) if rows else None
+
+
+def import_table(imported: Imported) -> Table:
+    """What an import found."""
+    cluster, registration, clock = imported.cluster, imported.registration, imported.clock.log_minus_markers
+    rows = (
+        *((f"source: {what}", name) for what, name in imported.sources.items()),
+        ("frames used", f"{cluster.frames_used} of {cluster.frames}"),
+        ("noise of a marker coordinate", f"{millimetres(cluster.noise):.3f} mm"),
+        ("markers rigid to", f"{millimetres(cluster.rms):.3f} mm rms"),
+        ("cable lengths constant to", f"{millimetres(registration.rms):.2f} mm rms, stretch allowed for"),
+        ("cable stretch", f"{registration.compliance * 1e6:.1f} µm/N"),
+        ("the two verticals differ by", f"{degrees(registration.tilt):.2f}°"),
+        ("log clock − marker clock", f"{clock.offset:.4f} ± {clock.sd:.4f} s"),
+    )
+    return Table(f"Imported as {imported.kind}: {imported.name}", ("found", "value"), rows, numbers=False)
+
+
+def file_table(contents: Contents) -> Table:
+    """The folder's files with their checksums."""
+    rows = [(file.name, size(file.size), file.sha256) for file in contents.provenance.files]
+    return Table("Files that this report rests on", ("file", "size", "SHA-256"), tuple(rows), numbers=False)
+
+
+def version_table(contents: Contents) -> Table:
+    """What computed it."""
+    return Table("Computed with", ("software", "version"), contents.provenance.versions, numbers=False)
+
+
+def _milli(value: float | None) -> float | None:
+    return None if value is None else millimetres(value)

@@ -1,0 +1,132 @@
+"""One section of the report for each recorded window: its numbers, notes, attempts and pictures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.app.report import figures
+from fidim_lab.app.report.figures import Line
+from fidim_lab.app.report.folder import Contents
+from fidim_lab.app.report.numerals import duration, short
+from fidim_lab.app.report.story import WindowStory, not_passed
+from fidim_lab.app.report.tables import MARKS, Table, attempt_table, check_table
+from fidim_lab.arrays import CableSeries, Vector3
+from fidim_lab.data.records import Robot, Window
+from fidim_lab.identification.result import WindowVerdict
+from fidim_lab.identification.trajectory import Prediction
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """One picture, SVG not yet made distinct."""
+
+    svg: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class WindowSection:
+    """What the page says of one window."""
+
+    id: str
+    role: str
+    verdict: str
+    facts: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...]
+    tables: tuple[Table, ...]
+    drawings: tuple[Drawing, ...]
+
+
+def section(contents: Contents, window: Window, verdict: WindowVerdict | None) -> WindowSection:
+    """Everything about one window; `verdict` is None where nothing was identified."""
+    told = contents.story.of(window.id) if contents.story else None
+    cut = contents.imported.of(window.id) if contents.imported else None
+    notes = () if verdict is None else verdict.notes
+    return WindowSection(
+        id=window.id,
+        role=window.role.value,
+        verdict=_verdict(told, verdict),
+        facts=_facts(window, told, verdict),
+        notes=notes if cut is None else (*notes, f"Cut out from {cut.t[0]:.2f} to {cut.t[1]:.2f} s: {cut.says}"),
+        tables=() if told is None else _tables(told),
+        drawings=tuple(_drawings(contents.campaign.robot, window, verdict)),
+    )
+
+
+def _verdict(told: WindowStory | None, verdict: WindowVerdict | None) -> str:
+    words = [] if told is None else [MARKS[told.outcome]]
+    if verdict is not None and not verdict.used:
+        words.append("✗ not used")
+    return ", ".join(words)
+
+
+def _facts(window: Window, told: WindowStory | None, verdict: WindowVerdict | None) -> tuple[tuple[str, str], ...]:
+    seen = np.isfinite(window.markers[:, 0]).all(axis=1)
+    facts = [
+        ("length", duration(window.duration)),
+        ("marker seen", f"{100 * seen.mean():.1f} %"),
+        ("amplitude, peak to peak", _amplitude(window.markers[seen, 0])),
+    ]
+    if told is not None and told.tensions:
+        facts.append(("tensions at rest", f"{min(told.tensions):.0f}–{max(told.tensions):.0f} N"))
+    if verdict is not None and verdict.used:
+        facts += [("σ⊥", f"{short(verdict.sigma_perp)} m/s²"), ("conditioning", short(verdict.conditioning))]
+        missed = "no prediction" if verdict.rms_mm is None else f"{short(verdict.rms_mm)} mm rms"
+        facts += [("recorded − model", missed), ("χ²/dof", short(verdict.chi2_per_dof))]
+    return tuple(facts)
+
+
+def _amplitude(path: np.ndarray) -> str:
+    return f"{1e3 * float(np.ptp(path, axis=0).max()):.0f} mm" if len(path) else "–"
+
+
+def _tables(told: WindowStory) -> tuple[Table, ...]:
+    """Attempts where there was more than one or the only one was not clean; checks that did not simply pass."""
+    tables: list[Table] = []
+    plain = len(told.attempts) == 1 and not told.attempts[0].reason
+    if told.attempts and not plain:
+        tables.append(attempt_table(told.attempts))
+    last = told.attempts[-1].measurements if told.attempts else ()
+    if not_passed(last):
+        tables.append(check_table(last))
+    return tuple(tables)
+
+
+def _drawings(robot: Robot, window: Window, verdict: WindowVerdict | None) -> list[Drawing]:
+    prediction = None if verdict is None else verdict.prediction
+    drawings = [_trajectory(window, prediction)]
+    residual = None if verdict is None else verdict.residual
+    if residual is not None or prediction is not None:
+        epsilon = None if residual is None else (residual.t, residual.epsilon)
+        missed = None if prediction is None else Line(prediction.t, prediction.residuals[:, 0])
+        svg = figures.residuals(window.t, epsilon, missed)
+        drawings.append(
+            Drawing(
+                svg, "What the model leaves over: Δ = recorded − model of the trajectory, ε = W χ of the equations."
+            )
+        )
+    tension = tension_of(robot, window)
+    if tension is not None:
+        values, source = tension
+        svg = figures.tensions(window.t, values, robot.limits.tension)
+        drawings.append(Drawing(svg, f"Tensions from {source}; dotted: the limits."))
+    return drawings
+
+
+def _trajectory(window: Window, prediction: Prediction | None) -> Drawing:
+    rest: Vector3 | None = window.equilibrium
+    model = None if prediction is None else Line(prediction.t, prediction.markers[:, 0])
+    svg = figures.trajectory(Line(window.t, window.markers[:, 0]), rest, model)
+    origin = "its mean" if rest is None else "rest"
+    over = "" if model is None else "; dashed: the model, let go from its fitted initial state"
+    return Drawing(svg, f"Main marker from {origin}{over}.")
+
+
+def tension_of(robot: Robot, window: Window) -> tuple[CableSeries, str] | None:
+    """Each cable's tension (N, n) with its source: motor currents, else load cells f1…fn that an import kept."""
+    if window.currents is not None and robot.winches is not None:
+        factors = np.array([winch.newton_per_ampere for winch in robot.winches])
+        return window.currents * factors, "motor currents"
+    cells = [window.further.get(f"f{cable}") for cable in range(1, robot.n + 1)]
+    known = [cell for cell in cells if cell is not None]
+    return (np.stack(known, axis=1), "load cells") if len(known) == robot.n else None

@@ -1,0 +1,70 @@
+"""The report's summary in sentences: what was recorded, what was found, how it compares with a known truth."""
+
+import numpy as np
+
+from fidim_lab.app.report.figures import ParameterRow
+from fidim_lab.app.report.folder import Contents
+from fidim_lab.app.report.numerals import counted, duration, interval
+from fidim_lab.app.report.tables import stated
+from fidim_lab.data.records import Campaign, Role
+from procedures.outcomes import Outcome
+
+
+def recorded_sentence(contents: Contents) -> str:
+    """What was recorded, on which robot, and how the run ended."""
+    campaign, story = contents.campaign, contents.story
+    robot = campaign.robot
+    parts = [
+        f"{_windows(campaign)} of {counted(robot.n, 'cable')} and {robot.mass:g} kg "
+        f"({counted(len(robot.markers), 'marker')} at {campaign.sample_rate:g} Hz)"
+    ]
+    if contents.imported is not None:
+        parts.append(f"imported from another laboratory's recording {contents.imported.name}")
+    if story is not None:
+        rejected = story.recordings - len(campaign.windows)
+        if rejected > 0:
+            parts.append(f"{counted(rejected, 'recording')} besides {'was' if rejected == 1 else 'were'} not taken")
+        how = "broke off" if story.outcome is Outcome.UNSET else f"ended with “{story.outcome.value}”"
+        parts.append(f"the run {how} after {duration(story.seconds)}")
+    return "; ".join(parts) + "."
+
+
+def _windows(campaign: Campaign) -> str:
+    if not campaign.windows:
+        return "No window was recorded on a robot"
+    held_out = len(campaign.of_role(Role.VALIDATE))
+    total = sum(window.duration for window in campaign.windows)
+    roles = f"{len(campaign.windows) - held_out} to identify from, {held_out} held out"
+    return (
+        f"{counted(len(campaign.windows), 'window')} of free motion ({roles}; {duration(total)} in all) "
+        f"{'was' if len(campaign.windows) == 1 else 'were'} recorded on a robot"
+    )
+
+
+def found_sentence(parameters: tuple[ParameterRow, ...], gauge: tuple[ParameterRow, ...]) -> str:
+    """Where G is, and the principal entries of I about it, beside CAD."""
+    s, central = parameters[:3], gauge[1:4]
+    return (
+        f"The centre of mass lies at s = {_with_cad(s, 'mm')} from P, "
+        f"and per unit mass I_xx, I_yy, I_zz about it are {_with_cad(central, '· 10⁻³ m²')}."
+    )
+
+
+def _with_cad(rows: tuple[ParameterRow, ...], unit: str) -> str:
+    values = ", ".join(f"{interval(row.value, stated(row))}" for row in rows)
+    nominal = ", ".join(f"{row.nominal or 0.0:.4g}" for row in rows)
+    return f"({values}) {unit} (CAD: {nominal})"
+
+
+def truth_sentence(rows: tuple[ParameterRow, ...]) -> str:
+    """How far off the result is where the truth is known; empty elsewhere."""
+    known = [(row, abs(row.value - row.true) / stated(row)) for row in rows if row.true is not None and stated(row)]
+    if not known:
+        return ""
+    worst, ratio = max(known, key=lambda pair: pair[1])
+    inside = sum(ratio <= 2 for _, ratio in known)
+    rms = float(np.sqrt(np.mean([ratio**2 for _, ratio in known])))
+    return (
+        f"The truth is known here: {inside} of {len(known)} parameters lie within twice the stated uncertainty; "
+        f"the errors are {rms:.1f} times it in the root mean square, and {ratio:.1f} times at worst ({worst.name})."
+    )

@@ -1,0 +1,51 @@
+"""`write_report`: the one door to the report. It imports what it needs when called: the command line stays quick."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fidim_lab.errors import FileError, RefusedError
+
+if TYPE_CHECKING:
+    from fidim_lab.app.report.folder import Contents
+    from fidim_lab.identification.result import IdentificationResult
+
+NAME = "report.html"
+
+
+def write_report(folder: Path, result: "IdentificationResult | None" = None, out: Path | None = None) -> Path:
+    """Write the HTML report of a run, campaign or import folder, whole or not at all; returns its path.
+
+    `result`: what was identified from this folder; identified here when not given, and where that is refused the report
+    says so. `out`: default FOLDER/report.html. Raises FileError where the folder cannot be read or `out` not written.
+    """
+    from fidim_lab.app.report.folder import read_folder
+    from fidim_lab.app.report.page import make_page, render
+
+    contents = read_folder(folder)
+    found, trust = _judged(folder, contents, result)
+    text = render(make_page(contents, found, trust))
+    path = folder / NAME if out is None else out
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8", newline="\n")
+        part.replace(path)
+    except OSError as error:
+        raise FileError(path, "", f"cannot be written: {error.strerror}") from None
+    return path
+
+
+def _judged(
+    folder: Path, contents: "Contents", result: "IdentificationResult | None"
+) -> "tuple[IdentificationResult | None, str]":
+    """The result with how far to trust it, or None with the reason."""
+    # `app.identify` offers --report and so imports this module.
+    from fidim_lab.app.identify import closing_sentence, run_identify
+
+    if result is None:
+        if not contents.campaign.windows:
+            return None, "The run was over before the first window was accepted."
+        try:
+            result = run_identify(folder)
+        except RefusedError as refusal:
+            return None, str(refusal)
+    return result, closing_sentence(result)
