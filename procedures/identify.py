@@ -33,6 +33,9 @@ from procedures.steps import (
     WindowLimits,
 )
 
+NOISE_JUMP = 15.0
+"""standard deviations of a marker's noise: its second differences have √6 of them, for each coordinate"""
+
 Route = Callable[[Lengths, Lengths], tuple[Lengths, ...]]
 """(from, to) → the lengths to move to one after another, the last being `to`; raises InfeasibleError without a way"""
 
@@ -209,6 +212,7 @@ class _Protocol:
         return WindowLimits(
             complete=record.complete,
             longest_gap=record.longest_gap,
+            jump=max(record.jump, NOISE_JUMP * self._robot.sensors.marker_noise),
             amplitude=record.amplitude,
             displacement=limits.free_displacement,
             displacement_tolerance=record.displacement,

@@ -64,6 +64,9 @@ class RecordSettings:
     """s without a new marker position"""
     complete: float = 0.98
     """part of the samples that must be there"""
+    jump: float = 5e-3
+    """m by which a marker may leave the middle of its two neighbours in time, twice over: a swinging platform stays
+    under 2 mm at 100 Hz, a damaged packet or a marker that was taken for another does not"""
     amplitude: float = 5e-3
     """m, peak to peak of the marker's largest coordinate: less tells too little"""
     displacement: float = 1.25

@@ -34,6 +34,7 @@ def window_measurements(
             "",
             low=limits.complete,
         ),
+        _largest_jump(recording.markers, seen, limits.jump),
         Measurement("amplitude (peak to peak)", _amplitude(place[seen]), "m", low=limits.amplitude),
         *_displacements(place[seen], equilibrium, limits),
         _stillness(recording.lengths, limits.motors_still),
@@ -68,6 +69,17 @@ def _runs(mask: Mask) -> list[tuple[int, int]]:
 
 def _longest_gap(seen: Mask) -> int:
     return max((end - begin for begin, end in _runs(~seen)), default=0)
+
+
+def _largest_jump(markers: np.ndarray, seen: Mask, allowed: float) -> Measurement:
+    """Largest second difference of the markers (N, M, 3), m: small for a swinging platform, large at a wrong sample."""
+    places = markers.copy()
+    places[~seen, 0] = np.nan
+    jumps = np.linalg.norm(places[2:] - 2.0 * places[1:-1] + places[:-2], axis=2)
+    if np.isnan(jumps).all():
+        return Measurement("largest jump of a marker", None, "m", high=allowed)
+    marker = int(np.nanargmax(jumps)) % markers.shape[1]
+    return Measurement(f"largest jump of marker {marker + 1}", float(np.nanmax(jumps)), "m", high=allowed)
 
 
 def _amplitude(place: Positions) -> float | None:

@@ -37,6 +37,8 @@ class WindowLimits:
     """least part of the samples that are there"""
     longest_gap: float
     """s without a new marker position"""
+    jump: float
+    """m, largest second difference of a marker's samples"""
     amplitude: float
     """m, least peak to peak of the marker's largest coordinate"""
     displacement: tuple[float, float]
@@ -66,6 +68,7 @@ class CheckWindow(Step):
         limits = self.limits
         return (
             f"check the window: {limits.complete:.0%} of the samples, no gap over {limits.longest_gap:g} s, "
+            f"no jump over {limits.jump * 1e3:g} mm, "
             f"amplitude over {limits.amplitude * 1e3:g} mm, motors still within {limits.motors_still * 1e3:g} mm, "
             "tensions positive"
         )

@@ -11,6 +11,7 @@ from procedures.window_check import moving_average, seen_samples, window_measure
 LIMITS = WindowLimits(
     complete=0.98,
     longest_gap=0.1,
+    jump=5e-3,
     amplitude=5e-3,
     displacement=(0.1, 0.1),
     displacement_tolerance=1.25,
@@ -55,6 +56,16 @@ CASES = {
         lambda r: r.markers.__setitem__(slice(300, 320), np.nan),
         Outcome.FAIL,
         "longest gap of the marker is 0.2 s",
+    ),
+    "a wrong sample": (
+        lambda r: r.markers.__setitem__((500, 0, 1), r.markers[500, 0, 1] + 8e-3),
+        Outcome.FAIL,
+        "largest jump of marker 1 is 0.01",
+    ),
+    "taken for another": (
+        lambda r: r.markers.__setitem__(slice(300, 400), r.markers[300:400] + 0.03),
+        Outcome.FAIL,
+        "largest jump of marker 1 is 0.0",
     ),
     "frozen": (
         lambda r: r.markers.__setitem__(slice(300, 320), r.markers[299]),
