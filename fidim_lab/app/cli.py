@@ -12,6 +12,7 @@ from types import FrameType
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from fidim_lab.errors import FidimError
 
@@ -64,15 +65,37 @@ def dry_run(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
-@click.option("--method", default="tls", show_default=True, help="Estimator.")
+@click.option("--method", default="tls", show_default=True, help="Estimator: tls, ls or iv.")
+@click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")
+@click.option("--payload", type=FOLDER, default=None, help="Second campaign, with a known payload: finds the mass.")
+@click.option("--mass", type=float, default=None, metavar="KG", help="Of the payload.")
+@click.option("--mass-sd", type=click.FloatRange(0), default=0.0, metavar="KG", help="Its standard deviation.")
+@click.option("--at", default=None, metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
+@click.option("--at-sd", type=click.FloatRange(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-result/1".')
 @click.option("--report", type=FILE, default=None, help="Write a self-contained HTML report.")
-@example("fidim identify runs/dry-run-1 --json result.json")
-def identify(campaign: Path, method: str, json_file: Path | None, report: Path | None) -> None:
+@example("fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05 --json result.json")
+def identify(
+    campaign: Path,
+    method: str,
+    paper: bool,
+    payload: Path | None,
+    mass: float | None,
+    mass_sd: float,
+    at: str | None,
+    at_sd: float,
+    json_file: Path | None,
+    report: Path | None,
+) -> None:
     """Find the platform's inertial parameters from the recorded free motion in CAMPAIGN."""
     from fidim_lab.app.identify import identify_command
+    from fidim_lab.app.payload import parse_payload, payload_command
 
-    sys.exit(identify_command(campaign, method, json_file, report))
+    if paper and click.get_current_context().get_parameter_source("method") is ParameterSource.DEFAULT:
+        method = "tls"
+    if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
+        sys.exit(identify_command(campaign, method, json_file, report, paper=paper))
+    sys.exit(payload_command(campaign, known, method, json_file, report, paper=paper))
 
 
 @fidim.command("import")

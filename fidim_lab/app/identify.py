@@ -12,9 +12,11 @@ from rich.text import Text
 
 from fidim_lab.app import console
 from fidim_lab.app.report.write import write_report
+from fidim_lab.app.scaling import Forms, scaling_table
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
-from fidim_lab.identification.estimators import method_named
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.estimators import Method, method_named
 from fidim_lab.identification.identify import MODEL_ERROR, identify
 from fidim_lab.identification.recipe import BEST, PAPER, Recipe
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
@@ -38,17 +40,27 @@ def run_identify(
     Raises FileError for a wrong campaign, SetupError for an unknown method, RefusedError when no body is identified.
     """
     chosen = method_named(method)
+    if paper and chosen is not Method.TLS:
+        raise SetupError(f"--paper is a form of total least squares; it does not go with --method {chosen}.")
     recipe: Recipe = PAPER if paper else BEST
     return identify(read_campaign(campaign_folder), chosen, recipe, THOROUGH if predict else QUICK)
 
 
-def identify_command(campaign_folder: Path, method: str, json_file: Path | None, report: Path | None) -> int:
-    """What `fidim identify` does: identify, print, write. Returns the exit code; raises as `run_identify`."""
+def identify_command(
+    campaign_folder: Path, method: str, json_file: Path | None, report: Path | None, *, paper: bool = False
+) -> int:
+    """What `fidim identify` does: identify, print, write. Returns the exit code; raises as `run_identify`.
+
+    `paper`: the paper's form is the result, and a table shows it beside its columns scaled and our form.
+    """
     with console.err.status("identifying …"):
-        result = run_identify(campaign_folder, method)
+        result = run_identify(campaign_folder, method, paper=paper)
+        ours = run_identify(campaign_folder, method, predict=False) if paper else None
     if json_file is not None:
         write_result(json_file, result)
     console.out.print(summary(result))
+    if ours is not None:
+        console.out.print(scaling_table(Forms(paper=result, ours=ours)))
     if report is not None:
         console.out.print(f"Report      {write_report(campaign_folder, result, report)}", markup=False)
     return 1 if result.outcome is Outcome.IMPOSSIBLE_BODY else 0

@@ -53,6 +53,7 @@ def identify(
         alone={a.window: a.values for a in estimate.alone},
         attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
         freedoms=campaign.robot.freedoms,
+        scaling_effect=estimate.scaling_effect,
     )
 
 

@@ -109,6 +109,8 @@ class IdentificationResult:
     attachment_plane: float = 0.0
     """mean a_z of the cables, m: s_z is known only relative to it (gauge)"""
     freedoms: int = 2
+    scaling_effect: Float[np.ndarray, "9"] | None = None
+    """change of the parameters if the columns of W were scaled to norm 1; None for methods that do not depend on it"""
 
     @property
     def body(self) -> Body:

@@ -36,6 +36,35 @@ class WindowTable(_Strict):
     used: bool
 
 
+class MassEstimateTable(_Strict):
+    """A mass with its sd, kg."""
+
+    value: float
+    sd: float
+
+
+class PayloadTable(_Strict):
+    """`mass.payload`: what was added to the platform, and the campaign recorded with it."""
+
+    campaign: str
+    mass: float
+    mass_sd: float
+    at: tuple[float, float, float]
+    at_sd: float
+
+
+class MassTable(MassEstimateTable):
+    """`mass`: there only after `identify --payload`."""
+
+    nominal: float
+    components: dict[Literal["x", "y", "z"], MassEstimateTable | None]
+    with_inertia: MassEstimateTable | None
+    chi2: float
+    dof: int
+    p: float
+    payload: PayloadTable
+
+
 class ResultTable(_Strict):
     """The whole file."""
 
@@ -50,6 +79,7 @@ class ResultTable(_Strict):
     C: float | None
     windows: tuple[WindowTable, ...]
     seconds: Annotated[float, Field(ge=0)]
+    mass: MassTable | None = None
 
     @property
     def body(self) -> Body:
@@ -57,10 +87,11 @@ class ResultTable(_Strict):
         return Body.from_vector(np.array([self.parameters[name].value for name in PARAMETER_NAMES]))
 
 
-def write_result(path: Path, result: IdentificationResult) -> None:
-    """Write a result whole or not at all."""
+def write_result(path: Path, result: IdentificationResult, *, mass: dict[str, object] | None = None) -> None:
+    """Write a result whole or not at all; `mass` is what a payload showed, and no key of the file without one."""
+    table = result.to_json() if mass is None else {**result.to_json(), "mass": mass}
     part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(result.to_json(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    part.write_text(json.dumps(table, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     part.replace(path)
 
 
