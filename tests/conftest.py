@@ -1,10 +1,12 @@
 """What all tests share: where recordings lie beside the checkout, and a robot to work on."""
 
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Body, Cable, Limits, Robot
 from fidim_lab.data.robot_file import read_robot
 
 ROOT = Path(__file__).parents[1]
@@ -28,3 +30,34 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"{SHARED} is absent: its recordings never enter the project")
     return SHARED
+
+
+CableRing = Callable[..., Robot]
+
+
+def _cable_ring(n: int, radius: float = 0.02) -> Robot:
+    """A bifilar, a trifilar, or a robot of n cables from a wide ring of anchors; every pulley stands upright."""
+    turns = 2 * np.pi * np.arange(n) / n + 0.2
+    wide, inner, height = {2: (0.6, 0.15, 1.0), 3: (0.3, 0.28, 1.5)}.get(n, (1.2, 0.2, 1.0))
+    cables = []
+    for k, turn in enumerate(turns):
+        # Neither symmetric nor all through one point: such a robot has dependent cables.
+        skewed = turn + (0.1 * k + 0.5 * (-1) ** k if n > 3 else 0.02 * k)
+        out = np.array([np.cos(turn), np.sin(turn), 0.0])
+        z = np.array([np.sin(turn), -np.cos(turn), 0.0])
+        a = np.array([inner * np.cos(skewed), inner * np.sin(skewed), (0.25 if n != 3 else 0.05) + 0.03 * k])
+        d = wide * out + np.array([0.0, 0.0, height + 0.02 * k])
+        cables.append(Cable(d=d, a=a, radius=radius, x=-out, y=np.cross(z, -out), z=z))
+    return Robot(
+        cables=tuple(cables),
+        mass=12.0,
+        nominal=Body(np.array([0.0, 0.0, 0.1]), np.array([0.05, 0.06, 0.04, 0.0, 0.0, 0.0])),
+        marker=np.array([0.02, 0.01, 0.0]),
+        limits=Limits(tension=(10.0, 250.0), free_displacement=(0.15, 0.15)),
+    )
+
+
+@pytest.fixture(scope="session")
+def cable_ring() -> CableRing:
+    """Robots of n = 2…5 cables: `cable_ring(n, radius=0.02)`."""
+    return _cable_ring

@@ -2,29 +2,54 @@
 
 The paper found that random equilibria excite about as well as optimised ones. Drawn here by seed; kept where the
 platform rests with all tensions within their limits, where the free coordinates are well conditioned, and where the
-free motion that follows the displacement stays taut and within the allowed displacement.
+free motion that follows the displacement stays taut and within the allowed displacement. Cheap checks come first, then
+two seconds of motion, then the whole window. CasADi's virtual machine alone decides: the same plan on every machine.
 """
 
 import itertools
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from fidim_lab.arrays import PerCable, Vector3
-from fidim_lab.data.records import Motion, Plan, PlannedWindow, Pose, Robot, Role
+from fidim_lab.arrays import PerCable, Positions, Rotations, Vector3
+from fidim_lab.data.records import Plan, PlannedWindow, Pose, Robot, Role
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.model.dynamics import simulate_free_motion
-from fidim_lab.model.equilibria import equilibrium_at
+from fidim_lab.identification.workspace import Workspace, displaced, rest_near
+from fidim_lab.model.dynamics import FreeMotion, simulate_free_motion
 from fidim_lab.model.free_motion import conditioning, marker_selector
-from fidim_lab.model.geometry import rotation_matrix
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.modes import scaled_singular_values
 from fidim_lab.model.statics import Equilibrium
 
 DRAWS_FOR_EACH = 60
 """places tried for each window before the plan is given up"""
-STRETCH = 1e-6
-"""m of cable by which a displaced pose may miss the held lengths"""
+DRAWS_FOR_FIRST = 200
+"""places tried without finding any: then there is hardly one"""
+STEP = 0.01
+"""s of integration: tensions within 1 % over 10 s, enough to accept or refuse a window"""
+SAMPLE = 0.02
+"""s"""
+HORIZONS = (2.0, np.inf)
+"""s of motion that are looked at: most of the unsuitable ones show in the first swings"""
+
+
+class Refusal(StrEnum):
+    """Why a drawn place is not used."""
+
+    NO_REST = "the platform cannot rest there"
+    TENSION = "tensions at rest are outside their limits"
+    CONDITIONING = "the cables hold the platform badly there (conditioning)"
+    SWING = "no displacement swings with taut cables within the limits"
+    NEAR = "it is too near another one"
+    TRIAL = "the true robot cannot rest or be displaced so there"
+
+
+Trial = Callable[[Vector3, PerCable, np.ndarray], bool]
+"""(place of the marker, lengths, displacement) → whether it can be done"""
 
 
 @dataclass(frozen=True)
@@ -35,7 +60,7 @@ class Taste:
     inside: float = 0.6
     """part of the anchors' box, about its middle, from which places are drawn"""
     depth: tuple[float, float] = (0.35, 1.0)
-    """below the anchors, as parts of half the box's diagonal"""
+    """below the anchors, in the workspace's scale (half the diagonal of the anchors' box)"""
     rest_margin: float = 0.05
     """part of the tension limits to keep away from, at rest: the true body is another"""
     taut: float = 0.3
@@ -43,7 +68,7 @@ class Taste:
     tight: float = 1.1
     """largest tension in motion, as a part of the upper limit"""
     conditioning: float = 20.0
-    """largest condition number of Ξ over the dependent coordinates, at rest"""
+    """largest condition number of Ξ over the dependent coordinates at rest; of scaled Ξ with three freedoms or more"""
     conditioning_in_motion: float = 60.0
     amplitudes: tuple[float, ...] = (0.06, 0.045, 0.03, 0.02)
     """m of displacement, tried in this order"""
@@ -52,34 +77,50 @@ class Taste:
 
 
 def random_plan(
-    robot: Robot, name: str, equilibria: int, validation: int, seed: int, taste: Taste | None = None
+    robot: Robot,
+    name: str,
+    equilibria: int,
+    validation: int,
+    seed: int,
+    taste: Taste | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    trial: Trial | None = None,
 ) -> Plan:
     """A plan of `equilibria` windows to identify from and `validation` windows held out, for the nominal body.
 
-    The windows are ordered for short ways; ids i01…, v01…. Raises InfeasibleError where not enough are found.
+    The windows are ordered for short ways; ids i01…, v01…. `progress(found, wanted)` is called after each find; `trial`
+    may refuse what the nominal model accepts, where a place can be tried out. Raises InfeasibleError where not enough
+    are found, with what most places lacked.
     """
     taste = taste or Taste()
-    rng = np.random.default_rng([seed, 2])
-    search = _Search(robot, taste, rng)
+    search = _Search(robot, taste, np.random.default_rng([seed, 2]))
     wanted = equilibria + validation
     found: list[_Candidate] = []
+    refusals: Counter[Refusal] = Counter()
     for _ in range(DRAWS_FOR_EACH * wanted):
-        candidate = search.draw()
-        if candidate is not None and all(
-            np.linalg.norm(candidate.place - other.place) >= taste.apart for other in found
-        ):
-            found.append(candidate)
+        drawn = search.draw(found)
+        if isinstance(drawn, _Candidate) and trial is not None and not trial(*drawn):
+            drawn = Refusal.TRIAL
+        if isinstance(drawn, Refusal):
+            refusals[drawn] += 1
+            if not found and refusals.total() >= DRAWS_FOR_FIRST:
+                break
+            continue
+        found.append(drawn)
+        if progress is not None:
+            progress(len(found), wanted)
         if len(found) == wanted:
             return Plan(name, _windows(found, equilibria))
     raise InfeasibleError(
         f"Only {len(found)} of {wanted} equilibria were found where the platform rests and swings with tensions within "
-        f"{robot.limits.tension[0]:g} to {robot.limits.tension[1]:g} N.",
-        hint="Ask for fewer, widen the limits in the robot file, or give a plan.",
+        f"{robot.limits.tension[0]:g} to {robot.limits.tension[1]:g} N; of the other places drawn, "
+        + "; ".join(f"{count}: {why.value}" for why, count in refusals.most_common())
+        + ".",
+        hint="Ask for fewer, widen the limits in the robot file, or give a plan. fidim doctor --robot checks the file.",
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidate:
+class _Candidate(NamedTuple):
     place: Vector3
     lengths: PerCable
     displacement: np.ndarray
@@ -91,97 +132,90 @@ class _Search:
     def __init__(self, robot: Robot, taste: Taste, rng: np.random.Generator) -> None:
         self._robot, self._taste, self._rng = robot, taste, rng
         self._mechanism = Mechanism(robot)
-        anchors = np.array([cable.d for cable in robot.cables])
-        self._middle = anchors.mean(axis=0)
-        self._half = np.maximum(np.ptp(anchors, axis=0) / 2.0, 0.05)
-        self._times = np.arange(0.0, taste.seconds + 1e-9, 0.02)
+        self._workspace = Workspace(robot)
 
-    def draw(self) -> _Candidate | None:
-        """A place and a displacement that pass, or None."""
-        equilibrium = self._rest()
-        if equilibrium is None:
-            return None
-        place = equilibrium.marker_position(self._robot.marker)
+    def draw(self, found: list[_Candidate]) -> _Candidate | Refusal:
+        """A place and a displacement that pass, apart from those found, or why not."""
+        # Every draw takes the same numbers from the generator whatever becomes of it, so plans change little.
+        aside, depth = self._rng.uniform(-1.0, 1.0, 3), self._rng.uniform(*self._taste.depth)
         angle = self._rng.uniform(-np.pi, np.pi)
+        rest = self._rest(aside * self._taste.inside, depth)
+        if isinstance(rest, Refusal):
+            return rest
+        place = rest.marker_position(self._robot.marker)
+        if any(np.linalg.norm(place - other.place) < self._taste.apart for other in found):
+            return Refusal.NEAR
+        direction = self._direction(rest.pose, angle)
         for amplitude in self._taste.amplitudes:
-            displacement = amplitude * np.array([np.cos(angle), np.sin(angle)])
-            if self._swings_well(equilibrium, place, displacement):
-                return _Candidate(place, equilibrium.lengths, displacement)
-        return None
+            if self._swings_well(rest, place, amplitude * direction):
+                return _Candidate(place, rest.lengths, amplitude * direction)
+        return Refusal.SWING
 
-    def _rest(self) -> Equilibrium | None:
+    def _rest(self, aside: Vector3, depth: float) -> Equilibrium | Refusal:
         robot, taste = self._robot, self._taste
-        down = robot.gravity / np.linalg.norm(robot.gravity)
-        box = self._rng.uniform(-1.0, 1.0, 3) * self._half * taste.inside
-        box -= down * (box @ down)
-        depth = self._rng.uniform(*taste.depth) * float(np.linalg.norm(self._half))
         try:
-            equilibrium = equilibrium_at(self._mechanism, robot.nominal, self._middle + box + depth * down)
+            equilibrium = rest_near(self._mechanism, self._workspace.place(aside, depth))
         except InfeasibleError:
-            return None
+            return Refusal.NO_REST
         tension = equilibrium.tensions_in_newton(robot.mass)
         low, high = robot.limits.tension
         margin = taste.rest_margin
         if tension.min() < (1.0 + margin) * low or tension.max() > (1.0 - margin) * high:
-            return None
-        return equilibrium if self._conditioning(equilibrium.pose) < taste.conditioning else None
+            return Refusal.TENSION
+        pose = equilibrium.pose
+        worst = self._conditionings(pose.position[np.newaxis], pose.rotation[np.newaxis])[0]
+        return equilibrium if worst < taste.conditioning else Refusal.CONDITIONING
 
-    def _conditioning(self, pose: Pose) -> float:
-        """The worst over x, y as free coordinates (as far as there are so many freedoms)."""
-        return float(self._conditionings(pose.position[np.newaxis], pose.rotation[np.newaxis])[0])
+    def _direction(self, pose: Pose, angle: float) -> np.ndarray:
+        """The unit vector (x, y) of the displacement: at this angle, or the only way where there is one freedom."""
+        wanted = np.array([np.cos(angle), np.sin(angle)])
+        if self._robot.freedoms > 1:
+            return wanted
+        xi = self._mechanism.structure_matrix(pose.position[np.newaxis], pose.rotation[np.newaxis])[0]
+        selector = marker_selector(pose.rotation[np.newaxis], self._robot.marker, (0, 1))[0]
+        way = selector @ np.linalg.svd(xi)[2][-1]
+        return way / np.copysign(np.linalg.norm(way), way @ wanted)
 
-    def _conditionings(self, positions: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-        axes = tuple(range(min(self._robot.freedoms, 3)))
-        if self._robot.freedoms > 3:
-            return np.ones(len(positions))
+    def _conditionings(self, positions: Positions, rotations: Rotations) -> np.ndarray:
+        """(N,) over the marker's x, y as free coordinates, over the better one of them with a single freedom.
+
+        With three freedoms or more one marker is no chart (a trifilar's yaw hardly moves it): of Ξ itself then, scaled.
+        """
+        free = self._robot.freedoms
         xi = self._mechanism.structure_matrix(positions, rotations)
-        return conditioning(xi, marker_selector(rotations, self._robot.marker, axes))
+        if free > 2:
+            values = scaled_singular_values(xi)
+            return values[:, 0] / values[:, -1]
+        choices = [(0,), (1,)] if free == 1 else [(0, 1)]
+        worst = [conditioning(xi, marker_selector(rotations, self._robot.marker, axes)) for axes in choices]
+        return np.min(worst, axis=0)
 
-    def _swings_well(self, equilibrium: Equilibrium, place: Vector3, displacement: np.ndarray) -> bool:
+    def _swings_well(self, rest: Equilibrium, place: Vector3, displacement: np.ndarray) -> bool:
         """Whether the free motion from there stays taut, within the displacement limits, and well conditioned."""
-        robot, taste = self._robot, self._taste
-        start = self._displaced(equilibrium, place, displacement)
-        if start is None:
-            return False
         try:
-            free = simulate_free_motion(self._mechanism, robot.nominal, start, np.zeros(6), self._times)
+            start = displaced(self._mechanism, rest, displacement)
+            return all(self._stays_well(self._swing(start, horizon), place) for horizon in HORIZONS)
         except InfeasibleError:
             return False
+
+    def _swing(self, start: Pose, horizon: float) -> FreeMotion:
+        times = np.arange(0.0, min(horizon, self._taste.seconds) + 1e-9, SAMPLE)
+        return simulate_free_motion(self._mechanism, self._robot.nominal, start, np.zeros(6), times, STEP)
+
+    def _stays_well(self, free: FreeMotion, place: Vector3) -> bool:
+        robot, taste, motion = self._robot, self._taste, free.motion
         if free.slack_time is not None:
             return False
         tension = free.tensions * robot.mass
         low, high = robot.limits.tension
-        moved = np.abs(_markers(free.motion, robot.marker) - place)[:, :2].max(axis=0)
+        marker = motion.positions + motion.rotations @ robot.marker
+        moved = np.abs(marker - place)[:, :2].max(axis=0)
         return bool(
             tension.min() > taste.taut * low
             and tension.max() < taste.tight * high
             and np.all(moved <= robot.limits.free_displacement)
-            and self._conditionings(free.motion.positions, free.motion.rotations).max() < taste.conditioning_in_motion
+            and self._conditionings(motion.positions, motion.rotations).max() < taste.conditioning_in_motion
         )
-
-    def _displaced(self, equilibrium: Equilibrium, place: Vector3, displacement: np.ndarray) -> Pose | None:
-        """A pose at the same lengths with the marker as near as can be to the wanted displacement in x, y."""
-        robot, pose = self._robot, equilibrium.pose
-
-        def at(unknown: np.ndarray) -> Pose:
-            return Pose(pose.position + unknown[:3], rotation_matrix(unknown[3:]) @ pose.rotation)
-
-        def stretch(moved: Pose) -> PerCable:
-            return (
-                self._mechanism.lengths(moved.position[np.newaxis], moved.rotation[np.newaxis])[0] - equilibrium.lengths
-            )
-
-        def miss(unknown: np.ndarray) -> np.ndarray:
-            moved = at(unknown)
-            marker = moved.position + moved.rotation @ robot.marker
-            return np.concatenate([1e3 * stretch(moved), (marker - place)[:2] - displacement, 1e-3 * unknown])
-
-        moved = at(least_squares(miss, np.zeros(6)).x)
-        return moved if np.abs(stretch(moved)).max() < STRETCH else None
-
-
-def _markers(motion: Motion, marker: Vector3) -> np.ndarray:
-    return motion.positions + motion.rotations @ marker
 
 
 def _windows(found: list[_Candidate], equilibria: int) -> tuple[PlannedWindow, ...]:

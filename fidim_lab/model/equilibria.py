@@ -21,6 +21,7 @@ QUIET = {
     "print_time": False,
     "error_on_fail": False,
     "show_eval_warnings": False,
+    "calc_lam_p": False,  # not used; where it fails CasADi says so on standard error
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
 }

@@ -26,6 +26,9 @@ HAND_STIFFNESS = 1e6
 MOST_NEWTON = 60
 CLOSED = 1e-9
 """N, N m, m: residual of a pose at rest"""
+LENGTH_WEIGHTS = (1.0, 1e4)
+"""N/m: what a metre of cable counts against a newton when a Newton step is judged, tried one after the other. Near
+singular poses the first refuses to correct a millimetre for the newton that it brings out of balance, and creeps"""
 AHEAD = 0.02
 """m, by which a hand's target moves between two Newton solutions"""
 SMALLEST_PART = 0.01
@@ -128,26 +131,36 @@ class Statics:
 
     def _solve(self, unknown: np.ndarray, lengths: PerCable, hand: np.ndarray) -> np.ndarray:
         """Newton's method with halved steps; least squares where a force at rest is not determined."""
+        missed = np.inf
+        for weight in LENGTH_WEIGHTS:
+            found, missed = self._newtons(unknown, lengths, hand, weight)
+            if missed < 1e3 * CLOSED:
+                return found
+        raise InfeasibleError(
+            f"The simulated platform finds no rest at cable lengths {_shown(lengths)} m (residual {missed:.2g} N)."
+        )
+
+    def _newtons(
+        self, unknown: np.ndarray, lengths: PerCable, hand: np.ndarray, length_weight: float
+    ) -> tuple[np.ndarray, float]:
+        """The last point that Newton's method reaches, and the size of the residual tried last."""
         residual, jacobian = (part.full() for part in self._newton(unknown, lengths, hand))
+        weights = np.ones_like(residual)
+        weights[6 : 6 + len(lengths)] = length_weight
         for _ in range(MOST_NEWTON):
-            size_before = np.linalg.norm(residual)
-            if size_before < CLOSED:
-                return unknown
+            if np.linalg.norm(residual) < CLOSED:
+                break
+            before = np.linalg.norm(weights * residual)
             step = np.linalg.lstsq(jacobian, -residual.ravel(), rcond=1e-13)[0]
             for shorter in (1.0, 0.5, 0.25, 0.1, 0.02):
                 trial = unknown + shorter * step
                 residual, jacobian = (part.full() for part in self._newton(trial, lengths, hand))
-                if np.linalg.norm(residual) < size_before:
+                if np.linalg.norm(weights * residual) < before:
                     break
             else:
                 break
             unknown = trial
-        if np.linalg.norm(residual) < 1e3 * CLOSED:
-            return unknown
-        raise InfeasibleError(
-            f"The simulated platform finds no rest at cable lengths {_shown(lengths)} m "
-            f"(residual {np.linalg.norm(residual):.2g} N)."
-        )
+        return unknown, float(np.linalg.norm(residual))
 
     def _checked(self, unknown: np.ndarray, lengths: PerCable) -> Rest:
         tensions = unknown[7:]
