@@ -1,14 +1,18 @@
 """A campaign without bus, cameras and procedure: what `fidim simulate` writes. The quick way to known truth."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Pose, Robot, Window
 from fidim_lab.errors import InfeasibleError
 from sim_backends.plant.motion import SlackInterval
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Cameras, CurrentSensors, Encoders, Noise, sensor_streams
+from sim_backends.plant.statics import Rest
 from sim_backends.plant.world import World
 
 BETWEEN = 60.0
@@ -30,6 +34,59 @@ class Recording:
         return np.arange(round(self.duration * self.rate) + 1) / self.rate
 
 
+@dataclass(frozen=True, eq=False)
+class RecordedWindow:
+    """One window as it was recorded, and what its sensors do not say."""
+
+    window: Window
+    tension: tuple[float, float]
+    """smallest and largest true tension of any cable at the samples, N"""
+    slack: tuple[SlackInterval, ...]
+
+
+class SimulatedPlatform(Protocol):
+    """What windows are recorded from: `Plant`, or another engine's world with the same verbs (documented there)."""
+
+    @property
+    def world(self) -> World:
+        """What is true."""
+        ...
+
+    @property
+    def tensions(self) -> PerCable:
+        """Now, N."""
+        ...
+
+    @property
+    def slack(self) -> tuple[SlackInterval, ...]:
+        """Since the platform was placed."""
+        ...
+
+    def rest(self, lengths: PerCable, near: Pose | None = None, displacement: np.ndarray | None = None) -> Rest:
+        """Where it rests with these encoder lengths, or is held aside."""
+        ...
+
+    def place(self, rest: Rest, lengths: PerCable, t: float = 0.0) -> None:
+        """Begin at rest there at time t."""
+        ...
+
+    def begin_window(self, number: int | None = None) -> None:
+        """Say that a window begins now."""
+        ...
+
+    def advance(self, t: float) -> None:
+        """Let time pass until t."""
+        ...
+
+    def markers(self) -> np.ndarray:
+        """True positions (M, 3), m."""
+        ...
+
+    def encoder_lengths(self) -> PerCable:
+        """As ideal encoders see them, m."""
+        ...
+
+
 def simulate_campaign(
     robot: Robot,
     plan: Plan,
@@ -37,6 +94,9 @@ def simulate_campaign(
     rng: np.random.Generator,
     noise: Noise | None = None,
     recording: Recording | None = None,
+    *,
+    platform: SimulatedPlatform | None = None,
+    watch: Callable[[RecordedWindow], None] | None = None,
 ) -> tuple[Campaign, dict[str, object]]:
     """Record every planned window of a true world: rest, displaced release, free motion, as the sensors see it.
 
@@ -47,6 +107,8 @@ def simulate_campaign(
         rng: noise, small errors of the winches. The same seed gives the same campaign.
         noise: of the sensors; default: what the robot file states.
         recording: default 10 s at 100 Hz.
+        platform: what moves, made from the same world; default `Plant(world)`.
+        watch: called after each window.
 
     Returns:
         the campaign, and the truth (of `truth_of`, with the slack intervals of each window under "slack").
@@ -55,18 +117,20 @@ def simulate_campaign(
         InfeasibleError: a window has no rest, or cannot be displaced so, with all cables taut; names the window.
     """
     noise, recording = noise or Noise.of(robot), recording or Recording()
-    plant = Plant(world)
+    plant = platform or Plant(world)
     windows: list[Window] = []
     slack: dict[str, object] = {}
     for k, (planned, stream) in enumerate(zip(plan.windows, rng.spawn(len(plan.windows)), strict=True)):
         session = _Session(plant, robot, noise, recording, stream)
         try:
-            window, loose = session.record(planned, number=k + 1, start=k * BETWEEN)
+            recorded = session.record(planned, number=k + 1, start=k * BETWEEN)
         except InfeasibleError as error:
             raise InfeasibleError(f"Window {planned.id}: {error.message}", hint=error.hint) from error
-        windows.append(window)
-        if loose:
-            slack[planned.id] = [{"cable": i.cable, "start": i.start, "stop": i.stop} for i in loose]
+        windows.append(recorded.window)
+        if recorded.slack:
+            slack[planned.id] = [{"cable": i.cable, "start": i.start, "stop": i.stop} for i in recorded.slack]
+        if watch is not None:
+            watch(recorded)
     campaign = Campaign(name=plan.name, robot=robot, sample_rate=recording.rate, windows=tuple(windows))
     return campaign, truth_of(world, plan.name) | {"slack": slack}
 
@@ -95,7 +159,7 @@ class _Session:
     """One window: sensors with their own streams, and the plant they look at."""
 
     def __init__(
-        self, plant: Plant, robot: Robot, noise: Noise, recording: Recording, rng: np.random.Generator
+        self, plant: SimulatedPlatform, robot: Robot, noise: Noise, recording: Recording, rng: np.random.Generator
     ) -> None:
         streams = sensor_streams(rng)
         self._plant, self._noise, self._recording = plant, noise, recording
@@ -105,7 +169,7 @@ class _Session:
         winches = robot.winches
         self._currents = None if winches is None else CurrentSensors(winches, noise.current, streams.currents)
 
-    def record(self, planned: PlannedWindow, *, number: int, start: float) -> tuple[Window, tuple[SlackInterval, ...]]:
+    def record(self, planned: PlannedWindow, *, number: int, start: float) -> RecordedWindow:
         """Rest, displaced release at plant time `start`, and the samples."""
         plant = self._plant
         held = planned.lengths + self._rng.uniform(-1.0, 1.0, planned.lengths.shape) * self._noise.encoder
@@ -116,7 +180,8 @@ class _Session:
         equilibrium = self._cameras.place(rest.marker) + self._rng.normal(0.0, 0.1 * self._noise.marker, 3)
         plant.place(aside, held, start)
         plant.begin_window(number)
-        markers, lengths, currents = self._samples(start)
+        markers, lengths, tensions = self._samples(start)
+        currents = None if self._currents is None else np.array([self._currents.read(row) for row in tensions])
         window = Window(
             id=planned.id,
             role=planned.role,
@@ -126,19 +191,18 @@ class _Session:
             currents=currents,
             equilibrium=equilibrium,
         )
-        return window, plant.slack
+        return RecordedWindow(window, (float(tensions.min()), float(tensions.max())), plant.slack)
 
-    def _samples(self, start: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Markers at the cameras' times, lengths and currents at the host's, in the order in which they happen."""
+    def _samples(self, start: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Markers at the cameras' times, lengths and true tensions at the host's, in the order in which they happen."""
         plant, stamps = self._plant, self._recording.stamps
         exposures = np.maximum([self._cameras.exposure(stamp) for stamp in stamps], 0.0)
-        markers, lengths, currents = [], [], []
+        markers, lengths, tensions = [], [], []
         for t in np.union1d(stamps, exposures):
             plant.advance(start + t)
             while len(markers) < len(stamps) and exposures[len(markers)] <= t:
                 markers.append(self._cameras.see(stamps[len(markers)], plant.markers()))
             if len(lengths) < len(stamps) and stamps[len(lengths)] <= t:
                 lengths.append(self._encoders.read(plant.encoder_lengths()))
-                if self._currents is not None:
-                    currents.append(self._currents.read(plant.tensions))
-        return np.array(markers), np.array(lengths), np.array(currents) if currents else None
+                tensions.append(plant.tensions)
+        return np.array(markers), np.array(lengths), np.array(tensions)
