@@ -16,7 +16,7 @@ from rich.table import Table
 
 from fidim_lab.app import console
 from fidim_lab.data.robot_file import read_robot
-from fidim_lab.errors import FidimError
+from fidim_lab.errors import FidimError, SetupError
 
 OUR_PACKAGES = ("fidim_lab", "drivers", "procedures", "sim_backends")
 LIBRARIES = ("casadi", "canopen", "python-can", "pyserial", "numpy", "scipy", "pandas", "textual")
@@ -56,10 +56,21 @@ def doctor_command(robot: Path | None, json_file: Path | None) -> int:
         checks += check_robot(robot)
     console.out.print(_table(checks))
     if json_file is not None:
-        json_file.write_text(json.dumps({"format": "fidim-doctor/1", "checks": [asdict(c) for c in checks]}, indent=1))
+        _write(json_file, checks)
     failed = [c.name for c in checks if c.verdict is Verdict.FAILED]
     console.out.print(f"{len(failed)} of {len(checks)} checks failed: {', '.join(failed)}" if failed else "All well.")
     return 1 if failed else 0
+
+
+def _write(path: Path, checks: list[Check]) -> None:
+    """Raises SetupError where the file cannot be written."""
+    text = json.dumps({"format": "fidim-doctor/1", "checks": [asdict(c) for c in checks]}, indent=1, ensure_ascii=False)
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise SetupError(
+            f"--json {path}: cannot be written ({error.strerror}).", hint="Choose another file."
+        ) from error
 
 
 def _table(checks: list[Check]) -> Table:
@@ -176,6 +187,10 @@ def check_robot(path: Path) -> list[Check]:
         return [Check(name, Verdict.FAILED, str(error), "mend the file")]
     checks = [Check(name, Verdict.OK, f"{robot.n} cables, {len(robot.markers)} marker(s), {robot.mass:g} kg")]
     return checks + [
-        Check(f"{name}: {what}", Verdict.OK if ok else Verdict.FAILED, found, advice)
-        for what, ok, found, advice in plausibility(robot)
+        Check(f"{name}: {what}", _verdict(ok, advice), found, advice) for what, ok, found, advice in plausibility(robot)
     ]
+
+
+def _verdict(ok: bool, advice: str) -> Verdict:
+    """What is well and still calls for advice is a warning."""
+    return Verdict.FAILED if not ok else Verdict.WARNING if advice else Verdict.OK

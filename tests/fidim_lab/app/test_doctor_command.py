@@ -1,0 +1,104 @@
+"""`fidim doctor`: exit codes, the table, the JSON, and a check that fails."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fidim_lab.app import cli, doctor
+from fidim_lab.app.doctor import Check, Verdict
+from fidim_lab.data.records import Limits
+from fidim_lab.data.robot_file import write_robot
+
+
+def _read(path: Path) -> dict[str, dict[str, str]]:
+    table = json.loads(path.read_text())
+    assert table["format"] == "fidim-doctor/1"
+    return {check["name"]: check for check in table["checks"]}
+
+
+@pytest.fixture
+def well(monkeypatch):
+    """A machine on which nothing is wrong, whatever this one is."""
+    checks = [lambda: Check("Python", Verdict.OK, "3.11"), lambda: Check("CAN", Verdict.WARNING, "none", "not needed")]
+    monkeypatch.setattr(doctor, "CHECKS", checks)
+
+
+def test_every_check_of_this_machine_gives_a_verdict_and_advice_where_it_fails(tmp_path, capsys):
+    code = cli.run(["doctor", "--json", str(tmp_path / "d.json")])
+    checks = _read(tmp_path / "d.json")
+    assert list(checks) == ["Python", "libraries", "package names", "CAN", "UDP", "clock", "disk"]
+    assert code == int(any(check["verdict"] == "failed" for check in checks.values()))
+    for check in checks.values():
+        assert check["found"]
+        assert bool(check["advice"]) == (check["verdict"] != "ok")
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in checks)
+
+
+@pytest.mark.usefixtures("well")
+def test_warnings_do_not_fail(capsys):
+    assert cli.run(["doctor"]) == 0
+    assert "All well." in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("well")
+def test_a_failed_check_ends_with_1_and_is_named(monkeypatch, capsys):
+    failing = [*doctor.CHECKS, lambda: Check("disk", Verdict.FAILED, "no room", "make room")]
+    monkeypatch.setattr(doctor, "CHECKS", failing)
+    assert cli.run(["doctor"]) == 1
+    shown = capsys.readouterr().out
+    assert "1 of 3 checks failed: disk" in shown
+    assert "make room" in shown
+
+
+def test_a_stranger_in_our_name_is_found(monkeypatch):
+    monkeypatch.setattr(doctor, "packages_distributions", lambda: {"drivers": ["fidim-lab", "windriver"]})
+    check = doctor.check_package_names()
+    assert check.verdict is Verdict.FAILED
+    assert "drivers (from windriver)" in check.found
+
+
+def test_a_missing_library_is_named(monkeypatch):
+    monkeypatch.setattr(doctor, "LIBRARIES", ("numpy", "no-such-library"))
+    check = doctor.check_libraries()
+    assert (check.verdict, check.found) == (Verdict.FAILED, "without no-such-library")
+
+
+def test_a_full_disk_is_seen(monkeypatch):
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda path: type("usage", (), {"free": 1e6})())
+    assert doctor.check_disk().verdict is Verdict.FAILED
+
+
+@pytest.mark.usefixtures("well")
+def test_the_papers_robot_is_well(irma4_file: Path, tmp_path):
+    assert cli.run(["doctor", "--robot", str(irma4_file), "--json", str(tmp_path / "d.json")]) == 0
+    checks = _read(tmp_path / "d.json")
+    assert checks["robot irma4.toml"]["found"] == "4 cables, 1 marker(s), 11 kg"
+    assert {check["verdict"] for name, check in checks.items() if name.startswith("robot")} == {"ok"}
+
+
+@pytest.mark.usefixtures("well")
+def test_an_implausible_robot_fails_and_a_soft_one_is_warned_about(irma4, tmp_path, cable_ring, capsys):
+    write_robot(tmp_path / "weak.toml", replace(irma4, limits=Limits((190.0, 192.0))))
+    assert cli.run(["doctor", "--robot", str(tmp_path / "weak.toml")]) == 1
+    assert "robot weak.toml: rest" in capsys.readouterr().out.splitlines()[-1]
+    write_robot(tmp_path / "five.toml", cable_ring(5))
+    assert cli.run(["doctor", "--robot", str(tmp_path / "five.toml"), "--json", str(tmp_path / "d.json")]) == 0
+    assert _read(tmp_path / "d.json")["robot five.toml: soft modes"]["verdict"] == "warning"
+
+
+@pytest.mark.usefixtures("well")
+def test_a_robot_file_that_does_not_read_fails_with_its_place(tmp_path, capsys):
+    (tmp_path / "bad.toml").write_text('format = "fidim-robot/1"\nspeed = 3\n')
+    assert cli.run(["doctor", "--robot", str(tmp_path / "bad.toml")]) == 1
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "speed" in shown
+    assert "mend the file" in shown
+
+
+@pytest.mark.usefixtures("well")
+def test_json_that_cannot_be_written_is_wrong_use(tmp_path, capsys):
+    assert cli.run(["doctor", "--json", str(tmp_path / "none" / "d.json")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
