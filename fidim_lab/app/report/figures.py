@@ -59,10 +59,10 @@ def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Line
     if epsilon is not None:
         times, values = epsilon
         for k in range(values.shape[1]):
-            _line(axes[-1], times, values[:, k], k, f"equation {k + 1}")
+            _line(axes[-1], times, values[:, k], k, f"ε{k + 1}")
         _zero(axes[-1])
         axes[-1].set_ylabel("ε / (m/s²)")
-        _legend(axes[-1], min(values.shape[1], 3))
+        _legend(axes[-1], values.shape[1])
     _time(axes[-1], t)
     return to_svg(figure)
 

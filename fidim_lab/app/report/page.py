@@ -20,6 +20,7 @@ from fidim_lab.app.report.windows import Drawing, WindowSection, section
 from fidim_lab.data.records import Body
 from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.validation import expected_sigma_perp
+from fidim_lab.model.mechanism import Mechanism
 
 KINDS = ("moving", "settling", "checks", "hand", "recording")
 """what the timeline tells apart"""
@@ -53,8 +54,9 @@ def make_page(contents: Contents, result: IdentificationResult | None, trust: st
     """The page of a folder. `trust`: how far to trust the result, or why there is none."""
     campaign = contents.campaign
     verdicts = {} if result is None else {verdict.id: verdict for verdict in result.windows}
+    mechanism = Mechanism(campaign.robot)
     body = campaign.robot.nominal if result is None else result.body
-    drawings = tuple(Drawing(svg, f"The robot {seen}.") for seen, svg in views(scene(campaign, body)))
+    robot = tuple(Drawing(svg, f"The robot {seen}.") for seen, svg in views(scene(campaign, mechanism, body)))
     return Page(
         title=campaign.name,
         badges=_badges(contents, result),
@@ -62,10 +64,12 @@ def make_page(contents: Contents, result: IdentificationResult | None, trust: st
         warnings=() if result is None else result.warnings,
         parameters=None if result is None else _parameters(contents, result),
         parameter_tables=() if result is None else _parameter_tables(contents, result),
-        robot=drawings,
+        robot=robot,
         cross_validation=None if result is None else _cross_validation(result),
         windows_table=None if result is None else tables.window_table(result.windows, contents.story),
-        windows=tuple(section(contents, window, verdicts.get(window.id)) for window in campaign.windows),
+        windows=tuple(
+            section(contents, window, verdicts.get(window.id), (mechanism, body)) for window in campaign.windows
+        ),
         rejected=tables.rejected_table(contents),
         timeline=_timeline(contents),
         incidents=None if contents.story is None else tables.incident_table(contents.story),

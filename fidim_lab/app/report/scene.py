@@ -43,10 +43,9 @@ class Scene:
     hanging: tuple[Hanging, ...]
 
 
-def scene(campaign: Campaign, body: Body) -> Scene:
+def scene(campaign: Campaign, mechanism: Mechanism, body: Body) -> Scene:
     """Where the platform of this body rests in each window: from its markers, else from its cable lengths."""
     robot = campaign.robot
-    mechanism = Mechanism(robot)
     attachments = np.array([cable.a for cable in robot.cables])
 
     def hung(window: Window) -> Hanging:

@@ -66,7 +66,7 @@ def sheet(width: float, height: float, rows: int = 1, left: float = 0.72) -> tup
     figure = Figure(figsize=(width, height))
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)
     figure.subplots_adjust(
-        left=left / width, right=1 - 0.08 / width, bottom=0.45 / height, top=1 - 0.24 / height, hspace=0.16
+        left=left / width, right=1 - 0.14 / width, bottom=0.45 / height, top=1 - 0.24 / height, hspace=0.16
     )
     return figure, list(axes[:, 0])
 

@@ -203,11 +203,16 @@ def rejected_table(contents: Contents) -> Table | None:
                 rows.append((told.id, str(attempt.number), reason, f"rejected/{file}" if there else "–"))
         if told.outcome is not Outcome.UNSET and not told.outcome.usable:
             rows.append((told.id, "", f"given up: {told.reason}", "–"))
-        elif told.outcome is Outcome.UNSET:
-            rows.append((told.id, "", "the run ended before it was accepted", "–"))
+    rows += _never_accepted(contents.story)
     rows += [("", "", "no journal tells why", f"rejected/{name}") for name in sorted(kept)]
     names = ("window", "attempt", "why it was not taken", "kept as")
     return Table("Not taken", names, tuple(rows), numbers=False) if rows else None
+
+
+def _never_accepted(story: Story | None) -> list[tuple[str, ...]]:
+    """One row for all windows that a run which ended early left open."""
+    left = [told.id for told in story.windows if told.outcome is Outcome.UNSET] if story else []
+    return [("", "", f"the run ended before these were accepted: {', '.join(left)}", "–")] if left else []
 
 
 def incident_table(story: Story) -> Table | None:

@@ -10,10 +10,12 @@ from fidim_lab.app.report.folder import Contents
 from fidim_lab.app.report.numerals import duration, short
 from fidim_lab.app.report.story import WindowStory, not_passed
 from fidim_lab.app.report.tables import MARKS, Table, attempt_table, check_table
-from fidim_lab.arrays import CableSeries, Vector3
-from fidim_lab.data.records import Robot, Window
+from fidim_lab.arrays import CableSeries, Series, Vector3
+from fidim_lab.data.records import Body, Robot, Window
 from fidim_lab.identification.result import WindowVerdict
 from fidim_lab.identification.trajectory import Prediction
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.statics import tensions
 
 
 @dataclass(frozen=True)
@@ -32,24 +34,30 @@ class WindowSection:
     role: str
     verdict: str
     facts: tuple[tuple[str, str], ...]
+    origin: str
+    """of an imported window; empty elsewhere"""
     notes: tuple[str, ...]
     tables: tuple[Table, ...]
     drawings: tuple[Drawing, ...]
 
 
-def section(contents: Contents, window: Window, verdict: WindowVerdict | None) -> WindowSection:
+Model = tuple[Mechanism, Body]
+"""the mechanism and the body found"""
+
+
+def section(contents: Contents, window: Window, verdict: WindowVerdict | None, model: Model) -> WindowSection:
     """Everything about one window; `verdict` is None where nothing was identified."""
     told = contents.story.of(window.id) if contents.story else None
     cut = contents.imported.of(window.id) if contents.imported else None
-    notes = () if verdict is None else verdict.notes
     return WindowSection(
         id=window.id,
         role=window.role.value,
         verdict=_verdict(told, verdict),
         facts=_facts(window, told, verdict),
-        notes=notes if cut is None else (*notes, f"Cut out from {cut.t[0]:.2f} to {cut.t[1]:.2f} s: {cut.says}"),
+        origin="" if cut is None else f"Cut out from {cut.t[0]:.2f} to {cut.t[1]:.2f} s: {cut.says}",
+        notes=() if verdict is None else verdict.notes,
         tables=() if told is None else _tables(told),
-        drawings=tuple(_drawings(contents.campaign.robot, window, verdict)),
+        drawings=tuple(_drawings(window, verdict, model)),
     )
 
 
@@ -92,7 +100,7 @@ def _tables(told: WindowStory) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def _drawings(robot: Robot, window: Window, verdict: WindowVerdict | None) -> list[Drawing]:
+def _drawings(window: Window, verdict: WindowVerdict | None, model: Model) -> list[Drawing]:
     prediction = None if verdict is None else verdict.prediction
     drawings = [_trajectory(window, prediction)]
     residual = None if verdict is None else verdict.residual
@@ -100,15 +108,13 @@ def _drawings(robot: Robot, window: Window, verdict: WindowVerdict | None) -> li
         epsilon = None if residual is None else (residual.t, residual.epsilon)
         missed = None if prediction is None else Line(prediction.t, prediction.residuals[:, 0])
         svg = figures.residuals(window.t, epsilon, missed)
-        drawings.append(
-            Drawing(
-                svg, "What the model leaves over: Δ = recorded − model of the trajectory, ε = W χ of the equations."
-            )
-        )
-    tension = tension_of(robot, window)
+        of_path = "" if missed is None else "Δ = recorded − model of the trajectory, "
+        drawings.append(Drawing(svg, f"What the model leaves over: {of_path}ε = W χ of the equations."))
+    robot = model[0].robot
+    tension = measured_tension(robot, window) or _predicted_tension(prediction, model)
     if tension is not None:
-        values, source = tension
-        svg = figures.tensions(window.t, values, robot.limits.tension)
+        t, values, source = tension
+        svg = figures.tensions(t, values, robot.limits.tension)
         drawings.append(Drawing(svg, f"Tensions from {source}; dotted: the limits."))
     return drawings
 
@@ -122,11 +128,24 @@ def _trajectory(window: Window, prediction: Prediction | None) -> Drawing:
     return Drawing(svg, f"Main marker from {origin}{over}.")
 
 
-def tension_of(robot: Robot, window: Window) -> tuple[CableSeries, str] | None:
-    """Each cable's tension (N, n) with its source: motor currents, else load cells f1…fn that an import kept."""
+Tension = tuple[Series, CableSeries, str]
+"""times (N,), s; tensions (N, n), N; their source in words"""
+
+
+def measured_tension(robot: Robot, window: Window) -> Tension | None:
+    """Each cable's tension from motor currents, else from load cells f1…fn that an import kept."""
     if window.currents is not None and robot.winches is not None:
         factors = np.array([winch.newton_per_ampere for winch in robot.winches])
-        return window.currents * factors, "motor currents"
+        return window.t, window.currents * factors, "motor currents"
     cells = [window.further.get(f"f{cable}") for cable in range(1, robot.n + 1)]
     known = [cell for cell in cells if cell is not None]
-    return (np.stack(known, axis=1), "load cells") if len(known) == robot.n else None
+    return (window.t, np.stack(known, axis=1), "load cells") if len(known) == robot.n else None
+
+
+def _predicted_tension(prediction: Prediction | None, model: Model) -> Tension | None:
+    """What the model needs of each cable, where nothing measures it (Eq. 8, with the robot file's mass)."""
+    if prediction is None:
+        return None
+    mechanism, body = model
+    per_mass, _ = tensions(mechanism, body, prediction.motion)
+    return prediction.t, per_mass * mechanism.robot.mass, "the model, for want of motor currents"

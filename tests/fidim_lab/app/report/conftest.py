@@ -110,7 +110,7 @@ def campaign(irma4, resting):
 
 
 def verdict_on(window, **other):
-    moved = window.markers + 1e-3
+    moved = np.nan_to_num(window.markers, nan=1.0) + 1e-3
     still, level = np.zeros((len(window.t), 6)), np.tile(np.eye(3), (len(window.t), 1, 1))
     prediction = Prediction(
         rms=1e-3, chi2_per_dof=3.25, residuals=window.markers - moved, t=window.t, markers=moved,
@@ -170,3 +170,10 @@ def write_folder(tmp_path_factory):
         return folder
 
     return write
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures stay blank: for tests of the words, which need not wait for them."""
+    for module in ("figures", "scene"):
+        monkeypatch.setattr(f"fidim_lab.app.report.{module}.to_svg", lambda figure: "<svg></svg>")

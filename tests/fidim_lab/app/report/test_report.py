@@ -134,6 +134,7 @@ def test_the_same_run_gives_the_same_bytes(full, campaign, write_folder, result_
     assert page_of(again, result_of(campaign, seconds=2.0)) == full
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_writing_it_again_changes_nothing(campaign, write_folder, result_of):
     folder = write_folder(campaign)
     (folder / "result.json").write_text("{}")
@@ -164,8 +165,8 @@ def load_cells(campaign):
 @pytest.mark.parametrize(
     ("change", "there", "absent"),
     [
-        (without(currents=None), "Main marker from rest", "motor currents"),
-        (without(lengths=None, currents=None), "Main marker from rest", "motor currents"),
+        (without(currents=None), "Tensions from the model, for want of motor currents", "Tensions from motor"),
+        (without(lengths=None, currents=None), "Main marker from rest", "Tensions from motor"),
         (without(equilibrium=None), "Main marker from its mean", "from rest"),
         (without(), "No window was held out", "nowhere"),
         (without(markers=np.full((200, 1, 3), np.nan)), "marker seen", "nowhere"),
@@ -181,6 +182,7 @@ def test_what_is_missing_is_left_out(campaign, write_folder, result_of, change, 
     assert absent not in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_bare_campaign_has_no_columns_for_what_is_unknown(campaign, write_folder, result_of):
     words = Reader(page_of(write_folder(campaign), result_of(campaign, spread=None))).words
     assert not {"true", "error", "spread", "recordings", "Run", "Import", "re-fit"} & set(words)
@@ -188,6 +190,7 @@ def test_a_bare_campaign_has_no_columns_for_what_is_unknown(campaign, write_fold
     assert "198.40" in words
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_window_that_was_not_used_says_why(campaign, write_folder, result_of):
     result = result_of(campaign)
     bare = replace(
@@ -214,6 +217,7 @@ def test_it_stays_small(campaign, write_folder, result_of):
     assert sizes[0] + 17 * (sizes[1] - sizes[0]) < 3e6
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_without_a_window_is_told_too(campaign, write_folder, journal_at):
     folder = write_folder(replace(campaign, windows=()))
     journal_at(folder / "journal.jsonl").begin("i01").start("MoveTo")
@@ -221,9 +225,10 @@ def test_a_run_without_a_window_is_told_too(campaign, write_folder, journal_at):
     assert "No window was recorded" in text
     assert "The run was over before the first window was accepted." in text
     assert "the run broke off" in text
-    assert "the run ended before it was accepted" in text
+    assert "the run ended before these were accepted: i01" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_refusal_is_told(campaign, write_folder, monkeypatch):
     def refuse(folder):
         raise RefusedError("The windows do not identify a body <at all>.")
@@ -234,6 +239,7 @@ def test_a_refusal_is_told(campaign, write_folder, monkeypatch):
     assert "✗ nothing identified" in read.words
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_import_is_told(campaign, write_folder, result_of):
     folder = write_folder(campaign)
     (folder / "import.json").write_text(
@@ -249,6 +255,7 @@ def test_an_import_is_told(campaign, write_folder, result_of):
     assert "Cut out from 9.17 to 11.78 s: before it a hand adds energy" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_mistakes_name_the_file(campaign, write_folder, result_of, tmp_path):
     with pytest.raises(FileError, match="no such folder"):
         write_report(tmp_path / "nowhere")
