@@ -228,6 +228,21 @@ def _shared(wrong: Mapping[str, str], count: int, one: str, many: str) -> str | 
     return f"{f'all {count} winches' if len(names) == count else ', '.join(names)} {many} {what}"
 
 
+class LogGuard:
+    """A log beside the run (raw bus frames) cannot be written any more: what happens from now on would be missing."""
+
+    name = "log"
+    reaction = Reaction.HOLD
+
+    def __init__(self, error: Callable[[], str | None]) -> None:
+        """`error`: why writing ended, None while it goes on."""
+        self._error = error
+
+    def look(self, seen: Observation) -> str | None:
+        """Why the log has ended."""
+        return self._error()
+
+
 def standard_guards(
     winches: Sequence[str], newton_per_ampere: Sequence[float], tension: tuple[float, float], settings: GuardSettings
 ) -> tuple[Guard, ...]:

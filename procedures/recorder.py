@@ -178,6 +178,7 @@ class Recorder:
             raise OurBugError(f"Recorder: there is no recording to become {to.name}.")
         try:
             self._file.path.replace(to)
+            self._file.path = to  # that is where it is, even if the next line fails
             sync(to.parent)
         except OSError as error:
             raise disk_error(to, error) from error
@@ -253,7 +254,8 @@ class _PartFile:
             while written < len(block):
                 written += self._write(self._descriptor, block[written:])
         except OSError as error:
-            os.ftruncate(self._descriptor, self._size + block.rfind(b"\n", 0, written) + 1)
+            with suppress(OSError):
+                os.ftruncate(self._descriptor, self._size + block.rfind(b"\n", 0, written) + 1)
             raise disk_error(self.path, error) from error
         self._size += written
 

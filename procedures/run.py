@@ -7,8 +7,7 @@ before the first command raises; after it, every end (done, refused, fault, Ctrl
 import asyncio
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
 from procedures.engine import Ending, Engine
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
-from procedures.guards import Reaction, standard_guards
+from procedures.guards import Guard, Reaction, standard_guards
 from procedures.handlers import HANDLERS, Handler
 from procedures.identify import identify
 from procedures.journal import FORMAT, Journal, Kind, WallTime
@@ -78,17 +77,19 @@ async def run_procedure(
     *,
     wall_time: WallTime,
     listeners: Sequence[Listener] = (),
+    guards: Sequence[Guard] = (),
     handlers: Mapping[type[Step], Handler] = HANDLERS,
     write: WriteBytes = os.write,
 ) -> RunReport:
     """Carry an experiment out into a new folder, which is a campaign as FORMAT.md fixes it.
 
-    wall_time: the time of day as ISO 8601 text, for the journal (a constant in simulations). Raises SetupError or
+    wall_time: the time of day as ISO 8601 text, for the journal (a constant in simulations).
+    guards: besides the standard ones. Raises SetupError or
     InfeasibleError before anything is commanded; CancelledError after the robot is held when it was cancelled (the
     report goes to the listeners in `RunFinished`); and what only a bug can raise, likewise after the robot is held.
     """
     run = _Run(experiment, rig, folder, wall_time, listeners, write)
-    return await run.carry_out(handlers)
+    return await run.carry_out(handlers, guards)
 
 
 class _Run:
@@ -118,13 +119,13 @@ class _Run:
         self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write)
         self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, factors)
 
-    async def carry_out(self, handlers: Mapping[type[Step], Handler]) -> RunReport:
+    async def carry_out(self, handlers: Mapping[type[Step], Handler], guards: Sequence[Guard]) -> RunReport:
         """Perform the steps, then hold the robot; raises only after that."""
         begin = self._rig.clock.now()
         error: BaseException | None = None
         with self._journal:
             try:
-                ending = await self._perform(handlers)
+                ending = await self._perform(handlers, guards)
             except FidimError as problem:
                 ending = Ending(_outcome(problem), str(problem))
             except BaseException as problem:  # cancelled, or a bug: held first, raised afterwards
@@ -135,7 +136,7 @@ class _Run:
             raise error
         return report
 
-    async def _perform(self, handlers: Mapping[type[Step], Handler]) -> Ending:
+    async def _perform(self, handlers: Mapping[type[Step], Handler], more: Sequence[Guard]) -> Ending:
         experiment, settings = self._experiment, self._experiment.settings
         stand = Stand(
             rig=self._rig,
@@ -149,7 +150,7 @@ class _Run:
             prompted=self._engine.prompted,
         )
         names = [winch.name for winch in self._rig.winches]
-        guards = standard_guards(names, self._factors, experiment.robot.limits.tension, settings.guard)
+        guards = (*standard_guards(names, self._factors, experiment.robot.limits.tension, settings.guard), *more)
         outline, windows = self._outline, tuple(experiment.roles)
         data = {
             "format": FORMAT,
@@ -179,7 +180,10 @@ class _Run:
             seconds=self._rig.clock.now() - begin,
             interrupted=isinstance(error, asyncio.CancelledError | KeyboardInterrupt),
         )
-        self._write_down(report)
+        unwritten = self._write_down(report)
+        if unwritten is not None and report.outcome is not Outcome.ERROR:
+            reason = f"{report.reason} {unwritten}".strip()
+            report = replace(report, outcome=Outcome.ERROR, reason=reason)
         self._publish(RunFinished(self._rig.clock.now(), report))
         return report
 
@@ -191,10 +195,10 @@ class _Run:
         age = settings.guard.sample_age
         return await hold_robot(self._rig.clock, self._rig.winches, settings.hold, age, latched=latched)
 
-    def _write_down(self, report: RunReport) -> None:
-        """The journal's last lines; a full disk has been said already and must not hide the report."""
+    def _write_down(self, report: RunReport) -> HardwareError | None:
+        """The journal's last lines; returns why the disk did not take them, which must not hide the report."""
         trip = self._engine.pulse.trip
-        with suppress(HardwareError):
+        try:
             if trip is not None:
                 data = {"guard": trip.guard, "reaction": trip.reaction.value, "at": round(trip.t, 6)}
                 self._journal.write(Kind.TRIPPED, outcome=Outcome.ERROR, reason=trip.says, data=data)
@@ -203,6 +207,9 @@ class _Run:
             windows = {row.id: row.outcome.value for row in report.windows}
             data = {"windows": windows, "seconds": round(report.seconds, 3)}
             self._journal.write(Kind.RUN_FINISHED, outcome=report.outcome, reason=report.reason, data=data)
+        except HardwareError as error:
+            return error
+        return None
 
     def _broken_off(self, error: BaseException) -> Ending:
         step = self._engine.pulse.step

@@ -5,7 +5,7 @@ real. A run folder is a campaign with journal, raw CAN log, truth and report bes
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.table import Table
@@ -19,10 +19,12 @@ from fidim_lab.app.run_display import display
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.errors import FidimError, HardwareError
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.result_file import write_result
 from procedures.events import Event, RunFinished, RunStarted
+from procedures.guards import LogGuard
 from procedures.report import RunReport
 from procedures.run import Experiment, identification, run_procedure
 from procedures.settings import MotionSettings, Settings
@@ -58,18 +60,26 @@ def run_dry_run(options: DryRunOptions) -> int:
         plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed)
         motion = MotionSettings(length_limits=compose.length_limits(plan))
         experiment = identification(plan, robot, Settings(motion=motion))
-    recorder = _Rehearsal(robot, plan, experiment, folder, options)
-    report = recorder.run(world)
-    console.out.print(f"run {report.outcome}: {report.reason or 'all windows have their verdict.'} {report.held_says}")
+    truth = compose.world_truth(world, plan.name, options.seed)
+    rehearsal = _Rehearsal(robot, plan, experiment, folder, options, truth)
+    report = rehearsal.run(world)
+    console.out.print(_says(report), markup=False)
     if not report.accepted:
         console.out.print(f"Nothing to identify. The run folder is {folder}", markup=False)
         return report.exit_code
-    truth = compose.world_truth(world, plan.name, options.seed)
-    (folder / TRUTH).write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
     if report.exit_code == 0:
-        _identify(folder, truth, options)
+        try:
+            _identify(folder, truth, options)
+        except OSError as error:
+            what = f"{error.filename or folder}: cannot be written: {error.strerror or error}."
+            hint = f"All windows are recorded. Free some space, then: fidim identify {folder}"
+            raise HardwareError(what, hint=hint) from error
     console.out.print(f"run folder  {folder}", markup=False)
     return report.exit_code
+
+
+def _says(report: RunReport) -> str:
+    return f"run {report.outcome}: {report.reason or 'all windows have their verdict.'} {report.held_says}"
 
 
 def _identify(folder: Path, truth: dict[str, object], options: DryRunOptions) -> None:
@@ -112,10 +122,20 @@ def _numbers(values: object) -> list[float]:
 class _Rehearsal:
     """One run of the experiment in the simulated laboratory, with its displays and logs."""
 
-    def __init__(self, robot: Robot, plan: Plan, experiment: Experiment, folder: Path, options: DryRunOptions) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        plan: Plan,
+        experiment: Experiment,
+        folder: Path,
+        options: DryRunOptions,
+        truth: dict[str, object],
+    ) -> None:
         self._robot, self._plan, self._experiment, self._folder = robot, plan, experiment, folder
         self._options = options
+        self._truth = truth
         self._log: CandumpLog | None = None
+        self._unlogged: str | None = None
         self._ended: RunReport | None = None
 
     def run(self, world: compose.World) -> RunReport:
@@ -127,12 +147,16 @@ class _Rehearsal:
             except KeyboardInterrupt:
                 if self._ended is None:
                     raise
-                report = self._ended
+                report = replace(self._ended, interrupted=True)
+            except Exception:  # a bug beside the run (the drives' control loop): how the run ended is said all the same
+                if self._ended is not None:
+                    console.err.print(_says(self._ended), markup=False)
+                raise
             finally:
                 if self._log is not None:
                     self._log.close()
-        if self._log is not None and self._log.error is not None:
-            console.warn([self._log.error])
+        if (error := self._log_error()) is not None:
+            console.warn([error])
         return report
 
     async def _carry_out(self, world: compose.World, shown: object) -> RunReport:
@@ -147,16 +171,28 @@ class _Rehearsal:
                 self._folder,
                 wall_time=_wall_time if options.real_time else lambda: SIMULATED_DAY,
                 listeners=(self._on_event, shown),  # type: ignore[arg-type]
+                guards=(LogGuard(self._log_error),),
             )
 
     def _on_event(self, event: Event) -> None:
         if isinstance(event, RunStarted):
-            raw = self._folder / CAN_LOG
-            raw.parent.mkdir(exist_ok=True)
-            self._log = CandumpLog(raw)
-            write_plan(self._folder / PLAN, self._plan)
+            try:
+                self._open_folder()
+            except (OSError, FidimError) as error:  # a listener that raises would be dropped, and nothing logged
+                self._unlogged = str(error)
         elif isinstance(event, RunFinished):
             self._ended = event.report
+
+    def _open_folder(self) -> None:
+        raw = self._folder / CAN_LOG
+        raw.parent.mkdir(exist_ok=True)
+        self._log = CandumpLog(raw)
+        write_plan(self._folder / PLAN, self._plan)
+        (self._folder / TRUTH).write_text(json.dumps(self._truth, indent=1) + "\n", encoding="utf-8")
+
+    def _log_error(self) -> str | None:
+        """Why the raw log, or what else belongs beside the run, is not whole."""
+        return self._unlogged or (self._log.error if self._log is not None else None)
 
     def _on_frame(self, frame: CanFrame) -> None:
         if self._log is not None:
