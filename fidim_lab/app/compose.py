@@ -3,10 +3,13 @@
 import asyncio
 import contextlib
 import math
+import signal
+import threading
 import time
-from collections.abc import AsyncGenerator, Callable, Coroutine
+from collections.abc import AsyncGenerator, Callable, Coroutine, Generator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from types import FrameType
 from typing import Any, TypeVar
 
 import can
@@ -24,6 +27,7 @@ from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import Operator, Rig
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan, Robot
+from fidim_lab.errors import FidimError
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run as run_jumping
@@ -38,6 +42,11 @@ from sim_backends.served_bus import ServedBus
 from sim_backends.simulate import truth_of
 
 T = TypeVar("T")
+
+STOP_SIGNALS = tuple(
+    signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__
+)
+"""Ctrl-C, a polite kill, and a terminal that is closed: the robot is held first"""
 
 SYNC_RATE = 100.0
 """Hz in a dry run: as many currents as marker frames (a real rig's default is 250)"""
@@ -71,8 +80,44 @@ def world_truth(world: World, name: str, seed: int) -> dict[str, object]:
 
 
 def run_loop(main: Coroutine[Any, Any, T], *, real_time: bool) -> T:
-    """Run a coroutine on a loop that waits, or on one whose clock jumps."""
-    return asyncio.run(main) if real_time else run_jumping(main)
+    """Run a coroutine on a loop that waits, or on one whose clock jumps.
+
+    Ctrl-C and polite kills, however many, cancel it and let it end by itself, with its devices still being served;
+    then KeyboardInterrupt. (asyncio by itself ends all tasks at the second one, the drives' control loop among them.)
+    """
+    heard: list[int] = []
+
+    async def cancellable() -> T:
+        with _cancelled_by_signals(heard):
+            return await main
+
+    try:
+        return asyncio.run(cancellable()) if real_time else run_jumping(cancellable())
+    except asyncio.CancelledError:
+        if heard:
+            raise KeyboardInterrupt from None
+        raise
+
+
+@contextlib.contextmanager
+def _cancelled_by_signals(heard: list[int]) -> Generator[None]:
+    """Let signals cancel the present task, and note them; only the main thread gets any."""
+    task, loop = asyncio.current_task(), asyncio.get_running_loop()
+    if task is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def hear(number: int, _frame: FrameType | None) -> None:
+        heard.append(number)
+        loop.call_soon_threadsafe(task.cancel)
+
+    before = {number: signal.signal(number, hear) for number in STOP_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None:  # None: one that was not set from Python
+                signal.signal(number, handler)
 
 
 @asynccontextmanager
@@ -177,11 +222,17 @@ async def _live(bus: InProcessBus, clock: LoopClock) -> None:
 
 
 async def _running(stack: contextlib.AsyncExitStack, work: Coroutine[Any, Any, Any]) -> None:
-    """Run something beside, until the context ends; how it failed shows in the values that it no longer brings."""
+    """Run something beside, until the context ends.
+
+    That a device or the bus ended it shows in the values that it no longer brings; a bug is raised when the context
+    ends, after whatever is in it has brought the robot to rest.
+    """
     task = asyncio.ensure_future(work)
 
     async def end() -> None:
         task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
+        (ended,) = await asyncio.gather(task, return_exceptions=True)
+        if isinstance(ended, Exception) and not isinstance(ended, FidimError):
+            raise ended
 
     stack.push_async_callback(end)
