@@ -108,8 +108,11 @@ def _drawings(window: Window, verdict: WindowVerdict | None, model: Model) -> li
         epsilon = None if residual is None else (residual.t, residual.epsilon)
         missed = None if prediction is None else Line(prediction.t, prediction.residuals[:, 0])
         svg = figures.residuals(window.t, epsilon, missed)
-        of_path = "" if missed is None else "Δ = recorded − model of the trajectory, "
-        drawings.append(Drawing(svg, f"What the model leaves over: {of_path}ε = W χ of the equations."))
+        parts = [
+            *([] if missed is None else ["Δ = recorded − model of the trajectory"]),
+            *([] if epsilon is None else ["ε = W χ of the equations"]),
+        ]
+        drawings.append(Drawing(svg, f"What the model leaves over: {', '.join(parts)}."))
     robot = model[0].robot
     tension = measured_tension(robot, window) or _predicted_tension(prediction, model)
     if tension is not None:

@@ -202,6 +202,16 @@ def test_a_window_that_was_not_used_says_why(campaign, write_folder, result_of):
     assert "✗ not used" in words
 
 
+def test_a_method_without_equations_needs_none(campaign, write_folder, result_of):
+    """Trajectory-level estimators have no σ_W, no C and no ε."""
+    result = result_of(campaign, sigma_W=None, C=None, noise_ratio=None)
+    windows = tuple(replace(verdict, residual=None) for verdict in result.windows)
+    text = " ".join(Reader(page_of(write_folder(campaign), replace(result, windows=windows))).words)
+    assert "Δ = recorded − model" in text
+    assert "ε" not in text
+    assert "as good as fitted" not in text
+
+
 def test_it_stays_small(campaign, write_folder, result_of):
     """18 windows of 10 s with noisy currents, from the growth by one window."""
     rng = np.random.default_rng(2)
