@@ -72,8 +72,8 @@ class Taste:
     conditioning_in_motion: float = 60.0
     amplitudes: tuple[float, ...] = (0.06, 0.045, 0.03, 0.02)
     """m of displacement, tried in this order"""
-    apart: float = 0.08
-    """m between places"""
+    apart: float = 0.05
+    """least distance between places, in the workspace's scale (8 cm for the paper's robot)"""
 
 
 def random_plan(
@@ -143,7 +143,8 @@ class _Search:
         if isinstance(rest, Refusal):
             return rest
         place = rest.marker_position(self._robot.marker)
-        if any(np.linalg.norm(place - other.place) < self._taste.apart for other in found):
+        apart = self._taste.apart * self._workspace.scale
+        if any(np.linalg.norm(place - other.place) < apart for other in found):
             return Refusal.NEAR
         direction = self._direction(rest.pose, angle)
         for amplitude in self._taste.amplitudes:

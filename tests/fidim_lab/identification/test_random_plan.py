@@ -46,7 +46,7 @@ def test_windows_rest_and_swing_as_promised(n, irma4: Robot, cable_ring, tmp_pat
         assert np.all(away <= np.array(robot.limits.free_displacement) + 1e-3)
 
 
-def test_ids_roles_and_distances(plan: Plan):
+def test_ids_roles_and_distances(plan: Plan, irma4: Robot):
     ids = [window.id for window in plan.windows]
     assert sorted(ids) == [f"i{k:02}" for k in range(1, 5)] + [f"v{k:02}" for k in range(1, 3)]
     assert [w.role for w in plan.windows] == [Role.IDENTIFY if i[0] == "i" else Role.VALIDATE for i in ids]
@@ -54,7 +54,7 @@ def test_ids_roles_and_distances(plan: Plan):
     assert "vv" not in "".join(i[0] for i in ids)
     places = np.array([window.position for window in plan.windows])
     gaps = np.linalg.norm(places[:, None] - places[None], axis=2) + np.eye(len(places))
-    assert gaps.min() >= Taste().apart
+    assert gaps.min() >= Taste().apart * Workspace(irma4).scale
 
 
 def test_the_way_through_the_windows_is_short(plan: Plan):
