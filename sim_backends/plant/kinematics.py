@@ -127,8 +127,14 @@ def oscillation(effect: HiddenEffect, t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 def matrix_of(q: np.ndarray) -> np.ndarray:
     """Rotation matrix of a unit quaternion (scalar first), as numbers."""
-    w, v = q[0], q[1:4]
-    return (w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * np.cross(np.eye(3), v)
+    w, x, y, z = q[:4].tolist()
+    return np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
 
 
 def quaternion_of(rotation: np.ndarray) -> np.ndarray:

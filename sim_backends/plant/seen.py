@@ -19,7 +19,7 @@ def markers_at(world: World, history: Sequence[tuple[float, np.ndarray]], t: flo
     """
     last, state = history[-1]
     if abs(t - last) < 1e-9:
-        return _markers(world, state)[0]
+        return _positions(world, state)
     for k in range(len(history) - 1, 0, -1):
         (t0, x0), (t1, x1) = history[k - 1], history[k]
         if t0 - 1e-9 <= t <= t1 + 1e-9 and t1 > t0:
@@ -31,8 +31,12 @@ def markers_at(world: World, history: Sequence[tuple[float, np.ndarray]], t: flo
 def _markers(world: World, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities of the markers (M, 3) in a state."""
     arms = world.markers - world.body.com
-    rotation = matrix_of(x[3:7])
-    return x[0:3] + arms @ rotation.T, x[7:10] + np.cross(x[10:13], arms) @ rotation.T
+    return _positions(world, x), x[7:10] + np.cross(x[10:13], arms) @ matrix_of(x[3:7]).T
+
+
+def _positions(world: World, x: np.ndarray) -> np.ndarray:
+    """Positions of the markers (M, 3) in a state."""
+    return x[0:3] + (world.markers - world.body.com) @ matrix_of(x[3:7]).T
 
 
 def _hermite(u: float, dt: float, p0: np.ndarray, v0: np.ndarray, p1: np.ndarray, v1: np.ndarray) -> np.ndarray:
