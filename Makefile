@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: install dry-run test check lock bench clean
+.PHONY: install dry-run test check lock bench outputs clean
 
 install: $(STAMP)
 
@@ -32,6 +32,9 @@ bench: install
 lock:
 	uv pip compile pyproject.toml --group dev --universal --generate-hashes --no-annotate --no-header \
 	    --no-emit-index-url --no-emit-find-links -o requirements.lock
+
+outputs: install
+	$(BIN)/python docs/outputs.py
 
 clean:
 	rm -rf .venv build dist
