@@ -137,11 +137,13 @@ DECIMALS = {"t": 4, "l": 6, "i": 4}
 MARKER_DECIMALS = 6
 
 
-def header(cables: int, markers: int, *, currents: bool = True, further: Sequence[str] = ()) -> list[str]:
+def header(
+    cables: int, markers: int, *, lengths: bool = True, currents: bool = True, further: Sequence[str] = ()
+) -> list[str]:
     """The column names of a window with so many cables and markers."""
     names = ["t", "x", "y", "z"]
     names += [f"m{m}{axis}" for m in range(2, markers + 1) for axis in "xyz"]
-    names += [f"l{c}" for c in range(1, cables + 1)]
+    names += [f"l{c}" for c in range(1, cables + 1)] if lengths else []
     names += [f"i{c}" for c in range(1, cables + 1)] if currents else []
     return names + list(further)
 
@@ -161,11 +163,14 @@ def _cell(name: str, value: float) -> str:
 def write_window_csv(path: Path, columns: WindowColumns) -> None:
     """Write one window; `read_window_csv` reads it back to within the written decimals."""
     samples, markers, _ = columns.markers.shape
-    lengths = np.empty((samples, 0)) if columns.lengths is None else columns.lengths
-    currents = np.empty((samples, 0)) if columns.currents is None else columns.currents
-    names = header(lengths.shape[1], markers, currents=columns.currents is not None, further=list(columns.further))
-    values = np.column_stack(
-        [columns.t, columns.markers.reshape(samples, -1), lengths, currents, *columns.further.values()]
+    per_cable = [series for series in (columns.lengths, columns.currents) if series is not None]
+    names = header(
+        per_cable[0].shape[1] if per_cable else 0,
+        markers,
+        lengths=columns.lengths is not None,
+        currents=columns.currents is not None,
+        further=list(columns.further),
     )
+    values = np.column_stack([columns.t, columns.markers.reshape(samples, -1), *per_cable, *columns.further.values()])
     lines = [",".join(names), *(row(names, line) for line in values)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -82,3 +82,16 @@ def test_any_bytes_are_refused_with_the_file_named(tmp_path: Path, data: bytes) 
     path.write_bytes(data)
     with pytest.raises(FileError, match=re.escape(str(path))):
         read_window_csv(path, 2)
+
+
+@pytest.mark.parametrize("lengths", [True, False])
+@pytest.mark.parametrize("currents", [True, False])
+def test_lengths_and_currents_may_be_absent_each(tmp_path: Path, lengths: bool, currents: bool) -> None:
+    series = np.full((MIN_SAMPLES, 3), 1.5)
+    markers = np.zeros((MIN_SAMPLES, 1, 3))
+    t = np.arange(MIN_SAMPLES) * 0.01
+    write_window_csv(
+        tmp_path / "w.csv", WindowColumns(t, markers, series if lengths else None, series if currents else None, {})
+    )
+    back = read_window_csv(tmp_path / "w.csv", 3)
+    assert (back.lengths is not None, back.currents is not None) == (lengths, currents)
