@@ -46,7 +46,9 @@ def fidim() -> None:
 
 @fidim.command("dry-run")
 @click.option("--out", type=FOLDER, default=None, help="Run folder; default runs/dry-run-SEED, numbered if it exists.")
-@click.option("--seed", default=1, show_default=True, help="Same seed, same windows, byte for byte.")
+@click.option(
+    "--seed", default=1, show_default=True, type=click.IntRange(0), help="Same seed, same windows, byte for byte."
+)
 @click.option("--robot", type=FILE, default=None, help="Robot file; default the paper's four-cable robot.")
 @click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
 @click.option(
@@ -98,6 +100,27 @@ def identify(
     sys.exit(payload_command(campaign, known, method, json_file, report, paper=paper))
 
 
+@fidim.command()
+@click.argument("campaign", type=FOLDER)
+@click.option("--parameters", type=FILE, required=True, help='A "fidim-result/1" file, as identify --json writes it.')
+@click.option("--all", "everything", is_flag=True, help="Judge the windows of role 'identify' too.")
+@click.option("--paper", is_flag=True, help="The σ_W in the result file is that of identify --paper.")
+@click.option(
+    "--limit", type=click.FloatRange(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof."
+)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-validation/1".')
+@example("fidim validate runs/dry-run-2 --parameters result.json")
+def validate(**options: Any) -> None:
+    """Check whether identified parameters predict the held-out windows of CAMPAIGN; exit 1 where they do not.
+
+    Only each window's initial state is fitted. A window is predicted when its χ²/dof is at most the limit and σ⊥ (Eq.
+    50) at most twice its expected value; every window must be.
+    """
+    from fidim_lab.app.validate import ValidateOptions, validate_command
+
+    sys.exit(validate_command(ValidateOptions(**options)))
+
+
 @fidim.command("import")
 @click.argument("kind")
 @click.argument("sources", nargs=-1, required=True, type=FOLDER)
@@ -119,7 +142,7 @@ def import_(kind: str, sources: tuple[Path, ...], out: Path, json_file: Path | N
 @click.option(
     "--noise", type=click.FloatRange(0), default=None, help="Marker noise, m; default that of the robot file."
 )
-@click.option("--seed", default=1, show_default=True)
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
 @click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
 @click.option(
     "--validate", "validation", default=6, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
