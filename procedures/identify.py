@@ -182,7 +182,13 @@ class _Protocol:
         if not away.outcome.usable:
             return away.reason
         yield Record(window=planned.id, attempt=attempt, duration=self._settings.record.seconds)
-        check = CheckWindow(window=planned.id, attempt=attempt, equilibrium=rest, limits=self._window_limits())
+        check = CheckWindow(
+            window=planned.id,
+            attempt=attempt,
+            lengths=tuple(float(length) for length in planned.lengths),
+            equilibrium=rest,
+            limits=self._window_limits(),
+        )
         verdict = yield check
         if not verdict.outcome.usable:
             yield Reject(window=planned.id, attempt=attempt, reason=verdict.reason)

@@ -14,7 +14,11 @@ FROZEN = 5
 
 
 def window_measurements(
-    recording: Recording, limits: WindowLimits, equilibrium: Sequence[float], newton_per_ampere: Sequence[float]
+    recording: Recording,
+    limits: WindowLimits,
+    lengths: Sequence[float],
+    equilibrium: Sequence[float],
+    newton_per_ampere: Sequence[float],
 ) -> tuple[Measurement, ...]:
     """What decides about a window. A quantity for which there is no data is UNSET, which does not pass."""
     place = recording.markers[:, 0, :]
@@ -38,6 +42,7 @@ def window_measurements(
         Measurement("amplitude (peak to peak)", _amplitude(place[seen]), "m", low=limits.amplitude),
         *_displacements(place[seen], equilibrium, limits),
         _stillness(recording.lengths, limits.motors_still),
+        _encoder_error(recording.lengths, lengths, limits.motors_still),
         _smallest_tension(tensions, limits.tension),
     )
 
@@ -104,6 +109,15 @@ def _stillness(lengths: CableSeries, allowed: float) -> Measurement:
     cable = int(np.argmax(moved))
     name = f"movement of the motor of cable {cable + 1}"
     return Measurement(name, moved[cable], "m", high=allowed, margin=allowed / 2)
+
+
+def _encoder_error(found: CableSeries, planned: Sequence[float], allowed: float) -> Measurement:
+    """Where the motors stood: a drive that gave way, or an encoder that slipped, in an earlier attempt shows here."""
+    if np.isnan(found).all(axis=0).any():
+        return Measurement("encoder error", None, "m", high=allowed)
+    errors = np.abs(np.nanmean(found, axis=0) - planned)
+    cable = int(np.argmax(errors))
+    return Measurement(f"encoder error of cable {cable + 1}", float(errors[cable]), "m", high=allowed)
 
 
 def _smallest_tension(tensions: CableSeries, margin: float) -> Measurement:

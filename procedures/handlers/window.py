@@ -16,7 +16,7 @@ async def record(stand: Stand, step: Record) -> Result:
 async def check_window(stand: Stand, step: CheckWindow) -> Result:
     """Judge the recording just made."""
     recording = stand.recorder.last(step.window, step.attempt)
-    found = window_measurements(recording, step.limits, step.equilibrium, stand.newton_per_ampere)
+    found = window_measurements(recording, step.limits, step.lengths, step.equilibrium, stand.newton_per_ampere)
     outcome, reason = judge(found)
     return Result(outcome, reason, found)
 

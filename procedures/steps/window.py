@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from fidim_lab.data.records import Role
 from procedures.outcomes import Outcome
-from procedures.steps.base import Phase, Step
+from procedures.steps.base import Lengths, Phase, Step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +58,8 @@ class CheckWindow(Step):
     """Judge the window just recorded: samples complete, tensions positive, motors still, amplitude useful."""
 
     attempt: int
+    lengths: Lengths
+    """m, as planned"""
     equilibrium: tuple[float, ...]
     """m, the marker at rest; empty where unknown"""
     limits: WindowLimits

@@ -32,7 +32,7 @@ def recording(*, amplitude=0.03, tension=60.0):
 
 
 def verdict(made):
-    return judge(window_measurements(made, LIMITS, (1.2, -0.2, -0.3), (34.0,) * 4))
+    return judge(window_measurements(made, LIMITS, (1.4,) * 4, (1.2, -0.2, -0.3), (34.0,) * 4))
 
 
 def test_a_good_window_passes():
@@ -56,6 +56,11 @@ CASES = {
         lambda r: r.markers.__setitem__(slice(300, 320), np.nan),
         Outcome.FAIL,
         "longest gap of the marker is 0.2 s",
+    ),
+    "not where it was sent": (
+        lambda r: r.lengths.__setitem__((slice(None), 1), 1.404),
+        Outcome.FAIL,
+        "encoder error of cable 2 is 0.004 m",
     ),
     "a wrong sample": (
         lambda r: r.markers.__setitem__((500, 0, 1), r.markers[500, 0, 1] + 8e-3),
@@ -120,7 +125,7 @@ def test_amplitude_has_a_floor_and_a_limit(amplitude, outcome):
 
 
 def test_an_unknown_rest_does_not_pass():
-    outcome, reason = judge(window_measurements(recording(), LIMITS, (), (34.0,) * 4))
+    outcome, reason = judge(window_measurements(recording(), LIMITS, (1.4,) * 4, (), (34.0,) * 4))
     assert outcome is Outcome.UNSET
     assert "displacement x was not measured" in reason
 
