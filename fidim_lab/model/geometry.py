@@ -79,6 +79,12 @@ class CableExpressions:
     """h of the attachment from the swivel axis, m; the pulley has no plane where it vanishes"""
     clearance: ca.SX
     """L² − r², m²: negative where the attachment is inside the pulley"""
+    swivel_gradient: ca.SX
+    """of σ with respect to the attachment (3), rad/m: σ̇ = swivel_gradient · Ȧ"""
+    wrap_gradient: ca.SX
+    """of φ with respect to the attachment (3), rad/m: φ̇ = wrap_gradient · Ȧ"""
+    constants: CableConstants
+    """what it was made of"""
 
     @property
     def screw(self) -> ca.SX:
@@ -111,6 +117,7 @@ def cable_expressions(cable: Cable | CableConstants, position: ca.SX, rotation: 
         sine, cosine = (free * e + r * cz) / span, (free * cz - r * e) / span
         direction = (sine / h) * (cx * constants.x + cy * constants.y) + cosine * constants.z
         wrap = ca.atan2(-sine, -cosine) + ca.pi  # in [0, 2π) without a jump at π
+    out = (cx * constants.x + cy * constants.y) / h
     return CableExpressions(
         length=r * wrap + free,
         direction=direction,
@@ -120,4 +127,8 @@ def cable_expressions(cable: Cable | CableConstants, position: ca.SX, rotation: 
         free_length=free,
         axis_distance=ca.SX(1.0) if r.is_zero() else h,
         clearance=clearance,
+        swivel_gradient=(cx * constants.y - cy * constants.x) / h**2,
+        # t turns towards cos φ u − sin φ z while φ grows
+        wrap_gradient=(ca.dot(direction, constants.z) * out - ca.dot(direction, out) * constants.z) / free,
+        constants=constants,
     )

@@ -28,7 +28,7 @@ SINGULAR_DISTANCE = 1e-6
 class Mechanism:
     """Kinematics of a platform on n cables; SI units, world frame (MODEL.md §1, Eq. 1–4).
 
-    `theta` are the parameters of all effects, in their order; zero (absent) unless given. `native`: simulate and
+    `theta` are the parameters of all effects, in their order; absent unless given. `native`: simulate and
     solve with compiled C where a compiler is found, the same digits faster after a second of building (see `native`).
     """
 
@@ -44,7 +44,8 @@ class Mechanism:
         self.native = native
         self.effects = tuple(effects)
         count = sum(len(effect.parameters) for effect in self.effects)
-        self.theta = np.zeros(count) if theta is None else np.array(theta, dtype=float)
+        absent = np.concatenate([np.zeros(0), *(effect.absent for effect in self.effects)])
+        self.theta = absent if theta is None else np.array(theta, dtype=float)
         if self.theta.shape != (count,):
             raise OurBugError(f"Mechanism: {count} effect parameters expected, {self.theta.size} given.")
         self._compiled: dict[str, Any] = {}
@@ -77,14 +78,16 @@ class Mechanism:
         """Lengths (n) of `cables_at`, effects on cable length applied."""
         return ca.vertcat(
             *(
-                cable.length + sum(effect.cable_length(number, part) for effect, part in _parts(self.effects, theta))
+                cable.length + sum(effect.cable_length(number, part) for effect, part in parts(self, theta))
                 for number, cable in enumerate(cables, start=1)
             )
         )
 
     def wrench_at(self, state: PlatformState, theta: ca.SX) -> ca.SX:
-        """Sum of the effects' wrenches per unit mass (6)."""
-        return sum((effect.wrench(state, part) for effect, part in _parts(self.effects, theta)), ca.SX.zeros(6))
+        """Sum of the effects' wrenches per unit mass (6), N/kg and N m/kg."""
+        seen = states_of(self, state)
+        wrenches = (effect.wrench(own, part) for own, (effect, part) in zip(seen, parts(self, theta), strict=True))
+        return sum(wrenches, ca.SX.zeros(6)) / self.robot.mass
 
     def lengths(self, positions: Positions, rotations: Rotations) -> CableSeries:
         """Cable lengths l = r φ + ρ, m. Raises InfeasibleError at a singular pose, naming the cable."""
@@ -118,20 +121,37 @@ def _evaluate(mechanism: Mechanism, name: str, *arguments: np.ndarray) -> np.nda
 
 def _constants(mechanism: Mechanism, index: int, theta: ca.SX) -> CableConstants:
     constants = CableConstants.of(mechanism.robot.cables[index])
-    for effect, part in _parts(mechanism.effects, theta):
+    for effect, part in parts(mechanism, theta):
         constants = effect.geometry(index + 1, constants, part)
     return constants
 
 
-def _parts(effects: Sequence[Effect], theta: ca.SX) -> list[tuple[Effect, ca.SX]]:
+def parts(mechanism: Mechanism, theta: ca.SX) -> list[tuple[Effect, ca.SX]]:
     """Each effect with its own parameters."""
-    parts: list[tuple[Effect, ca.SX]] = []
+    found: list[tuple[Effect, ca.SX]] = []
     first = 0
-    for effect in effects:
+    for effect in mechanism.effects:
         last = first + len(effect.parameters)
-        parts.append((effect, theta[first:last]))
+        found.append((effect, theta[first:last]))
         first = last
-    return parts
+    return found
+
+
+def states_of(mechanism: Mechanism, state: PlatformState) -> list[PlatformState]:
+    """The state as each effect's slots see it: with its own extra states, mass and gravity.
+
+    Raises OurBugError where the state lacks extra states that an effect has.
+    """
+    count = sum(len(effect.extra_states) for effect in mechanism.effects)
+    if state.extra.numel() != count:
+        raise OurBugError(f"PlatformState: {count} extra states expected, {state.extra.numel()} given.")
+    seen: list[PlatformState] = []
+    first = 0
+    for effect in mechanism.effects:
+        last = first + len(effect.extra_states)
+        seen.append(state.of_effect(state.extra[first:last], mechanism.robot.mass, mechanism.robot.gravity))
+        first = last
+    return seen
 
 
 def _remake(robot: Robot, effects: tuple[Effect, ...], theta: tuple[float, ...], native: bool) -> Mechanism:
