@@ -1,0 +1,57 @@
+"""Drag of the air on the platform as a whole, at its centre of mass."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from fidim_lab.effects.effect import NamedEffect, Parameter
+from fidim_lab.effects.forces import at_centre
+from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.model.slots import PlatformState
+
+STILL = 1e-6
+"""m/s: keeps ‖v‖ differentiable at rest"""
+
+
+@dataclass(frozen=True)
+class AirDragLinear(NamedEffect):
+    """F = −c v_G."""
+
+    id: ClassVar[str] = "air-drag-linear"
+    says: ClassVar[str] = "drag of slow air at the centre of mass, F = −c v_G"
+    source: ClassVar[str] = "Stokes; MODEL.md §5"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("c", "N s/m", "drag takes energy", scale=0.1, low=0.0, high=100.0, start=0.2),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−c v_G at G."""
+        return at_centre(state, -theta[0] * state.velocity(state.centre))
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """That of a sail at the usual speed."""
+        return {"c": context.linear_drag}
+
+
+@dataclass(frozen=True)
+class AirDragQuadratic(NamedEffect):
+    """F = −c ‖v_G‖ v_G."""
+
+    id: ClassVar[str] = "air-drag-quadratic"
+    says: ClassVar[str] = "drag of turbulent air at the centre of mass, F = −c ‖v_G‖ v_G, c = ½ ρ C A"
+    source: ClassVar[str] = "Newton's drag law; MODEL.md §5"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("c", "N s²/m²", "drag takes energy", scale=0.2, low=0.0, high=100.0, start=0.5),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−c ‖v_G‖ v_G at G."""
+        velocity = state.velocity(state.centre)
+        speed = ca.sqrt(ca.dot(velocity, velocity) + STILL**2)
+        return at_centre(state, -theta[0] * speed * velocity)
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """½ ρ C A of a sail."""
+        return {"c": context.quadratic_drag}

@@ -1,0 +1,114 @@
+"""All effects of MODEL.md §5 for one robot, in a stable order.
+
+`catalogue(robot)` has one value for each effect, variant and cable; `by_id` those of one id. `IDS` are the ids, fixed
+because they appear in results. To add an effect see docs/effects.md: write its file, and add a line to `_MAKERS`.
+"""
+
+from collections.abc import Callable, Iterable
+
+from fidim_lab.data.records import Robot
+from fidim_lab.effects.air_drag import AirDragLinear, AirDragQuadratic
+from fidim_lab.effects.anchor_offset import AnchorOffset
+from fidim_lab.effects.attachment_friction import AttachmentFriction
+from fidim_lab.effects.attachment_offset import AttachmentOffset
+from fidim_lab.effects.cable_creep import CableCreep
+from fidim_lab.effects.cable_elasticity import CableElasticity, CableStiffness
+from fidim_lab.effects.cable_length_bias import CableLengthBias
+from fidim_lab.effects.cable_mass import CableMass
+from fidim_lab.effects.clock import ClockRate, TimeOffset
+from fidim_lab.effects.constant_force import ConstantForce
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.frame_misalignment import FrameMisalignment
+from fidim_lab.effects.frame_sway import FrameSway, FrameSwayOwnPhase
+from fidim_lab.effects.gravity_tilt import GravityTilt
+from fidim_lab.effects.loose_mass import LooseMass
+from fidim_lab.effects.marker_offset import MarkerOffset
+from fidim_lab.effects.periodic_force import PeriodicForce, PeriodicForceOwnPhase
+from fidim_lab.effects.pulley_friction import PulleyFriction
+from fidim_lab.effects.pulley_radius import PulleyRadius
+from fidim_lab.effects.rotational_drag import RotationalDrag, RotationalDragPerAxis
+from fidim_lab.effects.swivel_friction import SwivelDamping, SwivelFriction
+from fidim_lab.effects.swivel_inertia import SwivelInertia
+from fidim_lab.effects.umbilical import Umbilical, UmbilicalWithRest
+from fidim_lab.effects.winch_hold_compliance import WinchHoldCompliance
+from fidim_lab.effects.without_term import HandContact, SensorFault, Unknown
+from fidim_lab.errors import SetupError
+
+Maker = Callable[[Robot], Iterable[NamedEffect]]
+
+
+def _once(*kinds: type[NamedEffect]) -> Maker:
+    return lambda robot: [kind() for kind in kinds]
+
+
+def _each(kind: type[NamedEffect]) -> Maker:
+    """One for each cable."""
+    return lambda robot: [kind(cable=number) for number in range(1, robot.n + 1)]
+
+
+def _all_and_each(kind: type[NamedEffect]) -> Maker:
+    """Alike for all cables, and one for each where there are several."""
+    return lambda robot: [kind(), *(_each(kind)(robot) if robot.n > 1 else [])]
+
+
+def _elasticity(robot: Robot) -> list[NamedEffect]:
+    each = _each(CableElasticity)(robot) if robot.n > 1 else []
+    return [CableElasticity(), CableStiffness(), *each]
+
+
+def _markers(robot: Robot) -> list[NamedEffect]:
+    return [MarkerOffset(number=number) for number in range(1, len(robot.markers) + 1)]
+
+
+_MAKERS: tuple[Maker, ...] = (
+    _once(AirDragLinear),
+    _once(AirDragQuadratic),
+    _once(RotationalDrag, RotationalDragPerAxis),
+    _all_and_each(SwivelFriction),
+    _all_and_each(SwivelDamping),
+    _all_and_each(SwivelInertia),
+    _all_and_each(PulleyFriction),
+    _all_and_each(AttachmentFriction),
+    _elasticity,
+    _each(WinchHoldCompliance),
+    _each(CableCreep),
+    _once(CableMass),
+    _each(AnchorOffset),
+    _each(AttachmentOffset),
+    _all_and_each(PulleyRadius),
+    _each(CableLengthBias),
+    _once(GravityTilt),
+    _markers,
+    _once(FrameMisalignment),
+    _once(ClockRate),
+    _once(TimeOffset),
+    _once(PeriodicForce, PeriodicForceOwnPhase),
+    _once(ConstantForce),
+    _once(Umbilical, UmbilicalWithRest),
+    _once(LooseMass),
+    _once(FrameSway, FrameSwayOwnPhase),
+    _once(HandContact),
+    _once(SensorFault),
+    _once(Unknown),
+)
+
+
+def catalogue(robot: Robot) -> tuple[NamedEffect, ...]:
+    """Every effect, variant and cable for this robot, in the order of MODEL.md §5, all cables before each cable."""
+    return tuple(effect for maker in _MAKERS for effect in maker(robot))
+
+
+def by_id(robot: Robot, id: str, cable: int | None = None) -> tuple[NamedEffect, ...]:
+    """The effects with this id, and with this cable where one is given.
+
+    Raises SetupError for an id that the catalogue does not have, or a cable for which it has none.
+    """
+    every = catalogue(robot)
+    named = [effect for effect in every if effect.id == id]
+    if not named:
+        known = ", ".join(dict.fromkeys(effect.id for effect in every))
+        raise SetupError(f"No effect is called '{id}'.", hint=f"Known: {known}.")
+    found = tuple(effect for effect in named if cable is None or effect.cable == cable)
+    if not found:
+        raise SetupError(f"{id}: there is none for cable {cable} of a robot with {robot.n} cables.")
+    return found

@@ -1,0 +1,130 @@
+"""What free motion cannot tell apart, known beforehand: gauges and equivalences as data, with reason and way out.
+
+The information matrix finds these and more for the data at hand; this list says why, in words. `EXACT` ones hold for
+any data of free motion with locked motors, whatever their noise; the others hold nearly (FINDINGS.md, share of one
+effect's influence that the other explains).
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Kind(StrEnum):
+    """How alike two effects are."""
+
+    EXACT = "no data of free motion can separate them"
+    CONTAINED = "the first can do exactly what the others do, and more"
+    NEAR = "they explain most of each other's influence"
+    GAUGE = "free motion does not see it at all: states or body take it up"
+
+
+@dataclass(frozen=True)
+class Equivalence:
+    """A set of effects, by id, that stand for each other."""
+
+    ids: tuple[str, ...]
+    kind: Kind
+    why: str
+    separate: str
+    """what experiment separates them"""
+    share: float | None = None
+    """of one's influence that the other explains, where it was measured"""
+
+
+EQUIVALENCES: tuple[Equivalence, ...] = (
+    Equivalence(
+        ("constant-force", "gravity-tilt"),
+        Kind.CONTAINED,
+        "gravity turned by small angles is a steady horizontal force m g × angle at the centre of mass",
+        "carry a known payload: a tilt's force grows with the mass, a draught's does not; or use a spirit level",
+    ),
+    Equivalence(
+        ("constant-force", "clock-rate"),
+        Kind.CONTAINED,
+        "free of friction, a clock fast by r shows motion under gravity g/(1 + r)²: an upward force of about 2 r m g; "
+        "so do another gravity and mass added at the centre of mass",
+        "compare the clocks over minutes, or excite what does not scale with gravity (friction, stretch)",
+    ),
+    Equivalence(
+        ("frame-sway", "periodic-force"),
+        Kind.NEAR,
+        "a frame that moves by u pushes the platform with −m ü like a force; only what the cameras see of u itself "
+        "differs, and not even that where they stand on the frame",
+        "put a marker on the frame",
+    ),
+    Equivalence(
+        ("cable-elasticity", "winch-hold-compliance"),
+        Kind.NEAR,
+        "stretch in a cable and in what holds it move the platform alike; the encoder sees the latter alone",
+        "look at the encoders during the motion, or compare long cables with short ones",
+    ),
+    Equivalence(
+        ("time-offset",),
+        Kind.GAUGE,
+        "with locked motors every window's start state takes up a shift of time; only what depends on absolute time "
+        "(motor currents, creep, a periodic force in phase) sees it",
+        "record motor currents, or a sync pulse",
+    ),
+    Equivalence(
+        ("attachment-offset", "marker-offset"),
+        Kind.GAUGE,
+        "all attachments, all markers and the centre of mass moved alike in the body move nothing in the world: three "
+        "of the parameters of all attachments together; six with the marker's offset",
+        "measure one attachment against the marker",
+    ),
+    Equivalence(
+        ("anchor-offset", "frame-misalignment"),
+        Kind.GAUGE,
+        "all anchors moved or turned about the vertical together are the motion capture's frame moved the other way; "
+        "with gravity-tilt about any axis",
+        "measure one anchor in the motion capture's frame",
+    ),
+    Equivalence(
+        ("anchor-offset", "cable-length-bias"),
+        Kind.NEAR,
+        "an anchor that moves along its cable is a longer cable",
+        "more equilibria, in which that cable points elsewhere",
+        share=0.9995,
+    ),
+    Equivalence(
+        ("anchor-offset", "pulley-radius"),
+        Kind.NEAR,
+        "a larger pulley moves the point where its cable leaves",
+        "more equilibria with other wrap angles",
+        share=0.9995,
+    ),
+    Equivalence(
+        ("rotational-drag", "swivel-damping"),
+        Kind.NEAR,
+        "near one equilibrium the platform's rotation and its swivels' are the same few freedoms",
+        "equilibria far apart; turn a swivel by hand and time how it stops",
+        share=0.97,
+    ),
+    Equivalence(
+        ("swivel-friction", "swivel-damping"),
+        Kind.NEAR,
+        "dry and viscous friction take the same energy at one amplitude",
+        "let small and large swings decay",
+        share=0.946,
+    ),
+    Equivalence(
+        ("air-drag-linear", "pulley-friction"),
+        Kind.NEAR,
+        "near one equilibrium speed of the centre of mass and wrap rates are the same few freedoms",
+        "equilibria far apart",
+        share=0.944,
+    ),
+    Equivalence(
+        ("swivel-inertia", "cable-mass"),
+        Kind.NEAR,
+        "inertia on the cables' angles is taken up by the body's inertia, at the price of wrong values",
+        "equilibria far apart: the body's inertia is the same everywhere, the swivels' lever is not",
+    ),
+)
+
+
+def siblings(id: str) -> tuple[str, ...]:
+    """Ids that may stand for this one, the most alike first."""
+    order = (Kind.EXACT, Kind.CONTAINED, Kind.NEAR, Kind.GAUGE)
+    known = sorted((e for e in EQUIVALENCES if id in e.ids), key=lambda e: (order.index(e.kind), -(e.share or 1.0)))
+    return tuple(dict.fromkeys(other for e in known for other in e.ids if other != id))

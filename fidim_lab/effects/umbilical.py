@@ -1,0 +1,106 @@
+"""A hose or cable that ties the platform to a fixed point, besides the cables that carry it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from fidim_lab.effects.constant_force import SHARE_OF_WEIGHT
+from fidim_lab.effects.effect import NamedEffect, Parameter, vector
+from fidim_lab.effects.forces import at_arm
+from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.model.slots import PlatformState
+
+GOING_SLACK = 5e-3
+"""m of stretch around 0 over which a hose begins to pull"""
+TRAVEL = 0.1
+"""m that the platform moves at least: what a spring's force changes by must stay a disturbance"""
+STIFFNESS = Parameter("k", "N/m", "a stiffness is positive", scale=0.5, low=0.0, high=1000.0, start=2.0)
+DAMPING = Parameter("c", "N s/m", "a damping is positive", scale=0.05, low=0.0, high=100.0, start=0.2)
+
+
+@dataclass(frozen=True)
+class Umbilical(NamedEffect):
+    """F = h − k A − c Ȧ at the point A = p + R b of the platform: a spring without rest length to the fixed point h/k.
+
+    h = k E with E the fixed end: in h and k the force is linear, so the score needs no guess of where the end is. b has
+    no score at k = 0; it starts at P.
+    """
+
+    id: ClassVar[str] = "umbilical"
+    variant: ClassVar[str] = "always taut"
+    says: ClassVar[str] = "a spring and damper to the fixed point h/k, F = h − k A − c Ȧ at A = p + R b"
+    source: ClassVar[str] = "MODEL.md §5"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        STIFFNESS,
+        DAMPING,
+        *vector("h", "N", "stiffness times the place of the fixed end", scale=0.5, most=5000.0),
+        *vector("b", "m", "platform's end, body frame", scale=0.1, most=0.5),
+    )
+
+    @property
+    def scanned(self) -> tuple[bool, ...]:
+        """All but b have a score."""
+        return (False,) * 5 + (True,) * 3
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """h − k A − c Ȧ at A."""
+        arm = state.rotation @ theta[5:]
+        return at_arm(arm, theta[2:5] - theta[0] * (state.position + arm) - theta[1] * state.velocity(arm))
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """A hose carries no considerable part of the platform."""
+        return {"k": _softness(context)}
+
+
+@dataclass(frozen=True)
+class UmbilicalWithRest(NamedEffect):
+    """A hose to the fixed point E with a rest length: it pulls along itself, and only when stretched.
+
+    F = −[k s + c ṡ] n where s = ‖A − E‖ − rest > 0, smoothed over 5 mm. E, b and rest have no score at k = 0: E and
+    rest are scanned, b starts at P. E is counted from the mean of the entry points d as the robot file has them.
+    """
+
+    id: ClassVar[str] = "umbilical"
+    variant: ClassVar[str] = "with rest length"
+    says: ClassVar[str] = "a hose to a fixed point E, pulling k (‖A − E‖ − rest) + c d‖A − E‖/dt where stretched"
+    source: ClassVar[str] = "MODEL.md §5"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        STIFFNESS,
+        DAMPING,
+        Parameter("x", "m", "fixed end", scale=0.2, low=-5.0, high=5.0, start=0.0, scan=(-0.7, 0.0, 0.7)),
+        Parameter("y", "m", "fixed end", scale=0.2, low=-5.0, high=5.0, start=0.0, scan=(-0.7, 0.0, 0.7)),
+        Parameter("z", "m", "fixed end", scale=0.2, low=-5.0, high=5.0, start=0.0, scan=(-1.5, 0.3)),
+        Parameter(
+            "rest", "m", "length below which it is slack", scale=0.1, low=0.0, high=5.0, start=0.5, scan=(0.3, 0.8)
+        ),
+        *vector("b", "m", "platform's end, body frame", scale=0.1, most=0.5),
+    )
+
+    @property
+    def scanned(self) -> tuple[bool, ...]:
+        """The platform's end has no score either; it is not scanned but starts at P."""
+        return (False, False, *(True for _ in self.parameters[2:]))
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """The pull at b."""
+        k, c, end, rest = theta[0], theta[1], theta[2:5], theta[5]
+        arm = state.rotation @ theta[6:]
+        middle = sum((cable.constants.d for cable in state.cables), ca.SX.zeros(3)) / len(state.cables)
+        reach = state.position + arm - middle - end
+        length = ca.norm_2(reach)
+        stretch = length - rest
+        soft = ca.sqrt(stretch**2 + GOING_SLACK**2)
+        taut, pulled = (1 + stretch / soft) / 2, (stretch + soft) / 2
+        rate = ca.dot(reach, state.velocity(arm)) / length
+        return at_arm(arm, -(k * pulled + c * taut * rate) * reach / length)
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """As without a rest length."""
+        return {"k": _softness(context)}
+
+
+def _softness(context: Context) -> Limit:
+    most = SHARE_OF_WEIGHT * context.weight / TRAVEL
+    return Limit(most, f"a hose whose pull changes by {most * TRAVEL:.0f} N over {TRAVEL:g} m is one more cable")
