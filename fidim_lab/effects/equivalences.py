@@ -1,7 +1,7 @@
 """What free motion cannot tell apart, known beforehand: gauges and equivalences as data, with reason and way out.
 
-The information matrix finds these and more for the data at hand; this list says why, in words. `EXACT` ones hold for
-any data of free motion with locked motors, whatever their noise; the others hold nearly (FINDINGS.md, share of one
+The information matrix finds these and more for the data at hand; this list says why, in words. `CONTAINED` and `GAUGE`
+hold for any data of free motion with locked motors, however good; `NEAR` ones nearly (FINDINGS.md: the share of one
 effect's influence that the other explains).
 """
 
@@ -12,7 +12,6 @@ from enum import StrEnum
 class Kind(StrEnum):
     """How alike two effects are."""
 
-    EXACT = "no data of free motion can separate them"
     CONTAINED = "the first can do exactly what the others do, and more"
     NEAR = "they explain most of each other's influence"
     GAUGE = "free motion does not see it at all: states or body take it up"
@@ -125,6 +124,6 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
 
 def siblings(id: str) -> tuple[str, ...]:
     """Ids that may stand for this one, the most alike first."""
-    order = (Kind.EXACT, Kind.CONTAINED, Kind.NEAR, Kind.GAUGE)
+    order = (Kind.CONTAINED, Kind.NEAR, Kind.GAUGE)
     known = sorted((e for e in EQUIVALENCES if id in e.ids), key=lambda e: (order.index(e.kind), -(e.share or 1.0)))
     return tuple(dict.fromkeys(other for e in known for other in e.ids if other != id))
