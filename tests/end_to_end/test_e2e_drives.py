@@ -1,0 +1,206 @@
+"""A cable out of its tension limits; a drive that is silent, faulty, or another one. Real frames, real reactions."""
+
+from dataclasses import replace
+
+import pytest
+
+from drivers.cia402.machine import Command
+from drivers.cia402.words import controlword
+from fidim_lab.app import compose
+from procedures.journal import Kind
+from procedures.outcomes import Outcome
+from sim_backends.drive.machine import State
+
+QUICK_STOP = controlword(Command.QUICK_STOP)
+STEPS = {"MoveTo": 0.4, "Settle": 0.1, "Ask": 1.0, "Record": 0.5}
+"""step, and how long after its begin the fault comes"""
+METRES_PER_COUNT = 2e-5
+
+
+def check_quick_stop(ended):
+    """Each drive was told to stop by a single frame in the cycle of the trip, and nothing else afterwards."""
+    words = ended.controlwords(since=ended.trip.t)
+    assert {(node, QUICK_STOP) for node in (1, 2, 3, 4)} <= {(node, word) for t, node, word in words}
+    assert all(word == QUICK_STOP for t, _, word in words if t > ended.trip.t)
+
+
+def check_kept(ended, step):
+    """The open window is kept, up to the fault."""
+    assert (ended.folder / "rejected" / "i01-attempt1.csv").exists() == (step == "Record")
+    if step == "Record":
+        assert ended.report.reason.endswith(
+            "What was recorded of the open window is kept in rejected/i01-attempt1.csv."
+        )
+        rows = (ended.folder / "rejected" / "i01-attempt1.csv").read_text().count("\n") - 1
+        assert rows >= round(100 * (ended.planted[0] - ended.begun["Record"][0])) - 2
+
+
+# tensions -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("newton", "says"),
+    [(-50.0, "Window i01: tension of cable 3 is 1"), (+165.0, "Window i01: tension of cable 3 is 22")],
+)
+def test_a_tension_out_of_its_limits_at_rest_ends_the_run_before_anybody_is_asked(rehearsal, newton, says):
+    rehearsal.at("Hold", lambda stage: stage.add_tension(3, newton))
+    ended = rehearsal.run()
+    report = ended.check()
+    assert report.reason.startswith(says)
+    assert "(18 to 220 N is allowed)" in report.reason
+    assert report.outcome is Outcome.FAIL
+    assert report.exit_code == 1
+    assert "Ask" not in ended.begun
+    assert {drive.state for drive in ended.drives} == {State.OPERATION_ENABLED}
+
+
+@pytest.mark.parametrize("step", ["MoveTo", "Settle", "Record"])
+@pytest.mark.parametrize(("newton", "says"), [(+300.0, "over 250 N for 0.1 s"), (-120.0, "under 2 N for 0.1 s")])
+def test_a_tension_beyond_its_threshold_stops_everything(rehearsal, step, newton, says):
+    rehearsal.at(step, lambda stage: stage.add_tension(3, newton), after=STEPS[step])
+    ended = rehearsal.run()
+    report = ended.check()
+    assert "The tension guard stopped the run" in report.reason
+    assert "cable 3 has" in report.reason
+    assert says in report.reason
+    assert report.exit_code == 3
+    assert ended.trip.t - ended.planted[0] < 0.2
+    check_quick_stop(ended)
+    check_kept(ended, step)
+    assert {drive.state for drive in ended.drives} == {State.QUICK_STOP_ACTIVE}
+
+
+# silence ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["silent", "sdo_silent"])
+def test_a_drive_that_does_not_answer_at_bring_up(rehearsal, kind):
+    rehearsal.at("", lambda stage: setattr(stage.drive(2).faults, kind, True))
+    ended = rehearsal.run()
+    report = ended.check(held=False)
+    assert report.reason.startswith("winch 2 (node 2): no answer to SDO read of 1000:0 within 0.5 s.")
+    assert "winch 2 has never reported" in report.held_says
+    assert report.exit_code == 3
+    assert {drive.state for drive in ended.drives} == {State.SWITCH_ON_DISABLED}  # nobody was given power
+
+
+def test_a_drive_that_falls_silent_during_bring_up(rehearsal):
+    rehearsal.at("Enable", lambda stage: setattr(stage.drive(2).faults, "silent", True), after=0.05)
+    report = rehearsal.run().check(held=False)
+    assert report.reason.startswith("winch 2 (node 2): OPERATIONAL expected within 2.2 s, PRE-OPERATIONAL by its last")
+    assert "s ago" in report.reason
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_a_drive_that_falls_silent_is_missed_and_stops_by_itself(rehearsal, step):
+    rehearsal.at(step, lambda stage: setattr(stage.drive(2).faults, "silent", True), after=STEPS[step])
+    ended = rehearsal.run()
+    report = ended.check(held=False)  # nobody can say of a silent drive that it stands still
+    assert "winch 2 does not answer for 0.1" in report.reason
+    assert "NOT VERIFIED" in report.held_says
+    assert "winch 2 does not answer for 3" in report.held_says
+    assert "winch 1" not in report.held_says
+    assert report.exit_code == 3
+    assert ended.trip.t - ended.planted[0] < 0.15
+    check_quick_stop(ended)
+    check_kept(ended, step)
+    assert {drive.state for drive in ended.drives} == {State.QUICK_STOP_ACTIVE}
+    ways = [abs(place) * METRES_PER_COUNT for place, _ in ended.shafts]
+    assert max(ways) - min(ways) < 0.03  # it missed our heartbeat within 0.25 s
+
+
+def test_a_drive_that_answers_no_sdo_any_more_ends_the_next_move_and_keeps_the_first_window(scene, rehearsal):
+    rehearsal.plan = scene.two
+    rehearsal.at("Record", lambda stage: setattr(stage.drive(2).faults, "sdo_silent", True))
+    ended = rehearsal.run()
+    report = ended.check()
+    assert report.reason.startswith("winch 2 (node 2): no answer to SDO write of 6081:0 within 0.5 s.")
+    assert report.exit_code == 3
+    assert [row.id for row in report.accepted] == ["i01"]
+    assert {drive.state for drive in ended.drives} == {State.OPERATION_ENABLED}
+
+
+# faults -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_a_fault_word_stops_everything(rehearsal, step):
+    rehearsal.at(step, lambda stage: stage.drive(2).faults.raise_fault(0x2310), after=STEPS[step])
+    ended = rehearsal.run()
+    report = ended.check()
+    assert "winch 2 reports a fault: emergency 0x2310 (continuous over-current)" in report.reason
+    assert report.held_says == "All winches stand still, without motor power: winch 2."
+    assert report.exit_code == 3
+    assert ended.trip.t - ended.planted[0] < 0.03
+    check_quick_stop(ended)
+    check_kept(ended, step)
+    assert [drive.state for drive in ended.drives].count(State.FAULT) == 1
+    assert any(frame.id == 0x82 and frame.data[:2] == b"\x10\x23" for frame in ended.frames)  # the EMCY is in the log
+
+
+def test_a_fault_while_power_is_switched_on_is_never_reset(rehearsal):
+    rehearsal.at("Enable", lambda stage: stage.drive(2).faults.raise_fault(0x3210), after=0.05)
+    ended = rehearsal.run()
+    report = ended.check()
+    assert report.reason.startswith("winch 2 (node 2): emergency 0x3210 (DC link over-voltage).")
+    assert ended.drives[1].state is State.FAULT
+    assert not [word for _, _, word in ended.controlwords() if word & 0x80]
+
+
+def test_a_drive_that_is_reset_by_somebody_else(rehearsal):
+    rehearsal.at("MoveTo", lambda stage: stage.bus.inject(0x000, bytes([129, 2])), after=0.4)
+    ended = rehearsal.run()
+    ended.check(held=ended.report.held)
+    assert "winch 2 " in ended.report.reason
+    assert ended.report.exit_code == 3
+    assert ended.trip.t - ended.planted[0] < 0.15
+    check_quick_stop(ended)
+
+
+def check_no_power(ended, says):
+    report = ended.check(held=False)
+    assert report.reason.startswith("winch 2 (node 2): refused, it may not have power: ")
+    assert says in report.reason
+    assert report.exit_code == 3
+    assert {drive.state for drive in ended.drives} == {State.SWITCH_ON_DISABLED}
+
+
+def test_a_drive_that_does_not_take_its_mode_gets_no_power(rehearsal):
+    rehearsal.at("", lambda stage: stage.drive(2).faults.reject_mode(1))
+    check_no_power(rehearsal.run(), "6061:0 mode of operation: ")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "says"),
+    [({"vendor_id": 0x29C}, "1018:1 vendor: 153 found, 668 wanted"), ({"product_code": 7}, "1018:2 product code: ")],
+)
+def test_a_drive_of_another_make_gets_no_power(rehearsal, monkeypatch, wanted, says):
+    configs = compose._winch_configs
+
+    def strict(*what):
+        return tuple(replace(c, **wanted) if c.node_id == 2 else c for c in configs(*what))
+
+    monkeypatch.setattr(compose, "_winch_configs", strict)
+    rehearsal.at("", lambda stage: stage.drive(2).faults.claim_identity(vendor=0x99, product=0x77))
+    check_no_power(rehearsal.run(), says)
+
+
+def test_an_encoder_that_jumps_far_while_recording_ends_the_run(rehearsal):
+    rehearsal.at("Record", lambda stage: stage.drive(2).faults.jump_encoder(3000), after=0.5)
+    ended = rehearsal.run()
+    report = ended.check()
+    assert "winch 2 moved -60.0 mm while recording, at most 5 mm is allowed" in report.reason
+    assert report.exit_code == 3
+    check_kept(ended, "Record")
+
+
+def test_a_window_after_a_small_jump_of_an_encoder_is_not_taken_for_good_either(scene, rehearsal):
+    rehearsal.settings = scene.short(repeats=1)
+    rehearsal.at("Record", lambda stage: stage.drive(2).faults.jump_encoder(200), after=0.5)
+    ended = rehearsal.run()
+    report = ended.check()
+    verdicts = [e.reason for e in ended.journal if e.step == "CheckWindow" and e.kind is Kind.STEP_FINISHED]
+    assert verdicts[0].startswith("movement of the motor of cable 2 is 0.004 m")
+    assert verdicts[1].startswith("encoder error of cable 2 is 0.004 m")
+    assert report.exit_code == 1
+    assert not report.accepted
