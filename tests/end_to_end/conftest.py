@@ -275,8 +275,11 @@ class Rehearsal:
             rig.transport.tap(seen.frames.append)
             self._plant("", 1, stage, seen)
             await rig.rig.clock.sleep(0.0)
-            await self._carry_out(experiment, stage, seen, more)
-            await uninterrupted(_afterwards(rig, seen, ended)) if seen.events else None
+            try:
+                await self._carry_out(experiment, stage, seen, more)
+            finally:
+                if seen.events:
+                    await uninterrupted(_afterwards(rig, seen, ended))
 
     async def _carry_out(self, experiment: Experiment, stage: Stage, seen: Ended, more: dict[str, Any]) -> None:
         logs: list[CandumpLog] = []
@@ -296,8 +299,7 @@ class Rehearsal:
         rest = {"wall_time": lambda: "2000-01-01T00:00:00Z", "listeners": (hear,), **more}
         guard = LogGuard(lambda: logs[0].error if logs else None)
         try:
-            with suppress(asyncio.CancelledError):  # interrupted: `run_loop` says so in the end
-                await run_procedure(experiment, stage.rig.rig, self.folder, guards=(guard,), **rest)
+            await run_procedure(experiment, stage.rig.rig, self.folder, guards=(guard,), **rest)
         finally:
             for task in stage.tasks:
                 task.cancel()

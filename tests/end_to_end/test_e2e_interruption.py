@@ -1,0 +1,160 @@
+"""Ctrl-C, polite and impolite kills at any step: the robot is held, and what was recorded is there."""
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from drivers.canbus.candump import read_candump
+from fidim_lab.data.campaign import read_campaign
+from procedures.journal import Kind, read_journal
+from procedures.outcomes import Outcome
+from sim_backends.drive.machine import State
+
+STEPS = ("Enable", "MoveTo", "Settle", "Hold", "ReadEncoders", "CheckTension", "Ask", "AwaitHandsOff", "Record")
+SECONDS_LEFT = 120.0
+
+
+def press(times, number=signal.SIGINT):
+    """Signals to this process, 20 ms apart: the first ends the run, the others meet its end."""
+
+    async def pressing(stage):
+        for _ in range(times):
+            signal.raise_signal(number)
+            await stage.rig.rig.clock.sleep(0.02)
+
+    return lambda stage: stage.tasks.append(asyncio.ensure_future(pressing(stage)))
+
+
+def check_interrupted(ended):
+    report = ended.check()
+    assert isinstance(ended.error, KeyboardInterrupt)
+    assert report.outcome is Outcome.ABORTED
+    assert report.exit_code == 130
+    assert report.reason.startswith("Interrupted at “")
+    return report
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_ctrl_c_at_any_step(rehearsal, step):
+    rehearsal.at(step, press(1), after=0.08)
+    ended = rehearsal.run()
+    check_interrupted(ended)
+    powered = {drive.state for drive in ended.drives}
+    assert powered == ({State.SWITCH_ON_DISABLED} if step == "Enable" else {State.OPERATION_ENABLED})
+    assert (ended.folder / "rejected" / "i01-attempt1.csv").exists() == (step == "Record")
+    if step == "MoveTo":  # the single frames that brought the winches to rest: halt, with power
+        words = ended.controlwords(since=ended.planted[0])
+        assert {node for _, node, word in words if word & 0x10F == 0x10F} == {1, 2, 3, 4}
+
+
+def test_ctrl_c_as_a_window_is_accepted(rehearsal):
+    rehearsal.at("Accept", press(1))
+    ended = rehearsal.run()
+    check_interrupted(ended)
+    assert [row.id for row in ended.report.accepted] == ["i01"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("step", ["MoveTo", "Record"])
+@pytest.mark.parametrize("times", [3, 30])
+def test_impatience_does_not_keep_the_robot_from_being_held(rehearsal, step, number, times):
+    before = signal.getsignal(number)
+    rehearsal.at(step, press(times, number), after=0.3)
+    ended = rehearsal.run()
+    check_interrupted(ended)
+    assert ended.report.held_says == "All winches stand still, held."
+    assert signal.getsignal(number) == before
+
+
+# the command, as a process of its own -------------------------------------------------------------------------------
+
+
+class Command:
+    """`fidim dry-run` with two windows, watched by its journal."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.journal = folder / "journal.jsonl"
+        command = ["dry-run", "--equilibria", "2", "--validate", "0", "--out", str(folder)]
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", "from fidim_lab.app.cli import main; main()", *command],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def wait_for(self, step, window):
+        """Until the journal has this step's begin."""
+        pause = threading.Event()
+        for _ in range(round(SECONDS_LEFT / 0.005)):
+            lines = self.journal.read_text().splitlines() if self.journal.exists() else []
+            steps = [json.loads(line) for line in lines if line.endswith("}")]
+            if any(s["kind"] == "step-started" and (s["step"], s.get("window")) == (step, window) for s in steps):
+                return
+            assert self.process.poll() is None, self.process.stderr.read()
+            pause.wait(0.005)
+        raise TimeoutError(step)
+
+    def end(self):
+        """(exit code, standard output, standard error)."""
+        out, err = self.process.communicate(timeout=SECONDS_LEFT)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def command(tmp_path):
+    command = Command(tmp_path / "run")
+    yield command
+    if command.process.poll() is None:
+        command.process.kill()
+    command.process.communicate()
+
+
+@pytest.mark.slow
+def test_the_command_ends_with_130_and_a_whole_folder(command):
+    command.wait_for("MoveTo", "i02")
+    for _ in range(3):
+        command.process.send_signal(signal.SIGINT)
+        threading.Event().wait(0.002)
+    code, out, err = command.end()
+    assert code == 130
+    assert "run aborted: Interrupted at “" in out
+    assert "All winches stand still, held." in out
+    assert f"run folder  {command.folder}" in out
+    assert "Traceback" not in out + err
+    last = read_journal(command.journal)[-1]
+    assert (last.kind, last.outcome) == (Kind.RUN_FINISHED, Outcome.ABORTED)
+    assert [w.id for w in read_campaign(command.folder).windows] == ["i01"]
+    assert {p.name for p in command.folder.iterdir()} >= {"truth.json", "plan.toml", "raw", "robot.toml"}
+
+
+@pytest.mark.slow
+def test_after_a_kill_the_accepted_windows_are_a_campaign(command):
+    command.wait_for("Record", "i02")
+    threading.Event().wait(0.2)
+    os.kill(command.process.pid, signal.SIGKILL)
+    assert command.end()[0] == -signal.SIGKILL
+    campaign = read_campaign(command.folder)
+    assert [(w.id, len(w.t)) for w in campaign.windows] == [("i01", 1001)]
+    part = command.folder / "windows" / "i02.csv.part"
+    if not part.exists():  # it was quicker than the kill
+        assert (command.folder / "windows" / "i02.csv").exists()
+    assert read_journal(command.journal)
+    assert len(list(read_candump(command.folder / "raw" / "can.log"))) > 1000
+
+
+@pytest.mark.slow
+def test_ctrl_c_while_planning(tmp_path):
+    command = Command(tmp_path / "run")
+    threading.Event().wait(1.0)
+    command.process.send_signal(signal.SIGINT)
+    code, out, err = command.end()
+    assert code == 130
+    assert err.strip().endswith("interrupted")
+    assert "Traceback" not in out + err
