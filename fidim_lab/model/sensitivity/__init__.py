@@ -3,6 +3,7 @@
     trajectories   poses, twists, accelerations, tensions of W windows on one time grid (`integrate`)
     sensitivities  their derivatives by every initial state and every shared parameter (`variation`)
     markers        where markers are at any times, with derivatives (`markers`)
+    sampled        a trajectory at other times (`sampling`)
     starts         initial twists and lengths with derivatives (`starts`)
 
 For one motion without derivatives `model.dynamics.simulate_free_motion` is simpler. The *shared* parameters are the

@@ -5,19 +5,23 @@ dy = −K⁻¹ ∂r with K factorised once. In CasADi's virtual machine, four ca
 
 Both functions take, per sample, time (s since the window's start), position (3), rotation (9, row by row), twist (6),
 shared ([body 9; θ]).
+
+Effects may use the slots for geometry, lengths, drift, wrench and kinetic energy. Stretch, states of their own and
+measurement are not carried (`refuse_unknown`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
+from fidim_lab.errors import OurBugError
 from fidim_lab.model.batch import from_rows, function, rows
+from fidim_lab.model.equations import MotionEquations, Solver, Symbols, motion_equations
 from fidim_lab.model.geometry import skew
-from fidim_lab.model.mechanism import Mechanism, structure_expression, structure_rate_expression
+from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import built
-from fidim_lab.model.rigid_body import BodyExpressions
 from fidim_lab.model.sensitivity.elimination import Elimination
-from fidim_lab.model.slots import PlatformState
+from fidim_lab.model.slots import Effect
 
 BODY = 9
 """entries of `shared` before θ"""
@@ -45,53 +49,54 @@ def derivatives(mechanism: Mechanism) -> ca.Function:
 
 
 @dataclass(frozen=True, eq=False)
-class _Motion:
-    """Symbols of one sample and the system that its accelerations solve."""
+class Sample:
+    """Symbols of one sample, its equations of motion, and the solver for them."""
 
-    time: ca.SX
-    position: ca.SX
-    rotation: ca.SX
-    """9, row by row"""
-    twist: ca.SX
+    equations: MotionEquations
     shared: ca.SX
-    structure: ca.SX
-    system: Elimination
-    body: BodyExpressions
-    wrench: ca.SX
-    """everything but inertia and cables: φ − C v + effects (6)"""
-    pull: ca.SX
-    """−Ξ̇ v (n)"""
+    solver: Solver
+
+    @staticmethod
+    def of(mechanism: Mechanism) -> "Sample":
+        """Fresh symbols. Raises OurBugError for an effect with a slot that is not carried here (see the module)."""
+        refuse_unknown(mechanism)
+        shared = ca.SX.sym("shared", shared_count(mechanism))
+        symbols = replace(Symbols.of(mechanism), body=shared[:BODY], theta=shared[BODY:])
+        equations = motion_equations(mechanism, symbols)
+        if equations.added_mass.is_zero():
+            return Sample(equations, shared, Elimination.of(equations.body, equations.structure).solve)
+        return Sample(equations, shared, equations.factorised())
 
     @property
     def inputs(self) -> list[ca.SX]:
-        return [self.time, self.position, self.rotation, self.twist, self.shared]
-
-    @property
-    def solution(self) -> ca.SX:
-        return self.system.solve(self.wrench, self.pull)
+        """time, position, rotation row by row, twist, shared."""
+        symbols = self.equations.symbols
+        return [symbols.time, symbols.position, symbols.flat, symbols.twist, self.shared]
 
     def residual(self, solution: ca.SX) -> ca.SX:
-        """[M v̇ + Ξᵀ τ − f; Ξ v̇ + Ξ̇ v], zero for the solution."""
+        """[(M + A) v̇ + Ξᵀ τ − f; Ξ v̇ − c], zero for the solution."""
         rates, tensions = solution[:6], solution[6:]
         return ca.vertcat(
-            self.body.mass_matrix @ rates + self.structure.T @ tensions - self.wrench,
-            self.structure @ rates - self.pull,
+            self.equations.mass @ rates + self.equations.structure.T @ tensions - self.equations.wrench,
+            self.equations.structure @ rates - self.equations.pull,
         )
 
 
-def _motion(mechanism: Mechanism) -> _Motion:
-    time, position, flat = ca.SX.sym("time"), ca.SX.sym("position", 3), ca.SX.sym("rotation", 9)
-    twist, shared = ca.SX.sym("twist", 6), ca.SX.sym("shared", shared_count(mechanism))
-    theta, rotation = shared[BODY:], from_rows(flat, 3, 3)
-    cables = mechanism.cables_at(position, rotation, theta)
-    body = BodyExpressions.of(shared[:BODY], rotation)
-    structure = structure_expression(cables)
-    rate = structure_rate_expression(structure, position, rotation, twist)
-    state = PlatformState(time=time, position=position, rotation=rotation, twist=twist, cables=cables)
-    wrench = body.gravity_wrench(mechanism.robot.gravity) - body.gyroscopic(twist[3:])
-    wrench += mechanism.wrench_at(state, theta)
-    system = Elimination.of(body, structure)
-    return _Motion(time, position, flat, twist, shared, structure, system, body, wrench, -rate @ twist)
+def refuse_unknown(mechanism: Mechanism) -> None:
+    """Raise OurBugError for an effect that uses a slot which trajectories with derivatives do not carry (yet)."""
+    for effect in mechanism.effects:
+        kind, theta = type(effect), ca.SX.sym("theta", len(effect.parameters))
+        used = [name for name in ("marker", "seen", "true_time") if getattr(kind, name) is not getattr(Effect, name)]
+        if effect.extra_states:
+            used.append("extra_states")
+        cables = mechanism.cables_at(ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("all", mechanism.theta.size))
+        if any(not effect.compliance(k, cable, theta).is_zero() for k, cable in enumerate(cables, start=1)):
+            used.append("compliance")
+        if used:
+            raise OurBugError(
+                f"{kind.__name__}: trajectories with derivatives do not know its slots {', '.join(used)}.",
+                hint="Simulate it with model.dynamics, or score it with model.forcing.",
+            )
 
 
 def turned(flat: ca.SX) -> ca.SX:
@@ -101,19 +106,19 @@ def turned(flat: ca.SX) -> ca.SX:
 
 
 def _compile_slopes(mechanism: Mechanism) -> ca.Function:
-    motion = _motion(mechanism)
-    return function("slopes", motion.inputs, [motion.solution])
+    sample = Sample.of(mechanism)
+    return function("slopes", sample.inputs, [sample.equations.solve(sample.solver)])
 
 
 def _compile_derivatives(mechanism: Mechanism) -> ca.Function:
-    motion = _motion(mechanism)
-    solution, unknown = motion.solution, ca.SX.sym("y", 6 + mechanism.n)
-    residual = motion.residual(unknown)
+    sample = Sample.of(mechanism)
+    symbols = sample.equations.symbols
+    solution, unknown = sample.equations.solve(sample.solver), ca.SX.sym("y", 6 + mechanism.n)
     # one sweep for all columns: the entries of the rotation first, then the three directions in which it can turn
-    at = ca.vertcat(motion.position, motion.rotation, motion.twist, motion.shared)
-    jacobian = ca.jacobian(residual, at)
-    by_rotation = jacobian[:, 3:12] @ turned(motion.rotation)
-    by_state = [jacobian[:, :3], by_rotation, jacobian[:, 12:]]
-    change = ca.substitute(ca.horzcat(*by_state), unknown, solution)
-    moved = motion.system.solve(-change[:6, :], -change[6:, :])
-    return function("slope_derivatives", motion.inputs, [solution, rows(moved[:6, :])])
+    at = ca.vertcat(symbols.position, symbols.flat, symbols.twist, sample.shared)
+    jacobian = ca.jacobian(sample.residual(unknown), at)
+    by_rotation = jacobian[:, 3:12] @ turned(symbols.flat)
+    by_state = ca.horzcat(jacobian[:, :3], by_rotation, jacobian[:, 12:])
+    change = ca.substitute(by_state, unknown, solution)
+    moved = sample.solver(-change[:6, :], -change[6:, :])
+    return function("slope_derivatives", sample.inputs, [solution, rows(moved[:6, :])])

@@ -4,6 +4,7 @@ The states are integrated from node to node; the variational equation is colloca
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float
@@ -59,6 +60,7 @@ class Grid:
         return lobatto(self.resolution.intervals)[1] * self.resolution.block
 
 
+@cache
 def lobatto(intervals: int) -> tuple[Series, Float[np.ndarray, "k+1 k+1"]]:
     """The k + 1 Lobatto nodes of [0, 1] and the matrix of Lobatto IIIA (order 2 k)."""
     derivative = legendre.legder(np.eye(intervals + 1)[intervals])
@@ -66,4 +68,7 @@ def lobatto(intervals: int) -> tuple[Series, Float[np.ndarray, "k+1 k+1"]]:
     # Legendre polynomials rather than powers: well conditioned for any k
     values = legendre.legvander(x, intervals)
     integrals = [legendre.legval(x, legendre.legint(row, lbnd=-1)) for row in np.eye(intervals + 1)]
-    return (x + 1) / 2, np.stack(integrals, axis=1) @ np.linalg.inv(values) / 2
+    nodes, matrix = (x + 1) / 2, np.stack(integrals, axis=1) @ np.linalg.inv(values) / 2
+    nodes.setflags(write=False)
+    matrix.setflags(write=False)
+    return nodes, matrix

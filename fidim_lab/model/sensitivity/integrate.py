@@ -34,10 +34,6 @@ class States:
     twists: Float[np.ndarray, "W 6"]
     """[ṗ; ω], world frame; Ξ v = 0"""
 
-    def of(self, chosen: slice) -> "States":
-        """Some of the windows."""
-        return States(self.positions[chosen], self.rotations[chosen], self.twists[chosen])
-
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:
@@ -52,6 +48,12 @@ class Trajectories:
     accelerations: Float[np.ndarray, "W N 6"]
     tensions: Float[np.ndarray, "W N n"]
     """per unit mass, N/kg; negative where the model has lost its validity"""
+
+    def only(self, window: int) -> "Trajectories":
+        """One of the windows alone."""
+        k = slice(window, window + 1)
+        state = (self.positions[k], self.rotations[k], self.twists[k])
+        return Trajectories(self.grid, self.begins[k], *state, self.accelerations[k], self.tensions[k])
 
     def first_slack(self, window: int) -> tuple[float, int] | None:
         """When (s from the grid's 0, by interpolation) and which cable (1-based) first has no tension; None if taut."""

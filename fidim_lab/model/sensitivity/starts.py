@@ -1,4 +1,4 @@
-"""Initial states that obey the locked cables: Ξ v = 0, and how lengths and twist depend on pose and parameters.
+"""Initial states that obey the locked cables, Ξ v = l̇ (0 but for effects), and what they and the lengths depend on.
 
 A window's own unknowns are [δp; δφ; δu]: a change of pose and λ rates along the free twists at that pose. Ξ is tied to
 the pose, so the twist follows it: v(pose) is the projection of the old twist on the new free twists.
@@ -11,10 +11,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.model.batch import from_rows, function, over_samples, rows
-from fidim_lab.model.mechanism import Mechanism, structure_expression
-from fidim_lab.model.sensitivity.equations import BODY, shared_count, turned
+from fidim_lab.model.batch import evaluate, function, rows
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import Sample, turned
 from fidim_lab.model.sensitivity.integrate import States
+
+Begins = Float[np.ndarray, " W"]
+"""s on each window's own clock"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +34,11 @@ class Starts:
     """N: orthonormal, Ξ N = 0"""
 
 
-def tied(mechanism: Mechanism, shared: np.ndarray, states: States) -> States:
-    """The same poses with the nearest twists that stretch no cable: v − Ξ⁺ Ξ v."""
-    xi = _quantities(mechanism, shared, states)[1]
-    off = xi @ states.twists[..., np.newaxis]
-    twists = states.twists - (np.linalg.pinv(xi) @ off)[..., 0]
-    return States(states.positions, states.rotations, twists)
+def tied(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> States:
+    """The same poses with the nearest twists at which the cables do as they must: v − Ξ⁺ (Ξ v − l̇)."""
+    found = _quantities(mechanism, shared, states, begins)
+    off = np.linalg.pinv(found.structure) @ found.speeds[..., np.newaxis]
+    return States(states.positions, states.rotations, states.twists - off[..., 0])
 
 
 def moved(
@@ -45,6 +47,7 @@ def moved(
     states: States,
     starts: Starts,
     steps: Float[np.ndarray, "W own"],
+    begins: Begins,
 ) -> States:
     """States after a step [δp; δφ; δu] of each window's own unknowns, for the (new) shared parameters."""
     rates = (starts.free_twists @ steps[:, 6:, np.newaxis])[..., 0]
@@ -53,52 +56,62 @@ def moved(
         rotations=states.rotations @ Rotation.from_rotvec(steps[:, 3:6]).as_matrix(),
         twists=states.twists + rates,
     )
-    return tied(mechanism, shared, changed)
+    return tied(mechanism, shared, changed, begins)
 
 
-def linearised_starts(mechanism: Mechanism, shared: np.ndarray, states: States) -> Starts:
-    """Lengths, free twists and derivatives at tied states (Ξ v = 0)."""
-    lengths, xi, rates_by_pose, rates_by_shared, lengths_by_shared = _quantities(mechanism, shared, states)
-    count, n = lengths.shape
-    free = np.swapaxes(np.linalg.svd(xi)[2][:, n:], 1, 2)
-    back = np.linalg.pinv(xi)
-    none = np.zeros((count, n, free.shape[2]))
+def linearised_starts(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> Starts:
+    """Lengths, free twists and derivatives at tied states."""
+    found = _quantities(mechanism, shared, states, begins)
+    count, n = found.lengths.shape
+    free = np.swapaxes(np.linalg.svd(found.structure)[2][:, n:], 1, 2)
+    back = np.linalg.pinv(found.structure)
     own = 6 + free.shape[2]
     by = np.zeros((count, 12, own + len(shared)))
     by[:, :6, :6] = np.eye(6)
-    by[:, 6:, :6] = -back @ rates_by_pose
+    by[:, 6:, :6] = -back @ found.speeds_by_pose
     by[:, 6:, 6:own] = free
-    by[:, 6:, own:] = -back @ rates_by_shared
-    lengths_by = np.concatenate([_body_turned(xi, states.rotations), none, lengths_by_shared], axis=2)
-    return Starts(lengths=lengths, lengths_by=lengths_by, states_by=by, free_twists=free)
+    by[:, 6:, own:] = -back @ found.speeds_by_shared
+    by_pose = np.concatenate([found.structure[..., :3], found.structure[..., 3:] @ states.rotations], axis=2)
+    lengths_by = np.concatenate([by_pose, np.zeros((count, n, own - 6)), found.lengths_by_shared], axis=2)
+    return Starts(lengths=found.lengths, lengths_by=lengths_by, states_by=by, free_twists=free)
 
 
-def _body_turned(rows_: Float[np.ndarray, "W n 6"], rotations: Float[np.ndarray, "W 3 3"]) -> np.ndarray:
-    """Derivatives by [δp; δφ] from those by [δp; δθ], θ in the world: δθ = R δφ."""
-    return np.concatenate([rows_[..., :3], rows_[..., 3:] @ rotations], axis=2)
+@dataclass(frozen=True, eq=False)
+class _Quantities:
+    lengths: Float[np.ndarray, "W n"]
+    """less what the cables have grown by since the window's start"""
+    structure: Float[np.ndarray, "W n 6"]
+    speeds: Float[np.ndarray, "W n"]
+    """Ξ v − l̇, which must vanish"""
+    speeds_by_pose: Float[np.ndarray, "W n 6"]
+    """by [δp; δφ]"""
+    speeds_by_shared: Float[np.ndarray, "W n shared"]
+    lengths_by_shared: Float[np.ndarray, "W n shared"]
 
 
-def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States) -> tuple[np.ndarray, ...]:
-    """l (W n), Ξ (W n 6), d(Ξ v)/d[δp; δφ] (W n 6), d(Ξ v)/dshared, dl/dshared (W n shared)."""
+def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> _Quantities:
     count, n = len(states.positions), mechanism.n
-    found = over_samples(
-        mechanism.compiled("sensitivity: starts", _compile_starts),
-        count,
+    compiled = mechanism.compiled("sensitivity: starts", _compile_starts)
+    found = evaluate(
+        mechanism.compiled(f"sensitivity: {count} starts", lambda _: compiled.map(count)),
+        begins,
         states.positions,
         states.rotations,
         states.twists,
-        shared,
+        np.broadcast_to(shared, (count, len(shared))),
     )
-    return (found[0], *(values.reshape(count, n, -1) for values in found[1:]))
+    return _Quantities(found[0], found[1].reshape(count, n, 6), found[2], *(x.reshape(count, n, -1) for x in found[3:]))
 
 
 def _compile_starts(mechanism: Mechanism) -> ca.Function:
-    position, flat, twist = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9), ca.SX.sym("twist", 6)
-    shared = ca.SX.sym("shared", shared_count(mechanism))
-    theta = shared[BODY:]
-    cables = mechanism.cables_at(position, from_rows(flat, 3, 3), theta)
-    xi, lengths = structure_expression(cables), mechanism.lengths_at(cables, theta)
-    speeds = xi @ twist
-    by_pose = ca.horzcat(ca.jacobian(speeds, position), ca.jacobian(speeds, flat) @ turned(flat))
-    outputs = [rows(xi), rows(by_pose), rows(ca.jacobian(speeds, shared)), rows(ca.jacobian(lengths, shared))]
-    return function("starts", [position, flat, twist, shared], [lengths, *outputs])
+    sample = Sample.of(mechanism)
+    equations = sample.equations
+    symbols = equations.symbols
+    drift, rate = equations.length_constraint(sample.solver)
+    lengths, speeds = equations.lengths - drift, equations.structure @ symbols.twist - rate
+    by_pose = ca.horzcat(
+        ca.jacobian(speeds, symbols.position), ca.jacobian(speeds, symbols.flat) @ turned(symbols.flat)
+    )
+    tables = [by_pose, ca.jacobian(speeds, sample.shared), ca.jacobian(lengths, sample.shared)]
+    outputs = [lengths, rows(equations.structure), speeds, *(rows(table) for table in tables)]
+    return function("starts", sample.inputs, outputs)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.model.batch import over_samples
+from fidim_lab.model.batch import evaluate
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import derivatives, shared_count
 from fidim_lab.model.sensitivity.integrate import Trajectories, node_times
@@ -73,14 +73,13 @@ def variations(
 def _linearised(mechanism: Mechanism, trajectories: Trajectories, shared: np.ndarray) -> _Linear:
     count, nodes = trajectories.positions.shape[:2]
     samples = count * nodes
-    _, flat = over_samples(
-        derivatives(mechanism),
-        samples,
-        node_times(trajectories)[:, np.newaxis],
+    _, flat = evaluate(
+        mechanism.compiled(f"sensitivity: {samples} derivatives", lambda made: derivatives(made).map(samples)),
+        node_times(trajectories),
         trajectories.positions,
         trajectories.rotations,
         trajectories.twists,
-        shared,
+        np.broadcast_to(shared, (samples, len(shared))),
     )
     table = flat.reshape(count, nodes, 6, -1)
     return _Linear(

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Pose
+from fidim_lab.errors import OurBugError
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
@@ -19,14 +21,15 @@ from fidim_lab.model.sensitivity.variation import variations
 from fidim_lab.model.slots import Effect
 
 MARKERS = np.array([[0.02, -0.03, 0.05], [0.2, 0.1, 0.15]])
+BEGINS = np.array([0.0, 0.4])
 TIMES = np.array([0.0, 0.0137, 0.1, 0.25, 0.333, 0.59, 0.6])
 TIMES_TO_SLACKNESS = np.arange(201) / 100
 
 
-class Fan(Effect):
-    """A force along x that swings in time, drag on the velocity, and an anchor that is off: all slots at once."""
+class Everything(Effect):
+    """A force along x that grows in time, drag, an anchor that is off, a cable that creeps, a mass that moves along."""
 
-    parameters = ("force", "drag", "offset", "longer")
+    parameters = ("force", "drag", "offset", "longer", "creep", "mass")
 
     def geometry(self, number, cable, theta):
         if number > 1:
@@ -38,8 +41,14 @@ class Fan(Effect):
 
     def wrench(self, state, theta):
         force = -theta[1] * state.twist
-        force[0] += theta[0] * np.sin(1) * (state.time + 0.3)
+        force[0] += theta[0] * (state.time + 0.3) ** 2
         return force
+
+    def length_drift(self, number, time, theta):
+        return theta[4] * number * (1 - ca.exp(-time / 3))
+
+    def kinetic_energy(self, state, theta):
+        return theta[5] / 2 * ca.sumsqr(state.velocity(state.arm([0.1, 0.0, 0.2])))
 
 
 def started(robot, effects=(), theta=None, kick=0.15) -> tuple[Mechanism, np.ndarray, States]:
@@ -59,7 +68,7 @@ def started(robot, effects=(), theta=None, kick=0.15) -> tuple[Mechanism, np.nda
         twists=kick * rng.normal(size=(2, 6)),
     )
     shared = np.concatenate([body.vector, mechanism.theta])
-    return mechanism, shared, tied(mechanism, shared, states)
+    return mechanism, shared, tied(mechanism, shared, states, BEGINS)
 
 
 @pytest.fixture(scope="module", params=[1, 2, 3, 4, 5])
@@ -82,8 +91,7 @@ def test_trajectories_are_those_of_the_other_integrator(robot):
 
 
 def predicted(mechanism, shared, states, resolution=FINE):
-    begins = np.array([0.0, 0.4])
-    trajectories = integrate(mechanism, shared, states, Grid.covering(0.6, resolution), begins)
+    trajectories = integrate(mechanism, shared, states, Grid.covering(0.6, resolution), BEGINS)
     index, weights = markers.hermite(trajectories.grid.t, TIMES)
     nodal = markers.at_nodes(trajectories, MARKERS)
     return trajectories, np.stack([markers.between(one, index, weights) for one in nodal])
@@ -91,16 +99,16 @@ def predicted(mechanism, shared, states, resolution=FINE):
 
 def derivatives(mechanism, shared, states, resolution=FINE):
     trajectories, _ = predicted(mechanism, shared, states, resolution)
-    starts = linearised_starts(mechanism, shared, states)
+    starts = linearised_starts(mechanism, shared, states, BEGINS)
     by = variations(mechanism, trajectories, shared, starts.states_by)
     index, weights = markers.hermite(trajectories.grid.t, TIMES)
     nodal = markers.varied_at_nodes(trajectories, by, MARKERS)
     return starts, np.stack([markers.between(one, index, weights) for one in nodal])
 
 
-@pytest.mark.parametrize("effects", [(), (Fan(),)], ids=["rigid", "with an effect"])
+@pytest.mark.parametrize("effects", [(), (Everything(),)], ids=["rigid", "with effects"])
 def test_every_column_agrees_with_finite_differences(robot, effects):
-    theta = [0.2, 0.3, 0.004, 1e-3] if effects else None
+    theta = [0.2, 0.3, 0.004, 1e-3, 2e-3, 0.4] if effects else None
     mechanism, shared, states = started(robot, effects, theta)
     starts, exact = derivatives(mechanism, shared, states)
     own = 6 + mechanism.freedoms
@@ -111,9 +119,9 @@ def test_every_column_agrees_with_finite_differences(robot, effects):
         for sign in (h, -h):
             step = sign * np.eye(own + len(shared))[column]
             there = shared + step[own:]
-            at = moved(mechanism, there, states, starts, np.tile(step[:own], (2, 1)))
+            at = moved(mechanism, there, states, starts, np.tile(step[:own], (2, 1)), BEGINS)
             ends.append(predicted(mechanism, there, at)[1])
-            lengths.append(linearised_starts(mechanism, there, at).lengths)
+            lengths.append(linearised_starts(mechanism, there, at, BEGINS).lengths)
         slope = (ends[0] - ends[1]) / (2 * h)
         scale = max(1.0, np.abs(slope).max())
         np.testing.assert_allclose(exact[..., column], slope, atol=3e-6 * scale, err_msg=f"column {column}")
@@ -131,11 +139,24 @@ def test_the_quick_grid_is_good_enough_on_the_way(paper):
     )
 
 
+class Springy(Effect):
+    parameters = ("kappa",)
+
+    def compliance(self, number, cable, theta):
+        return theta[0]
+
+
+def test_slots_that_are_not_carried_are_refused(paper):
+    _, shared, states = started(paper.robot)
+    with pytest.raises(OurBugError, match=r"Springy: .* slots compliance"):
+        integrate(Mechanism(paper.robot, (Springy(),)), np.append(shared, 0), states, Grid.covering(0.1, QUICK), BEGINS)
+
+
 def test_tied_twists_stretch_no_cable_and_stay_near(paper):
-    mechanism, _, states = started(paper.robot)
+    mechanism, shared, states = started(paper.robot)
     xi = mechanism.structure_matrix(states.positions, states.rotations)
     np.testing.assert_allclose(xi @ states.twists[..., None], 0, atol=1e-14)
-    again = tied(mechanism, np.zeros(9), states)
+    again = tied(mechanism, shared, states, BEGINS)
     np.testing.assert_allclose(again.twists, states.twists, atol=1e-15)
 
 
@@ -146,8 +167,8 @@ def test_a_lone_cable_spins_past_half_a_turn_with_its_derivatives(make_robot):
     rest = pose_from_lengths(mechanism, body, np.array([1.3])).pose
     attachment = rest.rotation @ mechanism.robot.cables[0].a
     twist = np.concatenate([-np.cross([0, 0, 7.0], attachment), [0, 0, 7.0]])
-    states = tied(mechanism, body.vector, States(rest.position[None], rest.rotation[None], twist[None]))
-    starts = linearised_starts(mechanism, body.vector, states)
+    states = tied(mechanism, body.vector, States(rest.position[None], rest.rotation[None], twist[None]), np.zeros(1))
+    starts = linearised_starts(mechanism, body.vector, states, np.zeros(1))
     found = integrate(mechanism, body.vector, states, Grid.covering(0.6, FINE), np.zeros(1))
     heading = np.unwrap(np.arctan2(found.rotations[0, :, 1, 0], found.rotations[0, :, 0, 0]))
     assert heading[-1] - heading[0] > 1.2 * np.pi
@@ -155,7 +176,13 @@ def test_a_lone_cable_spins_past_half_a_turn_with_its_derivatives(make_robot):
     step = np.zeros((1, 11))
     step[0, 8] = 1e-6
     ends = [
-        integrate(mechanism, body.vector, moved(mechanism, body.vector, states, starts, s), found.grid, np.zeros(1))
+        integrate(
+            mechanism,
+            body.vector,
+            moved(mechanism, body.vector, states, starts, s, np.zeros(1)),
+            found.grid,
+            np.zeros(1),
+        )
         for s in (step, -step)
     ]
     slope = (ends[0].positions - ends[1].positions) / 2e-6

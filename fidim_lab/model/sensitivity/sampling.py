@@ -1,0 +1,39 @@
+"""One of the trajectories at times of one's own choice, as a `Motion`."""
+
+import numpy as np
+
+from fidim_lab.arrays import Series
+from fidim_lab.data.records import Motion
+from fidim_lab.model.batch import over_samples
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity import markers
+from fidim_lab.model.sensitivity.equations import slopes
+from fidim_lab.model.sensitivity.integrate import Trajectories
+
+AXES = np.vstack([np.zeros(3), np.eye(3)])
+"""origin and tips of the body's axes, as markers: quintic polynomials of these give pose and rotation"""
+
+
+def sampled(mechanism: Mechanism, shared: np.ndarray, trajectories: Trajectories, window: int, times: Series) -> Motion:
+    """Pose, twist and acceleration of one window at `times` (s from the grid's 0, which is also the motion's clock).
+
+    Poses are good to 1e-9 m, twists to 1e-5 m/s, accelerations those of the equations of motion there.
+    """
+    index, weights = markers.hermite(trajectories.grid.t, times)
+    tips = markers.between(markers.at_nodes(trajectories.only(window), AXES)[0], index, weights)
+    positions = tips[:, 0]
+    rotations = np.swapaxes(tips[:, 1:] - tips[:, :1], 1, 2)
+    rotations = rotations @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(rotations, 1, 2) @ rotations)  # polar, one Newton step
+    twists = _cubic(trajectories, window, index, times)
+    clock = trajectories.begins[window] + times
+    found = over_samples(slopes(mechanism), len(times), clock[:, np.newaxis], positions, rotations, twists, shared)[0]
+    return Motion(t=times, positions=positions, rotations=rotations, twists=twists, accelerations=found[:, :6])
+
+
+def _cubic(trajectories: Trajectories, window: int, index: np.ndarray, times: Series) -> np.ndarray:
+    """Twists by cubic Hermite polynomials from twists and accelerations at the nodes."""
+    nodes, v, a = trajectories.grid.t, trajectories.twists[window], trajectories.accelerations[window]
+    h = (nodes[index + 1] - nodes[index])[:, np.newaxis]
+    s = (times - nodes[index])[:, np.newaxis] / h
+    begin = (1 - s) ** 2 * ((1 + 2 * s) * v[index] + s * h * a[index])
+    return begin + s**2 * ((3 - 2 * s) * v[index + 1] - (1 - s) * h * a[index + 1])
