@@ -15,6 +15,8 @@ Estimator = Callable[[Problem], Estimate]
 class Method(StrEnum):
     """Estimators that can be asked for."""
 
+    MLE = "mle"
+    """maximum likelihood on whole trajectories (`mle.identify`): works on recordings, not on equations"""
     TLS = "tls"
     """FIDIM by total least squares, the paper's"""
     LS = "ls"
@@ -23,6 +25,7 @@ class Method(StrEnum):
     """the same equations with instruments from simulated motion"""
 
 
+# MLE is not among them: it works on recordings
 ESTIMATORS: Mapping[Method, Estimator] = MappingProxyType(
     {
         Method.TLS: total_least_squares.estimate,
@@ -31,15 +34,10 @@ ESTIMATORS: Mapping[Method, Estimator] = MappingProxyType(
     }
 )
 
-NOT_YET = ("mle",)
-"""named in FORMAT.md, but not built"""
-
 
 def method_named(name: str) -> Method:
     """The method of this name. Raises SetupError that lists what there is."""
     if name in {method.value for method in Method}:
         return Method(name)
     available = ", ".join(Method)
-    if name in NOT_YET:
-        raise SetupError(f"Method {name!r} is not built yet; available: {available}.")
     raise SetupError(f"There is no method {name!r}; available: {available}.")

@@ -9,6 +9,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.identification import consistency, tls
 from fidim_lab.identification.estimate import Estimate
 from fidim_lab.identification.estimators import ESTIMATORS, Method
+from fidim_lab.identification.mle import identify as mle
 from fidim_lab.identification.problem import Problem, build
 from fidim_lab.identification.recipe import BEST, Recipe
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
@@ -22,13 +23,21 @@ OPTIMISM = 3.0
 
 
 def identify(
-    campaign: Campaign, method: Method = Method.TLS, recipe: Recipe = BEST, checks: Checks = THOROUGH
+    campaign: Campaign,
+    method: Method = Method.TLS,
+    recipe: Recipe = BEST,
+    checks: Checks = THOROUGH,
+    *,
+    native: bool = False,
 ) -> IdentificationResult:
     """Identify the body from the `identify` windows, judge it on all windows.
 
+    recipe, checks: of the methods that work on equations; native: compiled C for maximum likelihood, see `mle`.
     Raises RefusedError when no window can be used or the windows do not identify a body, SetupError when what was asked
     for does not fit the campaign.
     """
+    if method is Method.MLE:
+        return mle.identify(campaign, native=native)
     begin = perf_counter()
     problem = build(campaign, recipe)
     estimate = ESTIMATORS[method](problem)

@@ -17,6 +17,15 @@ class Outcome(Enum):
     """How it ended. The name, in lower case, goes into files; the value is for people."""
 
     CONVERGED = "The inertial parameters are identified."
+    MISFIT = (
+        "The best fit was found, but the model does not explain the recordings: the parameters carry the error of what "
+        "is missing."
+    )
+    LOST_PHASE = (
+        "The simulated motion could not follow most of the recordings to their end: the model is wrong, and so are the "
+        "parameters."
+    )
+    NOT_CONVERGED = "The fit was ended before it had converged; the parameters are not the best ones."
     DOUBTFUL = "Parameters were found, but some that matter are not well identified (over 10 %)."
     IMPOSSIBLE_BODY = "Parameters were found, but their kinetic energy is negative in some motion; do not use them."
 

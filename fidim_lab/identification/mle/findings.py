@@ -1,0 +1,178 @@
+"""What a trajectory fit says in words: outcome, message, warnings. No number is made here but for comparison."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fidim_lab.data.records import PARAMETER_NAMES, Role
+from fidim_lab.identification import consistency, tls
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.optimise import Ending
+from fidim_lab.identification.mle.possible import distance_to_boundary
+from fidim_lab.identification.mle.stages import Journey
+from fidim_lab.identification.result import Outcome, Parameter, WindowVerdict
+
+MISFIT = 1.5
+"""χ²/dof, for the noise that the residuals themselves show, above which the model does not explain the recordings"""
+SURPRISE = 5.0
+"""standard deviations of χ² above its expectation that are worth a warning"""
+COLOURED = 2.0
+"""whiteness above which what is left is not noise"""
+MOST_LOST = 0.5
+"""share of the windows beyond which a lost phase is no matter of single windows"""
+OPTIMISM = 3.0
+"""a spread so many times the nominal sd is worth a warning"""
+CONTRADICTION_MM = 2.0
+"""mm between markers and lengths at the start of a window that are worth a warning"""
+
+
+@dataclass(frozen=True, eq=False)
+class Figures:
+    """The nine parameters with every kind of uncertainty."""
+
+    parameters: dict[str, Parameter]
+    non_essential: tuple[str, ...]
+    covariance: Float[np.ndarray, "9 9"]
+    leave_one_out: Float[np.ndarray, "W 9"] | None
+
+    @property
+    def sd(self) -> Float[np.ndarray, "9"]:
+        """Nominal standard deviations."""
+        return np.array([parameter.sd for parameter in self.parameters.values()])
+
+    @property
+    def spread(self) -> Float[np.ndarray, "9"]:
+        """The largest of nominal sd, bootstrap and jackknife."""
+        return np.array([max(parameter.sd, parameter.spread or 0.0) for parameter in self.parameters.values()])
+
+
+def non_essential(
+    values: Float[np.ndarray, "9"], sd: Float[np.ndarray, "9"], bootstrap: Float[np.ndarray, "9"] | None
+) -> Bool[np.ndarray, "9"]:
+    """Parameters near zero with σ% over 10 (§3.2), by the larger of nominal and bootstrap sd."""
+    known = sd if bootstrap is None else np.maximum(sd, bootstrap)
+    return tls.near_zero(values) & (known > tls.WELL_IDENTIFIED_PERCENT / 100 * np.abs(values))
+
+
+def doubtful(found: Fit, figures: Figures) -> tuple[str, ...]:
+    """Parameters that are not near zero and known to no better than 10 %."""
+    loose = figures.spread > tls.WELL_IDENTIFIED_PERCENT / 100 * np.abs(found.values)
+    marks = loose & ~tls.near_zero(found.values)
+    return tuple(name for name, mark in zip(PARAMETER_NAMES, marks, strict=True) if mark)
+
+
+def outcome(found: Fit, figures: Figures) -> Outcome:
+    """How it ended; the worst of what applies."""
+    if not consistency.can_move(found.body):
+        return Outcome.IMPOSSIBLE_BODY
+    if len(found.journey.lost) > MOST_LOST * len(found.remainders):
+        return Outcome.LOST_PHASE
+    if found.ending is not Ending.CONVERGED:
+        return Outcome.NOT_CONVERGED
+    if found.excess > MISFIT:
+        return Outcome.MISFIT
+    return Outcome.DOUBTFUL if doubtful(found, figures) else Outcome.CONVERGED
+
+
+def message(ended: Outcome, found: Fit, figures: Figures) -> str:
+    """A paragraph for a person."""
+    eigenvalue, in_sd = distance_to_boundary(found.body, figures.covariance)
+    parts = [
+        ended.value,
+        f"{len(found.remainders)} windows were used; χ²/dof is {found.chi2_per_dof:.3g}.",
+        consistency.sentence(found.body),
+    ]
+    if eigenvalue > 0:
+        parts.append(f"It is {min(in_sd, 9999):.3g} nominal sd away from bodies that cannot.")
+    if ended is Outcome.NOT_CONVERGED:
+        parts.append(found.ending.value)
+    if loose := doubtful(found, figures):
+        parts.append(f"Not well identified: {', '.join(loose)}.")
+    return " ".join(parts)
+
+
+def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:
+    """Everything that a user should know before believing the numbers, one sentence each."""
+    said = [f"Window {name} is not used: {why}" for name, why in found.unused.items()]
+    said += [f"Window {window.id} is not used: {window.notes[0]}" for window in windows if _unpredicted(window)]
+    said += [f"Window {window.id}: {note}." for window in windows if window.used for note in window.notes]
+    if found.start_moved:
+        said.append(
+            "The nominal body cannot move (its inertia about G is not positive definite); the search began at the "
+            "nearest body that can."
+        )
+    said += [
+        f"The data do not determine {combination}: it stays where CAD has it."
+        for combination in found.open_combinations
+    ]
+    said += _misfit_warnings(found, windows)
+    said += _spread_warnings(figures)
+    if not consistency.can_exist(found.body):
+        said.append(consistency.sentence(found.body))
+    return tuple(said)
+
+
+def window_notes(found: Fit, w: int) -> tuple[str, ...]:
+    """Notes on one window that was fitted."""
+    notes = list(journey_notes(found.journey, w))
+    misfit = found.misfits[w] * 1e3
+    if misfit > CONTRADICTION_MM:
+        notes.append(f"cable lengths and markers miss each other by {misfit:.1f} mm at its start")
+    return tuple(notes)
+
+
+def journey_notes(journey: Journey, w: int) -> tuple[str, ...]:
+    """What happened to one recording on the way to full length."""
+    if w in journey.slack:
+        t, cable = journey.slack[w]
+        return (f"cable {cable} goes slack {t:.2f} s after its begin; what follows is not used",)
+    if w in journey.lost:
+        return (f"the simulated motion loses its phase; only the first {journey.ends[w]:.2g} s are used",)
+    return ()
+
+
+def _unpredicted(window: WindowVerdict) -> bool:
+    return not window.used and window.role is Role.VALIDATE
+
+
+def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str]:
+    said: list[str] = []
+    declared = found.likelihood.noise
+    if found.noise_ratio > 1.25 or found.noise_ratio < 0.8:
+        said.append(
+            f"The residuals show a marker noise of {found.noise_ratio * declared * 1e3:.3g} mm, the robot file says "
+            f"{declared * 1e3:.3g} mm (sensors, marker_noise)."
+        )
+    dof = sum(left.dof for left in found.remainders)
+    if (found.excess - 1) * np.sqrt(dof / 2) > SURPRISE:
+        left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
+        said.append(
+            f"χ²/dof is {found.chi2_per_dof:.3g}: besides noise, {left:.2g} mm rms are left that the model does not "
+            "explain. Something is missing from it (fidim explain)."
+        )
+    coloured = [
+        f"{recording.window.id} ({left.whiteness:.0f})"
+        for recording, left in zip(found.likelihood.recordings, found.remainders, strict=True)
+        if left.whiteness is not None and left.whiteness > COLOURED
+    ]
+    if coloured:
+        said.append(f"What is left is not white (1 would be) in {len(coloured)} windows: {', '.join(coloured)}.")
+    held = [window for window in windows if window.role is Role.VALIDATE and window.chi2_per_dof is not None]
+    bad = [window.id for window in held if (window.chi2_per_dof or 0.0) > 2 * max(1.0, found.chi2_per_dof)]
+    if bad:
+        said.append(f"Held-out windows {', '.join(bad)} fit at least twice as badly as those of the fit.")
+    return said
+
+
+def _spread_warnings(figures: Figures) -> list[str]:
+    if figures.leave_one_out is None:
+        return ["Fewer than three windows: the spread from window to window is unknown, and the sd are nominal only."]
+    ratio = figures.spread / np.maximum(figures.sd, 1e-300)
+    worst = int(np.argmax(ratio))
+    if ratio[worst] < OPTIMISM:
+        return []
+    return [
+        f"The spread between windows is up to {ratio[worst]:.0f} times the nominal sd ({PARAMETER_NAMES[worst]}): the "
+        "model lacks something, or windows are few; believe the spread."
+    ]

@@ -1,0 +1,188 @@
+"""The fit as a whole: recordings in, the body with its uncertainty out.
+
+    found = fit(mechanism, windows)
+    found.values, found.sd, found.chi2_per_dof, found.ending
+
+With effects in the mechanism their θ is estimated too, from `mechanism.theta` as the start and within `theta_sd` of it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Window
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle import spread
+from fidim_lab.identification.mle.judge import Remainder, remainder
+from fidim_lab.identification.mle.likelihood import Likelihood, Point
+from fidim_lab.identification.mle.normal import Prior, reduced
+from fidim_lab.identification.mle.optimise import Ending
+from fidim_lab.identification.mle.possible import nearest_possible, scales
+from fidim_lab.identification.mle.recordings import Recording, prepare
+from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
+from fidim_lab.identification.mle.start import Guess, as_states, first_guess
+from fidim_lab.model.mechanism import Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An optimum and everything that is known about it."""
+
+    likelihood: Likelihood
+    journey: Journey
+    start: Body
+    """where the search began"""
+    start_moved: bool
+    """the body asked for could not move; the nearest that can was taken"""
+    unused: dict[str, str]
+    """window id → why it could not be used"""
+    misfits: tuple[float, ...]
+    """how far lengths and markers were apart at the start of each recording, m"""
+    remainders: tuple[Remainder, ...]
+    """one for each recording"""
+    prior: Prior
+    """in force at the optimum"""
+    plausible: Float[np.ndarray, " shared"]
+    """how far each parameter may plausibly be from its start"""
+    names: tuple[str, ...]
+
+    @property
+    def values(self) -> Float[np.ndarray, " shared"]:
+        """The shared parameters."""
+        return self.journey.optimum.point.shared
+
+    @property
+    def body(self) -> Body:
+        """The identified body."""
+        return self.journey.optimum.point.body
+
+    @property
+    def ending(self) -> Ending:
+        """How the last optimisation ended."""
+        return self.journey.optimum.ending
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Of all markers and lengths that were used."""
+        dof = sum(left.dof for left in self.remainders) - len(self.values)
+        return sum(left.chi2 for left in self.remainders) / max(1, dof)
+
+    @property
+    def noise_ratio(self) -> float:
+        """Marker noise by fourth differences of the residuals over the stated one; 1 where that cannot be told."""
+        seen = [left.noise for left in self.remainders if left.noise is not None]
+        return float(np.median(seen)) / self.likelihood.noise if seen else 1.0
+
+    @property
+    def excess(self) -> float:
+        """χ²/dof for the noise that the residuals show: 1 says that the model is right, whatever noise was stated."""
+        return self.chi2_per_dof / self.noise_ratio**2
+
+    @property
+    def tables(self) -> Float[np.ndarray, "W s s"]:
+        """The windows' reduced tables at the optimum."""
+        return reduced(self.journey.optimum.tables, self.likelihood.own)
+
+    @property
+    def prior_rows(self) -> Float[np.ndarray, "shared s"]:
+        """The prior at the optimum."""
+        return self.prior.rows(self.values)
+
+    @property
+    def quadratic(self) -> spread.Quadratic:
+        """The sum of squares near the optimum."""
+        return spread.Quadratic.of(self.tables, self.prior_rows)
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "shared shared"]:
+        """Nominal: believes model and noise."""
+        return self.quadratic.covariance
+
+    @property
+    def sd(self) -> Float[np.ndarray, " shared"]:
+        """Nominal standard deviations."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def open_combinations(self) -> tuple[spread.Combination, ...]:
+        """What the data do not determine."""
+        return spread.open_combinations(self.covariance, self.plausible, self.names)
+
+    def without(self, dropped: Float[np.ndarray, " shared"]) -> Float[np.ndarray, " shared"]:
+        """The estimate with the parameters marked in `dropped` (bool) set to zero, to first order."""
+        free = ~np.asarray(dropped, dtype=bool)
+        return self.values + self.quadratic.step(free, -self.values)
+
+
+def fit(
+    mechanism: Mechanism,
+    windows: Sequence[Window],
+    *,
+    start: Body | None = None,
+    theta_sd: Float[np.ndarray, " theta"] | None = None,
+) -> Fit:
+    """Fit body (and θ, if the mechanism has effects) to the windows; see the module.
+
+    start: where to begin, the robot's nominal body unless given. theta_sd: standard deviations of a normal prior on θ
+    about mechanism.theta, infinite unless given. Noise and resolution are those of the robot's sensors.
+    Windows that cannot be used are in `unused`. Raises RefusedError where none can, or where no motion can be
+    simulated from the start.
+    """
+    wanted = mechanism.robot.nominal if start is None else start
+    body = nearest_possible(wanted)
+    recordings, guesses, unused = _guessed(mechanism, body, windows)
+    sensors = mechanism.robot.sensors
+    likelihood = Likelihood(mechanism, recordings, as_states(guesses), sensors.marker_noise, sensors.encoder_resolution)
+    shared = np.concatenate([body.vector, mechanism.theta])
+    theta = np.full(mechanism.theta.size, np.inf) if theta_sd is None else np.asarray(theta_sd, dtype=float)
+    plausible = np.concatenate([scales(body), theta])
+    prior = Prior(mean=shared, sd=plausible)
+    free = np.ones(len(shared), dtype=bool)
+    journey = grow(likelihood, Point(shared, likelihood.guesses), prior, free)
+    if journey is None:
+        raise RefusedError(
+            "The motion cannot be simulated from the start values.",
+            hint="Check geometry and nominal inertia in the robot file.",
+        )
+    simulation = journey.optimum.simulation
+    return Fit(
+        likelihood=likelihood,
+        journey=journey,
+        start=body,
+        start_moved=body is not wanted,
+        unused=unused,
+        misfits=tuple(guess.misfit for guess in guesses),
+        remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(recordings))),
+        prior=Prior(mean=shared, sd=plausible * FAR_PRIOR),
+        plausible=plausible,
+        names=(*PARAMETER_NAMES, *(_name(p) for effect in mechanism.effects for p in effect.parameters)),
+    )
+
+
+def _name(parameter: object) -> str:
+    """Of an effect's parameter, which is a name or a record with one."""
+    return str(getattr(parameter, "name", parameter))
+
+
+def _guessed(
+    mechanism: Mechanism, body: Body, windows: Sequence[Window]
+) -> tuple[tuple[Recording, ...], tuple[Guess, ...], dict[str, str]]:
+    """Recordings with their first guesses, and the windows that have none."""
+    recordings: list[Recording] = []
+    guesses: list[Guess] = []
+    unused: dict[str, str] = {}
+    for window in windows:
+        try:
+            recording = prepare(window, mechanism.robot)
+            guess = first_guess(mechanism, body, recording)
+        except RefusedError as refusal:
+            unused[window.id] = str(refusal)
+            continue
+        recordings.append(recording)
+        guesses.append(guess)
+    if not recordings:
+        reasons = "; ".join(unused.values()) or "there is none"
+        raise RefusedError(f"No window of role 'identify' can be used: {reasons}")
+    return tuple(recordings), tuple(guesses), unused

@@ -1,0 +1,179 @@
+"""From a campaign to an IdentificationResult by maximum likelihood: fit, hold windows out, and say what it is worth.
+
+The numbers of the equations of motion that FORMAT.md asks for too (σ_W, C, σ⊥) come from total least squares on the
+side; where that cannot be had they stay unknown.
+"""
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
+from fidim_lab.errors import FidimError, RefusedError
+from fidim_lab.identification import total_least_squares, validation
+from fidim_lab.identification.estimate import Estimate
+from fidim_lab.identification.estimators import Method
+from fidim_lab.identification.mle import findings, held_out, spread
+from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.likelihood import Simulation
+from fidim_lab.identification.mle.recordings import prepare
+from fidim_lab.identification.problem import Problem, build
+from fidim_lab.identification.recipe import BEST
+from fidim_lab.identification.result import IdentificationResult, Parameter, Residual, WindowVerdict
+from fidim_lab.identification.trajectory import Prediction
+from fidim_lab.identification.uncertainty import jackknife_sd
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.sampling import sampled
+
+VARIANT = "trajectory"
+"""how a window's motion was measured: as a simulated one that fits"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """What the equations of motion say of the same windows."""
+
+    problem: Problem
+    estimate: Estimate
+
+
+def identify(campaign: Campaign, *, native: bool = False) -> IdentificationResult:
+    """Identify the body from the `identify` windows by maximum likelihood, judge it on all windows.
+
+    native: with compiled C where there is a compiler: the same digits, some five times faster after a few seconds of
+    building, once for each robot. Raises RefusedError where no window can be used or simulated.
+    """
+    begin = perf_counter()
+    mechanism = Mechanism(campaign.robot, native=native)
+    found = fit(mechanism, campaign.of_role(Role.IDENTIFY))
+    side = _side(campaign)
+    predicted = _held_out(mechanism, campaign, found)
+    windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
+    figures = _figures(campaign, found)
+    outcome = findings.outcome(found, figures)
+    return IdentificationResult(
+        campaign=campaign.name,
+        method=Method.MLE,
+        outcome=outcome,
+        message=findings.message(outcome, found, figures),
+        parameters=figures.parameters,
+        non_essential=figures.non_essential,
+        sigma_W=None if side is None else side.estimate.sigma_W,
+        C=None if side is None else side.estimate.C,
+        windows=windows,
+        warnings=findings.warnings(found, figures, windows),
+        seconds=perf_counter() - begin,
+        noise_ratio=float(np.sqrt(found.excess)),
+        covariance=figures.covariance,
+        leave_one_out=figures.leave_one_out,
+        attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
+        freedoms=campaign.robot.freedoms,
+    )
+
+
+def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
+    """Parameters with every kind of uncertainty."""
+    replicates = spread.leave_one_out(found.tables, found.prior_rows, found.values)
+    bootstrap = spread.bootstrap_sd(found.tables, found.prior_rows)
+    covariance = found.covariance * max(1.0, found.noise_ratio**2)
+    sd = np.sqrt(np.diag(covariance))
+    dropped = findings.non_essential(found.values, sd, bootstrap)
+    refitted = found.without(dropped) if dropped.any() else None
+    jackknife = None if replicates is None else jackknife_sd(replicates)
+    nominal = campaign.robot.nominal.vector
+    parameters = {
+        name: Parameter(
+            value=float(found.values[k]),
+            sd=float(sd[k]),
+            sd_bootstrap=None if bootstrap is None else float(bootstrap[k]),
+            sd_jackknife=None if jackknife is None else float(jackknife[k]),
+            nominal=float(nominal[k]),
+            without_non_essential=None if refitted is None else float(refitted[k]),
+        )
+        for k, name in enumerate(PARAMETER_NAMES)
+    }
+    names = tuple(name for name, drop in zip(PARAMETER_NAMES, dropped, strict=True) if drop)
+    return findings.Figures(parameters, names, covariance, replicates)
+
+
+def _held_out(mechanism: Mechanism, campaign: Campaign, found: Fit) -> dict[str, held_out.Prediction | str]:
+    """What each validation window says; a sentence where it cannot be predicted."""
+    predicted: dict[str, held_out.Prediction | str] = {}
+    for window in campaign.of_role(Role.VALIDATE):
+        try:
+            recording = prepare(window, campaign.robot)
+            predicted[window.id] = held_out.predict(mechanism, found.values, recording, campaign.robot.sensors)
+        except RefusedError as refusal:
+            predicted[window.id] = str(refusal)
+    return predicted
+
+
+def _side(campaign: Campaign) -> _Side | None:
+    try:
+        problem = build(campaign, BEST)
+        return _Side(problem, total_least_squares.estimate(problem))
+    except FidimError:
+        return None
+
+
+def _verdict(
+    window: Window, found: Fit, predicted: dict[str, held_out.Prediction | str], side: _Side | None
+) -> WindowVerdict:
+    ids = [recording.window.id for recording in found.likelihood.recordings]
+    if window.id in ids:
+        w = ids.index(window.id)
+        left, simulation = found.remainders[w], found.journey.optimum.simulation
+        return _judged(
+            window, left, _predicted(found, simulation, w, left), findings.window_notes(found, w), found, side
+        )
+    held = predicted.get(window.id, found.unused.get(window.id, ""))
+    if isinstance(held, str):
+        return WindowVerdict(window.id, window.role, False, None, 0, None, None, None, None, (held,))
+    left = held.remainder
+    prediction = _predicted(found, held.journey.optimum.simulation, 0, left)
+    return _judged(window, left, prediction, findings.journey_notes(held.journey, 0), found, side)
+
+
+def _predicted(found: Fit, simulation: Simulation, w: int, left: Remainder) -> Prediction:
+    trajectories, place = simulation.trajectory_of(w)
+    mechanism, since = found.likelihood.mechanism, left.t - left.t[0]
+    motion = replace(sampled(mechanism, found.values, trajectories, place, since), t=left.t)
+    return Prediction(left.rms, left.chi2_per_dof, left.residuals, left.t, left.predicted, motion)
+
+
+def _judged(
+    window: Window,
+    left: Remainder,
+    prediction: Prediction,
+    notes: tuple[str, ...],
+    found: Fit,
+    side: _Side | None,
+) -> WindowVerdict:
+    epsilon, conditioning = _equations(window, found, side)
+    return WindowVerdict(
+        id=window.id,
+        role=window.role,
+        used=True,
+        variant=VARIANT,
+        samples=len(left.t),
+        sigma_perp=None if epsilon is None else validation.sigma_perp(epsilon),
+        rms_mm=left.rms * 1e3,
+        chi2_per_dof=left.chi2_per_dof,
+        conditioning=conditioning,
+        notes=notes,
+        residual=epsilon,
+        prediction=prediction,
+    )
+
+
+def _equations(window: Window, found: Fit, side: _Side | None) -> tuple[Residual | None, float | None]:
+    """ε = W χ of a window with the body found here, and the conditioning of its free coordinates."""
+    if side is None:
+        return None, None
+    for equations in side.problem.equations:
+        if equations.window.id == window.id:
+            epsilon = validation.residual(equations, found.body, side.estimate.weights)
+            return epsilon, float(equations.measured.conditioning.max())
+    return None, None

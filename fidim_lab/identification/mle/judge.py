@@ -1,0 +1,106 @@
+"""What is left of a window after a fit: χ²/dof, rms, whiteness, and the marker noise that its residuals show."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import Series
+from fidim_lab.identification.mle.likelihood import Likelihood, Simulation
+
+LAGS = 20
+"""samples, over which residuals are tested for correlation"""
+EVEN = 0.01
+"""share of the sampling interval by which samples may be off and still count as neighbours"""
+
+
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """The residuals of one window and their figures."""
+
+    t: Series
+    """s on the window's own clock (as in its file)"""
+    residuals: Float[np.ndarray, "T M 3"]
+    """recorded − predicted, m; NaN where nothing was recorded"""
+    predicted: Float[np.ndarray, "T M 3"]
+    """m; NaN where nothing was recorded"""
+    chi2: float
+    """of markers and lengths"""
+    dof: int
+    """their number, less the window's own unknowns"""
+    rms: float
+    """of the marker residuals, m"""
+    whiteness: float | None
+    """mean of N ρ² over the first lags: 1 ± 0.3 for white residuals, larger where something is left; None if uneven"""
+    noise: float | None
+    """standard deviation by fourth differences of the residuals, m: what no smooth motion explains"""
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """1 says: nothing but the stated noise is left."""
+        return self.chi2 / self.dof
+
+
+def remainder(likelihood: Likelihood, simulation: Simulation, w: int) -> Remainder:
+    """The remainder of recording `w` as far as it was used."""
+    recording = likelihood.recordings[w]
+    use, seen = recording.seen_until(simulation.ends[w])
+    found = simulation.residuals[w]
+    left = np.full(seen.shape, np.nan)
+    left[seen] = -found.markers * likelihood.noise
+    t = recording.window.t[0] + recording.begin + recording.t[use]
+    count = len(found.markers) + len(found.lengths)
+    return Remainder(
+        t=t,
+        residuals=left,
+        predicted=recording.markers[use] - left,
+        chi2=float(found.markers @ found.markers + found.lengths @ found.lengths),
+        dof=max(1, count - likelihood.own),
+        rms=float(np.sqrt(np.mean(found.markers**2))) * likelihood.noise,
+        whiteness=_whiteness(t, left),
+        noise=_noise(t, left),
+    )
+
+
+def _whiteness(t: Series, residuals: Float[np.ndarray, "T M 3"]) -> float | None:
+    """Ljung–Box without its small-sample factors, per lag, over all coordinates together."""
+    columns = _even(t, residuals)
+    if columns is None or len(columns) < 3 * LAGS:
+        return None
+    total = 0.0
+    counted = 0
+    for column in columns.T:
+        seen = np.isfinite(column)
+        if seen.sum() < 3 * LAGS:
+            continue
+        x = column - column[seen].mean()
+        for lag in range(1, LAGS + 1):
+            products = x[lag:] * x[:-lag]
+            both = np.isfinite(products)
+            if both.sum() > LAGS:
+                total += float(products[both].sum() ** 2 / both.sum() / np.mean(x[seen] ** 2) ** 2)
+                counted += 1
+    return total / counted if counted else None
+
+
+def _noise(t: Series, residuals: Float[np.ndarray, "T M 3"]) -> float | None:
+    columns = _even(t, residuals)
+    if columns is None or len(columns) < LAGS:
+        return None
+    fourth = np.diff(columns, n=4, axis=0)
+    fourth = fourth[np.isfinite(fourth)]
+    return float(np.sqrt(np.mean(fourth**2) / 70)) if len(fourth) > LAGS else None
+
+
+def _even(t: Series, residuals: Float[np.ndarray, "T M 3"]) -> Float[np.ndarray, "N K"] | None:
+    """Residuals on the even grid of the sampling, NaN in gaps; None where the samples lie on no such grid."""
+    if len(t) < 3:
+        return None
+    interval = float(np.median(np.diff(t)))
+    steps = (t - t[0]) / interval
+    index = np.rint(steps).astype(int)
+    if np.abs(steps - index).max() > EVEN * max(1, len(t)) or np.any(np.diff(index) < 1):
+        return None
+    grid = np.full((index[-1] + 1, residuals[0].size), np.nan)
+    grid[index] = residuals.reshape(len(t), -1)
+    return grid

@@ -1,0 +1,232 @@
+"""Whitened residuals of recordings at a point of the unknowns, and their exact derivatives.
+
+`simulate` gives residuals only (a third of the price), `linearised` adds the derivatives, window by window. Windows are
+integrated in batches of similar length, so that memory does not grow with their number.
+
+The rows of one window: marker coordinates in order of time, marker, axis; known cable lengths; and one row for each
+of the window's own unknowns, a prior so loose that it says nothing where anything else does.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from fidim_lab.data.records import Body
+from fidim_lab.identification.consistency import can_move
+from fidim_lab.identification.mle.recordings import Recording
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity import markers
+from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.grid import Grid, Resolution
+from fidim_lab.model.sensitivity.integrate import States, Trajectories, integrate
+from fidim_lab.model.sensitivity.starts import Starts, linearised_starts, moved
+from fidim_lab.model.sensitivity.variation import variations
+
+LOOSE_POSE = 1.0
+"""m and rad, from the first guess"""
+LOOSE_RATE = 10.0
+"""m/s and rad/s, from rest"""
+BATCH = 12
+"""windows integrated together, if they have one or two markers; fewer with more"""
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """What was recorded, and how well it is known."""
+
+    mechanism: Mechanism
+    recordings: tuple[Recording, ...]
+    guesses: States
+    """first guesses, at which the loose priors are centred"""
+    noise: float
+    """standard deviation of a marker coordinate, m"""
+    resolution: float
+    """standard deviation of an encoder's length, m"""
+
+    @property
+    def own(self) -> int:
+        """Unknowns of each window: pose (6) and λ rates."""
+        return 6 + self.mechanism.freedoms
+
+    @property
+    def begins(self) -> Float[np.ndarray, " W"]:
+        """When each recording begins on its window's own clock, s."""
+        return np.array([recording.begin for recording in self.recordings])
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """One value of all unknowns."""
+
+    shared: Float[np.ndarray, " shared"]
+    """nine of the body, then θ"""
+    states: States
+
+    @property
+    def body(self) -> Body:
+        """The body."""
+        return Body.from_vector(self.shared[:BODY])
+
+
+@dataclass(frozen=True, eq=False)
+class WindowResidual:
+    """The whitened residual of one window: predicted − recorded over its standard deviation."""
+
+    markers: Float[np.ndarray, " K"]
+    lengths: Float[np.ndarray, " m"]
+    loose: Float[np.ndarray, " own"]
+
+    @property
+    def rows(self) -> Float[np.ndarray, " rows"]:
+        """All of them in one."""
+        return np.concatenate([self.markers, self.lengths, self.loose])
+
+
+@dataclass(frozen=True, eq=False)
+class WindowLinear:
+    """One window's residual with its derivatives at a point: all that a score test needs."""
+
+    window: int
+    residual: Float[np.ndarray, " rows"]
+    by_own: Float[np.ndarray, "rows own"]
+    by_shared: Float[np.ndarray, "rows shared"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    members: np.ndarray
+    """indices of the recordings"""
+    trajectories: Trajectories
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """All recordings simulated at a point, each as far as its `ends`."""
+
+    point: Point
+    ends: Float[np.ndarray, " W"]
+    """s since each recording's begin"""
+    batches: tuple[_Batch, ...]
+    starts: Starts
+    residuals: tuple[WindowResidual, ...]
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares; infinite where a motion could not be simulated."""
+        total = sum(float(residual.rows @ residual.rows) for residual in self.residuals)
+        return total if np.isfinite(total) else np.inf
+
+    def trajectory_of(self, window: int) -> tuple[Trajectories, int]:
+        """The batch of trajectories in which a recording is, and its place there."""
+        for batch in self.batches:
+            found = np.flatnonzero(batch.members == window)
+            if len(found):
+                return batch.trajectories, int(found[0])
+        raise IndexError(window)
+
+
+def simulate(
+    likelihood: Likelihood, point: Point, ends: Float[np.ndarray, " W"], resolution: Resolution
+) -> Simulation | None:
+    """Residuals at a point; None for a body that cannot move (its mass matrix is not positive definite)."""
+    if not np.isfinite(point.shared).all() or not can_move(point.body):
+        return None
+    starts = linearised_starts(likelihood.mechanism, point.shared, point.states, likelihood.begins)
+    found: dict[int, WindowResidual] = {}
+    batches: list[_Batch] = []
+    for members, grid in _batches(likelihood, ends, resolution):
+        states = _chosen(point.states, members)
+        trajectories = integrate(likelihood.mechanism, point.shared, states, grid, likelihood.begins[members])
+        batches.append(_Batch(members, trajectories))
+        nodal = markers.at_nodes(trajectories, _body_markers(likelihood, members))
+        for place, w in enumerate(members):
+            found[int(w)] = _residual(likelihood, point, starts, int(w), float(ends[w]), grid, nodal[place])
+    residuals = tuple(found[w] for w in range(len(likelihood.recordings)))
+    return Simulation(point, ends, tuple(batches), starts, residuals)
+
+
+def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowLinear]:
+    """Residuals with derivatives, one window after the other (not in their order: batch by batch)."""
+    point, own = simulation.point, likelihood.own
+    for batch in simulation.batches:
+        by = variations(
+            likelihood.mechanism, batch.trajectories, point.shared, simulation.starts.states_by[batch.members]
+        )
+        nodal = markers.varied_at_nodes(batch.trajectories, by, _body_markers(likelihood, batch.members))
+        for place, w in enumerate(batch.members):
+            recording = likelihood.recordings[w]
+            use, seen = recording.seen_until(simulation.ends[w])
+            index, weights = markers.hermite(batch.trajectories.grid.t, recording.t[use])
+            by_markers = markers.between(nodal[place][:, :, : seen.shape[1]], index, weights)[seen]
+            known = np.isfinite(recording.lengths)
+            jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
+            jacobian[: len(by_markers)] = by_markers / likelihood.noise
+            by_lengths = simulation.starts.lengths_by[w][known] / likelihood.resolution
+            jacobian[len(by_markers) : -own] = by_lengths
+            jacobian[-own:, :own] = np.diag(1 / _loose(own))
+            yield WindowLinear(int(w), simulation.residuals[w].rows, jacobian[:, :own], jacobian[:, own:])
+
+
+def stepped(
+    likelihood: Likelihood,
+    simulation: Simulation,
+    own: Float[np.ndarray, "W own"],
+    shared: Float[np.ndarray, " shared"],
+) -> Point:
+    """The point after a step of every window's own unknowns and of the shared parameters."""
+    there = simulation.point.shared + shared
+    states = moved(likelihood.mechanism, there, simulation.point.states, simulation.starts, own, likelihood.begins)
+    return Point(there, states)
+
+
+def _residual(
+    likelihood: Likelihood,
+    point: Point,
+    starts: Starts,
+    w: int,
+    end: float,
+    grid: Grid,
+    nodal: Float[np.ndarray, "N 3 M 3"],
+) -> WindowResidual:
+    recording = likelihood.recordings[w]
+    use, seen = recording.seen_until(end)
+    index, weights = markers.hermite(grid.t, recording.t[use])
+    predicted = markers.between(nodal[:, :, : seen.shape[1]], index, weights)
+    known = np.isfinite(recording.lengths)
+    guess, at = likelihood.guesses, point.states
+    turn = Rotation.from_matrix(guess.rotations[w].T @ at.rotations[w]).as_rotvec()
+    away = np.concatenate([at.positions[w] - guess.positions[w], turn, starts.free_twists[w].T @ at.twists[w]])
+    return WindowResidual(
+        markers=(predicted - recording.markers[use])[seen] / likelihood.noise,
+        lengths=(starts.lengths[w] - recording.lengths)[known] / likelihood.resolution,
+        loose=away / _loose(likelihood.own),
+    )
+
+
+def _loose(own: int) -> Float[np.ndarray, " own"]:
+    return np.concatenate([np.full(6, LOOSE_POSE), np.full(own - 6, LOOSE_RATE)])
+
+
+def _batches(
+    likelihood: Likelihood, ends: Float[np.ndarray, " W"], resolution: Resolution
+) -> Iterator[tuple[np.ndarray, Grid]]:
+    """Recordings of similar length together, each batch with a grid that reaches its longest."""
+    most = max(recording.markers.shape[1] for recording in likelihood.recordings)
+    size = max(1, BATCH // max(1, most // 2))
+    order = np.argsort(ends, kind="stable")
+    for first in range(0, len(order), size):
+        members = order[first : first + size]
+        yield members, Grid.covering(float(ends[members].max()), resolution)
+
+
+def _body_markers(likelihood: Likelihood, members: Sequence[int] | np.ndarray) -> Float[np.ndarray, "M 3"]:
+    """As many of the robot's markers as the windows of a batch have at most."""
+    most = max(likelihood.recordings[w].markers.shape[1] for w in members)
+    return likelihood.mechanism.robot.markers[:most]
+
+
+def _chosen(states: States, members: np.ndarray) -> States:
+    return States(states.positions[members], states.rotations[members], states.twists[members])

@@ -1,0 +1,152 @@
+"""Levenberg–Marquardt on the unknowns of a trajectory fit, at one horizon."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fidim_lab.identification.mle.likelihood import Likelihood, Point, Simulation, linearised, simulate, stepped
+from fidim_lab.identification.mle.normal import Prior, Tables, compress, step
+from fidim_lab.model.sensitivity.grid import FINE, QUICK, Resolution
+
+DAMPING = (1e-9, 1e8)
+"""smallest and largest"""
+STRETCHES = (0.3, 2.0)
+"""shortest and longest share of a step"""
+MISFIT, MISFIT_HASTE = 1.5, 100.0
+"""beyond this χ²/dof a tenth of the (then larger) standard deviation is enough"""
+
+
+class Ending(Enum):
+    """Why the iteration ended."""
+
+    CONVERGED = "No step promises a better fit."
+    STUCK = "No step, however short, gives a better fit, though the derivatives promise one."
+    EXHAUSTED = "The fit was still getting better after the most iterations allowed."
+    IMPOSSIBLE = "The motion cannot be simulated from the start: no such body, or a singular pose."
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard to try."""
+
+    resolution: Resolution
+    promise: float
+    """converged when the linearised problem promises less than this, in units of χ² for χ²/dof = 1: sd² of a shift"""
+    rounds: int
+    damping: float
+    """at the start"""
+
+
+ROUGH = Effort(resolution=QUICK, promise=1.0, rounds=25, damping=1e-3)
+"""the first horizon, from a guess"""
+ON_THE_WAY = Effort(resolution=QUICK, promise=1.0, rounds=25, damping=1e-9)
+FINAL = Effort(resolution=FINE, promise=1e-4, rounds=30, damping=1e-9)
+"""to a hundredth of a standard deviation"""
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Where an optimisation ended."""
+
+    simulation: Simulation
+    tables: Tables
+    """at that point"""
+    cost: float
+    """whole sum of squares, prior included"""
+    ending: Ending
+    rounds: int
+
+    @property
+    def point(self) -> Point:
+        """The unknowns."""
+        return self.simulation.point
+
+
+def optimise(
+    likelihood: Likelihood,
+    start: Point,
+    ends: Float[np.ndarray, " W"],
+    prior: Prior,
+    effort: Effort,
+    free: Bool[np.ndarray, " shared"],
+) -> Optimum | None:
+    """The best point near `start` for the recordings up to `ends`; only shared parameters that are `free` move.
+
+    None where not even the start can be simulated (`Ending.IMPOSSIBLE`).
+    """
+    now = _try(likelihood, start, ends, prior, effort)
+    if now is None:
+        return None
+    damping, stretch, rounds = effort.damping, 1.0, 0
+    while True:
+        simulation, cost = now
+        tables = compress(linearised(likelihood, simulation), len(ends))
+        rows = prior.rows(simulation.point.shared)
+        promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free).predicted
+        if promise < _negligible(effort, cost / _residuals(simulation)):
+            return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
+        if rounds == effort.rounds:
+            return Optimum(simulation, tables, cost, Ending.EXHAUSTED, rounds)
+        while True:
+            wanted = step(tables, likelihood.own, rows, damping, free)
+            point = stepped(likelihood, simulation, stretch * wanted.own, stretch * wanted.shared)
+            there = _try(likelihood, point, ends, prior, effort)
+            if there is not None and there[1] < cost:
+                break
+            damping, stretch = max(4 * damping, 1e-6), min(stretch, 1.0)
+            if damping > DAMPING[1]:
+                return Optimum(simulation, tables, cost, Ending.STUCK, rounds)
+        gain = (cost - there[1]) / (cost - wanted.predicted)
+        damping = _relaxed(damping, gain / _foretold(stretch))
+        stretch = _stretched(stretch, gain)
+        now, rounds = there, rounds + 1
+
+
+def _negligible(effort: Effort, misfit: float) -> float:
+    """The promise of a step that is not worth taking; larger where the model is wrong and the sd mean little."""
+    haste = MISFIT_HASTE if misfit > MISFIT else 1.0
+    return effort.promise * max(1.0, misfit) * haste
+
+
+def _relaxed(damping: float, gain: float) -> float:
+    """Less damping where the linearised problem foretold the gain, more where it did not."""
+    if gain > 0.5:
+        return max(damping / 5, DAMPING[0])
+    return damping if gain > 0.1 else max(4 * damping, 1e-6)
+
+
+def _foretold(stretch: float) -> float:
+    """Share of the promise that a step of this length should keep."""
+    part = min(stretch, 1.0)
+    return 2 * part - part**2
+
+
+def _stretched(stretch: float, gain: float) -> float:
+    """How far to go along the next step, as a share of it.
+
+    Where large residuals bend the sum of squares more than its linearised form has it, Gauss–Newton steps overshoot to
+    and fro and converge slowly. A step of length α gains 2 α − κ α² of what the linearised problem promises, κ being
+    the true curvature over the linearised one; 1/κ is the best length for the next.
+    """
+    curvature = (2 * stretch - gain) / stretch**2
+    return float(np.clip(1 / max(curvature, 1e-3), *STRETCHES))
+
+
+def _residuals(simulation: Simulation) -> int:
+    return sum(len(residual.markers) + len(residual.lengths) for residual in simulation.residuals)
+
+
+def _try(
+    likelihood: Likelihood, point: Point, ends: np.ndarray, prior: Prior, effort: Effort
+) -> tuple[Simulation, float] | None:
+    """The simulation at a point and its whole sum of squares; None where there is none."""
+    if not np.isfinite(point.states.positions).all() or not np.isfinite(point.states.rotations).all():
+        return None
+    with np.errstate(invalid="ignore", over="ignore"):
+        simulation = simulate(likelihood, point, ends, effort.resolution)
+    if simulation is None:
+        return None
+    cost = simulation.cost + prior.cost(point.shared)
+    return (simulation, cost) if np.isfinite(cost) else None

@@ -1,0 +1,185 @@
+"""First guesses of the windows' initial states: pose from the first markers and the lengths, twist from their rates.
+
+Several orientations are tried, because three marker coordinates and a few lengths may have several solutions: the
+equilibrium at the encoders' lengths, the platform level below its marker, and what three markers say.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from fidim_lab.data.records import Body, Pose
+from fidim_lab.errors import InfeasibleError, RefusedError
+from fidim_lab.identification import rigid
+from fidim_lab.identification.mle.recordings import Recording
+from fidim_lab.model.equilibria import pose_from_lengths
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.integrate import States
+from fidim_lab.model.sensitivity.starts import linearised_starts, tied
+
+OPENING = (0.1, 5)
+"""s, and samples at least, from which the first position and velocity are taken"""
+MARKER, LENGTH, AWAY = 1e-3, 1e-4, 0.3
+"""weights of the guess: m of a marker, m of cable, m or rad from where the search began"""
+SPEED, REST = 1e-2, 0.5
+"""m/s of a marker; m/s or rad/s of a free twist"""
+ROUNDS = 25
+LONGEST_STEP = 0.2
+"""m or rad"""
+CONTRADICTION = 0.05
+"""m between a marker and the pose that fits lengths and markers best: beyond, they do not belong together"""
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Where one window starts."""
+
+    position: Float[np.ndarray, "3"]
+    rotation: Float[np.ndarray, "3 3"]
+    twist: Float[np.ndarray, "6"]
+    misfit: float
+    """largest distance between a marker and where the guess has it, m"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Opening:
+    """Where the markers are at the begin and how fast they move, (M, 3); NaN for a marker that is not seen."""
+
+    places: np.ndarray
+    speeds: np.ndarray
+
+
+def first_guess(mechanism: Mechanism, body: Body, recording: Recording) -> Guess:
+    """Initial state of one window for a body. Raises RefusedError where lengths and markers contradict each other."""
+    opening = _opening(recording)
+    found = [
+        _refined(mechanism, body, recording, opening, pose) for pose in _poses(mechanism, body, recording, opening)
+    ]
+    best = found[int(np.argmin([cost for _, cost in found]))][0]
+    misfit = _misfit(mechanism, best, opening)
+    if not misfit < CONTRADICTION:
+        raise RefusedError(
+            f"Window {recording.window.id}: no pose has these cable lengths and its markers within "
+            f"{CONTRADICTION * 1e3:.0f} mm ({misfit * 1e3:.0f} mm are left).",
+            hint="Check the order of the cables, the zero of the encoders, and the units of the markers.",
+        )
+    return Guess(best.position, best.rotation, _twist(mechanism, body, recording, opening, best), misfit)
+
+
+def as_states(guesses: Sequence[Guess]) -> States:
+    """Guesses of all windows as one."""
+    return States(
+        positions=np.array([guess.position for guess in guesses]),
+        rotations=np.array([guess.rotation for guess in guesses]),
+        twists=np.array([guess.twist for guess in guesses]),
+    )
+
+
+def _opening(recording: Recording) -> _Opening:
+    """A parabola through the first samples of every coordinate."""
+    seconds, samples = OPENING
+    places, speeds = (np.full(recording.markers.shape[1:], np.nan) for _ in range(2))
+    for m, axis in np.ndindex(places.shape):
+        known = np.flatnonzero(np.isfinite(recording.markers[:, m, axis]))
+        use = known[(recording.t[known] <= seconds) | (np.arange(len(known)) < samples)]
+        if len(use) < 3 or recording.t[use[0]] > seconds:
+            continue
+        fitted = np.polynomial.Polynomial.fit(recording.t[use], recording.markers[use, m, axis], 2)
+        places[m, axis], speeds[m, axis] = fitted(0.0), fitted.deriv()(0.0)
+    return _Opening(places, speeds)
+
+
+def _poses(mechanism: Mechanism, body: Body, recording: Recording, opening: _Opening) -> list[Pose]:
+    """Where to search from; the likeliest first."""
+    robot = mechanism.robot
+    body_markers = robot.markers[: len(opening.places)]
+    offsets = opening.places - body_markers
+    seen = np.asarray(np.isfinite(offsets).all(axis=1))
+    if not seen.any():
+        raise RefusedError(f"Window {recording.window.id}: no marker is seen in its first {OPENING[0]:g} s.")
+    level = Pose(position=offsets[seen].mean(axis=0), rotation=np.eye(3))
+    poses: list[Pose] = []
+    if rigid.spread(body_markers[seen]) > rigid.MIN_SPREAD:
+        p, R, _ = rigid.register(opening.places[np.newaxis], body_markers, seen[np.newaxis].astype(float))
+        poses.append(Pose(p[0], R[0]))
+    if np.isfinite(recording.lengths).all():
+        with suppress(InfeasibleError):
+            poses.append(pose_from_lengths(mechanism, body, recording.lengths, level).pose)
+    return [*poses, level]
+
+
+def _refined(
+    mechanism: Mechanism, body: Body, recording: Recording, opening: _Opening, begin: Pose
+) -> tuple[Pose, float]:
+    """Damped Gauss–Newton on markers and lengths; the pose and what is left, the way from the begin included."""
+    shared = np.concatenate([body.vector, mechanism.theta])
+    pose, cost = begin, np.inf
+    damping = 1e-6
+    residual, jacobian = _pose_residual(mechanism, shared, recording, opening, begin, pose)
+    cost = float(residual @ residual)
+    for _ in range(ROUNDS):
+        normal = jacobian.T @ jacobian
+        step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), jacobian.T @ residual)
+        step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+        there = Pose(pose.position + step[:3], pose.rotation @ Rotation.from_rotvec(step[3:]).as_matrix())
+        trial = _pose_residual(mechanism, shared, recording, opening, begin, there)
+        now = float(trial[0] @ trial[0])
+        if now < cost:
+            settled = now > cost * (1 - 1e-9)
+            pose, cost, (residual, jacobian) = there, now, trial
+            damping /= 10
+            if settled:
+                break
+        else:
+            damping = max(10 * damping, 1e-6)
+    return pose, cost
+
+
+def _pose_residual(
+    mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, begin: Pose, pose: Pose
+) -> tuple[np.ndarray, np.ndarray]:
+    at = States(pose.position[np.newaxis], pose.rotation[np.newaxis], np.zeros((1, 6)))
+    starts = linearised_starts(mechanism, shared, at, np.array([recording.begin]))
+    body_markers = mechanism.robot.markers[: len(opening.places)]
+    arms = body_markers @ pose.rotation.T
+    seen = np.isfinite(opening.places)
+    by_marker = np.zeros((*opening.places.shape, 6))
+    by_marker[..., :3] = np.eye(3)
+    by_marker[..., 3:] = -pose.rotation @ _skew(body_markers)
+    known = np.isfinite(recording.lengths)
+    turn = Rotation.from_matrix(begin.rotation.T @ pose.rotation).as_rotvec()
+    residual = [
+        (pose.position + arms - opening.places)[seen] / MARKER,
+        (starts.lengths[0] - recording.lengths)[known] / LENGTH,
+        np.concatenate([pose.position - begin.position, turn]) / AWAY,
+    ]
+    jacobian = [by_marker[seen] / MARKER, starts.lengths_by[0][known, :6] / LENGTH, np.eye(6) / AWAY]
+    return np.concatenate(residual), np.vstack(jacobian)
+
+
+def _misfit(mechanism: Mechanism, pose: Pose, opening: _Opening) -> float:
+    arms = mechanism.robot.markers[: len(opening.places)] @ pose.rotation.T
+    return float(np.nanmax(np.abs(pose.position + arms - opening.places)))
+
+
+def _twist(mechanism: Mechanism, body: Body, recording: Recording, opening: _Opening, pose: Pose) -> np.ndarray:
+    """The free twist that moves the markers as they move, small where they do not tell."""
+    shared = np.concatenate([body.vector, mechanism.theta])
+    at = States(pose.position[np.newaxis], pose.rotation[np.newaxis], np.zeros((1, 6)))
+    free = linearised_starts(mechanism, shared, at, np.array([recording.begin])).free_twists[0]
+    arms = mechanism.robot.markers[: len(opening.places)] @ pose.rotation.T
+    moves = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -_skew(arms)], axis=-1)
+    seen = np.isfinite(opening.speeds)
+    rows = np.vstack([(moves @ free)[seen] / SPEED, np.eye(free.shape[1]) / REST])
+    right = np.concatenate([opening.speeds[seen] / SPEED, np.zeros(free.shape[1])])
+    twist = free @ np.linalg.lstsq(rows, right, rcond=None)[0]
+    begin = np.array([recording.begin])
+    return tied(mechanism, shared, States(at.positions, at.rotations, twist[np.newaxis]), begin).twists[0]
+
+
+def _skew(vectors: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, "M 3 3"]:
+    return np.cross(vectors[:, np.newaxis], np.eye(3)).transpose(0, 2, 1)
