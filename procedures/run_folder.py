@@ -1,5 +1,6 @@
 """The folder of one run: a valid campaign from the first accepted window on, with the journal and what was rejected."""
 
+import errno
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from fidim_lab.errors import SetupError
 from procedures.disk import disk_error, sync
 from procedures.journal import NAME as JOURNAL
 
+DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 _FILE_NAME = re.compile(r"\w[\w.-]*")
 
 
@@ -24,15 +26,17 @@ class RunFolder:
         self._name = name
         self._rate = sample_rate
         self._entries: list[IndexEntry] = []
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise SetupError(f"{path}: there is something already.", hint="Give a new folder; a run never overwrites.")
+        require_new(path)
         try:
             for folder in ("windows", "rejected"):
                 (path / folder).mkdir(parents=True)
             write_robot(path / ROBOT, robot)
             write_index(path, name, sample_rate, ())
         except OSError as error:
-            raise disk_error(path, error) from error
+            if error.errno in DISK_FAULTS:
+                raise disk_error(path, error) from error
+            what = f"{path}: the run folder cannot be made: {error.strerror or error}."
+            raise SetupError(what, hint="Nothing was moved. Give another folder.") from error
 
     @property
     def journal(self) -> Path:
@@ -50,6 +54,12 @@ class RunFolder:
         except OSError as error:
             raise disk_error(self.path / INDEX, error) from error
         self._entries = entries
+
+
+def require_new(path: Path) -> None:
+    """Raises SetupError where something is there already; an empty folder may be."""
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise SetupError(f"{path}: there is something already.", hint="Give a new folder; a run never overwrites.")
 
 
 def check_window_ids(ids: Sequence[str]) -> None:

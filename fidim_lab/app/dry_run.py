@@ -27,6 +27,7 @@ from procedures.events import Event, RunFinished, RunStarted
 from procedures.guards import LogGuard
 from procedures.report import RunReport
 from procedures.run import Experiment, identification, run_procedure
+from procedures.run_folder import require_new
 from procedures.settings import MotionSettings, Settings
 
 SIMULATED_DAY = "2000-01-01T00:00:00Z"
@@ -55,6 +56,7 @@ def run_dry_run(options: DryRunOptions) -> int:
     """Rehearse, identify, report; returns the exit code. Raises FidimError before anything has moved."""
     robot = read_robot(options.robot or PAPERS_ROBOT)
     folder = options.out or _free_folder(options.seed)
+    require_new(folder)
     world = compose.simulated_world(robot, options.seed, options.hide)
     with console.err.status("planning: equilibria where the robot can rest and swing …"):
         plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed)
