@@ -1,0 +1,194 @@
+"""Do given parameters predict windows that they were not found from? σ⊥ (Eq. 50, Fig. 3) and the trajectory itself.
+
+The parameters stay as they are; of a window only its own initial state is fitted, within the encoders' resolution for
+the lengths that it holds. The rule, for each window:
+
+- χ²/dof of the trajectory against the marker noise of the robot file is at most 2 (`Rule.chi2_per_dof`), and
+- σ⊥ is at most twice what it is where the model holds (`Rule.ratio`): √λ ‖χ‖ σ_W for parameters that came with a σ_W,
+  √λ times what marker noise gives an equation for those that did not.
+
+The parameters predict when every window that can be judged does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.data.records import Body, Campaign, Role, Window
+from fidim_lab.errors import FidimError, RefusedError, SetupError
+from fidim_lab.identification.consistency import can_move
+from fidim_lab.identification.mle.held_out import predict
+from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.recordings import prepare
+from fidim_lab.identification.problem import WindowEquations, window_equations
+from fidim_lab.identification.recipe import BEST, Recipe
+from fidim_lab.identification.validation import expected_sigma_perp, residual, sigma_perp
+from fidim_lab.model.mechanism import Mechanism
+
+LOST = 0.1
+"""s before a window's end at which a prediction may end"""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """When a window counts as predicted."""
+
+    chi2_per_dof: float = 2.0
+    ratio: float = 2.0
+    """of σ⊥ over its expected value"""
+
+    @property
+    def sentence(self) -> str:
+        """The rule for a person."""
+        return (
+            f"a window is predicted when χ²/dof is at most {self.chi2_per_dof:g} and σ⊥ at most {self.ratio:g} times "
+            "its expected value; all windows must be"
+        )
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One window, with nothing but its initial state fitted."""
+
+    id: str
+    role: Role
+    predicted: bool | None
+    """None: it cannot be judged, `why` says why"""
+    sigma_perp: float | None
+    """Eq. 50"""
+    expected: float | None
+    """σ⊥ where the model holds"""
+    rms: float | None
+    """m"""
+    chi2_per_dof: float | None
+    why: str = ""
+    """what is wrong; empty for a window that is predicted"""
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """The verdict on one set of parameters."""
+
+    windows: tuple[Judged, ...]
+    rule: Rule
+
+    @property
+    def judged(self) -> tuple[Judged, ...]:
+        """Windows that could be judged."""
+        return tuple(w for w in self.windows if w.predicted is not None)
+
+    @property
+    def failed(self) -> tuple[Judged, ...]:
+        """Windows that the parameters do not predict."""
+        return tuple(w for w in self.windows if w.predicted is False)
+
+    @property
+    def predicts(self) -> bool:
+        """Whether all judged windows are predicted."""
+        return not self.failed
+
+    @property
+    def message(self) -> str:
+        """The verdict for a person."""
+        chi2 = [w.chi2_per_dof for w in self.judged if w.chi2_per_dof is not None]
+        rms = [w.rms for w in self.judged if w.rms is not None]
+        figures = f"; χ²/dof up to {max(chi2):.3g}, rms up to {max(rms) * 1e3:.3g} mm" if chi2 else ""
+        count = len(self.judged)
+        windows = "window" if count == 1 else "windows"
+        if self.predicts:
+            return f"The parameters predict all {count} {windows} that were judged{figures}."
+        names = ", ".join(w.id for w in self.failed)
+        return f"The parameters do not predict {len(self.failed)} of {count} {windows} ({names}){figures}."
+
+
+def cross_validate(
+    campaign: Campaign,
+    body: Body,
+    sigma_W: float | None,
+    *,
+    roles: Sequence[Role] = (Role.VALIDATE,),
+    rule: Rule | None = None,
+    recipe: Recipe = BEST,
+) -> CrossValidation:
+    """Judge the windows of these roles.
+
+    sigma_W: of the identification, in the unit of the recipe's equations; None where the method has none.
+    Raises SetupError when the campaign has no such window, RefusedError when the body cannot move, or no window can be
+    judged.
+    """
+    windows = [w for w in campaign.windows if w.role in roles]
+    if not windows:
+        raise SetupError(
+            f"Campaign {campaign.name!r} has no window with the role {' or '.join(roles)}.",
+            hint="--all judges the windows used for identification too.",
+        )
+    if not can_move(body):
+        raise RefusedError(
+            "With these parameters the kinetic energy is negative in some motion: nothing can be predicted."
+        )
+    judge = _Judge(campaign, body, sigma_W, rule or Rule(), recipe)
+    found = CrossValidation(tuple(judge.window(w) for w in windows), judge.rule)
+    if not found.judged:
+        raise RefusedError(f"No window can be judged: {'; '.join(f'{w.id}: {w.why}' for w in found.windows)}")
+    return found
+
+
+class _Judge:
+    """Judges one window after the other with the same body."""
+
+    def __init__(self, campaign: Campaign, body: Body, sigma_W: float | None, rule: Rule, recipe: Recipe) -> None:
+        self.rule = rule
+        self._campaign, self._body, self._sigma_W, self._recipe = campaign, body, sigma_W, recipe
+        self._mechanism = Mechanism(campaign.robot, native=True)
+
+    def window(self, window: Window) -> Judged:
+        """The verdict on one window; one that cannot be used is not a failed one."""
+        sigma, expected, left = None, None, None
+        wrong: list[str] = []
+        troubles: list[str] = []
+        try:
+            equations = window_equations(self._mechanism, self._campaign, window, self._recipe)
+            sigma = sigma_perp(residual(equations, self._body, self._body))
+            expected = self._expected(equations)
+            wrong += self._about_equations(sigma, expected)
+        except FidimError as error:
+            troubles.append(str(error))
+        try:
+            recording, sensors = prepare(window, self._campaign.robot), self._campaign.robot.sensors
+            left = predict(self._mechanism, self._body.vector, recording, sensors).remainder
+            wrong += self._about_trajectory(window, left)
+        except FidimError as error:
+            troubles.append(str(error))
+        lost = left is None and sigma is not None  # the equations see a window that cannot be simulated
+        predicted = None if left is None and sigma is None else not (wrong or lost)
+        return Judged(
+            window.id,
+            window.role,
+            predicted,
+            sigma,
+            expected,
+            None if left is None else left.rms,
+            None if left is None else left.chi2_per_dof,
+            "" if predicted else "; ".join([*wrong, *troubles]),
+        )
+
+    def _expected(self, equations: WindowEquations) -> float | None:
+        free = self._campaign.robot.freedoms
+        if self._sigma_W is not None:
+            return expected_sigma_perp(self._sigma_W, self._body, free)
+        floor = equations.noise_floor
+        return None if floor is None else float(np.sqrt(free)) * floor
+
+    def _about_equations(self, sigma: float, expected: float | None) -> list[str]:
+        if expected is None or sigma <= self.rule.ratio * expected:
+            return []
+        return [f"σ⊥ is {sigma / expected:.1f} times its expected value"]
+
+    def _about_trajectory(self, window: Window, left: Remainder) -> list[str]:
+        wrong: list[str] = []
+        if left.t[-1] < window.t[-1] - LOST:
+            wrong.append(f"the prediction loses the recorded motion after t = {left.t[-1]:.1f} s")
+        if left.chi2_per_dof > self.rule.chi2_per_dof:
+            wrong.append(f"χ²/dof is {left.chi2_per_dof:.3g}")
+        return wrong
