@@ -121,6 +121,28 @@ def validate(**options: Any) -> None:
     sys.exit(validate_command(ValidateOptions(**options)))
 
 
+@fidim.command()
+@click.option("--seed", default=1, show_default=True, help="Of places and noise.")
+@click.option(
+    "--noise",
+    type=click.FloatRange(0, min_open=True),
+    default=1e-4,
+    show_default=True,
+    metavar="M",
+    help="Standard deviation of a marker coordinate; the paper states ±0.2 mm.",
+)
+@click.option(
+    "--validate", "validation", default=22, show_default=True, type=click.IntRange(1, 60), help="Windows of Fig. 3."
+)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-reproduction/1".')
+@example("fidim reproduce --json reproduction.json")
+def reproduce(**options: Any) -> None:
+    """Simulate the paper's experiment and set its Eq. 46, 47, 49 and Fig. 3 beside ours, with what differs and why."""
+    from fidim_lab.app.reproduce.command import ReproduceOptions, reproduce_command
+
+    sys.exit(reproduce_command(ReproduceOptions(**options)))
+
+
 @fidim.command("import")
 @click.argument("kind")
 @click.argument("sources", nargs=-1, required=True, type=FOLDER)

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import AsyncGenerator, Callable, Coroutine, Generator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import FrameType
 from typing import Any, TypeVar
 
@@ -26,8 +26,8 @@ from drivers.mocap.source import StreamMarkerSource
 from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import Operator, Rig
 from fidim_lab.arrays import PerCable
-from fidim_lab.data.records import Plan, Robot
-from fidim_lab.errors import FidimError
+from fidim_lab.data.records import Body, Campaign, Plan, Robot
+from fidim_lab.errors import FidimError, InfeasibleError
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run as run_jumping
@@ -37,9 +37,10 @@ from sim_backends.mocap.faults import Faults
 from sim_backends.mocap.server import ServerFeed
 from sim_backends.mocap.sockets import UdpSender
 from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World, make_world
 from sim_backends.served_bus import ServedBus
-from sim_backends.simulate import truth_of
+from sim_backends.simulate import simulate_campaign, truth_of
 
 T = TypeVar("T")
 
@@ -77,6 +78,22 @@ def simulated_world(robot: Robot, seed: int, hide: tuple[str, ...]) -> World:
 def world_truth(world: World, name: str, seed: int) -> dict[str, object]:
     """What is true in a simulated world, for truth.json."""
     return truth_of(world, name, seed)
+
+
+def simulated_campaign(robot: Robot, plan: Plan, body: Body, seed: int, *, noisy: bool = True) -> Campaign:
+    """A campaign of a known true body, without bus, cameras or procedure; nothing is hidden.
+
+    Sensors as the robot file states them, ideal ones where not `noisy`. Raises InfeasibleError, naming the window,
+    where the platform cannot rest or be displaced as planned, or a cable goes slack in motion.
+    """
+    world = make_world(robot, np.random.default_rng([seed, 0]), body=body)
+    noise = None if noisy else Noise(marker=0.0, encoder=0.0, current=0.0)
+    rng = np.random.default_rng([seed, 1])
+    campaign, truth = simulate_campaign(robot, plan, replace(world, mass=robot.mass), rng, noise)
+    slack = truth["slack"]
+    if isinstance(slack, dict) and slack:
+        raise InfeasibleError(f"A cable goes slack in {', '.join(slack)}.", hint="Displace the platform less.")
+    return campaign
 
 
 def run_loop(main: Coroutine[Any, Any, T], *, real_time: bool) -> T:
