@@ -3,6 +3,7 @@
 Modules are imported when their command runs: `fidim --help` stays quick.
 """
 
+import os
 import signal
 import sys
 import traceback
@@ -67,7 +68,7 @@ def dry_run(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
-@click.option("--method", default="tls", show_default=True, help="Estimator: tls, ls or iv.")
+@click.option("--method", default="mle", show_default=True, help="Estimator: mle, tls, ls or iv.")
 @click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")
 @click.option("--payload", type=FOLDER, default=None, help="Second campaign, with a known payload: finds the mass.")
 @click.option("--mass", type=float, default=None, metavar="KG", help="Of the payload.")
@@ -238,5 +239,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 def main() -> None:
     """Entry point of the `fidim` command."""
+    # All our matrices are small: BLAS threads only wait for each other. To be said before numpy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGTERM, _terminate)
     sys.exit(run(sys.argv[1:]))

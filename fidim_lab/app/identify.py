@@ -6,6 +6,7 @@ the summary because they belong to the answer.
 
 from pathlib import Path
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -18,20 +19,24 @@ from fidim_lab.data.records import Role
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.estimators import Method, method_named
 from fidim_lab.identification.identify import MODEL_ERROR, identify
+from fidim_lab.identification.mle.findings import closing
 from fidim_lab.identification.recipe import BEST, PAPER, Recipe
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.identification.result_file import write_result
 from fidim_lab.identification.validation import QUICK, THOROUGH, expected_sigma_perp
+from fidim_lab.model.native import compiler
 from fidim_lab.units import millimetres, percent
 
 SPREAD_SEEN = 5.0
 """spread over nominal sd beyond which the closing sentence speaks of model error"""
+UNUSABLE = (Outcome.IMPOSSIBLE_BODY, Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
+"""outcomes with which the command fails"""
 ENOUGH_WINDOWS = 8
 """with fewer, leaving one out can unbalance the excitation: a large spread then says nothing of the model"""
 
 
 def run_identify(
-    campaign_folder: Path, method: str = "tls", *, paper: bool = False, predict: bool = True
+    campaign_folder: Path, method: str = "mle", *, paper: bool = False, predict: bool = True
 ) -> IdentificationResult:
     """Identify the body from a campaign folder.
 
@@ -43,7 +48,8 @@ def run_identify(
     if paper and chosen is not Method.TLS:
         raise SetupError(f"--paper is a form of total least squares; it does not go with --method {chosen}.")
     recipe: Recipe = PAPER if paper else BEST
-    return identify(read_campaign(campaign_folder), chosen, recipe, THOROUGH if predict else QUICK)
+    checks = THOROUGH if predict else QUICK
+    return identify(read_campaign(campaign_folder), chosen, recipe, checks, native=compiler() is not None)
 
 
 def identify_command(
@@ -63,7 +69,7 @@ def identify_command(
         console.out.print(scaling_table(Forms(paper=result, ours=ours)))
     if report is not None:
         console.out.print(f"Report      {write_report(campaign_folder, result, report)}", markup=False)
-    return 1 if result.outcome is Outcome.IMPOSSIBLE_BODY else 0
+    return 1 if result.outcome in UNUSABLE else 0
 
 
 def summary(result: IdentificationResult) -> RenderableType:
@@ -119,8 +125,10 @@ def window_table(result: IdentificationResult) -> Table:
 
 def closing_sentence(result: IdentificationResult) -> str:
     """How far this may be trusted, said honestly."""
-    if result.outcome is Outcome.IMPOSSIBLE_BODY:
+    if result.outcome in UNUSABLE:
         return result.outcome.value
+    if result.method is Method.MLE:
+        return closing(result)
     s_z = result.parameters["s_z"]
     if s_z.spread is None:
         return (
@@ -159,14 +167,20 @@ def _cells(name: str, parameter: Parameter) -> tuple[str, ...]:
     """Both kinds happen to read well in thousandths: s in mm, I in 1e-3 m²."""
     spread = parameter.spread
     size = abs(parameter.value)
+    digits = _decimals(parameter.sd)
     return (
         name,
         f"{millimetres(parameter.nominal):.3f}",
-        f"{millimetres(parameter.value):.3f}",
-        f"{millimetres(parameter.sd):.3f}",
-        "unknown" if spread is None else f"{millimetres(spread):.3f}",
+        f"{millimetres(parameter.value):.{digits}f}",
+        f"{millimetres(parameter.sd):.{digits}f}",
+        "unknown" if spread is None else f"{millimetres(spread):.{digits}f}",
         "" if spread is None or size == 0 else _percent(spread / size),
     )
+
+
+def _decimals(sd: float) -> int:
+    """Three, or as many as show two digits of the standard deviation."""
+    return 3 if sd <= 0 else int(np.clip(1 - np.floor(np.log10(millimetres(sd))), 3, 6))
 
 
 def _window_cells(window: WindowVerdict) -> tuple[str, ...]:

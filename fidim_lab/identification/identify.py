@@ -32,12 +32,12 @@ def identify(
 ) -> IdentificationResult:
     """Identify the body from the `identify` windows, judge it on all windows.
 
-    recipe, checks: of the methods that work on equations; native: compiled C for maximum likelihood, see `mle`.
+    recipe: of the methods that work on equations; native: compiled C for maximum likelihood, see `mle`.
     Raises RefusedError when no window can be used or the windows do not identify a body, SetupError when what was asked
     for does not fit the campaign.
     """
     if method is Method.MLE:
-        return mle.identify(campaign, native=native)
+        return mle.identify(campaign, native=native, predict=checks.predict)
     begin = perf_counter()
     problem = build(campaign, recipe)
     estimate = ESTIMATORS[method](problem)

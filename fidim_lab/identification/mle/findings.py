@@ -11,7 +11,8 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.optimise import Ending
 from fidim_lab.identification.mle.possible import distance_to_boundary
 from fidim_lab.identification.mle.stages import Journey
-from fidim_lab.identification.result import Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.units import millimetres, percent
 
 MISFIT = 1.5
 """χ²/dof, for the noise that the residuals themselves show, above which the model does not explain the recordings"""
@@ -111,6 +112,23 @@ def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -
     if not consistency.can_exist(found.body):
         said.append(consistency.sentence(found.body))
     return tuple(said)
+
+
+def closing(result: IdentificationResult) -> str:
+    """How far a result of this method may be trusted, as its last sentence."""
+    s_z = result.parameters["s_z"]
+    lever = abs(s_z.value - result.attachment_plane)
+    error = max(s_z.sd, s_z.spread or 0.0)
+    size = f"s_z is good to about {millimetres(error):.2g} mm ({percent(error / lever):.2g} % of its lever)"
+    if result.outcome is Outcome.MISFIT:
+        return (
+            f"The model lacks something: the simulated motion misses the recordings by {result.noise_ratio:.1f} times "
+            f"their noise. By the spread between windows {size}, but an error that all windows share does not show in "
+            "it. Ask fidim explain what is missing."
+        )
+    held = [w.chi2_per_dof for w in result.windows if w.role is Role.VALIDATE and w.chi2_per_dof is not None]
+    judged = f", and held-out windows with χ²/dof of {min(held):.2f} to {max(held):.2f}" if held else ""
+    return f"The model explains the recordings to their noise{judged}: {size}."
 
 
 def window_notes(found: Fit, w: int) -> tuple[str, ...]:

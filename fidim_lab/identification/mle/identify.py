@@ -39,17 +39,18 @@ class _Side:
     estimate: Estimate
 
 
-def identify(campaign: Campaign, *, native: bool = False) -> IdentificationResult:
+def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) -> IdentificationResult:
     """Identify the body from the `identify` windows by maximum likelihood, judge it on all windows.
 
     native: with compiled C where there is a compiler: the same digits, some five times faster after a few seconds of
-    building, once for each robot. Raises RefusedError where no window can be used or simulated.
+    building, once for each robot. predict: also judge the held-out windows.
+    Raises RefusedError where no window can be used or simulated.
     """
     begin = perf_counter()
     mechanism = Mechanism(campaign.robot, native=native)
     found = fit(mechanism, campaign.of_role(Role.IDENTIFY))
     side = _side(campaign)
-    predicted = _held_out(mechanism, campaign, found)
+    predicted = _held_out(mechanism, campaign, found) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
     figures = _figures(campaign, found)
     outcome = findings.outcome(found, figures)
@@ -128,12 +129,22 @@ def _verdict(
         return _judged(
             window, left, _predicted(found, simulation, w, left), findings.window_notes(found, w), found, side
         )
-    held = predicted.get(window.id, found.unused.get(window.id, ""))
+    held = predicted.get(window.id, found.unused.get(window.id))
+    if held is None:
+        return _unpredicted(window, found, side)
     if isinstance(held, str):
         return WindowVerdict(window.id, window.role, False, None, 0, None, None, None, None, (held,))
     left = held.remainder
     prediction = _predicted(found, held.journey.optimum.simulation, 0, left)
     return _judged(window, left, prediction, findings.journey_notes(held.journey, 0), found, side)
+
+
+def _unpredicted(window: Window, found: Fit, side: _Side | None) -> WindowVerdict:
+    """What the equations of motion alone say of a window."""
+    epsilon, conditioning = _equations(window, found, side)
+    sigma = None if epsilon is None else validation.sigma_perp(epsilon)
+    samples = int(np.isfinite(window.markers).any(axis=(1, 2)).sum())
+    return WindowVerdict(window.id, window.role, True, None, samples, sigma, None, None, conditioning, (), epsilon)
 
 
 def _predicted(found: Fit, simulation: Simulation, w: int, left: Remainder) -> Prediction:

@@ -62,8 +62,8 @@ def test_the_last_sentence_is_honest(result, says):
 
 
 def test_mistakes_are_sentences(tmp_path):
-    with pytest.raises(SetupError, match="not built yet"):
-        run_identify(tmp_path, "mle")
+    with pytest.raises(SetupError, match="no method 'guess'; available: mle, tls"):
+        run_identify(tmp_path, "guess")
     with pytest.raises(FileError):
         run_identify(tmp_path / "nowhere")
 
@@ -80,7 +80,7 @@ def test_the_command_prints_and_writes(shared, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.shared
 def test_a_campaign_folder_is_identified_and_shown(shared):
-    result = run_identify(shared / "campaigns" / "open-two-at-once", predict=False)
+    result = run_identify(shared / "campaigns" / "open-two-at-once", "tls", predict=False)
     shown = text_of(replace(result, seconds=0.0))
     assert "i01" in shown
     assert "full" in shown

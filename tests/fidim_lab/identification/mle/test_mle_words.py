@@ -15,11 +15,13 @@ from fidim_lab.identification.consistency import can_move, pseudo_inertia
 from fidim_lab.identification.estimators import Method
 from fidim_lab.identification.identify import identify
 from fidim_lab.identification.mle import spread, stages
+from fidim_lab.identification.mle.findings import closing
 from fidim_lab.identification.mle.judge import remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, WindowResidual
 from fidim_lab.identification.mle.possible import distance_to_boundary, nearest_possible, scales
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.result import Outcome
+from fidim_lab.identification.validation import QUICK
 from fidim_lab.model.slots import Effect
 
 NOISE = 1e-4
@@ -217,3 +219,19 @@ def test_understated_noise_is_seen_as_noise(four, record):
     result = identify(campaign_of(four, record(four, 4, noise=3e-4)), Method.MLE)
     assert result.outcome is not Outcome.MISFIT
     assert any(re.search(r"marker noise of 0\.(29|3)\d* mm, the robot file says 0.1 mm", w) for w in result.warnings)
+
+
+def test_the_closing_sentence_follows_the_outcome(four, record):
+    good = identify(campaign_of(four, record(four, 4)), Method.MLE)
+    assert re.search(
+        r"explains the recordings to their noise, and held-out windows with χ²/dof of [01]\.\d", closing(good)
+    )
+    assert "fidim explain" in closing(replace(good, outcome=Outcome.MISFIT))
+
+
+def test_windows_need_not_be_predicted(four, record):
+    result = identify(campaign_of(four, record(four, 4)), Method.MLE, checks=QUICK)
+    held_out = result.windows[-1]
+    assert held_out.role is Role.VALIDATE
+    assert held_out.used
+    assert held_out.chi2_per_dof is None
