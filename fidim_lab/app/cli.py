@@ -13,7 +13,6 @@ from types import FrameType
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
 from fidim_lab.errors import FidimError
 
@@ -68,7 +67,7 @@ def dry_run(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
-@click.option("--method", default="mle", show_default=True, help="Estimator: mle, tls, ls or iv.")
+@click.option("--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where it cannot work.")
 @click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")
 @click.option("--payload", type=FOLDER, default=None, help="Second campaign, with a known payload: finds the mass.")
 @click.option("--mass", type=float, default=None, metavar="KG", help="Of the payload.")
@@ -80,7 +79,7 @@ def dry_run(**options: Any) -> None:
 @example("fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05 --json result.json")
 def identify(
     campaign: Path,
-    method: str,
+    method: str | None,
     paper: bool,
     payload: Path | None,
     mass: float | None,
@@ -94,8 +93,6 @@ def identify(
     from fidim_lab.app.identify import identify_command
     from fidim_lab.app.payload import parse_payload, payload_command
 
-    if paper and click.get_current_context().get_parameter_source("method") is ParameterSource.DEFAULT:
-        method = "tls"
     if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
         sys.exit(identify_command(campaign, method, json_file, report, paper=paper))
     sys.exit(payload_command(campaign, known, method, json_file, report, paper=paper))
@@ -114,8 +111,8 @@ def identify(
 def validate(**options: Any) -> None:
     """Check whether identified parameters predict the held-out windows of CAMPAIGN; exit 1 where they do not.
 
-    Only each window's initial state is fitted. A window is predicted when its χ²/dof is at most the limit and σ⊥ (Eq.
-    50) at most twice its expected value; every window must be.
+    Only each window's initial state is fitted. A window is predicted when χ²/dof of its trajectory is at most the
+    limit; σ⊥ (Eq. 50) is shown beside σ_W, and decides (at most twice its expected value) for a window without lengths.
     """
     from fidim_lab.app.validate import ValidateOptions, validate_command
 

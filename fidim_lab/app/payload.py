@@ -7,10 +7,10 @@ import numpy as np
 from rich.table import Table
 
 from fidim_lab.app import console
-from fidim_lab.app.identify import run_identify, summary
+from fidim_lab.app.identify import UNUSABLE, run_identify, summary
 from fidim_lab.app.report.write import write_report
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.payload_mass import (
     Estimate,
     Known,
@@ -19,7 +19,7 @@ from fidim_lab.identification.payload_mass import (
     find_mass,
     refuse_other_geometry,
 )
-from fidim_lab.identification.result import IdentificationResult, Outcome
+from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.result_file import write_result
 
 
@@ -62,7 +62,7 @@ def _place(text: str) -> np.ndarray:
 def payload_command(
     campaign: Path,
     option: PayloadOption,
-    method: str,
+    method: str | None,
     json_file: Path | None,
     report: Path | None,
     *,
@@ -70,7 +70,8 @@ def payload_command(
 ) -> int:
     """Identify both campaigns, find the mass, print and write; returns the exit code.
 
-    Raises as `run_identify`; SetupError for two different robots, RefusedError where the mass does not show.
+    Raises as `run_identify`; SetupError for two different robots, RefusedError where the mass does not show or one of
+    the campaigns gives no body that may be used.
     """
     robot = read_campaign(campaign).robot
     refuse_other_geometry(robot, read_campaign(option.campaign).robot)
@@ -79,12 +80,12 @@ def payload_command(
     with console.err.status("identifying with the payload …"):
         loaded = run_identify(option.campaign, method, paper=paper, predict=False)
     console.out.print(summary(empty))
+    console.out.print(f"With the payload: {loaded.message}", markup=False)
     for warning in loaded.warnings:
         console.out.print(f"warning: with the payload: {warning}", style="yellow", markup=False)
-    impossible = [r.campaign for r in (empty, loaded) if r.outcome is Outcome.IMPOSSIBLE_BODY]
-    if impossible:
-        console.out.print(f"No mass: {' and '.join(impossible)} gave a body that cannot be.", markup=False)
-        return 1
+    if unusable := [r for r in (empty, loaded) if r.outcome in UNUSABLE]:
+        reasons = "; ".join(f"{r.campaign}: {r.outcome.value}" for r in unusable)
+        raise RefusedError(f"No mass can be found: {reasons}")
     found = find_mass(Known.of(empty), Known.of(loaded), option.payload)
     if json_file is not None:
         write_result(json_file, empty, mass=mass_json(found, option.payload, robot.mass, loaded))
@@ -113,7 +114,8 @@ def mass_table(found: MassResult, nominal: float) -> Table:
 def mass_sentences(found: MassResult, payload: Payload) -> list[str]:
     """What to believe."""
     figures = f"χ² = {found.chi2:.1f} with {found.dof} degrees of freedom, p = {found.p:.2g}"
-    said = [f"The platform's mass is {found.mass.value:.4g} ± {found.mass.sd:.2g} kg (1 sd)."]
+    digits = max(0, 1 - int(np.floor(np.log10(found.mass.sd)))) if found.mass.sd > 0 else 6
+    said = [f"The platform's mass is {found.mass.value:.{digits}f} ± {found.mass.sd:.{digits}f} kg (1 sd)."]
     if found.consistent:
         said.append(f"The three components agree ({figures}).")
     else:

@@ -143,7 +143,7 @@ def _bar(window: Judged) -> str:
 def _verdict(window: Judged) -> str:
     match window.predicted:
         case True:
-            return "predicted"
+            return f"predicted ({window.why})" if window.why else "predicted"
         case False:
             return f"not predicted: {window.why}"
         case None:

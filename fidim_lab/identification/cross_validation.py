@@ -1,11 +1,11 @@
 """Do given parameters predict windows that they were not found from? σ⊥ (Eq. 50, Fig. 3) and the trajectory itself.
 
 The parameters stay as they are; of a window only its own initial state is fitted, within the encoders' resolution for
-the lengths that it holds. The rule, for each window:
-
-- χ²/dof of the trajectory against the marker noise of the robot file is at most 2 (`Rule.chi2_per_dof`), and
-- σ⊥ is at most twice what it is where the model holds (`Rule.ratio`): √λ ‖χ‖ σ_W for parameters that came with a σ_W,
-  √λ times what marker noise gives an equation for those that did not.
+the lengths that it holds. The rule, for each window: χ²/dof of the trajectory against the marker noise of the robot
+file is at most 2 (`Rule.chi2_per_dof`). σ⊥ is shown beside what it is where the model holds: √λ ‖χ‖ σ_W for
+parameters that came with a σ_W, √λ times what marker noise gives an equation for those that did not. It decides (at
+most twice that) where a window has no lengths to be simulated with; elsewhere a trajectory that fits over all its
+length says more than second derivatives, which can be off where little of the motion shows in the markers.
 
 The parameters predict when every window that can be judged does.
 """
@@ -36,14 +36,14 @@ class Rule:
 
     chi2_per_dof: float = 2.0
     ratio: float = 2.0
-    """of σ⊥ over its expected value"""
+    """of σ⊥ over its expected value, where σ⊥ decides or is worth a remark"""
 
     @property
     def sentence(self) -> str:
         """The rule for a person."""
         return (
-            f"a window is predicted when χ²/dof is at most {self.chi2_per_dof:g} and σ⊥ at most {self.ratio:g} times "
-            "its expected value; all windows must be"
+            f"a window is predicted when χ²/dof of its trajectory is at most {self.chi2_per_dof:g} (without lengths: "
+            f"σ⊥ at most {self.ratio:g} times its expected value); all windows must be"
         )
 
 
@@ -63,7 +63,7 @@ class Judged:
     """m"""
     chi2_per_dof: float | None
     why: str = ""
-    """what is wrong; empty for a window that is predicted"""
+    """what is wrong, or worth a remark"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,24 +144,22 @@ class _Judge:
 
     def window(self, window: Window) -> Judged:
         """The verdict on one window; one that cannot be used is not a failed one."""
-        sigma, expected, left = None, None, None
+        sigma, expected, troubles = self._by_equations(window)
+        left: Remainder | None = None
         wrong: list[str] = []
-        troubles: list[str] = []
-        try:
-            equations = window_equations(self._mechanism, self._campaign, window, self._recipe)
-            sigma = sigma_perp(residual(equations, self._body, self._body))
-            expected = self._expected(equations)
-            wrong += self._about_equations(sigma, expected)
-        except FidimError as error:
-            troubles.append(str(error))
         try:
             recording, sensors = prepare(window, self._campaign.robot), self._campaign.robot.sensors
             left = predict(self._mechanism, self._body.vector, recording, sensors).remainder
-            wrong += self._about_trajectory(window, left)
+            wrong = self._about_trajectory(window, left)
         except FidimError as error:
             troubles.append(str(error))
-        lost = left is None and sigma is not None  # the equations see a window that cannot be simulated
-        predicted = None if left is None and sigma is None else not (wrong or lost)
+        remarks = self._about_equations(sigma, expected)
+        if left is not None:
+            predicted = not wrong
+        elif sigma is None:
+            predicted = None
+        else:  # without lengths nothing can be simulated; with them, that it cannot be is the verdict
+            predicted = window.lengths is None and not remarks
         return Judged(
             window.id,
             window.role,
@@ -170,8 +168,17 @@ class _Judge:
             expected,
             None if left is None else left.rms,
             None if left is None else left.chi2_per_dof,
-            "" if predicted else "; ".join([*wrong, *troubles]),
+            "; ".join([*wrong, *remarks, *troubles]),
         )
+
+    def _by_equations(self, window: Window) -> tuple[float | None, float | None, list[str]]:
+        """σ⊥ and what is expected of it, or why there is none."""
+        try:
+            equations = window_equations(self._mechanism, self._campaign, window, self._recipe)
+            sigma = sigma_perp(residual(equations, self._body, self._body))
+        except FidimError as error:
+            return None, None, [str(error)]
+        return sigma, self._expected(equations), []
 
     def _expected(self, equations: WindowEquations) -> float | None:
         free = self._campaign.robot.freedoms
@@ -180,8 +187,8 @@ class _Judge:
         floor = equations.noise_floor
         return None if floor is None else float(np.sqrt(free)) * floor
 
-    def _about_equations(self, sigma: float, expected: float | None) -> list[str]:
-        if expected is None or sigma <= self.rule.ratio * expected:
+    def _about_equations(self, sigma: float | None, expected: float | None) -> list[str]:
+        if sigma is None or expected is None or sigma <= self.rule.ratio * expected:
             return []
         return [f"σ⊥ is {sigma / expected:.1f} times its expected value"]
 

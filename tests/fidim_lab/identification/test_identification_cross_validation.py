@@ -46,10 +46,19 @@ def test_the_limit_is_the_callers(campaign, true_body):
     assert "at most 0.5" in found.rule.sentence
 
 
-def test_sigma_perp_counts_too(campaign, true_body):
+def test_a_large_sigma_perp_is_remarked_and_decides_only_without_lengths(campaign, true_body):
     """A σ_W far below what the equations show: the parameters come from better windows than these."""
     found = cross_validate(campaign, true_body, 1e-3)
+    assert found.predicts
     assert "times its expected value" in found.windows[0].why
+
+
+def test_windows_without_lengths_are_judged(recorded, true_body):
+    campaign = recorded(noise=NOISE, cluster=True)
+    blind = replace(campaign, windows=tuple(replace(w, lengths=None) for w in campaign.of_role(Role.VALIDATE)))
+    assert cross_validate(blind, true_body, None).predicts
+    wrong = cross_validate(blind, Body(true_body.com * 1.1, true_body.inertia), None)
+    assert not wrong.predicts
 
 
 def test_only_the_asked_roles_are_judged(campaign, true_body):

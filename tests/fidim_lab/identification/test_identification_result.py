@@ -150,7 +150,7 @@ def test_inertia_about_the_centre_of_mass_has_its_error(result, true_body):
 
 def test_only_what_is_built_can_be_asked_for():
     assert method_named("tls") is Method.TLS
-    assert set(ESTIMATORS) == set(Method)
+    assert {*ESTIMATORS, Method.MLE} == set(Method)
     assert method_named("iv") is Method.IV
     with pytest.raises(SetupError, match="no method 'kalman'"):
         method_named("kalman")
