@@ -176,6 +176,21 @@ def simulate(**options: Any) -> None:
 
 
 @fidim.command()
+@click.argument("campaign", type=FOLDER)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-explanation/1".')
+@example("fidim explain runs/dry-run-1 --json explanation.json")
+def explain(campaign: Path, json_file: Path | None) -> None:
+    """Name the physics that the model leaves out of CAMPAIGN, and show it on held-out windows.
+
+    Every effect of the catalogue is tested; those that matter are fitted with the inertial parameters and accepted only
+    where windows that no fit has seen are predicted better.
+    """
+    from fidim_lab.app.explain import explain_command
+
+    sys.exit(explain_command(campaign, json_file))
+
+
+@fidim.command()
 @click.argument("folder", type=FOLDER)
 @click.option("--out", type=FILE, default=None, help="HTML file; default FOLDER/report.html.")
 @example("fidim report runs/dry-run-1")

@@ -4,6 +4,7 @@
 the summary because they belong to the answer.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from fidim_lab.app.scaling import Forms, scaling_table
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
 from fidim_lab.errors import SetupError
+from fidim_lab.identification.choice import Choice, suited_method
 from fidim_lab.identification.estimators import Method, method_named
 from fidim_lab.identification.identify import MODEL_ERROR, identify
 from fidim_lab.identification.mle.findings import closing
@@ -31,29 +33,42 @@ SPREAD_SEEN = 5.0
 """spread over nominal sd beyond which the closing sentence speaks of model error"""
 UNUSABLE = (Outcome.IMPOSSIBLE_BODY, Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
 """outcomes with which the command fails"""
+UNFOLLOWED = (Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
+"""outcomes of maximum likelihood that say nothing of the body"""
 ENOUGH_WINDOWS = 8
 """with fewer, leaving one out can unbalance the excitation: a large spread then says nothing of the model"""
 
 
 def run_identify(
-    campaign_folder: Path, method: str = "mle", *, paper: bool = False, predict: bool = True
+    campaign_folder: Path, method: str | None = None, *, paper: bool = False, predict: bool = True
 ) -> IdentificationResult:
     """Identify the body from a campaign folder.
 
-    `paper`: the paper's form to the letter (`recipe.PAPER`) instead of ours; `predict`: also simulate every window from
-    its fitted initial state (half a second per 10 s window).
+    `method`: None takes what suits the campaign, and total least squares where maximum likelihood fails. `paper`: the
+    paper's form to the letter (`recipe.PAPER`) instead of ours. `predict`: also simulate every window from its fitted
+    initial state (half a second per 10 s window).
     Raises FileError for a wrong campaign, SetupError for an unknown method, RefusedError when no body is identified.
     """
-    chosen = method_named(method)
-    if paper and chosen is not Method.TLS:
-        raise SetupError(f"--paper is a form of total least squares; it does not go with --method {chosen}.")
+    if paper and method not in (None, Method.TLS):
+        raise SetupError(f"--paper is a form of total least squares; it does not go with --method {method}.")
+    asked = Method.TLS if paper else None if method is None else method_named(method)
+    campaign = read_campaign(campaign_folder)
+    choice = suited_method(campaign) if asked is None else Choice(asked)
     recipe: Recipe = PAPER if paper else BEST
     checks = THOROUGH if predict else QUICK
-    return identify(read_campaign(campaign_folder), chosen, recipe, checks, native=compiler() is not None)
+    native = compiler() is not None
+    result = identify(campaign, choice.method, recipe, checks, native=native)
+    if asked is None and choice.method is Method.MLE and result.outcome in UNFOLLOWED:
+        why = (
+            f"Maximum likelihood failed (--method mle shows it): {result.outcome.value} Total least squares, which "
+            "needs no simulated motion, is shown instead."
+        )
+        choice, result = Choice(Method.TLS, why), identify(campaign, Method.TLS, recipe, checks, native=native)
+    return replace(result, warnings=(choice.why, *result.warnings)) if choice.why else result
 
 
 def identify_command(
-    campaign_folder: Path, method: str, json_file: Path | None, report: Path | None, *, paper: bool = False
+    campaign_folder: Path, method: str | None, json_file: Path | None, report: Path | None, *, paper: bool = False
 ) -> int:
     """What `fidim identify` does: identify, print, write. Returns the exit code; raises as `run_identify`.
 
