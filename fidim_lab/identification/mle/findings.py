@@ -24,6 +24,7 @@ MOST_LOST = 0.5
 """share of the windows beyond which a lost phase is no matter of single windows"""
 OPTIMISM = 3.0
 """a spread so many times the nominal sd is worth a warning"""
+SOMETHING = "Something is missing from it"
 CONTRADICTION_MM = 2.0
 """mm between markers and lengths at the start of a window that are worth a warning"""
 
@@ -63,15 +64,17 @@ def doubtful(found: Fit, figures: Figures) -> tuple[str, ...]:
     return tuple(name for name, mark in zip(PARAMETER_NAMES, marks, strict=True) if mark)
 
 
-def outcome(found: Fit, figures: Figures) -> Outcome:
-    """How it ended; the worst of what applies."""
+def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> Outcome:
+    """How it ended; the worst of what applies. Held-out windows count as much as those of the fit."""
     if not consistency.can_move(found.body):
         return Outcome.IMPOSSIBLE_BODY
     if len(found.journey.lost) > MOST_LOST * len(found.remainders):
         return Outcome.LOST_PHASE
     if found.ending is not Ending.CONVERGED:
         return Outcome.NOT_CONVERGED
-    if found.excess > MISFIT:
+    held = _held_out(windows)
+    held_excess = float(np.mean(held)) / found.noise_ratio**2 if held else 0.0
+    if max(found.excess, held_excess) > MISFIT:
         return Outcome.MISFIT
     return Outcome.DOUBTFUL if doubtful(found, figures) else Outcome.CONVERGED
 
@@ -97,7 +100,7 @@ def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -
     """Everything that a user should know before believing the numbers, one sentence each."""
     said = [f"Window {name} is not used: {why}" for name, why in found.unused.items()]
     said += [f"Window {window.id} is not used: {window.notes[0]}" for window in windows if _unpredicted(window)]
-    said += [f"Window {window.id}: {note}." for window in windows if window.used for note in window.notes]
+    said += _grouped(windows)
     if found.start_moved:
         said.append(
             "The nominal body cannot move (its inertia about G is not positive definite); the search began at the "
@@ -109,8 +112,6 @@ def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -
     ]
     said += _misfit_warnings(found, windows)
     said += _spread_warnings(figures)
-    if not consistency.can_exist(found.body):
-        said.append(consistency.sentence(found.body))
     return tuple(said)
 
 
@@ -120,14 +121,19 @@ def closing(result: IdentificationResult) -> str:
     lever = abs(s_z.value - result.attachment_plane)
     error = max(s_z.sd, s_z.spread or 0.0)
     size = f"s_z is good to about {millimetres(error):.2g} mm ({percent(error / lever):.2g} % of its lever)"
+    held = _held_out(result.windows)
+    judged = f", and held-out windows with χ²/dof of {min(held):.3g} to {max(held):.3g}" if held else ""
     if result.outcome is Outcome.MISFIT:
         return (
-            f"The model lacks something: the simulated motion misses the recordings by {result.noise_ratio:.1f} times "
-            f"their noise. By the spread between windows {size}, but an error that all windows share does not show in "
-            "it. Ask fidim explain what is missing."
+            f"The model lacks something: it follows the recordings to {result.noise_ratio:.2g} times their noise"
+            f"{judged}. By the spread between windows {size}, but an error that all windows share does not show in it. "
+            "Ask fidim explain what is missing."
         )
-    held = [w.chi2_per_dof for w in result.windows if w.role is Role.VALIDATE and w.chi2_per_dof is not None]
-    judged = f", and held-out windows with χ²/dof of {min(held):.2f} to {max(held):.2f}" if held else ""
+    if any(SOMETHING in warning for warning in result.warnings):
+        return (
+            f"Little is left besides noise{judged}, but more than chance: {size} by the spread between windows. Ask "
+            "fidim explain what is missing."
+        )
     return f"The model explains the recordings to their noise{judged}: {size}."
 
 
@@ -150,6 +156,24 @@ def journey_notes(journey: Journey, w: int) -> tuple[str, ...]:
     return ()
 
 
+def _held_out(windows: tuple[WindowVerdict, ...]) -> list[float]:
+    return [w.chi2_per_dof for w in windows if w.role is Role.VALIDATE and w.chi2_per_dof is not None]
+
+
+def _grouped(windows: tuple[WindowVerdict, ...]) -> list[str]:
+    """Notes of all windows, one sentence for those of one kind; the first window's figures stand for it."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for window in windows:
+        for note in window.notes if window.used else ():
+            kind = " ".join(word for word in note.split() if not any(letter.isdigit() for letter in word))
+            groups.setdefault(kind, []).append((window.id, note))
+    said: list[str] = []
+    for members in groups.values():
+        ids, note = ", ".join(name for name, _ in members), members[0][1]
+        said.append(f"Window {ids}: {note}." if len(members) == 1 else f"Windows {ids}, as in {members[0][0]}: {note}.")
+    return said
+
+
 def _unpredicted(window: WindowVerdict) -> bool:
     return not window.used and window.role is Role.VALIDATE
 
@@ -167,7 +191,7 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
         left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
         said.append(
             f"χ²/dof is {found.chi2_per_dof:.3g}: besides noise, {left:.2g} mm rms are left that the model does not "
-            "explain. Something is missing from it (fidim explain)."
+            f"explain. {SOMETHING} (fidim explain)."
         )
     coloured = [
         f"{recording.window.id} ({left.whiteness:.0f})"
@@ -176,8 +200,8 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
     ]
     if coloured:
         said.append(f"What is left is not white (1 would be) in {len(coloured)} windows: {', '.join(coloured)}.")
-    held = [window for window in windows if window.role is Role.VALIDATE and window.chi2_per_dof is not None]
-    bad = [window.id for window in held if (window.chi2_per_dof or 0.0) > 2 * max(1.0, found.chi2_per_dof)]
+    worst = 2 * max(1.0, found.chi2_per_dof)
+    bad = [w.id for w in windows if w.role is Role.VALIDATE and (w.chi2_per_dof or 0.0) > worst]
     if bad:
         said.append(f"Held-out windows {', '.join(bad)} fit at least twice as badly as those of the fit.")
     return said

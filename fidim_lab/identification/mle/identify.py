@@ -53,7 +53,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     predicted = _held_out(mechanism, campaign, found) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
     figures = _figures(campaign, found)
-    outcome = findings.outcome(found, figures)
+    outcome = findings.outcome(found, figures, windows)
     return IdentificationResult(
         campaign=campaign.name,
         method=Method.MLE,

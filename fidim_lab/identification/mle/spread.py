@@ -80,14 +80,15 @@ def bootstrap_sd(
     """Standard deviation over campaigns whose windows are weighted at random; None with fewer than three windows.
 
     Rubin's (1981) bootstrap: weights from the flat Dirichlet distribution instead of the multinomial one, because a
-    draw that repeats one of few windows and leaves the others out identifies no body.
+    draw that repeats one of few windows and leaves the others out identifies no body. Scaled by √((W+1)/(W−1)), with
+    which the variance of a mean of W windows is unbiased.
     """
     count = len(tables)
     if count < MIN_WINDOWS:
         return None
     weights = count * np.random.default_rng(seed).dirichlet(np.ones(count), size=draws)
     found = [_refitted(tables * np.sqrt(weight)[:, np.newaxis, np.newaxis], prior_rows) for weight in weights]
-    return np.std(found, axis=0, ddof=1)
+    return np.sqrt((count + 1) / (count - 1)) * np.std(found, axis=0, ddof=1)
 
 
 def open_combinations(

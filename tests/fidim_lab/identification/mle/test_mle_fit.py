@@ -92,6 +92,7 @@ class Drag(Effect):
         return -theta[0] * state.twist
 
 
+@pytest.mark.slow
 def test_parameters_of_effects_are_estimated_beside_the_body(four, record, truth):
     windows = record(four, 3, effects=(Drag(),), theta=[0.6])
     found = fit(Mechanism(four, (Drag(),)), windows, theta_sd=np.array([5.0]))
@@ -124,6 +125,7 @@ def test_a_window_ends_where_a_cable_goes_slack(four, record, truth):
     assert distance(found, body) < chi2.ppf(0.999, 9)
 
 
+@pytest.mark.slow
 def test_a_window_that_cannot_be_followed_is_used_as_far_as_it_can(four, record, truth):
     windows = record(four, 4, seconds=4.0)
     other = record(four, 4, seconds=4.0, kick=-0.3)[1]

@@ -203,6 +203,7 @@ def test_a_result_has_every_field_of_the_format(four, record, truth):
         )
 
 
+@pytest.mark.slow
 def test_missing_physics_is_said_and_not_hidden(four, record):
     windows = record(four, 6, effects=(Drag(),), theta=[0.6])
     windows[0] = replace(windows[0], id="far", markers=1e3 * windows[0].markers)
