@@ -107,11 +107,11 @@ def truth_table(result: IdentificationResult, truth: dict[str, object]) -> Table
         stated = max(parameter.sd, parameter.spread or 0.0)
         table.add_row(
             name,
-            f"{parameter.value * 1e3:.3f}",
-            f"{stated * 1e3:.3f}",
-            f"{value * 1e3:.3f}",
-            f"{error * 1e3:+.3f}",
-            f"{100 * error / value:+.2f}" if value else "",
+            f"{parameter.value * 1e3:.4f}",
+            f"{stated * 1e3:.4f}",
+            f"{value * 1e3:.4f}",
+            f"{error * 1e3:+.4f}",
+            f"{100 * error / value:+.3f}" if value else "",
             f"{error / stated:+.1f}" if stated else "",
         )
     return table
