@@ -4,14 +4,14 @@
 unknown: one linear solve of 6 k for each block. One evaluation of the derivatives a node, however many columns.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import derivatives, shared_count
+from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.integrate import Trajectories, node_times
 
 
@@ -49,13 +49,16 @@ def variations(
     trajectories: Trajectories,
     shared: Float[np.ndarray, " shared"],
     starts: Float[np.ndarray, "W 12 P"],
+    further: Float[np.ndarray, "W N 6 Q"] | None = None,
 ) -> Variations:
     """Carry the derivatives of the initial states, [δp; δφ; δv; δω] by P columns, along the trajectories.
 
-    The last columns of the P are the shared parameters, and get their part of the motion here. NaN where the
-    trajectories are.
+    The last columns of the P are the shared parameters, and get their part of the motion here. `further`: what Q more
+    parameters, whose columns follow those, add to v̇ at the nodes (`model.forcing`). NaN where the trajectories are.
     """
     linear = _linearised(mechanism, trajectories, shared)
+    if further is not None:
+        linear = replace(linear, forcing=np.concatenate([linear.forcing, further], axis=-1))
     count, nodes = trajectories.positions.shape[:2]
     poses, twists = (np.empty((count, nodes, 6, starts.shape[2])) for _ in range(2))
     poses[:, 0], twists[:, 0] = starts[:, :6], starts[:, 6:]
@@ -66,7 +69,7 @@ def variations(
             linear.block(first, first + k), quadrature, poses[:, first], twists[:, first]
         )
     accelerations = linear.by_pose @ poses + linear.by_twist @ twists
-    accelerations[..., -shared_count(mechanism) :] += linear.forcing
+    accelerations[..., -linear.forcing.shape[-1] :] += linear.forcing
     return Variations(poses=poses, twists=twists, accelerations=accelerations)
 
 

@@ -1,0 +1,218 @@
+"""How every hypothesis would move what was recorded, to first order: columns beside those of a fit.
+
+All hypotheses ride on one motion. The variational equation of the fitted model is solved once more with a forcing
+column for each scored parameter (`model.forcing`); what acts on the cameras is added directly. Compliant cables and
+periodic forces are not differentiated but composed: the influence of a unit of cable acceleration times the second
+derivative of κ τ along the motion (`stretch`), that of a unit of force times sin and cos.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.effects.constant_force import ConstantForce
+from fidim_lab.identification.mle.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
+from fidim_lab.identification.mle.recordings import Recording
+from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
+from fidim_lab.mismatch.stretch import is_compliant, stretch_of
+from fidim_lab.model.batch import over_samples
+from fidim_lab.model.forcing import forcing, sightings, start_gaps
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity import markers
+from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.integrate import Trajectories
+from fidim_lab.model.sensitivity.sampling import sampled
+from fidim_lab.model.sensitivity.variation import variations
+from fidim_lab.model.slots import Effect
+
+FRAME_SWAY = "frame-sway"
+
+
+@dataclass(frozen=True)
+class _UnitPull(Effect):
+    """Every cable grows by θ t²/2: the influence of cable accelerations."""
+
+    cables: int
+
+    @property
+    def parameters(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """One acceleration for each cable, m/s²."""
+        return tuple(f"cable {number}" for number in range(1, self.cables + 1))
+
+    def length_drift(self, number: int, time: ca.SX, theta: ca.SX) -> ca.SX:
+        """θ t²/2."""
+        return theta[number - 1] * time**2 / 2
+
+
+@dataclass(frozen=True, eq=False)
+class WindowColumns:
+    """One window's whitened residual with its derivatives, its own unknowns still in."""
+
+    window: int
+    residual: Float[np.ndarray, " rows"]
+    by_own: Float[np.ndarray, "rows own"]
+    by_shared: Float[np.ndarray, "rows shared"]
+    by_scored: Float[np.ndarray, "rows Q"]
+    """all scored parameters of all hypotheses, in order"""
+
+
+class Scorer:
+    """The compiled influence of all hypotheses on one model; made once, used at many motions and horizons."""
+
+    def __init__(self, mechanism: Mechanism, tried: Hypotheses) -> None:
+        self.mechanism = mechanism
+        self.tried = tried
+        self._own = [h for h in tried.direct if not is_compliant(h.effect)]
+        effects = [*mechanism.effects, *(h.effect for h in self._own), ConstantForce(), _UnitPull(mechanism.n)]
+        theta = np.concatenate([mechanism.theta, *(h.absent for h in self._own), np.zeros(3 + mechanism.n)])
+        self._all = Mechanism(mechanism.robot, effects, theta.tolist())
+        self._direct = sum(len(h.scored) for h in tried.direct)
+        self._frequencies = tuple(dict.fromkeys(_frequency(h) for h in tried.periodic))
+        self._places = _scored_places(self._own, mechanism.theta.size)
+        composing = range(len(theta) - 3 - mechanism.n, len(theta))
+        self._absent = (*(int(k) for place in self._places for k in place), *composing)
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Which columns belong to each of `tried.every`."""
+        ends = np.cumsum([len(h.scored) for h in self.tried.every])
+        return tuple(slice(int(end) - len(h.scored), int(end)) for h, end in zip(self.tried.every, ends, strict=True))
+
+    def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowColumns]:
+        """Every window's residual and derivatives at a simulated point, batch by batch."""
+        for batch in simulation.batches:
+            for place, w in enumerate(batch.members):
+                one = batch.trajectories.only(place)
+                yield self._window(likelihood, simulation, int(w), one)
+
+    def _window(self, likelihood: Likelihood, simulation: Simulation, w: int, one: Trajectories) -> WindowColumns:
+        recording, own = likelihood.recordings[w], likelihood.own
+        shared = simulation.point.shared
+        moving = self._moving(simulation, w, one)
+        starts = np.concatenate([simulation.starts.states_by[w], moving.states_by], axis=1)
+        by = variations(self.mechanism, one, shared, starts[np.newaxis], moving.further[np.newaxis])
+        places = self.mechanism.robot.markers[: recording.markers.shape[1]]
+        nodal = markers.varied_at_nodes(one, by, places)[0]
+        use, seen = recording.seen_until(float(simulation.ends[w]))
+        index, weights = markers.hermite(one.grid.t, recording.t[use])
+        by_markers = markers.between(nodal, index, weights)
+        direct = own + len(shared) + self._direct
+        by_markers[..., own + len(shared) : direct] += self._seen(recording, recording.t[use], shared, one)[
+            :, : len(places)
+        ]
+        by_markers = self._composed(by_markers, direct, recording.begin + recording.t[use])
+        known = np.isfinite(recording.lengths)
+        residual = simulation.residuals[w]
+        jacobian = np.zeros((len(residual.rows), by_markers.shape[-1]))
+        jacobian[: len(residual.markers)] = by_markers[seen] / likelihood.noise
+        lengths_by = np.zeros((int(known.sum()), by_markers.shape[-1]))
+        lengths_by[:, :direct] = np.concatenate([simulation.starts.lengths_by[w], moving.lengths_by], axis=1)[
+            known, :direct
+        ]
+        jacobian[len(residual.markers) : -own] = lengths_by / likelihood.resolution
+        jacobian[-own:, :own] = np.diag(loose_rows(likelihood))
+        first, last = own, own + len(shared)
+        return WindowColumns(w, residual.rows, jacobian[:, :first], jacobian[:, first:last], jacobian[:, last:])
+
+    def _composed(self, by_markers: np.ndarray, direct: int, stamps: np.ndarray) -> np.ndarray:
+        """The columns of unit forces at all frequencies made into those of the periodic hypotheses."""
+        forced = by_markers[..., direct:]
+        parts = [by_markers[..., :direct]]
+        for h in self.tried.periodic:
+            k = 6 * self._frequencies.index(_frequency(h))
+            part = forced[..., k : k + 6]
+            if h.effect.id == FRAME_SWAY:
+                size = self.mechanism.robot.mass * (2 * np.pi * _frequency(h)) ** 2
+                part = size * part + _waves(_frequency(h), stamps)[:, np.newaxis]
+            parts.append(part)
+        return np.concatenate(parts, axis=-1)
+
+    def _moving(self, simulation: Simulation, w: int, one: Trajectories) -> "_Moving":
+        shared = simulation.point.shared
+        theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
+        t = one.begins[0] + one.grid.t
+        sample = (one.positions[0], one.rotations[0], one.twists[0], np.zeros((len(t), 0)))
+        found = over_samples(forcing(self._all, self._absent), len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
+        table = found[0].reshape(len(t), 6 + self.mechanism.n, -1)[:, :6]
+        first = (x[:1] for x in (t[:, np.newaxis], *sample))
+        gaps = over_samples(start_gaps(self._all, self._absent), 1, *first, shared[:BODY], theta)
+        n, count = self.mechanism.n, len(self._all.theta)
+        lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
+        chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
+        force, pull = table[..., count - 3 - n : count - n], table[..., count - n :]
+        parts = [(table[..., chosen], lengths[:, chosen], speeds[:, chosen])]
+        parts += [self._compliant(h, one, pull, shared[BODY:]) for h in self.tried.direct if is_compliant(h.effect)]
+        parts += [_forced(f, t, force, n) for f in self._frequencies]
+        further, by_lengths, by_speeds = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        order = self._order()
+        by_pose = simulation.starts.lengths_by[w][:, :6]
+        structure = np.hstack([by_pose[:, :3], by_pose[:, 3:] @ one.rotations[0, 0].T])
+        states = np.vstack([np.zeros((6, by_speeds.shape[1])), -np.linalg.pinv(structure) @ by_speeds])
+        return _Moving(further[..., order], by_lengths[:, order], states[:, order])
+
+    def _compliant(
+        self, tried: Hypothesis, one: Trajectories, pull: np.ndarray, theta: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        stretch, rate, bend = stretch_of(self.mechanism, theta, tried.effect, one)
+        seen = 0.0 if tried.effect.encoder_sees_stretch else 1.0
+        further = np.einsum("kij,kj->ki", pull, bend)[..., np.newaxis]
+        return further, -seen * stretch[0][:, np.newaxis], -rate[0][:, np.newaxis]
+
+    def _order(self) -> np.ndarray:
+        """From the order in which parts are computed to that of `tried.every`."""
+        compliant = np.concatenate([[is_compliant(h.effect)] * len(h.scored) for h in self.tried.direct]).astype(bool)
+        order = np.argsort(np.argsort(compliant, kind="stable"), kind="stable")
+        return np.concatenate([order, len(order) + np.arange(6 * len(self._frequencies))]).astype(int)
+
+    def _seen(self, recording: Recording, t: np.ndarray, shared: np.ndarray, one: Trajectories) -> np.ndarray:
+        """What direct hypotheses change of the cameras' report at the same motion (T M 3 direct), m."""
+        motion = sampled(self.mechanism, shared, one, 0, t)
+        theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
+        stamps = (recording.begin + t)[:, np.newaxis]
+        given = (stamps, motion.positions, motion.rotations, motion.twists, np.zeros((len(t), 0)))
+        found = over_samples(sightings(self._all), len(t), *given, theta)[4]
+        table = found.reshape(len(t), -1, 3, len(theta))
+        chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
+        compliant = sum(len(h.scored) for h in self.tried.direct if is_compliant(h.effect))
+        parts = [table[..., chosen], np.zeros((*table.shape[:3], compliant))]
+        return np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Moving:
+    further: Float[np.ndarray, "N 6 Q"]
+    lengths_by: Float[np.ndarray, "n Q"]
+    states_by: Float[np.ndarray, "12 Q"]
+
+
+def loose_rows(likelihood: Likelihood) -> Float[np.ndarray, " own"]:
+    """Derivatives of the loose priors' rows by a window's own unknowns."""
+    return 1 / np.concatenate([np.full(6, LOOSE_POSE), np.full(likelihood.own - 6, LOOSE_RATE)])
+
+
+def _scored_places(tried: list[Hypothesis], first: int) -> list[np.ndarray]:
+    """Where the scored parameters of each hypothesis stand in θ."""
+    places: list[np.ndarray] = []
+    for h in tried:
+        places.append(first + np.array(h.scored, dtype=int))
+        first += len(h.effect.parameters)
+    return places
+
+
+def _frequency(tried: Hypothesis) -> float:
+    """Of a periodic hypothesis, Hz: its last parameter."""
+    return float(tried.absent[-1])
+
+
+def _waves(frequency: float, t: np.ndarray) -> Float[np.ndarray, "T 3 6"]:
+    """Displacements for units of sin x y z, cos x y z."""
+    phase = 2 * np.pi * frequency * t
+    return np.concatenate([wave[:, np.newaxis, np.newaxis] * np.eye(3) for wave in (np.sin(phase), np.cos(phase))], -1)
+
+
+def _forced(frequency: float, t: np.ndarray, force: np.ndarray, n: int) -> tuple[np.ndarray, ...]:
+    """The forcing of units of force, sin x y z, cos x y z; no influence on a window's start."""
+    return force @ _waves(frequency, t), np.zeros((n, 6)), np.zeros((n, 6))

@@ -1,0 +1,98 @@
+"""What is tried: every effect of the catalogue that can be scored, and those that cannot yet, said openly.
+
+A hypothesis is one effect at one scan point (a creep's time constant, a fan's frequency): within it only parameters
+that have a score are free. Periodic effects are not asked for their own expressions at sixty frequencies: a steady
+force's influence, modulated by sin and cos, is the same thing (`columns`).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fidim_lab.data.records import Robot
+from fidim_lab.effects.catalogue import catalogue
+from fidim_lab.effects.effect import NamedEffect, Parameter
+
+NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown")
+"""found by other means: screening, and what is left at the end"""
+PERIODIC = ("periodic-force", "frame-sway")
+GAUGES = ("time-offset",)
+"""free motion does not see it: every window's start takes it up"""
+BROAD = 10.0
+"""times a parameter's scale: standard deviation of what is expected of it before any data"""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One effect at one scan point."""
+
+    effect: NamedEffect
+    absent: np.ndarray
+    """θ at which it does nothing; scanned parameters at the values tried"""
+    scored: tuple[int, ...]
+    """which of its parameters are free"""
+    prior_sd: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """of the scored ones, before any data"""
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return self.effect.label
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The scored ones."""
+        return tuple(self.effect.parameters[k] for k in self.scored)
+
+    def theta(self, scored: np.ndarray) -> np.ndarray:
+        """All of θ from the scored ones."""
+        values = self.absent.copy()
+        values[list(self.scored)] = scored
+        return values
+
+
+@dataclass(frozen=True, eq=False)
+class Hypotheses:
+    """All of them for one robot."""
+
+    direct: tuple[Hypothesis, ...]
+    """scored by their own slots"""
+    periodic: tuple[Hypothesis, ...]
+    """scored by modulation: one for each frequency and kind"""
+    untested: tuple[str, ...]
+    """ids of the catalogue that this version cannot score"""
+
+    @property
+    def every(self) -> tuple[Hypothesis, ...]:
+        """Direct ones first."""
+        return self.direct + self.periodic
+
+
+def hypotheses(robot: Robot) -> Hypotheses:
+    """Every hypothesis that can be scored for this robot, in the catalogue's order."""
+    direct: list[Hypothesis] = []
+    periodic: list[Hypothesis] = []
+    seen: set[str] = set()
+    effects = [effect for effect in catalogue(robot) if effect.id not in NOT_BY_SCORE]
+    for effect in effects:
+        if effect.id in PERIODIC and not effect.of_each_window:
+            periodic.extend(_at_scan_points(effect))
+        elif _can_be_scored(effect):
+            direct.extend(_at_scan_points(effect))
+        else:
+            continue
+        seen.add(effect.id)
+    untested = dict.fromkeys(effect.id for effect in effects if effect.id not in seen)
+    return Hypotheses(tuple(direct), tuple(periodic), tuple(untested))
+
+
+def _can_be_scored(effect: NamedEffect) -> bool:
+    """Effects with states of their own need these along the motion; a hose with a rest length has many scan points."""
+    return not effect.extra_states and effect.id not in (*PERIODIC, *GAUGES) and len(effect.scan_points) <= 10
+
+
+def _at_scan_points(effect: NamedEffect) -> Iterable[Hypothesis]:
+    scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
+    prior = np.array([BROAD * effect.parameters[k].scale for k in scored])
+    return [Hypothesis(effect, point, scored, prior) for point in effect.scan_points]

@@ -1,0 +1,76 @@
+"""`explain` on campaigns whose answer is known: simulated ones, and the eight beside the checkout."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fidim_lab.app import cli
+from fidim_lab.data.campaign import read_campaign, write_campaign
+from fidim_lab.data.records import Robot
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.explain import explain
+from fidim_lab.mismatch.explanation import Verdict, write_explanation
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+SHARED = Path(__file__).parents[4] / "shared"
+OPEN = (
+    "open-nothing-left-out",
+    "open-air-drag",
+    "open-swivel-friction",
+    "open-anchor-moved",
+    "open-periodic-force",
+    "open-two-at-once",
+    "open-elastic-cables",
+    "open-outside-catalogue",
+)
+
+
+@pytest.mark.slow
+def test_the_command_names_a_hidden_effect(irma4: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = random_plan(irma4, "short", 5, 2, 5)
+    hidden = parse_effect("swivel-friction:c=0.01", irma4.n)
+    world = make_world(irma4, np.random.default_rng(5), (hidden,))
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Recording(4.0))
+    write_campaign(tmp_path / "short", replace(campaign, name="short"))
+    file = tmp_path / "explanation.json"
+    assert cli.run(["explain", str(tmp_path / "short"), "--json", str(file)]) == 0
+    assert "swivel-friction" in capsys.readouterr().out
+    table = json.loads(file.read_text())
+    assert table["format"] == "fidim-explanation/1"
+    assert table["verdict"] == "explained"
+    assert [effect["id"] for effect in table["effects"]] == ["swivel-friction"]
+    found = table["effects"][0]["parameters"]["c"]
+    assert abs(found["value"] - 0.01) < 5 * found["sd"]
+    assert table["held_out"]["chi2_per_dof"]["after"] < 1.1 < table["held_out"]["chi2_per_dof"]["before"]
+    assert set(table["parameters"]) == set(table["parameters_before"])
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+@pytest.mark.parametrize("name", OPEN)
+def test_open_campaigns_are_right(name: str, tmp_path: Path) -> None:
+    folder = SHARED / "campaigns" / name
+    if not folder.is_dir():
+        pytest.skip("../shared/campaigns is not beside this checkout")
+    explanation = explain(read_campaign(folder))
+    file = tmp_path / "explanation.json"
+    write_explanation(file, explanation)
+    truth = SHARED / "campaigns" / "truth" / f"{name}.json"
+    tool = [sys.executable, str(SHARED / "tools" / "score.py"), str(file), str(truth)]
+    scored = subprocess.run(tool, capture_output=True, text=True, check=False)
+    assert scored.returncode == 0, scored.stdout
+    if explanation.verdict is Verdict.EXPLAINED:
+        assert explanation.chi2_per_dof.after is not None
+        assert explanation.chi2_per_dof.after < 1.1
+    true = json.loads(truth.read_text())
+    if explanation.verdict in (Verdict.EXPLAINED, Verdict.NOTHING_MISSING):
+        for name_, value in zip(explanation.parameters, [*true["s"], *true["I"]], strict=True):
+            parameter = explanation.parameters[name_]
+            assert abs(parameter.value - value) < 4 * parameter.sd, name_
