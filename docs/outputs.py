@@ -36,13 +36,13 @@ def printed(command: str, shown_from: str = "run ") -> str:
 
 
 def main() -> None:
-    """Renew all blocks of the README."""
-    page = ROOT / "README.md"
-    text = page.read_text(encoding="utf-8")
-    for command, old in blocks(text):
-        head = f"<!-- output of: {command} -->\n```\n"
-        text = text.replace(f"{head}{old}```", f"{head}{printed(command)}```")
-    page.write_text(text, encoding="utf-8")
+    """Renew all blocks of the README and of docs."""
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        text = page.read_text(encoding="utf-8")
+        for command, old in blocks(text):
+            head = f"<!-- output of: {command} -->\n```\n"
+            text = text.replace(f"{head}{old}```", f"{head}{printed(command)}```")
+        page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

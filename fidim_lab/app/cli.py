@@ -76,7 +76,10 @@ def dry_run(**options: Any) -> None:
 @click.option("--at-sd", type=click.FloatRange(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-result/1".')
 @click.option("--report", type=FILE, default=None, help="Write a self-contained HTML report.")
-@example("fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05 --json result.json")
+@example(
+    "fidim identify runs/dry-run-1 --json result.json\n"
+    "      fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05"
+)
 def identify(
     campaign: Path,
     method: str | None,
