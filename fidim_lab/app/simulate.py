@@ -71,8 +71,6 @@ def simulate_command(options: SimulateOptions) -> int:
     Raises SetupError for options that cannot be, FileError for a wrong robot file, InfeasibleError where the robot
     cannot swing as asked. Nothing is left behind then, nor after Ctrl-C.
     """
-    if options.seed < 0:
-        raise SetupError(f"--seed {options.seed}: a seed is a whole number from 0 on.")
     robot = _declared(read_robot(options.robot), options.noise)
     world = compose.simulated_world(robot, options.seed, options.hide)
     platform = _platform(world, options.backend)
