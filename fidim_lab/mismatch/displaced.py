@@ -1,0 +1,228 @@
+"""Displaced samples of one marker: spikes, and steps that no acceleration of the mechanism makes.
+
+Matching pursuit: where one sample, or everything from one sample on, sits off the polynomial through its neighbours by
+more than noise can, the larger of the two is taken out of a working copy, and the search goes on. Steps that cancel
+make a displaced stretch. Frames that were lost while the time stamps went on look like a step of all coordinates along
+their velocity; the number of frames that makes the motion smooth again tells them apart (`lost_frames`).
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import maximum_filter1d
+from scipy.stats import chi2, norm
+
+from fidim_lab.identification.signals import runs
+from fidim_lab.mismatch.neighbours import look
+
+FALSE_ALARM = 1e-3
+"""per campaign, for each of the two tests (single coordinate, three together)"""
+MARGIN = 1.05
+"""for noise that was underestimated"""
+CLEARER = 1.15
+"""times as telling a step must be, where a spike would do; a true one is 1.4 times"""
+ROUNDS = 60
+SIDE, SMOOTH = 10, 7
+"""samples on either side, and degree, of the polynomial through a place where frames may be lost"""
+MOST_LOST = 20
+"""frames"""
+PLAINER = 0.7
+"""times the χ²/dof of one displaced sample, or a step, that lost frames must come down to"""
+FITS = 2.0
+"""χ²/dof up to which the motion with lost frames is smooth"""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How large a score must be."""
+
+    single: float
+    joint: float
+
+    @staticmethod
+    def for_tests(samples: int) -> "Limits":
+        """For so many samples of markers in the campaign: `FALSE_ALARM` over all of them."""
+        tests = 2 * max(1, samples)
+        return Limits(
+            MARGIN * float(norm.isf(FALSE_ALARM / (6 * tests))),
+            MARGIN * float(np.sqrt(chi2.isf(FALSE_ALARM / tests, 3))),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Displacement:
+    """A stretch of samples of one marker that sits off the motion."""
+
+    marker: int
+    begin: int
+    end: int
+    """exclusive"""
+    offset: Float[np.ndarray, "3"]
+    """m"""
+    to_the_end: bool
+    """a step without return"""
+
+
+@dataclass(frozen=True)
+class LostFrames:
+    """Between rows `at` − 1 and `at` so many frames are missing, unseen by the time stamps."""
+
+    at: int
+    frames: int
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What was found in one window."""
+
+    displaced: tuple[Displacement, ...]
+    lost: tuple[LostFrames, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Peak:
+    row: int
+    marker: int
+    is_step: bool
+    score: float
+    amplitude: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """The grid as far as it is explained; rows of frames that turned out to be lost are inserted as missing."""
+
+    columns: np.ndarray
+    rows: np.ndarray
+    """(G,) row of the window's grid; −1 where inserted"""
+
+
+def search(markers: Float[np.ndarray, "G M 3"], sigma: Float[np.ndarray, "M 3"], half: int, limits: Limits) -> Search:
+    """Displaced samples on an even grid (NaN: missing) whose noise (m) is known for every coordinate."""
+    count = markers.shape[1]
+    work = _Work(markers.reshape(len(markers), -1).copy(), np.arange(len(markers)))
+    lost: list[LostFrames] = []
+    spikes: dict[tuple[int, int], np.ndarray] = {}
+    steps: dict[tuple[int, int], np.ndarray] = {}
+    for _ in range(ROUNDS):
+        peaks = _peaks(work.columns, sigma, half, limits)
+        if not peaks:
+            break
+        top = max(peaks, key=lambda peak: peak.score)
+        skip = lost_frames(work.columns, sigma.ravel(), top.row)
+        if skip is not None:
+            lost.append(LostFrames(int(work.rows[skip.at]), skip.frames))
+            work = _inserted(work, skip)
+            continue
+        columns = work.columns.copy()
+        for peak in peaks:
+            if peak.is_step and peak is not top:
+                continue  # spikes nearby look like steps until they are taken out
+            mine = slice(3 * peak.marker, 3 * peak.marker + 3)
+            key = (peak.marker, int(work.rows[peak.row]))
+            target = steps if peak.is_step else spikes
+            target[key] = target.get(key, np.zeros(3)) + peak.amplitude
+            columns[peak.row : None if peak.is_step else peak.row + 1, mine] -= peak.amplitude
+        work = replace(work, columns=columns)
+    least = limits.single * sigma
+    displaced = _stretches(spikes, steps, least, len(markers), count)
+    return Search(tuple(sorted(displaced, key=lambda found: found.begin)), tuple(sorted(lost, key=lambda one: one.at)))
+
+
+def _peaks(columns: np.ndarray, sigma: np.ndarray, half: int, limits: Limits) -> list[_Peak]:
+    """Samples that stand out most within their neighbourhood, each as a spike or a step."""
+    local = look(columns, half)
+    shape = (len(columns), -1, 3)
+    noise = sigma.reshape(-1)
+    scores = [
+        np.nan_to_num((amplitude * passed / noise).reshape(shape))
+        for amplitude, passed in ((local.spike, local.spike_norm), (local.step, local.step_norm))
+    ]
+    strength = [
+        np.maximum(np.abs(z).max(axis=2) / limits.single, np.linalg.norm(z, axis=2) / limits.joint) for z in scores
+    ]
+    best = np.maximum(strength[0], strength[1])
+    standing = (best > 1) & (best == maximum_filter1d(best, 2 * half + 1, axis=0))
+    amplitudes = [np.nan_to_num(a.reshape(shape)) for a in (local.spike, local.step)]
+    found: list[_Peak] = []
+    for row, marker in np.argwhere(standing):
+        is_step = bool(strength[1][row, marker] > CLEARER * strength[0][row, marker])
+        amplitude = amplitudes[int(is_step)][row, marker]
+        found.append(_Peak(int(row), int(marker), is_step, float(best[row, marker]), amplitude))
+    return found
+
+
+def lost_frames(columns: Float[np.ndarray, "G K"], sigma: Float[np.ndarray, " K"], near: int) -> LostFrames | None:
+    """How many frames are lost within ±2 rows of `near`, if that number makes all coordinates smooth; else None."""
+    places = [at for at in range(near - 2, near + 3) if SIDE <= at <= len(columns) - SIDE]
+    pieces = [columns[at - SIDE : at + SIDE] / sigma for at in places]
+    whole = [(at, piece) for at, piece in zip(places, pieces, strict=True) if np.isfinite(piece).all()]
+    if not whole:
+        return None
+    dof = (2 * SIDE - SMOOTH - 1) * columns.shape[1]
+    stacked = np.stack([piece for _, piece in whole])
+    costs = np.einsum("msr,prk->mpsk", _projectors(), stacked)
+    chi2_per_dof = (costs**2).sum(axis=(2, 3)) / dof
+    frames, place = (int(k) for k in np.unravel_index(int(np.argmin(chi2_per_dof)), chi2_per_dof.shape))
+    at = whole[place][0]
+    otherwise = np.einsum("asr,mrk->amsk", _displaced_projectors(), stacked)
+    as_displaced = float((otherwise**2).sum(axis=(2, 3)).min()) / (dof - columns.shape[1])
+    if frames == 0 or chi2_per_dof[frames, place] > min(FITS, PLAINER * as_displaced):
+        return None
+    return LostFrames(at, frames)
+
+
+@cache
+def _projectors() -> Float[np.ndarray, "F 20 20"]:
+    """What a polynomial leaves of 2 SIDE samples with 0, 1, 2 … frames lost in their middle."""
+    return np.stack(
+        [_left_by(np.arange(2 * SIDE) + frames * (np.arange(2 * SIDE) >= SIDE)) for frames in range(MOST_LOST + 1)]
+    )
+
+
+@cache
+def _displaced_projectors() -> Float[np.ndarray, "A 20 20"]:
+    """The same without lost frames, but with a step in the middle, or one sample displaced on either side of it."""
+    rows = np.arange(2 * SIDE)
+    others = (rows >= SIDE, rows == SIDE, rows == SIDE - 1)
+    return np.stack([_left_by(rows, other.astype(float)) for other in others])
+
+
+def _left_by(place: np.ndarray, *further: np.ndarray) -> np.ndarray:
+    scaled = 2 * (place - place[0]) / (place[-1] - place[0]) - 1
+    basis = np.column_stack([np.polynomial.legendre.legvander(scaled, SMOOTH), *further])
+    orthonormal = np.linalg.qr(basis)[0]
+    return np.eye(len(place)) - orthonormal @ orthonormal.T
+
+
+def _inserted(work: _Work, skip: LostFrames) -> _Work:
+    empty = np.full((skip.frames, work.columns.shape[1]), np.nan)
+    return _Work(
+        np.insert(work.columns, skip.at, empty, axis=0), np.insert(work.rows, skip.at, np.full(skip.frames, -1))
+    )
+
+
+def _stretches(
+    spikes: dict[tuple[int, int], np.ndarray],
+    steps: dict[tuple[int, int], np.ndarray],
+    least: Float[np.ndarray, "M 3"],
+    length: int,
+    markers: int,
+) -> list[Displacement]:
+    """Events as stretches: offsets summed up over time."""
+    found: list[Displacement] = []
+    for m in range(markers):
+        offset = np.zeros((length, 3))
+        for (marker, row), amplitude in steps.items():
+            if marker == m:
+                offset[row:] += amplitude
+        for (marker, row), amplitude in spikes.items():
+            if marker == m:
+                offset[row] += amplitude
+        bad = (np.abs(offset) > 0.8 * least[m]).any(axis=1)
+        for begin, end in runs(bad):
+            largest = begin + int(np.argmax(np.linalg.norm(offset[begin:end], axis=1)))
+            found.append(Displacement(m, begin, end, offset[largest], end == length))
+    return found

@@ -1,0 +1,62 @@
+"""What screening says of one place in the data: a record with its window, channel, times, size and a sentence."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+AXES = "xyz"
+
+
+class Kind(StrEnum):
+    """What is wrong with the samples."""
+
+    CLOCK = "clock"
+    """time stamps are uneven, or not those of the sample rate"""
+    GAP = "gap"
+    """samples are missing, and the file says so: no fault, only fewer data"""
+    SKIP = "skip"
+    """frames were lost, but the time stamps go on as if they were not"""
+    FROZEN = "frozen"
+    """the same values again and again"""
+    SPIKE = "spike"
+    """single samples far away from their neighbours"""
+    JUMP = "jump"
+    """a step that no acceleration of the mechanism makes"""
+    NOISE = "noise"
+    """more or less noise than the robot file declares"""
+
+
+FAULTS = frozenset({Kind.SKIP, Kind.FROZEN, Kind.SPIKE, Kind.JUMP})
+"""kinds that bend a fit: their samples are taken out"""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that the samples themselves show, before any model."""
+
+    kind: Kind
+    window: str | None
+    """its id; None where it holds for the whole campaign"""
+    channel: str
+    """as in the file's header: x, m2y, l3, i1, t"""
+    t: tuple[float, float] | None
+    """s on the window's own clock, first and last sample concerned"""
+    size: float
+    """in `unit`"""
+    unit: str
+    says: str
+    """a sentence for people"""
+
+    @property
+    def is_fault(self) -> bool:
+        """True where a fit would be bent by it."""
+        return self.kind in FAULTS
+
+
+def marker_channel(marker: int, axis: int) -> str:
+    """The file's name of a marker coordinate: x, y, z for the main marker, m2x … for the others (0-based index)."""
+    return AXES[axis] if marker == 0 else f"m{marker + 1}{AXES[axis]}"
+
+
+def marker_name(marker: int) -> str:
+    """How people call it."""
+    return "the marker" if marker == 0 else f"marker {marker + 1}"
