@@ -26,7 +26,7 @@ from fidim_lab.mismatch.explanation import (
 from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.score import Score, explained_share
-from fidim_lab.mismatch.select import ENOUGH, Candidate, Selection, is_white, select
+from fidim_lab.mismatch.select import ENOUGH, WHITE, Candidate, Selection, is_white, select
 from fidim_lab.mismatch.whereabouts import whereabouts
 from fidim_lab.model.mechanism import Mechanism
 
@@ -35,6 +35,8 @@ ALIKE = 0.9995
 MOST_ALIKE = 3
 MOSTLY = 0.9
 """of the held-out excess that named effects must take away to count as a part of the truth"""
+HALF = 0.5
+"""of the excess that an effect known by its score alone must explain"""
 LISTED = 8
 """entries of the ranking that were scored but not fitted"""
 
@@ -55,8 +57,11 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     context = context_of(base)
     found = select(base, campaign.of_role(Role.VALIDATE), tried, context, say)
     verdict = judge(found)
-    named = found.best if verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED) else found.baseline
+    known = verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED)
+    named = found.best if known else found.baseline
     effects = tuple(_cause(found, named.model, k) for k in range(len(named.model.tried)))
+    if known and found.unfitted is not None:
+        effects = (*effects, _cause_by_score(found, found.unfitted))
     return Explanation(
         campaign=campaign.name,
         verdict=verdict,
@@ -97,10 +102,13 @@ def context_of(base: Fit) -> Context:
 def judge(found: Selection) -> Verdict:
     """The verdict, by what is left of fitted and held-out windows."""
     best = found.best
+    if found.unfitted is not None:
+        if found.unfitted_left < WHITE:
+            return Verdict.EXPLAINED
+        enough = found.unfitted.share > HALF or best.model.tried
+        return Verdict.PARTLY_EXPLAINED if enough else Verdict.UNKNOWN_PHYSICS
     if not best.model.tried:
         return Verdict.NOTHING_MISSING if is_white(best) else Verdict.UNKNOWN_PHYSICS
-    if is_white(best) and (not found.last or found.last[0].log_evidence < ENOUGH):
-        return Verdict.EXPLAINED
     if is_white(best):
         return Verdict.EXPLAINED
     before, after = found.baseline.held_out.chi2_per_dof - 1, best.held_out.chi2_per_dof - 1
@@ -117,6 +125,17 @@ def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
     }
     effect = tried.effect
     return NamedCause(effect.id, effect.cable, _alike(found, tried), parameters, effect.says)
+
+
+def _cause_by_score(found: Selection, score: Score) -> NamedCause:
+    """An effect that cannot be fitted yet, with the size that its score gives, to first order."""
+    tried = score.tried[0]
+    theta = tried.theta(score.theta[0])
+    parameters = {
+        parameter.name: EffectParameter(float(value), None, parameter.unit)
+        for parameter, value in zip(tried.effect.parameters, theta, strict=True)
+    }
+    return NamedCause(tried.effect.id, tried.effect.cable, _alike(found, tried), parameters, tried.effect.says)
 
 
 def _alike(found: Selection, named: Hypothesis) -> tuple[str, ...]:
@@ -222,6 +241,9 @@ def _message(
             said += f"{before.chi2_per_dof:.3g}."
             if best.model.tried:
                 said += f" The best attempt, {best.model.label}, leaves {best.held_out.chi2_per_dof:.3g}."
+    if effects and found.unfitted is not None:
+        said += f" {found.unfitted.label} is known by its score alone (log-evidence {found.unfitted.log_evidence:.0f}, "
+        said += f"would leave χ²/dof {found.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
     return said + (f" Not tested: {', '.join(untested)}." if untested else "")
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.data.records import Window
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Simulation
@@ -18,6 +19,7 @@ from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.mismatch.refit import Completed, HeldOut, can_refit, predict, refit
 from fidim_lab.mismatch.score import Projected, Score, pair_scores, project, single_scores
+from fidim_lab.mismatch.stretch import is_compliant
 
 ENOUGH = 5.0
 """log-evidence below which a term is not believed: never reached in 20 000 draws without an effect (FINDINGS.md)"""
@@ -62,6 +64,10 @@ class Selection:
     """at the baseline"""
     last: tuple[Score, ...]
     """of all hypotheses at the best model: what could still be added"""
+    unfitted: Score | None
+    """the most evident addition to the best model, where trajectories cannot carry it: known by its score alone"""
+    unfitted_left: float
+    """χ²/dof that it would leave"""
 
     @property
     def white(self) -> bool:
@@ -85,6 +91,8 @@ def select(base: Fit, validate: Sequence[Window], tried: Hypotheses, context: Co
     projected, scores = _scored(baseline.model, tried, context)
     first, first_scores = projected, scores
     while len(best.model.tried) < MOST_TERMS and scores[0].log_evidence > ENOUGH:
+        if _unfitted(scores, best) is not None:
+            break
         fresh = _additions(best, base, validate, scores, projected, context, say)
         models.extend(fresh)
         better = [c for c in fresh if _is_better(c, best)]
@@ -96,7 +104,19 @@ def select(base: Fit, validate: Sequence[Window], tried: Hypotheses, context: Co
         if is_white(best) and scores[0].log_evidence < ENOUGH:
             break
     ranking = sorted(models, key=lambda c: c.held_out.chi2_per_dof)
-    return Selection(best, baseline, tuple(ranking), first_scores, first, scores)
+    unfitted = _unfitted(scores, best)
+    gain = 0.0 if unfitted is None else unfitted.gain
+    left = (projected.left - gain) / max(1, projected.dof)
+    return Selection(best, baseline, tuple(ranking), first_scores, first, scores, unfitted, left)
+
+
+def _unfitted(scores: Sequence[Score], best: Candidate) -> Score | None:
+    """The most evident hypothesis where it cannot be fitted and no other comes near."""
+    top = scores[0]
+    if top.log_evidence < ENOUGH or _can_be_fitted(top.tried[0].effect, best):
+        return None
+    rest = next((s for s in scores if _can_be_fitted(s.tried[0].effect, best)), None)
+    return top if rest is None or top.log_evidence > rest.log_evidence + ENOUGH else None
 
 
 def _additions(
@@ -127,12 +147,11 @@ def _additions(
 
 def _worth(best: Candidate, scores: Sequence[Score], projected: Projected, context: Context) -> list[Score]:
     """The most evident additions that can be fitted, one for each effect, and pairs that say much more."""
-    mechanism = best.model.mechanism
     chosen: list[Score] = []
     seen: set[object] = set()
     for score in scores:
         effect = score.tried[0].effect
-        if effect in seen or score.log_evidence < ENOUGH or not can_refit(effect, mechanism):
+        if effect in seen or score.log_evidence < ENOUGH or not _can_be_fitted(effect, best):
             continue
         seen.add(effect)
         chosen.append(score)
@@ -144,9 +163,16 @@ def _worth(best: Candidate, scores: Sequence[Score], projected: Projected, conte
         pair
         for pair in pair_scores(projected, context)
         if pair.log_evidence > singles[0].log_evidence + ENOUGH
-        and all(can_refit(h.effect, mechanism) for h in pair.tried)
+        and all(_can_be_fitted(h.effect, best) for h in pair.tried)
     ]
     return singles + pairs[:PAIRS]
+
+
+def _can_be_fitted(effect: NamedEffect, best: Candidate) -> bool:
+    """Whether trajectories carry it; a stretch that spoils whole windows is beyond their first order."""
+    if is_compliant(effect) and best.model.excess >= NEAR:
+        return False
+    return can_refit(effect, best.model.mechanism)
 
 
 def _is_better(candidate: Candidate, best: Candidate) -> bool:

@@ -6,8 +6,10 @@ dy = −K⁻¹ ∂r with K factorised once. In CasADi's virtual machine, four ca
 Both functions take, per sample, time (s since the window's start), position (3), rotation (9, row by row), twist (6),
 shared ([body 9; θ]).
 
-Effects may use the slots for geometry, lengths, drift, wrench and kinetic energy. Stretch, states of their own and
-measurement are not carried (`refuse_unknown`).
+Effects may use the slots for geometry, lengths, drift, wrench, kinetic energy and compliance. Stretch is of first order
+(`model.equations`): exact in the motion and in its derivatives by θ, while its share of the derivatives by the state,
+(frequency of motion / frequency of stretch)² of the rest, is left out: a Gauss–Newton step is a little off, its optimum
+is not. States of their own and measurement are not carried (`refuse_unknown`).
 """
 
 from dataclasses import dataclass, replace
@@ -85,13 +87,10 @@ class Sample:
 def refuse_unknown(mechanism: Mechanism) -> None:
     """Raise OurBugError for an effect that uses a slot which trajectories with derivatives do not carry (yet)."""
     for effect in mechanism.effects:
-        kind, theta = type(effect), ca.SX.sym("theta", len(effect.parameters))
+        kind = type(effect)
         used = [name for name in ("marker", "seen", "true_time") if getattr(kind, name) is not getattr(Effect, name)]
         if effect.extra_states:
             used.append("extra_states")
-        cables = mechanism.cables_at(ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("all", mechanism.theta.size))
-        if any(not effect.compliance(k, cable, theta).is_zero() for k, cable in enumerate(cables, start=1)):
-            used.append("compliance")
         if used:
             raise OurBugError(
                 f"{kind.__name__}: trajectories with derivatives do not know its slots {', '.join(used)}.",
@@ -107,7 +106,7 @@ def turned(flat: ca.SX) -> ca.SX:
 
 def _compile_slopes(mechanism: Mechanism) -> ca.Function:
     sample = Sample.of(mechanism)
-    return function("slopes", sample.inputs, [sample.equations.solve(sample.solver)])
+    return function("slopes", sample.inputs, _shortened(sample, [sample.equations.solve(sample.solver)]))
 
 
 def _compile_derivatives(mechanism: Mechanism) -> ca.Function:
@@ -117,8 +116,16 @@ def _compile_derivatives(mechanism: Mechanism) -> ca.Function:
     # one sweep for all columns: the entries of the rotation first, then the three directions in which it can turn
     at = ca.vertcat(symbols.position, symbols.flat, symbols.twist, sample.shared)
     jacobian = ca.jacobian(sample.residual(unknown), at)
+    if not sample.equations.compliance.is_zero():
+        bend = sample.equations.stretch(sample.solver)[2]
+        jacobian[6:, -symbols.theta.numel() :] -= ca.jacobian(bend, symbols.theta)
     by_rotation = jacobian[:, 3:12] @ turned(symbols.flat)
     by_state = ca.horzcat(jacobian[:, :3], by_rotation, jacobian[:, 12:])
     change = ca.substitute(by_state, unknown, solution)
     moved = sample.solver(-change[:6, :], -change[6:, :])
-    return function("slope_derivatives", sample.inputs, [solution, rows(moved[:6, :])])
+    return function("slope_derivatives", sample.inputs, _shortened(sample, [solution, rows(moved[:6, :])]))
+
+
+def _shortened(sample: Sample, outputs: list[ca.SX]) -> list[ca.SX]:
+    """Common parts of the long expressions of stretch computed once."""
+    return outputs if sample.equations.compliance.is_zero() else ca.cse(outputs)

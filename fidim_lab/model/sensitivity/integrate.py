@@ -18,6 +18,9 @@ from fidim_lab.model.native import built
 from fidim_lab.model.sensitivity.equations import shared_count, slopes
 from fidim_lab.model.sensitivity.grid import Grid
 
+LARGE = 6000
+"""operations of the slopes (four rigid cables: about 2000) beyond which a step calls them instead of containing them"""
+
 STAGES = DOP853.n_stages
 # scipy's stubs do not know the tableau
 COEFFICIENTS: np.ndarray = np.asarray(DOP853.A)[:STAGES, :STAGES]
@@ -111,9 +114,36 @@ def node_times(trajectories: Trajectories) -> Series:
 
 
 def _step_of(mechanism: Mechanism) -> ca.Function:
-    return mechanism.compiled(
-        "sensitivity: step", lambda made: built(_compile_step(made)) if made.native else _compile_step(made)
-    )
+    def make(made: Mechanism) -> ca.Function:
+        if slopes(made).n_instructions() > LARGE:
+            return _compose_step(made)
+        return built(_compile_step(made)) if made.native else _compile_step(made)
+
+    return mechanism.compiled("sensitivity: step", make)
+
+
+def _compose_step(mechanism: Mechanism) -> ca.Function:
+    """The same step calling the slopes instead of containing them: twelve copies would take minutes to build."""
+    solve = built(slopes(mechanism)) if mechanism.native else slopes(mechanism)
+    gibbs, spin, flat = ca.SX.sym("gibbs", 3), ca.SX.sym("spin", 3), ca.SX.sym("flat", 9)
+    turned = rows(rotation_from_gibbs(gibbs) @ from_rows(flat, 3, 3))
+    turn = function("turn", [gibbs, spin, flat], [turned, gibbs_rate(gibbs, spin)])
+    state, timing = ca.MX.sym("state", 18), ca.MX.sym("timing", 2)
+    shared = ca.MX.sym("shared", shared_count(mechanism))
+    time, h, reference = timing[0], timing[1], state[3:12]
+    start = ca.vertcat(state[:3], ca.MX.zeros(3), state[12:])
+    found: list[ca.MX] = []
+    outputs: list[ca.MX] = []
+    for node, coefficients in zip(NODES, COEFFICIENTS, strict=True):
+        terms = [float(c) * slope for c, slope in zip(coefficients, found, strict=False) if c != 0]
+        at = start + h * sum(terms, ca.MX.zeros(12))
+        rotation, rate = turn(at[3:6], at[9:], reference)
+        output = solve(time + float(node) * h, at[:3], rotation, at[6:], shared)
+        outputs.append(output)
+        found.append(ca.vertcat(at[6:9], rate, output[:6]))
+    end = start + h * sum((float(c) * slope for c, slope in zip(WEIGHTS, found, strict=True)), ca.MX.zeros(12))
+    after = ca.vertcat(end[:3], turn(end[3:6], end[9:], reference)[0], end[6:])
+    return ca.Function("eighth_order_step", [state, timing, shared], [after, outputs[0]])
 
 
 def _compile_step(mechanism: Mechanism) -> ca.Function:

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.model.batch import evaluate, function, rows
+from fidim_lab.model.contributions import seen_compliances_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import Sample, turned
 from fidim_lab.model.sensitivity.integrate import States
@@ -109,6 +110,9 @@ def _compile_starts(mechanism: Mechanism) -> ca.Function:
     symbols = equations.symbols
     drift, rate = equations.length_constraint(sample.solver)
     lengths, speeds = equations.lengths - drift, equations.structure @ symbols.twist - rate
+    if not equations.compliance.is_zero():
+        seen = seen_compliances_at(mechanism, equations.state.cables, symbols.theta)
+        lengths += seen * sample.solver(equations.wrench, equations.pull)[6:]
     by_pose = ca.horzcat(
         ca.jacobian(speeds, symbols.position), ca.jacobian(speeds, symbols.flat) @ turned(symbols.flat)
     )

@@ -146,10 +146,33 @@ class Springy(Effect):
         return theta[0]
 
 
+def test_the_derivative_by_a_compliance_is_exact_at_rigid_cables(paper):
+    mechanism, shared, states = started(paper.robot, (Springy(),), [0.0])
+    starts, exact = derivatives(mechanism, shared, states)
+    h = 1e-8
+    ends = []
+    for sign in (h, -h):
+        there = np.append(shared[:-1], sign)
+        at = moved(mechanism, there, states, starts, np.zeros((2, 6 + mechanism.freedoms)), BEGINS)
+        ends.append(predicted(mechanism, there, at)[1])
+    slope = (ends[0] - ends[1]) / (2 * h)
+    assert np.abs(slope).max() > 1
+    np.testing.assert_allclose(exact[..., -1], slope, atol=1e-4 * np.abs(slope).max())
+
+
+class Displaced(Effect):
+    parameters = ("dx",)
+
+    def marker(self, number, place, theta):
+        return place + theta[0]
+
+
 def test_slots_that_are_not_carried_are_refused(paper):
     _, shared, states = started(paper.robot)
-    with pytest.raises(OurBugError, match=r"Springy: .* slots compliance"):
-        integrate(Mechanism(paper.robot, (Springy(),)), np.append(shared, 0), states, Grid.covering(0.1, QUICK), BEGINS)
+    with pytest.raises(OurBugError, match=r"Displaced: .* slots marker"):
+        integrate(
+            Mechanism(paper.robot, (Displaced(),)), np.append(shared, 0), states, Grid.covering(0.1, QUICK), BEGINS
+        )
 
 
 def test_tied_twists_stretch_no_cable_and_stay_near(paper):
