@@ -76,7 +76,7 @@ def identify_command(
     """
     with console.err.status("identifying …"):
         result = run_identify(campaign_folder, method, paper=paper)
-        ours = run_identify(campaign_folder, method, predict=False) if paper else None
+        ours = run_identify(campaign_folder, Method.TLS, predict=False) if paper else None
     if json_file is not None:
         write_result(json_file, result)
     console.out.print(summary(result))

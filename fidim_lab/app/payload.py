@@ -78,7 +78,7 @@ def payload_command(
     with console.err.status("identifying without the payload …"):
         empty = run_identify(campaign, method, paper=paper)
     with console.err.status("identifying with the payload …"):
-        loaded = run_identify(option.campaign, method, paper=paper, predict=False)
+        loaded = run_identify(option.campaign, empty.method.value, paper=paper, predict=False)
     console.out.print(summary(empty))
     console.out.print(f"With the payload: {loaded.message}", markup=False)
     for warning in loaded.warnings:

@@ -122,6 +122,8 @@ def test_the_papers_form_is_shown_beside_two_others(pair: Pair, capsys: pytest.C
     said = capsys.readouterr().out
     assert "Total least squares in three forms" in said
     assert "columns of norm 1" in said
+    [sigma_W] = [line for line in said.splitlines() if line.startswith("│ σ_W ")]
+    assert "–" not in sigma_W  # all three forms are total least squares
     assert "free" in said  # the windows' poses come from x, y and lengths
 
 
