@@ -126,10 +126,16 @@ class Laboratory:
 
     def _see(self, t: float) -> np.ndarray:
         """What the cameras make of the markers in a frame taken at host time t."""
-        late = self._cameras.exposure(0.0)
-        self.advance(t + late)
+        return self._cameras.see(t - self._origin, self._markers(t + self._cameras.exposure(0.0)))
+
+    def _markers(self, t: float) -> np.ndarray:
+        """True marker positions (M, 3) at host time t, m.
+
+        In real time somebody else may have moved the world on since: a frame shows what was, not what is.
+        """
         with self.plant.lock:
-            return self._cameras.see(t - self._origin, self.plant.markers())
+            self.advance(t)
+            return self.plant.markers(max(t - self._origin, self.plant.remembered_since))
 
 
 class LaboratoryShaft(DrumShaft):

@@ -29,6 +29,8 @@ from sim_backends.plant.world import World
 BISECTIONS = 12
 MOST_EVENTS = 200
 """in one `run`; after that a chattering cable is left as it is until the next"""
+REMEMBERED = 512
+"""states: some 0.1 s and more of looking back, also where devices in real time ask every few hundred microseconds"""
 DEPENDENT = 1e-12
 """ratio of the smallest to the largest eigenvalue of J M⁻¹ Jᵀ"""
 UNSEEN = 2e-5
@@ -130,7 +132,7 @@ class Motion:
         self.x = np.zeros(0)
         self.active = np.ones(world.n)
         self.tensions = np.zeros(world.n)
-        self.history: deque[tuple[float, np.ndarray]] = deque(maxlen=32)
+        self.history: deque[tuple[float, np.ndarray]] = deque(maxlen=REMEMBERED)
         """the last states, oldest first, the present one included"""
 
     def start(self, x: np.ndarray, t: float, drive: Drive) -> None:

@@ -169,8 +169,13 @@ class Plant:
         """Cable lengths as ideal encoders see them now, m: what is paid out, and how far a held winch yields."""
         return self._drums + self._yield * self._motion.tensions
 
+    @property
+    def remembered_since(self) -> float:
+        """The earliest plant time at which `markers` still knows where they were, s."""
+        return self._motion.history[0][0]
+
     def markers(self, t: float | None = None) -> np.ndarray:
-        """True marker positions (M, 3), world frame, m, now or at a time within the last 32 steps (cubic in between).
+        """True marker positions (M, 3), world frame, m, now or since `remembered_since` (cubic between two steps).
 
         Raises:
             OurBugError: t is not within what has been simulated.

@@ -255,7 +255,7 @@ class Rehearsal:
         seen = Ended(self.folder, round(self.settings.record.seconds * RATE) + 1)
         ended: list[Ended] = []
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Laboratory, "_see", _noting(seen.truth))
+            patch.setattr(Laboratory, "_markers", _noting(seen.truth))
             try:
                 compose.run_loop(self._main(experiment, seen, ended, more), real_time=self.real_time)
             except KeyboardInterrupt as problem:
@@ -348,12 +348,12 @@ async def _afterwards(rig: compose.SimulatedRig, seen: Ended, ended: list[Ended]
 
 def _noting(truth: dict[int, np.ndarray]) -> Callable[[Laboratory, float], np.ndarray]:
     """Cameras that note where the main marker truly is in each frame; the first frame's number is 1."""
-    see = Laboratory._see
+    look = Laboratory._markers
 
     def note(laboratory: Laboratory, t: float) -> np.ndarray:
-        seen = see(laboratory, t)
-        truth[len(truth) + 1] = laboratory.plant.markers()[0].copy()
-        return seen
+        there = look(laboratory, t)
+        truth[len(truth) + 1] = there[0].copy()
+        return there
 
     return note
 
