@@ -71,6 +71,13 @@ class Winch(Protocol):
         """Power on and hold position. A fault is never reset here."""
         ...
 
+    async def prepare(self, speed: float, acceleration: float) -> None:
+        """Set speed (m/s) and acceleration (m/s²) of the next move, verified; nothing moves.
+
+        Done for all winches first, the moves then begin together, or none begins.
+        """
+        ...
+
     async def move_to(self, length: float, speed: float, acceleration: float) -> None:
         """Start a move to a cable length (m), at most at `speed` (m/s); returns once the drive has the set-point."""
         ...

@@ -16,6 +16,8 @@ class MotionSettings:
     """m/s²"""
     position_tolerance: float = 1e-3
     """m, a cable's encoder against the length asked for"""
+    straight: float = 0.02
+    """m by which a cable may leave the straight line in length space that was checked, while all are moving"""
     settle_tolerance: float = 2e-3
     """m, peak to peak of each marker coordinate"""
     settle_over: float = 1.0

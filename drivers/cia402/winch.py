@@ -33,6 +33,7 @@ class Cia402Winch:
         self._scale: LengthScale = config.scale
         self._drive = Drive(config, master)
         self._ramp = config.max_acceleration
+        self._prepared: tuple[float, float] | None = None
 
     @property
     def name(self) -> str:
@@ -50,6 +51,7 @@ class Cia402Winch:
         `CanopenMaster.run()` must be running. Raises DeviceError naming every object that does not hold.
         """
         self._drive.begin()
+        self._prepared = None
         self.checks = await bring_up(self._master, self.link, self.config)
 
     async def enable(self) -> None:
@@ -64,20 +66,33 @@ class Cia402Winch:
         await self._drive.walk_to_operation(order)
         await self._drive.take_set_point(order, self._drive.healthy().position)
 
+    async def prepare(self, speed: float, acceleration: float) -> None:
+        """Write and read back speed (m/s) and acceleration (m/s²) of the next move; nothing moves.
+
+        Raises RefusedError beyond the winch's limits (then nothing is sent), DeviceError where the drive does not keep
+        them.
+        """
+        refuse_beyond_limits(self.config, self.config.length_limits[0], speed, acceleration)
+        self._prepared = None
+        for setting in profile(self.config, speed, acceleration):
+            await self.link.sdo.write_verified(setting.index, setting.sub, setting.wanted)
+        self._ramp = acceleration
+        self._prepared = (speed, acceleration)
+
     async def move_to(self, length: float, speed: float, acceleration: float) -> None:
         """Start a move to a cable length (m), at most at `speed` (m/s); returns once the drive has the set-point.
 
-        Raises RefusedError for a length, speed or acceleration (m/s²) beyond the winch's limits (then nothing is sent),
-        DeviceError where the drive has no power, does not take the set-point, or a stop overtook the move.
+        What `prepare` has set is not written again. Raises RefusedError for a length, speed or acceleration (m/s²)
+        beyond the winch's limits (then nothing is sent), DeviceError where the drive has no power, does not take the
+        set-point, or a stop overtook the move.
         """
         refuse_beyond_limits(self.config, length, speed, acceleration)
         order = self._drive.begin()
         state = state_of(self._drive.healthy().statusword)
         if state is not DriveState.OPERATION_ENABLED:
             raise DeviceError(self.config.device, f"cannot move: {state}.", hint="Enable it first.")
-        for setting in profile(self.config, speed, acceleration):
-            await self.link.sdo.write_verified(setting.index, setting.sub, setting.wanted)
-        self._ramp = acceleration
+        if self._prepared != (speed, acceleration):
+            await self.prepare(speed, acceleration)
         await self._drive.take_set_point(order, self._scale.count(length))
 
     async def hold(self) -> None:

@@ -11,6 +11,8 @@ from procedures.timing import wait_until, within
 
 EXPECTED_PLACE = 5e-3
 """m: a robot farther from where the plan has it gets its way checked from where it is"""
+TOGETHER = 0.25
+"""s within which all winches take their set-points: some ten bus cycles; 6 mm at the usual acceleration"""
 SLOWEST = 0.01
 """part of speed and acceleration that a cable with next to no way is given: a drive takes no zero"""
 
@@ -42,13 +44,15 @@ async def move_to(stand: Stand, step: MoveTo) -> Result:
     way = longest_way(start, step.lengths)
     if way <= step.tolerance:
         return Result(values=start)
-    await _all(_moves(stand, step, start, way))
+    await _start(stand, step, start, way)
     clock = stand.rig.clock
     allowed = 1.5 * travel_time(way, step.speed, step.acceleration) + 3.0
 
     def arrived() -> bool:
         samples = stand.samples()
-        left = longest_way(tuple(s.length for s in samples), step.lengths)
+        lengths = tuple(s.length for s in samples)
+        left = longest_way(lengths, step.lengths)
+        _require_straight(stand, start, step.lengths, lengths)
         stand.progress(1.0 - min(left / way, 1.0))
         return left <= step.tolerance and all(s.target_reached for s in samples)
 
@@ -57,12 +61,45 @@ async def move_to(stand: Stand, step: MoveTo) -> Result:
     return Result(values=stand.lengths())
 
 
-def _moves(stand: Stand, step: MoveTo, start: Lengths, way: float) -> list[Coroutine[object, object, None]]:
+async def _start(stand: Stand, step: MoveTo, start: Lengths, way: float) -> None:
+    """Set all winches going together. Raises DeviceError as soon as one of them does not go, for none may go alone."""
     shares = [max(abs(b - a) / way, SLOWEST) for a, b in zip(start, step.lengths, strict=True)]
-    return [
-        winch.move_to(length, step.speed * share, step.acceleration * share)
-        for winch, length, share in zip(stand.rig.winches, step.lengths, shares, strict=True)
+    profiles = [(step.speed * share, step.acceleration * share) for share in shares]
+    winches = stand.rig.winches
+    await _all([winch.prepare(*profile) for winch, profile in zip(winches, profiles, strict=True)])
+    moves = [
+        asyncio.ensure_future(winch.move_to(length, *profile))
+        for winch, length, profile in zip(winches, step.lengths, profiles, strict=True)
     ]
+    try:
+        await within(stand.rig.clock, TOGETHER, _until_one_fails(moves))
+    except TimeoutError:
+        late = [winch.name for winch, move in zip(winches, moves, strict=True) if not move.done()]
+        raise DeviceError(", ".join(late), f"has not begun its move within {TOGETHER:g} s of the others") from None
+
+
+async def _until_one_fails(moves: Sequence["asyncio.Future[None]"]) -> None:
+    await asyncio.gather(*moves)
+
+
+def _require_straight(stand: Stand, start: Lengths, end: Lengths, lengths: Lengths) -> None:
+    """Raise DeviceError for the winch that is farthest from where it should be by now, if that is too far.
+
+    Where all should be is told by the way that they have gone together.
+    """
+    ways = [b - a for a, b in zip(start, end, strict=True)]
+    gone = [length - a for a, length in zip(start, lengths, strict=True)]
+    part = sum(w * g for w, g in zip(ways, gone, strict=True)) / sum(w * w for w in ways)
+    off = [g - part * w for w, g in zip(ways, gone, strict=True)]
+    worst = max(range(len(off)), key=lambda cable: abs(off[cable]))
+    allowed = stand.settings.motion.straight
+    if abs(off[worst]) > allowed:
+        name, far = stand.rig.winches[worst].name, off[worst] * 1e3
+        raise DeviceError(
+            name,
+            f"is {far:+.1f} mm off the straight way that all winches go together; {allowed * 1e3:g} mm is allowed",
+            hint="Does it move as the others do?",
+        )
 
 
 def _not_arrived(stand: Stand, step: MoveTo, allowed: float) -> DeviceError:

@@ -9,6 +9,7 @@ from drivers.cia402.words import controlword
 from fidim_lab.app import compose
 from procedures.journal import Kind
 from procedures.outcomes import Outcome
+from sim_backends.bus_faults import FrameRule
 from sim_backends.drive.machine import State
 
 QUICK_STOP = controlword(Command.QUICK_STOP)
@@ -105,8 +106,7 @@ def test_a_drive_that_falls_silent_is_missed_and_stops_by_itself(rehearsal, step
     check_quick_stop(ended)
     check_kept(ended, step)
     assert {drive.state for drive in ended.drives} == {State.QUICK_STOP_ACTIVE}
-    ways = [abs(place) * METRES_PER_COUNT for place, _ in ended.shafts]
-    assert max(ways) - min(ways) < 0.03  # it missed our heartbeat within 0.25 s
+    assert max(ways(ended)) - min(ways(ended)) < 0.03  # it missed our heartbeat within 0.25 s
 
 
 def test_a_drive_that_answers_no_sdo_any_more_ends_the_next_move_and_keeps_the_first_window(scene, rehearsal):
@@ -118,6 +118,45 @@ def test_a_drive_that_answers_no_sdo_any_more_ends_the_next_move_and_keeps_the_f
     assert report.exit_code == 3
     assert [row.id for row in report.accepted] == ["i01"]
     assert {drive.state for drive in ended.drives} == {State.OPERATION_ENABLED}
+
+
+# none moves alone ---------------------------------------------------------------------------------------------------
+
+
+def ways(ended):
+    """How far each winch has gone, m."""
+    return [abs(place) * METRES_PER_COUNT for place, _ in ended.shafts]
+
+
+def test_a_drive_that_takes_no_set_point_is_not_left_behind(rehearsal):
+    deaf = FrameRule(frozenset({0x202}), drop=True)
+    rehearsal.at("MoveTo", lambda stage: stage.bus.rules.append(deaf))
+    ended = rehearsal.run()
+    report = ended.check()
+    assert report.reason == "winch 2: has not begun its move within 0.25 s of the others"
+    assert report.exit_code == 3
+    assert max(ways(ended)) < 0.015
+
+
+def test_a_drive_that_acknowledges_and_stays_is_not_left_behind(rehearsal):
+    where_it_is = FrameRule(frozenset({0x202}), change=lambda data: data[:3] + bytes(4))
+    rehearsal.at("MoveTo", lambda stage: stage.bus.rules.append(where_it_is))
+    ended = rehearsal.run()
+    report = ended.check()
+    assert report.reason.startswith("winch 2: is +")
+    assert "mm off the straight way that all winches go together; 20 mm is allowed" in report.reason
+    assert report.exit_code == 3
+    assert "Settle" not in ended.begun
+
+
+def test_in_real_time_no_winch_moves_while_another_cannot_be_prepared(rehearsal):
+    rehearsal.real_time = True
+    rehearsal.at("MoveTo", lambda stage: setattr(stage.drive(2).faults, "sdo_silent", True))
+    ended = rehearsal.run()
+    report = ended.check(log=False)
+    assert report.reason.startswith("winch 2 (node 2): no answer to SDO ")
+    assert report.exit_code == 3
+    assert max(ways(ended)) == 0.0
 
 
 # faults -------------------------------------------------------------------------------------------------------------

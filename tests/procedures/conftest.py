@@ -61,6 +61,9 @@ class FakeWinch:
         await self.world.clock.sleep(0.1)
         self.state = DriveState.OPERATION_ENABLED
 
+    async def prepare(self, speed: float, acceleration: float) -> None:
+        self._command("prepare")
+
     async def move_to(self, length: float, speed: float, acceleration: float) -> None:
         self._command("move_to")
         now = self.world.now()

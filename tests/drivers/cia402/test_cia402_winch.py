@@ -71,6 +71,23 @@ def test_hold_then_a_new_move_never_resumes_the_old_one(on_bench: OnBench) -> No
     on_bench(script)
 
 
+def test_what_was_prepared_is_not_written_again_and_moves_nothing(on_bench: OnBench) -> None:
+    async def script(bench: Any) -> None:
+        await bench.enabled()
+        bench.drive.controlwords.clear()
+        await bench.winch.prepare(0.1, 0.5)
+        assert bench.drive.controlwords == []
+        prepared = sum(frame[0] == 0x603 for frame in bench.bus.sent)
+        await bench.winch.move_to(1.02, 0.1, 0.5)
+        assert sum(frame[0] == 0x603 for frame in bench.bus.sent) == prepared
+        await bench.winch.move_to(1.01, 0.2, 0.5)
+        assert sum(frame[0] == 0x603 for frame in bench.bus.sent) == prepared + 6
+        with pytest.raises(RefusedError, match="a speed of 9 m/s"):
+            await bench.winch.prepare(9.0, 0.5)
+
+    on_bench(script)
+
+
 @pytest.mark.parametrize(("stop", "word"), [("quick_stop", 0x02), ("power_off", 0x00)])
 @pytest.mark.parametrize("configured", [False, True])
 def test_stops_are_one_frame_at_once(on_bench: OnBench, stop: str, word: int, configured: bool) -> None:
