@@ -17,7 +17,7 @@ dry-run: install
 	$(BIN)/fidim dry-run
 
 test: install check
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
 check: install
 	$(BIN)/ruff check .
@@ -25,8 +25,9 @@ check: install
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/basedpyright
 
+# The long ones: whole campaigns, real processes, Monte Carlo.
 bench: install
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m slow --durations=0
 
 # The lock names versions and hashes, never an index; needs uv (pip install uv).
 lock:
