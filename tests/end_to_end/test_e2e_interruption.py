@@ -79,10 +79,10 @@ def test_impatience_does_not_keep_the_robot_from_being_held(rehearsal, step, num
 class Command:
     """`fidim dry-run` with two windows, watched by its journal."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, *more):
         self.folder = folder
         self.journal = folder / "journal.jsonl"
-        command = ["dry-run", "--equilibria", "2", "--validate", "0", "--out", str(folder)]
+        command = ["dry-run", "--equilibria", "2", "--validate", "0", "--out", str(folder), *more]
         self.process = subprocess.Popen(
             [sys.executable, "-c", "from fidim_lab.app.cli import main; main()", *command],
             stdout=subprocess.PIPE,
@@ -117,7 +117,6 @@ def command(tmp_path):
     command.process.communicate()
 
 
-@pytest.mark.slow
 def test_the_command_ends_with_130_and_a_whole_folder(command):
     command.wait_for("MoveTo", "i02")
     for _ in range(3):
@@ -135,7 +134,6 @@ def test_the_command_ends_with_130_and_a_whole_folder(command):
     assert {p.name for p in command.folder.iterdir()} >= {"truth.json", "plan.toml", "raw", "robot.toml"}
 
 
-@pytest.mark.slow
 def test_after_a_kill_the_accepted_windows_are_a_campaign(command):
     command.wait_for("Record", "i02")
     threading.Event().wait(0.2)
@@ -150,7 +148,18 @@ def test_after_a_kill_the_accepted_windows_are_a_campaign(command):
     assert len(list(read_candump(command.folder / "raw" / "can.log"))) > 1000
 
 
-@pytest.mark.slow
+def test_in_real_time_with_threads_and_sockets_it_is_the_same(tmp_path):
+    command = Command(tmp_path / "run", "--real-time")
+    command.wait_for("Settle", "i01")
+    command.process.send_signal(signal.SIGINT)
+    command.process.send_signal(signal.SIGTERM)
+    code, out, err = command.end()
+    assert code == 130, out + err
+    assert "All winches stand still, held." in out
+    assert "Traceback" not in out + err
+    assert len(list(read_candump(command.folder / "raw" / "can.log"))) > 500
+
+
 def test_ctrl_c_while_planning(tmp_path):
     command = Command(tmp_path / "run")
     threading.Event().wait(1.0)
