@@ -15,6 +15,7 @@ from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Simulation
 from fidim_lab.identification.mle.optimise import FINAL, optimise
+from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.mismatch.refit import Completed, HeldOut, can_refit, predict, refit
@@ -83,8 +84,9 @@ def is_white(candidate: Candidate) -> bool:
     return candidate.model.excess < WHITE and (held.dof == 0 or held.chi2_per_dof / ratio < allowed)
 
 
-def select(base: Fit, validate: Sequence[Window], tried: Hypotheses, context: Context, say: Say) -> Selection:
+def select(start: Baseline, say: Say) -> Selection:
     """Search for what was left out, starting from a baseline fit."""
+    base, validate, tried, context = start.fit, start.held_out, start.tried, start.context
     baseline = _judged(Completed((), base, (), 0.0), validate)
     say(f"baseline: χ²/dof {base.chi2_per_dof:.3f}, held out {baseline.held_out.chi2_per_dof:.3f}")
     best, models = baseline, [baseline]

@@ -1,0 +1,57 @@
+"""What was tried, with the reasons why the others lost."""
+
+from collections.abc import Sequence
+
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.plausibility import Context
+from fidim_lab.mismatch.explanation import Ranked
+from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.score import Score
+from fidim_lab.mismatch.select import Candidate, Selection
+
+LISTED = 8
+"""entries of the ranking that were scored but not fitted"""
+
+
+def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranked, ...]:
+    """Fitted models first, the best by held-out χ² leading, then what was only scored."""
+    fitted = [_ranked(candidate, named, context) for candidate in found.tried]
+    known = {_key(candidate.model.tried) for candidate in found.tried}
+    scored: list[Ranked] = []
+    seen: set[object] = set()
+    for score in found.scores:
+        effect = score.tried[0].effect
+        if effect in seen or _key(score.tried) in known or len(scored) == LISTED:
+            continue
+        seen.add(effect)
+        scored.append(Ranked((_name(effect),), None, _possible(score, context) is None, _why_not_fitted(score)))
+    return (*fitted, *scored)
+
+
+def _ranked(candidate: Candidate, named: Candidate, context: Context) -> Ranked:
+    model, held = candidate.model, candidate.held_out
+    reasons = [h.effect.plausible(model.theta_of(k)[0], context) for k, h in enumerate(model.tried)]
+    impossible = [reason for reason in reasons if reason is not None]
+    bound = " A parameter is held at the bound of what is possible." if any(model.at_bound) else ""
+    said = "accepted: " if candidate is named else ""
+    why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {held.chi2_per_dof:.3f} held out; log-evidence "
+    why += f"{model.log_evidence:.0f} over the baseline.{bound} {' '.join(impossible)}".rstrip()
+    effects = tuple(_name(h.effect) for h in model.tried)
+    return Ranked(effects, held.chi2_per_dof, not impossible and not any(model.at_bound), why)
+
+
+def _why_not_fitted(score: Score) -> str:
+    return f"by score it takes {max(score.gain, 0.0):.0f} off χ² (log-evidence {score.log_evidence:.0f}); not fitted"
+
+
+def _possible(score: Score, context: Context) -> str | None:
+    tried = score.tried[0]
+    return tried.effect.plausible(tried.theta(score.theta[0]), context)
+
+
+def _key(tried: Sequence[Hypothesis]) -> tuple[str, ...]:
+    return tuple(sorted(h.label for h in tried))
+
+
+def _name(effect: NamedEffect) -> str:
+    return effect.id if effect.cable is None else f"{effect.id} (cable {effect.cable})"

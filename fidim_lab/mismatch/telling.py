@@ -1,0 +1,127 @@
+"""The answer in words: from selection and verdict to an `Explanation`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign
+from fidim_lab.effects.equivalences import EQUIVALENCES
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.classes import alike
+from fidim_lab.mismatch.explanation import Before, BodyParameter, EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.ranking import ranking
+from fidim_lab.mismatch.refit import Completed
+from fidim_lab.mismatch.score import Score
+from fidim_lab.mismatch.select import ENOUGH, Candidate, Selection
+from fidim_lab.mismatch.verdict import Judged
+from fidim_lab.mismatch.whereabouts import whereabouts
+
+
+def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -> Explanation:
+    """Everything that is answered."""
+    named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
+    effects = tuple(_cause(found, named.model, k) for k in range(len(named.model.tried)))
+    if judged.known and found.unfitted is not None:
+        effects = (*effects, _cause_by_score(found, found.unfitted))
+    return Explanation(
+        campaign=baseline.campaign.name,
+        verdict=verdict,
+        effects=effects,
+        where=whereabouts(baseline.fit) if verdict is not Verdict.NOTHING_MISSING else (),
+        chi2_per_dof=Before(found.baseline.held_out.chi2_per_dof, named.held_out.chi2_per_dof),
+        rms_mm=Before(1e3 * found.baseline.held_out.rms, 1e3 * named.held_out.rms),
+        ranking=ranking(found, named, baseline.context),
+        parameters=_parameters(named.model.fit, baseline.campaign),
+        parameters_before=_parameters(baseline.fit, baseline.campaign),
+        next_experiment=_next_experiment(verdict, effects),
+        message=_message(verdict, found, named, effects, untested),
+        seconds=seconds,
+        untested=untested,
+    )
+
+
+def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
+    tried = model.tried[k]
+    values, sds = model.theta_of(k)
+    inflation = float(np.sqrt(max(1.0, model.excess)))
+    parameters = {
+        parameter.name: EffectParameter(float(value), float(sd) * inflation, parameter.unit)
+        for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
+    }
+    effect = tried.effect
+    return NamedCause(effect.id, effect.cable, alike(found, tried), parameters, effect.says)
+
+
+def _cause_by_score(found: Selection, score: Score) -> NamedCause:
+    """An effect that cannot be fitted yet, with the size that its score gives, to first order."""
+    tried = score.tried[0]
+    theta = tried.theta(score.theta[0])
+    parameters = {
+        parameter.name: EffectParameter(float(value), None, parameter.unit)
+        for parameter, value in zip(tried.effect.parameters, theta, strict=True)
+    }
+    return NamedCause(tried.effect.id, tried.effect.cable, alike(found, tried), parameters, tried.effect.says)
+
+
+def _parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
+    scale = float(np.sqrt(max(1.0, found.excess)))
+    nominal = campaign.robot.nominal.vector
+    return {
+        name: BodyParameter(float(found.values[k]), float(found.sd[k]) * scale, float(nominal[k]))
+        for k, name in enumerate(PARAMETER_NAMES)
+    }
+
+
+def _next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | None:
+    for cause in effects:
+        for other in cause.equivalent_to:
+            for known in EQUIVALENCES:
+                if cause.id in known.ids and other in known.ids:
+                    return f"To tell {cause.id} from {other}: {known.separate}."
+    if verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
+        return "Repeat one window at the same place with half the displacement: it tells force from geometry."
+    return None
+
+
+def _message(
+    verdict: Verdict, found: Selection, named: Candidate, effects: Sequence[NamedCause], untested: Sequence[str]
+) -> str:
+    before, after = found.baseline.held_out, named.held_out
+    figures = f"held-out χ²/dof {before.chi2_per_dof:.3g} → {after.chi2_per_dof:.3g}, rms {1e3 * before.rms:.3g} → "
+    figures += f"{1e3 * after.rms:.3g} mm"
+    names = " and ".join(c.id if c.cable is None else f"{c.id} (cable {c.cable})" for c in effects)
+    match verdict:
+        case Verdict.NOTHING_MISSING:
+            best = found.scores[0] if found.scores else None
+            said = f"Nothing is missing: held-out χ²/dof {before.chi2_per_dof:.3g}, rms {1e3 * before.rms:.3g} mm"
+            if best is not None:
+                said += f"; the best of {len(found.scores)} hypotheses, {best.label}, has log-evidence "
+                said += f"{best.log_evidence:.1f} ({ENOUGH:g} would be needed)"
+            said += "."
+        case Verdict.EXPLAINED:
+            said = f"Left out: {names}; {figures}. {_shift(found, named)}"
+        case Verdict.PARTLY_EXPLAINED:
+            said = f"Left out: {names}, but something remains unexplained; {figures}. {_shift(found, named)}"
+        case _:
+            best = found.best
+            said = "Something is missing that no effect tested here explains; held-out χ²/dof "
+            said += f"{before.chi2_per_dof:.3g}."
+            if best.model.tried:
+                said += f" The best attempt, {best.model.label}, leaves {best.held_out.chi2_per_dof:.3g}."
+    if effects and found.unfitted is not None:
+        said += f" {found.unfitted.label} is known by its score alone (log-evidence {found.unfitted.log_evidence:.0f}, "
+        said += f"would leave χ²/dof {found.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
+    return said + (f" Not tested: {', '.join(untested)}." if untested else "")
+
+
+def _shift(found: Selection, named: Candidate) -> str:
+    """How far the body moved when the effects were added."""
+    base, done = found.baseline.model.fit, named.model.fit
+    moved = done.values[:9] - base.values[:9]
+    k = int(np.argmax(np.abs(moved) / base.sd[:9]))
+    com = 1e3 * float(np.linalg.norm(moved[:3]))
+    return (
+        f"The centre of mass moved by {com:.3g} mm; most in its own sd moved {PARAMETER_NAMES[k]}, "
+        f"by {abs(moved[k]) / base.sd[k]:.0f} sd of the fit without them."
+    )
