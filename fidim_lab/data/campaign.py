@@ -1,8 +1,9 @@
 """Campaign folders, "fidim-campaign/1": campaign.toml, robot.toml and one file a window."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,11 +14,16 @@ from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.data.robot_file import read_robot, write_robot
 from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.data.window_csv import WindowColumns, read_window_csv, write_window_csv
+from fidim_lab.data.window_mcap import read_window_mcap, window_as_mcap
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-campaign/1"
 INDEX = "campaign.toml"
 ROBOT = "robot.toml"
+READERS: Mapping[str, Callable[[Path, int], WindowColumns]] = MappingProxyType(
+    {".csv": read_window_csv, ".mcap": read_window_mcap}
+)
+"""(file, cables of the robot) → its columns, by suffix"""
 
 
 class WindowTable(Table):
@@ -46,11 +52,13 @@ class IndexEntry:
     id: str
     role: Role
     equilibrium: np.ndarray | None
+    suffix: str = ".csv"
+    """of the window's file: .csv or .mcap"""
 
     @property
     def file(self) -> str:
         """Where the window lies, relative to the campaign folder."""
-        return f"windows/{self.id}.csv"
+        return f"windows/{self.id}{self.suffix}"
 
 
 def read_campaign(folder: Path) -> Campaign:
@@ -82,9 +90,10 @@ def _check_ids(index: Path, windows: Sequence[WindowTable]) -> None:
 
 def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) -> Window:
     path = folder / entry.file
-    if path.suffix != ".csv":
-        raise FileError(folder / INDEX, f"window {entry.id}, file", f"{entry.file!r} is not a .csv file")
-    columns = read_window_csv(path, cables)
+    read = READERS.get(path.suffix)
+    if read is None:
+        raise FileError(folder / INDEX, f"window {entry.id}, file", f"{entry.file!r} is not a .csv or .mcap file")
+    columns = read(path, cables)
     found = columns.markers.shape[1]
     if found > markers:
         raise FileError(path, "line 1", f"{found} markers, the robot file has {markers} (platform, extra_markers)")
@@ -100,14 +109,19 @@ def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) ->
     )
 
 
-def write_campaign(folder: Path, campaign: Campaign, *, robot_comment: str = "") -> None:
+def write_campaign(
+    folder: Path, campaign: Campaign, *, robot_comment: str = "", suffix: Literal[".csv", ".mcap"] = ".csv"
+) -> None:
     """Write a campaign folder that `read_campaign` reads back."""
     (folder / "windows").mkdir(parents=True, exist_ok=True)
     write_robot(folder / ROBOT, campaign.robot, comment=robot_comment)
-    entries = [IndexEntry(w.id, w.role, w.equilibrium) for w in campaign.windows]
+    entries = [IndexEntry(w.id, w.role, w.equilibrium, suffix) for w in campaign.windows]
     for window, entry in zip(campaign.windows, entries, strict=True):
         columns = WindowColumns(window.t, window.markers, window.lengths, window.currents, window.further)
-        write_window_csv(folder / entry.file, columns)
+        if suffix == ".csv":
+            write_window_csv(folder / entry.file, columns)
+        else:
+            (folder / entry.file).write_bytes(window_as_mcap(columns))
     write_index(folder, campaign.name, campaign.sample_rate, entries)
 
 
