@@ -6,21 +6,24 @@ holds the robot afterwards. Nothing is retried or replayed here: what happens ne
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from drivers.ports import Prompt, Rig
 from fidim_lab.errors import GuardError, OurBugError
+from procedures.control import Control, Intervention, Verb, Word
 from procedures.events import Prompted, Publisher, StepFinished, StepProgress, StepStarted, Tripped
 from procedures.guards import Guard, Observation, Reaction, Trip, watch
 from procedures.handlers import Handler
+from procedures.interruption import Aborted, Interruption, result_or_word
 from procedures.journal import Journal, Kind
 from procedures.ledger import Ledger
 from procedures.listing import Outline
 from procedures.outcomes import Measurement, Outcome
+from procedures.pace import Pace
 from procedures.settings import GuardSettings
 from procedures.stand import Stand
-from procedures.steps import Enable, Phase, Procedure, Result, Step, Stop
+from procedures.steps import AfterPause, Enable, Phase, Procedure, Result, Step, Stop
 from procedures.teardown import quick_stop
 
 PROGRESS_PERIOD = 0.1
@@ -51,10 +54,15 @@ class Pulse:
         """whether any command may have reached a winch"""
         self.trip: Trip | None = None
         """latched: no step begins after it"""
+        self.paused = False
+        self.begun = 0.0
+        """when the step began"""
 
     @property
     def phase(self) -> Phase:
-        """What the robot may be doing."""
+        """What the robot may be doing. Whoever pauses a run goes to the robot and may stand before a camera."""
+        if self.paused:
+            return Phase.HANDLING
         return self.step.phase if self.step else Phase.PREPARING
 
 
@@ -69,8 +77,12 @@ class Engine:
         publish: Publisher,
         ledger: Ledger,
         newton_per_ampere: Sequence[float],
+        control: Control,
     ) -> None:
         self.pulse = Pulse()
+        self._control = control
+        self._pace = Pace()
+        self._stopped = asyncio.Event()
         self._rig = rig
         self._outline = outline
         self._journal = journal
@@ -89,44 +101,92 @@ class Engine:
         """Perform all steps under the guards' eyes."""
         work = asyncio.ensure_future(self._perform_all(procedure, stand, handlers))
         eyes = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings.period, self._react))
+        button = asyncio.ensure_future(self._stopped.wait())
+        self._control.attach(self._judge, self.emergency_stop)
         try:
-            await asyncio.wait({work, eyes}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({work, eyes, button}, return_when=asyncio.FIRST_COMPLETED)
             if self.pulse.trip is None:
                 # Only a trip or a bug ends the watch before it is cancelled; a bug raises here.
                 return work.result() if not eyes.done() else _watch_failed(eyes)
         finally:
-            await _end_all(work, eyes)
+            self._control.detach()
+            await _end_all(work, eyes, button)
         trip = self.pulse.trip
         where = f" ({self.pulse.step.text})" if self.pulse.step else ""
         raise GuardError(f"The {trip.guard} guard stopped the run{where}: {trip.says}.")
+
+    def emergency_stop(self, reason: str) -> None:
+        """Quick-stop all winches before this returns, and end the run."""
+        first = self.pulse.trip
+        if first is not None:  # what tripped first stays the reason; a hold becomes a quick stop
+            self.pulse.trip = replace(first, reaction=Reaction.QUICK_STOP)
+        self._react(Trip(self._rig.clock.now(), "emergency stop", reason, Reaction.QUICK_STOP))
+        self._stopped.set()
+
+    def _judge(self, word: Word) -> str:
+        """Why a word cannot be taken now; empty when it can."""
+        step = self.pulse.step
+        if step is None or self.pulse.trip is not None:
+            return "the run is beginning" if step is None else "the run is being stopped"
+        if self.pulse.paused:
+            return "the run is paused already" if word.verb is Verb.PAUSE else ""
+        if word.verb is Verb.RESUME:
+            return "the run is not paused"
+        if word.verb in (Verb.SKIP, Verb.RETRY):
+            if not step.window:
+                return f"“{step.text}” belongs to no window"
+            if step.after_pause is AfterPause.NOT_INTERRUPTED:
+                return f"“{step.text}” is being finished; say it again in a moment"
+        return ""
 
     async def _perform_all(self, procedure: Procedure, stand: Stand, handlers: Mapping[type[Step], Handler]) -> Ending:
         steps = procedure()
         try:
             step = next(steps)
             while not isinstance(step, Stop):
-                step = steps.send(await self._perform(step, stand, handlers))
+                got = await self._perform(step, stand, handlers)
+                step = steps.throw(got) if isinstance(got, Intervention) else steps.send(got)
         except StopIteration:
             return Ending(self._ledger.outcome, self._ledger.reason)
+        except Aborted as end:
+            return Ending(Outcome.ABORTED, str(end))
+        except Intervention as word:
+            return Ending(Outcome.ABORTED, f"This procedure cannot skip or repeat, so it ends here: {word.reason}.")
         finally:
             steps.close()
         self._begin(step)
         self._end(step, Result(step.outcome, step.reason))
         return Ending(step.outcome, step.reason)
 
-    async def _perform(self, step: Step, stand: Stand, handlers: Mapping[type[Step], Handler]) -> Result:
+    async def _perform(self, step: Step, stand: Stand, handlers: Mapping[type[Step], Handler]) -> Result | Intervention:
+        """What came of the step, or the word that is to be thrown into the procedure instead."""
         handler = handlers.get(type(step))
         if handler is None:
             raise OurBugError(f"No handler for the step {type(step).__name__} ({step.text}).")
-        self._begin(step)
-        result = await handler(stand, step)
-        self._end(step, result)
-        return result
+        interruption = Interruption(stand, self._control, self._journal, self._publish)
+        while True:
+            self._begin(step)
+            if step.after_pause is AfterPause.NOT_INTERRUPTED:
+                result: Result | Word = await handler(stand, step)
+            else:
+                result = await result_or_word(handler(stand, step), self._control)
+            if isinstance(result, Result):
+                self._pace.learn(step, self._rig.clock.now() - self.pulse.begun)
+                self._end(step, result)
+                return result
+            self._end(step, Result(Outcome.SKIPPED, f"interrupted: {result.sentence}"))
+            self.pulse.paused = True
+            try:
+                await interruption.carry_out(step, result)
+            except Intervention as word:
+                return word
 
     def _begin(self, step: Step) -> None:
         pulse = self.pulse
-        left = self._outline.left_from(step, otherwise=pulse.left)
+        planned = self._outline.left_from(step)
+        left = pulse.left if planned is None else self._pace.total(planned)
         pulse.step, pulse.number, pulse.left, pulse.told = step, pulse.number + 1, left, -1.0
+        pulse.begun, pulse.paused = self._rig.clock.now(), False
         pulse.touched |= isinstance(step, Enable) or step.phase is not Phase.PREPARING
         self._journal.write(Kind.STEP_STARTED, sync=False, step=type(step).__name__, window=step.window, text=step.text)
         self._publish(StepStarted(self._rig.clock.now(), pulse.number, step, left))
@@ -148,7 +208,9 @@ class Engine:
             data=data,
         )
         now = self._rig.clock.now()
-        self._publish(StepFinished(now, self.pulse.number, step, result, max(self.pulse.left - step.seconds, 0.0)))
+        self._publish(
+            StepFinished(now, self.pulse.number, step, result, max(self.pulse.left - self._pace.seconds(step), 0.0))
+        )
         finished = self._ledger.take(step, result, now)
         if finished is not None:
             self._publish(finished)
@@ -164,7 +226,7 @@ class Engine:
             None if (sample := winch.latest()) is None else factor * sample.current
             for winch, factor in zip(self._rig.winches, self._newton_per_ampere, strict=True)
         )
-        left = max(pulse.left - part * pulse.step.seconds, 0.0)
+        left = max(pulse.left - part * self._pace.seconds(pulse.step), 0.0)
         self._publish(StepProgress(now, pulse.number, pulse.step, part, tensions, left))
 
     def prompted(self, window: str, prompt: Prompt) -> None:
@@ -181,10 +243,12 @@ class Engine:
 
     def _react(self, trip: Trip) -> None:
         """In the cycle of the trip: latch, and stop all winches where the guard asks for it (else they are held)."""
-        self.pulse.trip = trip
         if trip.reaction is Reaction.QUICK_STOP:
             for winch in self._rig.winches:
                 quick_stop(winch)
+        if self.pulse.trip is not None:
+            return  # latched: the first one says why
+        self.pulse.trip = trip
         self._publish(Tripped(trip.t, trip))
 
 

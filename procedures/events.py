@@ -95,6 +95,32 @@ class Tripped:
 
 
 @dataclass(frozen=True)
+class Warned:
+    """A guard saw something that does not stop the run."""
+
+    t: float
+    trip: Trip
+
+
+@dataclass(frozen=True)
+class Paused:
+    """The robot is held until somebody resumes; told again, with the reason, where a resumption was refused."""
+
+    t: float
+    window: str
+    says: str
+
+
+@dataclass(frozen=True)
+class Resumed:
+    """The robot was verified to be where it was held, and the run goes on."""
+
+    t: float
+    window: str
+    says: str
+
+
+@dataclass(frozen=True)
 class RunFinished:
     """The run has ended and the robot is held."""
 
@@ -102,7 +128,19 @@ class RunFinished:
     report: RunReport
 
 
-Event = RunStarted | StepStarted | StepProgress | Prompted | StepFinished | WindowFinished | Tripped | RunFinished
+Event = (
+    RunStarted
+    | StepStarted
+    | StepProgress
+    | Prompted
+    | StepFinished
+    | WindowFinished
+    | Tripped
+    | Warned
+    | Paused
+    | Resumed
+    | RunFinished
+)
 Listener = Callable[[Event], None]
 
 

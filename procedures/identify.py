@@ -4,11 +4,12 @@ For each window: move – settle (measured) – hold – read encoders – check
 until the hand is away – record – check – accept, or record again. A rejected window is kept aside and recorded anew.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.data.records import Plan, PlannedWindow, Robot
 from fidim_lab.errors import InfeasibleError
+from procedures.control import Retried, Skipped
 from procedures.outcomes import Outcome
 from procedures.settings import Settings
 from procedures.steps import (
@@ -45,28 +46,54 @@ def straight(_start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
     return (goal,)
 
 
-def identify(plan: Plan, robot: Robot, settings: Settings | None = None, route: Route = straight) -> Steps:
+def identify(
+    plan: Plan,
+    robot: Robot,
+    settings: Settings | None = None,
+    route: Route = straight,
+    made: Mapping[str, int] | None = None,
+) -> Steps:
     """The steps of the protocol for a plan.
 
+    made: attempts that an earlier run, which this one continues, has made at a window: numbers go on after them.
+    A person's skip or retry (`Skipped`, `Retried`) concerns the present window.
     Raises InfeasibleError (from `route`) where no safe way to an equilibrium is known.
     """
-    protocol = _Protocol(robot, settings or Settings(), route)
+    protocol = _Protocol(robot, settings or Settings(), route, made or {})
     at = (yield Enable()).values
     swinging = False
     for planned in plan.windows:
-        if swinging:
-            yield from protocol.steady(planned, "The platform still swings. Bring it to rest before the next move.")
-        at = yield from protocol.go(planned, at)
-        swinging = yield from protocol.visit(planned)
+        at, swinging = yield from protocol.window(planned, at, swinging)
 
 
 class _Protocol:
     """The parts of the protocol, for one robot and its settings. Each is a generator of steps."""
 
-    def __init__(self, robot: Robot, settings: Settings, route: Route) -> None:
+    def __init__(self, robot: Robot, settings: Settings, route: Route, made: Mapping[str, int]) -> None:
         self._robot = robot
         self._settings = settings
         self._route = route
+        self._made = dict(made)
+        """recordings made so far, by window"""
+
+    def window(
+        self, planned: PlannedWindow, at: Lengths, swinging: bool
+    ) -> Generator[Step, Result, tuple[Lengths, bool]]:
+        """One planned window with all that people may say meanwhile; returns where the robot is, and if it swings."""
+        for _ in range(1 + self._settings.record.repeats):
+            try:
+                if swinging:
+                    yield from self.steady(planned, "The platform still swings. Bring it to rest before the next move.")
+                at = yield from self.go(planned, at)
+                return at, (yield from self.visit(planned))
+            except Skipped as word:
+                yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason=word.reason)
+                return (yield Hold(window=planned.id)).values, True
+            except Retried:
+                at, swinging = (yield Hold(window=planned.id)).values, True
+        reason = f"begun {1 + self._settings.record.repeats} times without coming to a recording"
+        yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
+        return at, True
 
     def go(self, planned: PlannedWindow, at: Lengths) -> Generator[Step, Result, Lengths]:
         """Move to the planned lengths; returns them."""
@@ -161,12 +188,15 @@ class _Protocol:
         """Record until a window is good, or given up; returns whether the platform was set swinging."""
         attempts = 1 + self._settings.record.repeats
         reasons: list[str] = []
-        for attempt in range(1, attempts + 1):
-            answer = yield from self._ask(planned, _displace(planned, reasons))
-            if answer == "skip":
-                yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
-                return bool(reasons)
-            reason = yield from self._attempt(planned, attempt, rest)
+        for _ in range(attempts):
+            try:
+                answer = yield from self._ask(planned, _displace(planned, reasons))
+                if answer == "skip":
+                    yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
+                    return bool(reasons)
+                reason = yield from self._attempt(planned, rest)
+            except Retried as word:
+                reason = word.reason
             if reason is None:
                 return True
             reasons.append(reason)
@@ -174,13 +204,12 @@ class _Protocol:
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return True
 
-    def _attempt(
-        self, planned: PlannedWindow, attempt: int, rest: tuple[float, ...]
-    ) -> Generator[Step, Result, str | None]:
+    def _attempt(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, str | None]:
         """One recording; returns None when accepted, else why not."""
         away = yield self._hands_off(planned)
         if not away.outcome.usable:
             return away.reason
+        attempt = self._made[planned.id] = self._made.get(planned.id, 0) + 1
         yield Record(window=planned.id, attempt=attempt, duration=self._settings.record.seconds)
         check = CheckWindow(
             window=planned.id,

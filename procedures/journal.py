@@ -34,6 +34,12 @@ class Kind(StrEnum):
     STEP_STARTED = "step-started"
     STEP_FINISHED = "step-finished"
     TRIPPED = "guard-tripped"
+    WARNED = "guard-warned"
+    PAUSED = "paused"
+    RESUMED = "resumed"
+    """after a pause"""
+    CONTINUED = "run-continued"
+    """in a new process, after a crash, a kill or a power cut"""
     HELD = "held"
     RUN_FINISHED = "run-finished"
 

@@ -3,7 +3,8 @@
 Every step is answered by what it expects, so what is read is the run in which everything goes well.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 
 from procedures.steps import Procedure, Step
 
@@ -29,15 +30,15 @@ class Outline:
         self.steps = tuple(planned_steps(procedure))
         self.seconds = sum(step.seconds for step in self.steps)
         self.windows = tuple(dict.fromkeys(step.window for step in self.steps if step.window))
-        self._left: dict[tuple[object, ...], float] = {}
-        left = self.seconds
-        for step in self.steps:
-            self._left.setdefault(step.place, max(left, 0.0))  # rounding may end below zero
-            left -= step.seconds
+        self._left: dict[tuple[object, ...], Mapping[type[Step], float]] = {}
+        left: dict[type[Step], float] = {}
+        for step in reversed(self.steps):
+            left[type(step)] = left.get(type(step), 0.0) + step.seconds
+            self._left[step.place] = MappingProxyType(left.copy())
 
-    def left_from(self, step: Step, otherwise: float) -> float:
-        """Estimated s from the begin of a step to the end; `otherwise` for a step that no plan has (a prompt again)."""
-        return self._left.get(step.place, otherwise)
+    def left_from(self, step: Step) -> Mapping[type[Step], float] | None:
+        """Estimated s from a step's begin to the end, by type; None for a step that no plan has (a prompt again)."""
+        return self._left.get(step.place)
 
     def text(self) -> str:
         """The numbered list, one line a step, with estimated time since the start."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from drivers.ports import Rig
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
+from procedures.control import Control
 from procedures.engine import Ending, Engine
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
 from procedures.guards import Guard, Reaction, standard_guards
@@ -79,16 +80,17 @@ async def run_procedure(
     listeners: Sequence[Listener] = (),
     guards: Sequence[Guard] = (),
     handlers: Mapping[type[Step], Handler] = HANDLERS,
+    control: Control | None = None,
     write: WriteBytes = os.write,
 ) -> RunReport:
     """Carry an experiment out into a new folder, which is a campaign as FORMAT.md fixes it.
 
     wall_time: the time of day as ISO 8601 text, for the journal (a constant in simulations).
-    guards: besides the standard ones. Raises SetupError or
+    guards: besides the standard ones. control: by which people pause, skip, retry, abort and stop. Raises SetupError or
     InfeasibleError before anything is commanded; CancelledError after the robot is held when it was cancelled (the
     report goes to the listeners in `RunFinished`); and what only a bug can raise, likewise after the robot is held.
     """
-    run = _Run(experiment, rig, folder, wall_time, listeners, write)
+    run = _Run(experiment, rig, folder, wall_time, listeners, control or Control(), write)
     return await run.carry_out(handlers, guards)
 
 
@@ -102,6 +104,7 @@ class _Run:
         folder: Path,
         wall_time: WallTime,
         listeners: Sequence[Listener],
+        control: Control,
         write: WriteBytes,
     ) -> None:
         robot, settings = experiment.robot, experiment.settings
@@ -117,7 +120,7 @@ class _Run:
         self._ledger = Ledger(folder, experiment.roles)
         age, markers = settings.guard.sample_age, len(robot.markers)
         self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write)
-        self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, factors)
+        self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, factors, control)
 
     async def carry_out(self, handlers: Mapping[type[Step], Handler], guards: Sequence[Guard]) -> RunReport:
         """Perform the steps, then hold the robot; raises only after that."""

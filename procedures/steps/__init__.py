@@ -4,13 +4,14 @@ Listing, limit check, time estimate and report read the same steps. A procedure 
 sent the `Result` of each; a reader without hardware sends `step.expected`. Lengths are m, in the order of the winches.
 """
 
-from procedures.steps.base import Lengths, Phase, Procedure, Result, Step, Steps
+from procedures.steps.base import AfterPause, Lengths, Phase, Procedure, Result, Step, Steps
 from procedures.steps.person import Ask, AwaitHandsOff
 from procedures.steps.robot import CheckTension, Enable, Hold, MoveTo, ReadEncoders, Settle, longest_way, travel_time
 from procedures.steps.window import Accept, CheckWindow, GiveUp, Note, Record, Reject, Stop, WindowLimits
 
 __all__ = [
     "Accept",
+    "AfterPause",
     "Ask",
     "AwaitHandsOff",
     "CheckTension",

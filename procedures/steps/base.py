@@ -22,6 +22,17 @@ class Phase(StrEnum):
     RECORDING = "recording"
 
 
+class AfterPause(StrEnum):
+    """What resuming does with a step that was interrupted."""
+
+    NOT_INTERRUPTED = "not interrupted"
+    """short, or half of it would be worse than all: a pause waits for its end"""
+    SAME_STEP = "same step"
+    """is carried out once more"""
+    SAME_ATTEMPT = "same attempt"
+    """the free motion is spoilt: displaced, released and recorded again, never spliced"""
+
+
 @dataclass(frozen=True)
 class Result:
     """What came of a step."""
@@ -41,6 +52,7 @@ class Step:
     """One step. `window` is the planned window it belongs to, empty where it belongs to none."""
 
     phase: ClassVar[Phase] = Phase.RESTING
+    after_pause: ClassVar[AfterPause] = AfterPause.SAME_STEP
 
     window: str = ""
 

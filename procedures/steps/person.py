@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from drivers.ports import Prompt
-from procedures.steps.base import Phase, Result, Step
+from procedures.steps.base import AfterPause, Phase, Result, Step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +46,7 @@ class AwaitHandsOff(Step):
     """
 
     phase: ClassVar[Phase] = Phase.HANDLING
+    after_pause: ClassVar[AfterPause] = AfterPause.SAME_ATTEMPT
 
     moving: float
     """m, least peak to peak of the marker's fastest coordinate"""

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from procedures.steps.base import Lengths, Phase, Step
+from procedures.steps.base import AfterPause, Lengths, Phase, Step
 
 UNKNOWN_WAY = 0.5
 """m, what the time estimate assumes of a move whose start is not known"""
@@ -15,6 +15,7 @@ class Enable(Step):
     """Configure all winches, read back, power on, wait until winches and markers report. Values: encoder lengths."""
 
     phase: ClassVar[Phase] = Phase.PREPARING
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
 
     timeout: float = 5.0
     """s for the first samples"""

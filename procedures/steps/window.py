@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from fidim_lab.data.records import Role
 from procedures.outcomes import Outcome
-from procedures.steps.base import Lengths, Phase, Step
+from procedures.steps.base import AfterPause, Lengths, Phase, Step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,6 +13,7 @@ class Record(Step):
     """Record markers, lengths and currents. Nothing but the recorder is touched; the motors hold."""
 
     phase: ClassVar[Phase] = Phase.RECORDING
+    after_pause: ClassVar[AfterPause] = AfterPause.SAME_ATTEMPT
 
     attempt: int
     duration: float
@@ -57,6 +58,8 @@ class WindowLimits:
 class CheckWindow(Step):
     """Judge the window just recorded: samples complete, tensions positive, motors still, amplitude useful."""
 
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+
     attempt: int
     lengths: Lengths
     """m, as planned"""
@@ -80,6 +83,8 @@ class CheckWindow(Step):
 class Accept(Step):
     """Keep the window just recorded as a part of the campaign."""
 
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+
     attempt: int
     role: Role
     equilibrium: tuple[float, ...]
@@ -97,6 +102,8 @@ class Accept(Step):
 class Reject(Step):
     """Keep the window just recorded aside, as rejected; never spliced into another."""
 
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+
     attempt: int
     reason: str
 
@@ -109,6 +116,8 @@ class Reject(Step):
 @dataclass(frozen=True, kw_only=True)
 class GiveUp(Step):
     """Go on without this window."""
+
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
 
     outcome: Outcome
     reason: str
@@ -123,6 +132,8 @@ class GiveUp(Step):
 class Note(Step):
     """A remark for the journal and whoever listens."""
 
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+
     remark: str
 
     @property
@@ -134,6 +145,8 @@ class Note(Step):
 @dataclass(frozen=True, kw_only=True)
 class Stop(Step):
     """End the run here, with the robot held."""
+
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
 
     outcome: Outcome
     reason: str

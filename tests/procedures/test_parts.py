@@ -75,11 +75,11 @@ def test_the_list_is_printed_without_hardware(lab, irma4):
 
 def test_time_left_falls_with_each_planned_step_and_is_whole_at_the_first(lab, irma4):
     outline = Outline(lambda: identify(lab.plan, irma4))
-    left = [outline.left_from(step, otherwise=-1.0) for step in outline.steps]
-    assert left[0] == outline.seconds
+    left = [sum(outline.left_from(step).values()) for step in outline.steps]
+    assert left[0] == pytest.approx(outline.seconds)
     assert left == sorted(left, reverse=True)
     unplanned = MoveTo(window="i09", lengths=(1.0,), speed=1, acceleration=1, tolerance=1)
-    assert outline.left_from(unplanned, otherwise=7.0) == 7.0
+    assert outline.left_from(unplanned) is None
 
 
 PROMPT = Prompt(PromptKind.CONFIRM, "Go on?")

@@ -1,5 +1,7 @@
 """A whole run on the small laboratory: the happy path, and what it leaves on the disk."""
 
+import itertools
+
 import pytest
 
 from drivers.ports import PromptKind
@@ -75,7 +77,7 @@ def test_listeners_hear_progress_with_a_falling_time_left(world, lab, tmp_path):
     assert all(0 <= e.fraction <= 1 and e.tensions[0] > 30 for e in progress)
     left = [e.left for e in world.events if isinstance(e, StepFinished)]
     assert left[-1] == 0.0
-    assert left == sorted(left, reverse=True)
+    assert all(b <= a + 5.0 for a, b in itertools.pairwise(left)), "it falls, but for what slow steps have taught"
     assert isinstance(world.events[-1], RunFinished)
     assert world.events[-1].report == report
 
