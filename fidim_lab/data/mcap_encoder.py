@@ -76,6 +76,8 @@ class McapEncoder:
         self._out.write(MAGIC)
         self._passed_on = 0
         """bytes handed out so far"""
+        self._crc = 0
+        """of them"""
         self._chunk = _OpenChunk()
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -121,14 +123,12 @@ class McapEncoder:
     def flush(self) -> bytes:
         """Close the open chunk; all bytes since the last call, to be written to the disk."""
         self._close_chunk()
-        block = self._out.end()
-        self._passed_on += len(block)
-        return block
+        return self._pass_on()
 
     def finish(self) -> bytes:
         """The last bytes, with the index and the summary; nothing may be added afterwards."""
-        self._close_chunk()
-        DataEnd(0).write(self._out)
+        block = self.flush()
+        DataEnd(self._crc).write(self._out)
         start = self._offset
         summary = RecordBuilder()
         offsets = [self._group(summary, start, opcode, records) for opcode, records in self._summary() if records]
@@ -139,7 +139,13 @@ class McapEncoder:
         data = summary.end()
         crc = zlib.crc32(data[:-4])  # over the summary and the footer up to its checksum
         self._out.write(data[:-4] + crc.to_bytes(4, "little") + MAGIC)
-        return self.flush()
+        return block + self._pass_on()
+
+    def _pass_on(self) -> bytes:
+        block = self._out.end()
+        self._passed_on += len(block)
+        self._crc = zlib.crc32(block, self._crc)
+        return block
 
     @property
     def _offset(self) -> int:

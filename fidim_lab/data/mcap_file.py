@@ -12,7 +12,7 @@ from typing import Any
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -74,7 +74,7 @@ def read_mcap(path: Path) -> McapContents:
     reader = _Reader(path)
     problem = "" if finished else f"{path.name} stops after {end} bytes without an end: it was cut off while written"
     try:
-        for record in _records(data[:end]):
+        for record in _records(data[:end] + MAGIC * finished):
             reader.take(record)
     except FileError:
         raise
@@ -103,8 +103,7 @@ def _whole_records(data: bytes) -> tuple[int, bool]:
 def _records(data: bytes) -> Iterator[McapRecord]:
     """Records of a file that may lack its end. Raises what `mcap` raises for damaged ones."""
     stream = io.BytesIO(data)
-    stream.seek(len(MAGIC))
-    records = StreamReader(stream, skip_magic=True, validate_crcs=True, record_size_limit=_LARGEST).records
+    records = StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST).records
     while True:
         try:
             record = next(records)
@@ -113,8 +112,6 @@ def _records(data: bytes) -> Iterator[McapRecord]:
                 raise McapError("a record is shorter than it says") from None
             return
         yield record
-        if isinstance(record, Footer):
-            return
 
 
 class _Reader:

@@ -130,7 +130,7 @@ def test_cut_anywhere_it_is_unfinished_with_whole_rows_only(tmp_path, whole, dat
         assert left.problem
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_a_damaged_byte_is_an_error_or_changes_no_value(tmp_path, whole, data):
     position = data.draw(st.integers(0, len(whole) - 1))
