@@ -6,20 +6,11 @@ are its own; an old value counts as a violation. The first trip ends the run: `w
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Protocol
 
 from drivers.ports import Clock, DriveState, MarkerFrame, WinchSample
-from procedures.settings import GuardSettings
+from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
-
-
-class Reaction(StrEnum):
-    """What a trip does to all winches at once."""
-
-    HOLD = "hold"
-    """stop on the ramp and hold with power on"""
-    QUICK_STOP = "quick stop"
 
 
 @dataclass(frozen=True)
@@ -243,18 +234,41 @@ class LogGuard:
         return self._error()
 
 
+@dataclass(frozen=True)
+class Reacting:
+    """A guard with another reaction than its own."""
+
+    guard: Guard
+    reaction: Reaction
+
+    @property
+    def name(self) -> str:
+        """The guard's."""
+        return self.guard.name
+
+    def look(self, seen: Observation) -> str | None:
+        """As the guard."""
+        return self.guard.look(seen)
+
+
 def standard_guards(
     winches: Sequence[str], newton_per_ampere: Sequence[float], tension: tuple[float, float], settings: GuardSettings
 ) -> tuple[Guard, ...]:
-    """A fresh set for one run; `tension` are the robot's limits, N."""
+    """A fresh set for one run, reacting as the settings say; `tension` are the robot's limits, N.
+
+    Those whose reaction is to reject the window are left out: `CheckWindow` judges the same things and rejects it.
+    """
     low, high = settings.slack * tension[0], settings.overload * tension[1]
-    return (
+    guards = (
         StaleGuard(winches, settings.sample_age),
         DriveGuard(winches),
         TensionGuard(newton_per_ampere, low, high, settings),
         MarkerGuard(settings.marker_for),
         SlipGuard(winches, settings.slip),
     )
+    reactions = settings.reactions
+    reacting = (Reacting(guard, reactions.get(guard.name, guard.reaction)) for guard in guards)
+    return tuple(guard for guard in reacting if guard.reaction is not Reaction.REJECT_WINDOW)
 
 
 async def watch(

@@ -3,7 +3,9 @@
 One frozen value for each concern, so that a handler or a guard receives only what it uses. SI units.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,16 @@ class RecordSettings:
     """s, moving average over the current sensor's noise"""
 
 
+class Reaction(StrEnum):
+    """What a guard's trip does to all winches at once."""
+
+    HOLD = "hold"
+    """stop on the ramp and hold with power on"""
+    QUICK_STOP = "quick stop"
+    REJECT_WINDOW = "reject window"
+    """nothing at once: the check of the window rejects it, and it is recorded again"""
+
+
 @dataclass(frozen=True)
 class GuardSettings:
     """What stops a run at once. Every guard looks at each cycle."""
@@ -99,6 +111,8 @@ class GuardSettings:
     """s for which the main marker may be lost or frozen"""
     slip: float = 5e-3
     """m by which an encoder may leave its place while a window is recorded"""
+    reactions: Mapping[str, Reaction] = field(default_factory=dict[str, Reaction])
+    """by guard name, where it is not the guard's own"""
 
 
 @dataclass(frozen=True)

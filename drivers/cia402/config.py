@@ -101,6 +101,10 @@ class WinchConfig:
     """1018:2"""
     serial_number: int | None = None
     """1018:4; name it to notice two winches that changed places"""
+    rated_torque: float | None = None
+    """N m; compared with object 6076, None: not"""
+    current_offset: float = 0.0
+    """A added to what the drive says, from a calibration against known tensions"""
 
     def __post_init__(self) -> None:
         mistakes = [*self._range_mistakes(), *self.stop.mistakes()]

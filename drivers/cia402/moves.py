@@ -46,7 +46,7 @@ def make_sample(
         state=state,
         length=scale.length(values.position),
         velocity=scale.velocity(values.velocity),
-        current=config.rated_current * (-config.direction * values.current) / 1000.0,
+        current=config.rated_current * (-config.direction * values.current) / 1000.0 + config.current_offset,
         target_reached=bool(values.statusword & TARGET_REACHED),
         fault=fault,
     )

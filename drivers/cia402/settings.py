@@ -71,6 +71,8 @@ def identity(config: WinchConfig, eds_identity: tuple[int, int]) -> tuple[Settin
     wanted.append(Setting(0x6502, 0, bit, "profile position mode supported", write=False, mask=bit))
     milliamperes = round(config.rated_current * 1000)
     wanted.append(Setting(0x6075, 0, milliamperes, "rated current, mA", write=False))
+    if config.rated_torque is not None:
+        wanted.append(Setting(0x6076, 0, round(config.rated_torque * 1000), "rated torque, mN m", write=False))
     return tuple(wanted)
 
 

@@ -1,16 +1,11 @@
-"""The composition root: the one place that chooses real or simulated hardware. Everything above gets a `Rig`."""
+"""The drivers on a simulated laboratory inside this process: dry runs, campaigns without a bus, fault rehearsals."""
 
-import asyncio
 import contextlib
 import math
-import signal
-import threading
 import time
-from collections.abc import AsyncGenerator, Callable, Coroutine, Generator
+from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from types import FrameType
-from typing import Any, TypeVar
 
 import can
 import numpy as np
@@ -25,12 +20,12 @@ from drivers.mocap.feeds import ByteFeed, UdpFeed
 from drivers.mocap.source import StreamMarkerSource
 from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import Operator, Rig
+from fidim_lab.app.compose.loop import running
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Body, Campaign, Plan, Robot
-from fidim_lab.errors import FidimError, InfeasibleError
+from fidim_lab.errors import InfeasibleError
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.in_process_bus import InProcessBus
-from sim_backends.jumping_loop import run as run_jumping
 from sim_backends.laboratory import Laboratory
 from sim_backends.mocap.encoders import ViconEncoder
 from sim_backends.mocap.faults import Faults
@@ -41,13 +36,6 @@ from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World, make_world
 from sim_backends.served_bus import ServedBus
 from sim_backends.simulate import simulate_campaign, truth_of
-
-T = TypeVar("T")
-
-STOP_SIGNALS = tuple(
-    signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__
-)
-"""Ctrl-C, a polite kill, and a terminal that is closed: the robot is held first"""
 
 SYNC_RATE = 100.0
 """Hz in a dry run: as many currents as marker frames (a real rig's default is 250)"""
@@ -96,47 +84,6 @@ def simulated_campaign(robot: Robot, plan: Plan, body: Body, seed: int, *, noisy
     return campaign
 
 
-def run_loop(main: Coroutine[Any, Any, T], *, real_time: bool) -> T:
-    """Run a coroutine on a loop that waits, or on one whose clock jumps.
-
-    Ctrl-C and polite kills, however many, cancel it and let it end by itself, with its devices still being served;
-    then KeyboardInterrupt. (asyncio by itself ends all tasks at the second one, the drives' control loop among them.)
-    """
-    heard: list[int] = []
-
-    async def cancellable() -> T:
-        with _cancelled_by_signals(heard):
-            return await main
-
-    try:
-        return asyncio.run(cancellable()) if real_time else run_jumping(cancellable())
-    except asyncio.CancelledError:
-        if heard:
-            raise KeyboardInterrupt from None
-        raise
-
-
-@contextlib.contextmanager
-def _cancelled_by_signals(heard: list[int]) -> Generator[None]:
-    """Let signals cancel the present task, and note them; only the main thread gets any."""
-    task, loop = asyncio.current_task(), asyncio.get_running_loop()
-    if task is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def hear(number: int, _frame: FrameType | None) -> None:
-        heard.append(number)
-        loop.call_soon_threadsafe(task.cancel)
-
-    before = {number: signal.signal(number, hear) for number in STOP_SIGNALS}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            if handler is not None:  # None: one that was not set from Python
-                signal.signal(number, handler)
-
-
 @asynccontextmanager
 async def simulated_rig(
     robot: Robot,
@@ -175,9 +122,9 @@ async def simulated_rig(
         master = CanopenMaster(transport, clock, sync_rate=SYNC_RATE)
         winches = tuple(Cia402Winch(config, master) for config in configs)
         markers = StreamMarkerSource(feed, ViconUdpDecoder(MarkerObjects(names)), clock, rate=MARKER_RATE)
-        await _running(stack, master.run())
+        await running(stack, master.run())
         if isinstance(transport, InProcessBus):
-            await _running(stack, _live(transport, clock))
+            await running(stack, _live(transport, clock))
         await markers.start()
         stack.push_async_callback(markers.close)
         if isinstance(feed, UdpFeed):
@@ -236,20 +183,3 @@ async def _live(bus: InProcessBus, clock: LoopClock) -> None:
     while True:
         bus.advance(clock.now())
         await clock.sleep(min(max(bus.due - clock.now(), 1e-4), 0.05))
-
-
-async def _running(stack: contextlib.AsyncExitStack, work: Coroutine[Any, Any, Any]) -> None:
-    """Run something beside, until the context ends.
-
-    That a device or the bus ended it shows in the values that it no longer brings; a bug is raised when the context
-    ends, after whatever is in it has brought the robot to rest.
-    """
-    task = asyncio.ensure_future(work)
-
-    async def end() -> None:
-        task.cancel()
-        (ended,) = await asyncio.gather(task, return_exceptions=True)
-        if isinstance(ended, Exception) and not isinstance(ended, FidimError):
-            raise ended
-
-    stack.push_async_callback(end)

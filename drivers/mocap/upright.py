@@ -1,0 +1,36 @@
+"""A motion-capture frame whose y axis points up, turned so that z does: (x, y, z) → (x, −z, y)."""
+
+from drivers.mocap.decoder import DecodedFrame, Decoder, Event, Position
+
+
+class Upright:
+    """A decoder whose positions are turned by +90° about x; all else is the inner decoder's."""
+
+    def __init__(self, decoder: Decoder) -> None:
+        self._decoder = decoder
+
+    @property
+    def modulus(self) -> int | None:
+        """The inner decoder's."""
+        return self._decoder.modulus
+
+    def receive(self, data: bytes) -> list[Event]:
+        """Its events, frames turned."""
+        return [_turned(event) if isinstance(event, DecodedFrame) else event for event in self._decoder.receive(data)]
+
+    def restart(self) -> None:
+        """The inner decoder's."""
+        self._decoder.restart()
+
+    def advice(self) -> str:
+        """The inner decoder's."""
+        return self._decoder.advice()
+
+
+def _turned(frame: DecodedFrame) -> DecodedFrame:
+    return DecodedFrame(frame.number, tuple([None if p is None else _upright(p) for p in frame.positions]))
+
+
+def _upright(position: Position) -> Position:
+    x, y, z = position
+    return x, -z, y

@@ -1,0 +1,36 @@
+"""The composition root: the one place that chooses real or simulated hardware. Everything above gets a `Rig`.
+
+`simulated_rig` is a laboratory inside this process (dry runs, tests); `real_rig` the hardware of a rig file; `run_loop`
+runs what uses them, on a clock that jumps or waits. `simulators` serves a rig file's devices from a process of its own.
+"""
+
+from fidim_lab.app.compose.loop import STOP_SIGNALS, run_loop
+from fidim_lab.app.compose.real import RealRig, real_rig, rig_settings
+from fidim_lab.app.compose.simulated import (
+    MARKER_RATE,
+    SYNC_RATE,
+    SimulatedRig,
+    World,
+    length_limits,
+    simulated_campaign,
+    simulated_rig,
+    simulated_world,
+    world_truth,
+)
+
+__all__ = [
+    "MARKER_RATE",
+    "STOP_SIGNALS",
+    "SYNC_RATE",
+    "RealRig",
+    "SimulatedRig",
+    "World",
+    "length_limits",
+    "real_rig",
+    "rig_settings",
+    "run_loop",
+    "simulated_campaign",
+    "simulated_rig",
+    "simulated_world",
+    "world_truth",
+]

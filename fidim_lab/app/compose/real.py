@@ -1,0 +1,196 @@
+"""The drivers on the hardware that a rig file names: python-can, sockets, real time.
+
+What they meet there (drives in a hall, or `fidim simulators` in another process) they cannot tell.
+"""
+
+import contextlib
+from collections.abc import AsyncGenerator, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
+
+from drivers.canbus.python_can import PythonCanTransport
+from drivers.cia402.config import GENERIC_EDS, StopReactions, WinchConfig
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.winch import Cia402Winch
+from drivers.clock import LoopClock
+from drivers.mocap.decoder import Decoder
+from drivers.mocap.feeds import ByteFeed, TcpFeed, UdpFeed
+from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.source import StreamMarkerSource
+from drivers.mocap.upright import Upright
+from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
+from drivers.ports import Clock, Operator, Rig
+from drivers.remote_operator import RemoteOperator
+from fidim_lab.app.compose.loop import running
+from fidim_lab.data.rig import GuardEntry, GuardReaction, MocapKind, RigFile, WinchEntry
+from fidim_lab.errors import SetupError
+from procedures.settings import GuardSettings, Reaction, Settings, TensionSettings
+
+REACTIONS = {
+    GuardReaction.HOLD: Reaction.HOLD,
+    GuardReaction.QUICK_STOP: Reaction.QUICK_STOP,
+    GuardReaction.REJECT_WINDOW: Reaction.REJECT_WINDOW,
+}
+STEP_TIMEOUT = 2.0
+"""s for one step of a drive's machine, besides its brake"""
+
+
+@dataclass(frozen=True, eq=False)
+class RealRig:
+    """A rig on real buses and sockets, with the drivers behind its ports for logs, counters and checks."""
+
+    rig: Rig
+    transport: PythonCanTransport
+    master: CanopenMaster
+    winches: tuple[Cia402Winch, ...]
+    markers: StreamMarkerSource
+
+
+@asynccontextmanager
+async def real_rig(file: RigFile, operator: Operator | None = None) -> AsyncGenerator[RealRig]:
+    """Open bus and motion capture, and keep the control loop running until the context ends; nothing moves by itself.
+
+    operator: whoever answers prompts; may be left out where the rig file has a simulated hand. To be run on a loop that
+    waits (`run_loop(..., real_time=True)`). Raises SetupError where the bus or socket cannot be opened, the bus would
+    be too full or nobody answers prompts; DeviceError where a motion-capture server does not answer.
+    """
+    clock = LoopClock()
+    async with contextlib.AsyncExitStack() as stack:
+        transport = open_bus(file)
+        stack.callback(transport.close)
+        master = make_master(file, transport, clock)
+        winches = tuple(Cia402Winch(config, master) for config in winch_configs(file))
+        markers = marker_source(file, clock)
+        answering = operator or await _hand(file, stack)
+        await running(stack, master.run())
+        stack.push_async_callback(markers.close)
+        await markers.start()
+        yield RealRig(Rig(clock, winches, markers, answering), transport, master, winches, markers)
+
+
+def open_bus(file: RigFile) -> PythonCanTransport:
+    """The rig's CAN bus. Raises SetupError where it cannot be opened."""
+    bus = file.bus
+    return PythonCanTransport(bus.interface, bus.channel, bitrate=bus.bitrate, **dict(bus.options))
+
+
+def make_master(file: RigFile, transport: PythonCanTransport, clock: Clock) -> CanopenMaster:
+    """The CANopen master of the rig; it says nothing before `run`. Raises SetupError."""
+    bus = file.bus
+    return CanopenMaster(
+        transport,
+        clock,
+        sync_rate=bus.sync_rate,
+        heartbeat_period=bus.heartbeat,
+        host_id=bus.host_id,
+        bitrate=bus.bitrate,
+    )
+
+
+def winch_configs(file: RigFile) -> tuple[WinchConfig, ...]:
+    """What the drivers are told of each winch. Raises SetupError naming file, winch and key."""
+    winches = file.robot.winches or ()
+    try:
+        return tuple(
+            _winch_config(entry, winch.newton_per_ampere) for entry, winch in zip(file.winches, winches, strict=True)
+        )
+    except SetupError as error:
+        raise SetupError(f"{file.path}: {error.message}", hint=error.hint) from error
+
+
+def _winch_config(entry: WinchEntry, newton_per_ampere: float) -> WinchConfig:
+    return WinchConfig(
+        name=entry.name,
+        node_id=entry.node_id,
+        counts_per_turn=entry.counts_per_turn * entry.gear_ratio,
+        drum_radius=entry.drum_radius,
+        rated_current=entry.rated_current,
+        current_limit=entry.current_limit,
+        max_speed=entry.max_speed,
+        max_acceleration=entry.max_acceleration,
+        length_limits=entry.length_limits,
+        direction=entry.direction,
+        home_count=entry.home_count,
+        home_length=entry.home_length,
+        quick_stop_deceleration=entry.quick_stop_deceleration,
+        following_error=entry.following_error,
+        following_error_time=entry.following_error_time,
+        heartbeat=entry.heartbeat,
+        host_timeout=entry.host_timeout,
+        step_timeout=STEP_TIMEOUT + entry.brake_time,
+        stop=StopReactions(**vars(entry.stop)),
+        eds=entry.eds or GENERIC_EDS,
+        vendor_id=entry.vendor_id,
+        product_code=entry.product_code,
+        serial_number=entry.serial_number,
+        rated_torque=entry.rated_torque,
+        current_offset=entry.tension.offset / newton_per_ampere,
+    )
+
+
+def marker_source(file: RigFile, clock: Clock) -> StreamMarkerSource:
+    """The rig's motion capture, not yet started."""
+    entry = file.motion_capture
+    feed: ByteFeed
+    if entry.transport == "tcp":
+        feed = TcpFeed(clock, entry.host, entry.port)
+    else:
+        feed = UdpFeed(clock, entry.port, entry.host)
+    decoder = _decoder(file)
+    return StreamMarkerSource(feed, Upright(decoder) if entry.up == "y" else decoder, clock, rate=entry.rate)
+
+
+def _decoder(file: RigFile) -> Decoder:
+    entry = file.motion_capture
+    if entry.kind is MocapKind.MARKER_TEXT:
+        return MarkerTextDecoder(len(file.robot.markers))
+    if entry.subject is not None:
+        points = tuple((float(x), float(y), float(z)) for x, y, z in file.robot.markers)
+        return ViconUdpDecoder(SubjectPoints(entry.subject, points))
+    return ViconUdpDecoder(MarkerObjects(entry.markers))
+
+
+async def _hand(file: RigFile, stack: contextlib.AsyncExitStack) -> Operator:
+    if file.hand is None:
+        raise SetupError(f"{file.path}: nobody answers prompts.", hint="Give an operator, or [simulated_hand].")
+    hand = RemoteOperator(file.hand.host, file.hand.port)
+    await hand.open()
+    stack.push_async_callback(hand.close)
+    return hand
+
+
+def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
+    """What a procedure is told of this rig: length limits, speeds that its winches can do, friction band, guards."""
+    base = base or Settings()
+    speed = min(winch.max_speed for winch in file.winches)
+    acceleration = min(winch.max_acceleration for winch in file.winches)
+    motion = replace(
+        base.motion,
+        speed=min(base.motion.speed, speed),
+        acceleration=min(base.motion.acceleration, acceleration),
+        length_limits=tuple(winch.length_limits for winch in file.winches),
+    )
+    tension = replace(base.tension, tolerance=_tolerance(file, base.tension))
+    return replace(base, motion=motion, tension=tension, guard=_guard_settings(file.guards, base.guard))
+
+
+def _tolerance(file: RigFile, tension: TensionSettings) -> float:
+    """The measured friction band as a part of the lower limit, where every winch has one."""
+    bands = [winch.tension.friction for winch in file.winches]
+    known = [band for band in bands if band is not None]
+    return max(known) / file.robot.limits.tension[0] if len(known) == len(bands) else tension.tolerance
+
+
+def _guard_settings(guards: Mapping[str, GuardEntry], base: GuardSettings) -> GuardSettings:
+    stale, tension = guards["stale_winch"].thresholds, guards["tension"].thresholds
+    return replace(
+        base,
+        sample_age=stale["age"],
+        slack=tension["slack"],
+        overload=tension["overload"],
+        hysteresis=tension["hysteresis"],
+        tension_for=tension["lasting"],
+        marker_for=guards["marker"].thresholds["lasting"],
+        slip=guards["slip"].thresholds["allowed"],
+        reactions={name.replace("_", " "): REACTIONS[entry.reaction] for name, entry in guards.items()},
+    )

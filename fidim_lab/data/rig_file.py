@@ -1,0 +1,118 @@
+"""Rig files: the hardware of a laboratory, as TOML ("fidim-rig/1"). Paths in it are relative to the file."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from fidim_lab.data.records import Robot, Winch
+from fidim_lab.data.rig import (
+    BusEntry,
+    GuardEntry,
+    GuardReaction,
+    HandEntry,
+    MocapEntry,
+    RigFile,
+    StopEntry,
+    TensionEntry,
+    WinchEntry,
+)
+from fidim_lab.data.rig_tables import STANDARD_PORTS, GuardsTable, MocapTable, RigTable, WinchTable
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.data.toml_file import read_toml
+from fidim_lab.errors import FileError
+
+FORMAT = "fidim-rig/1"
+GENERIC = "generic"
+"""the name of the built-in EDS"""
+BUILT_IN_ROBOTS = {"irma4": PAPERS_ROBOT}
+SAME_DRUM = 0.01
+"""by how much of it a drum radius may differ between rig and robot file"""
+
+
+def read_rig(path: Path) -> RigFile:
+    """Read and check a rig file and the robot file it names.
+
+    Raises FileError naming file, table, key, what was found and what is allowed; all mistakes of one kind at once.
+    """
+    table = read_toml(path, RigTable, FORMAT)
+    robot_path = BUILT_IN_ROBOTS.get(table.robot, path.parent / table.robot)
+    robot = read_robot(robot_path)
+    _check_cables(path, table, robot)
+    winches = tuple(_winch(path, number, winch) for number, winch in enumerate(table.winch, start=1))
+    return RigFile(
+        path=path,
+        name=table.name,
+        robot_path=robot_path,
+        robot=calibrated(robot, tuple(winch.tension for winch in winches)),
+        bus=BusEntry(**table.bus.model_dump()),
+        winches=winches,
+        motion_capture=_motion_capture(path, table.motion_capture, len(robot.markers)),
+        guards=_guards(table.guards),
+        hand=None if table.simulated_hand is None else HandEntry(**table.simulated_hand.model_dump()),
+    )
+
+
+def calibrated(robot: Robot, tensions: tuple[TensionEntry, ...]) -> Robot:
+    """The robot whose winches turn a motor current into tension with the measured gain, where there is one."""
+    if robot.winches is None:
+        return robot
+    return replace(
+        robot, winches=tuple(_with_gain(winch, entry) for winch, entry in zip(robot.winches, tensions, strict=True))
+    )
+
+
+def _with_gain(winch: Winch, tension: TensionEntry) -> Winch:
+    if tension.gain is None:
+        return winch
+    return replace(winch, torque_constant=winch.torque_constant * tension.gain / winch.newton_per_ampere)
+
+
+def _check_cables(path: Path, table: RigTable, robot: Robot) -> None:
+    if len(table.winch) != robot.n:
+        raise FileError(path, "winch", f"{len(table.winch)} winches for the {robot.n} cables of {table.robot}")
+    if robot.winches is None:
+        raise FileError(
+            path,
+            "robot",
+            f"{table.robot} has no [winch] table, so motor currents tell no tension and no limit can be kept",
+            hint="Add drum_radius, gear_ratio, efficiency and torque_constant to it.",
+        )
+    for number, (ours, theirs) in enumerate(zip(table.winch, robot.winches, strict=True), start=1):
+        if abs(ours.drum_radius / theirs.drum_radius - 1.0) > SAME_DRUM:
+            raise FileError(
+                path,
+                f"winch {number}, drum_radius",
+                f"{ours.drum_radius:g} m, but {table.robot} says {theirs.drum_radius:g} m",
+            )
+
+
+def _winch(path: Path, number: int, table: WinchTable) -> WinchEntry:
+    eds = None
+    if table.eds != GENERIC:
+        eds = path.parent / table.eds
+        if not eds.is_file():
+            raise FileError(
+                path, f"winch {number}, eds", f'{table.eds!r}: no such file; "{GENERIC}" is the built-in one'
+            )
+    values = table.model_dump(exclude={"eds", "tension", "stop"})
+    tension, stop = TensionEntry(**table.tension.model_dump()), StopEntry(**table.stop.model_dump())
+    return WinchEntry(**values, eds=eds, tension=tension, stop=stop)
+
+
+def _motion_capture(path: Path, table: MocapTable, markers: int) -> MocapEntry:
+    names = table.markers
+    if table.subject is None and names and len(names) != markers:
+        raise FileError(
+            path, "motion_capture, markers", f"{len(names)} names for the {markers} marker(s) of the robot file"
+        )
+    if table.subject is None and not names:
+        names = tuple(f"marker{k}" for k in range(1, markers + 1))
+    return MocapEntry(
+        **table.model_dump(exclude={"port", "markers"}),
+        port=STANDARD_PORTS[table.kind] if table.port is None else table.port,
+        markers=names,
+    )
+
+
+def _guards(table: GuardsTable) -> dict[str, GuardEntry]:
+    entries = table.model_dump()
+    return {name: GuardEntry(GuardReaction(values.pop("reaction")), values) for name, values in entries.items()}

@@ -1,0 +1,216 @@
+"""The tables of a rig file ("fidim-rig/1"), as pydantic checks them. `rig_file` turns them into `rig` records."""
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from fidim_lab.data.rig import MocapKind
+from fidim_lab.data.toml_file import Table
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Name = Annotated[str, Field(min_length=1)]
+Port = Annotated[int, Field(ge=1, le=65535)]
+
+STANDARD_PORTS = {MocapKind.VICON_UDP: 51001, MocapKind.MARKER_TEXT: 51100}
+NOT_BUILT = {
+    MocapKind.VICON_DATASTREAM: "Vicon DataStream",
+    MocapKind.LSL: "Lab Streaming Layer",
+    MocapKind.QTM: "Qualisys RT",
+    MocapKind.NATNET: "OptiTrack NatNet",
+    MocapKind.OSC: "OSC",
+}
+"""kinds that the format knows and this version does not read"""
+
+
+class BusTable(Table):
+    """`[bus]`."""
+
+    interface: Name
+    channel: Annotated[str, BeforeValidator(str)]
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+    sync_rate: Annotated[float, Field(ge=1, le=500)] = 250.0
+    heartbeat: Annotated[float, Field(gt=0, le=10)] = 0.05
+    host_id: Annotated[int, Field(ge=1, le=127)] = 127
+    options: dict[str, str | int | float | bool] = Field(default_factory=dict[str, str | int | float | bool])
+
+
+class TensionTable(Table):
+    """`tension` of a winch."""
+
+    gain: Positive | None = None
+    offset: float = 0.0
+    friction: NotNegative | None = None
+
+
+class StopTable(Table):
+    """`stop` of a winch: CiA 402 option codes."""
+
+    quick_stop: Annotated[int, Field(ge=1, le=8)] = 6
+    halt: Annotated[int, Field(ge=1, le=4)] = 1
+    fault: Annotated[int, Field(ge=1, le=4)] = 2
+    connection_lost: Literal[3] = 3
+    communication_error: Literal[0, 1] = 1
+
+
+class WinchTable(Table):
+    """`[[winch]]`, with what `[every_winch]` says filled in."""
+
+    name: Name
+    node_id: Annotated[int, Field(ge=1, le=126)]
+    eds: Name = "generic"
+    direction: Literal[-1, 1] = 1
+    counts_per_turn: Positive
+    gear_ratio: Positive = 1.0
+    drum_radius: Positive
+    rated_current: Positive
+    rated_torque: Positive | None = None
+    current_limit: Positive
+    length_limits: tuple[NotNegative, Positive]
+    max_speed: Positive
+    max_acceleration: Positive
+    quick_stop_deceleration: Positive = 5.0
+    following_error: Positive = 0.02
+    following_error_time: Positive = 0.05
+    home_count: int = 0
+    home_length: float = 0.0
+    heartbeat: Annotated[float, Field(ge=0.001, le=65)] = 0.1
+    host_timeout: Annotated[float, Field(ge=0.001, le=65)] = 0.25
+    brake_time: Annotated[float, Field(ge=0, le=10)] = 0.0
+    vendor_id: Annotated[int, Field(ge=0)] | None = None
+    product_code: Annotated[int, Field(ge=0)] | None = None
+    serial_number: Annotated[int, Field(ge=0)] | None = None
+    tension: TensionTable = TensionTable()
+    stop: StopTable = StopTable()
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "WinchTable":
+        low, high = self.length_limits
+        if low >= high:
+            raise ValueError(f"length_limits: the shortest, {low:g} m, is not below the longest, {high:g} m")
+        return self
+
+
+class MocapTable(Table):
+    """`[motion_capture]`."""
+
+    kind: MocapKind
+    host: Name = "0.0.0.0"
+    port: Port | None = None
+    transport: Literal["udp", "tcp"] = "udp"
+    rate: Annotated[float, Field(ge=1, le=2000)]
+    markers: tuple[Name, ...] = ()
+    subject: Name | None = None
+    up: Literal["z", "y"] = "z"
+
+    @model_validator(mode="after")
+    def _possible(self) -> "MocapTable":
+        if self.kind in NOT_BUILT:
+            built = ", ".join(f'"{kind}"' for kind in STANDARD_PORTS)
+            raise ValueError(f'kind: "{self.kind}" ({NOT_BUILT[self.kind]}) is not read by this version; use {built}')
+        if self.kind is MocapKind.VICON_UDP:
+            if self.transport != "udp":
+                raise ValueError(f'transport: "{self.transport}", the Vicon object stream is always "udp"')
+            if bool(self.markers) == (self.subject is not None):
+                raise ValueError("markers, subject: give one of them: objects that are markers, or the tracked body")
+        elif self.subject is not None:
+            raise ValueError("subject: lines of text carry markers only; leave it out")
+        if self.transport == "tcp" and self.host == "0.0.0.0":
+            raise ValueError("host: is missing; over TCP it is the server's address")
+        return self
+
+
+class HandTable(Table):
+    """`[simulated_hand]`."""
+
+    host: Name = "127.0.0.1"
+    port: Port
+
+
+class DriveGuardTable(Table):
+    """`[guards.drive]`."""
+
+    reaction: Literal["hold", "quick-stop"] = "quick-stop"
+
+
+class StaleGuardTable(Table):
+    """`[guards.stale_winch]`."""
+
+    reaction: Literal["hold", "quick-stop"] = "quick-stop"
+    age: Annotated[float, Field(gt=0, le=2)] = 0.2
+
+
+class TensionGuardTable(Table):
+    """`[guards.tension]`."""
+
+    reaction: Literal["hold", "quick-stop"] = "quick-stop"
+    slack: Annotated[float, Field(ge=0, lt=1)] = 0.1
+    overload: Annotated[float, Field(ge=1, le=3)] = 1.25
+    hysteresis: NotNegative = 2.0
+    lasting: Annotated[float, Field(ge=0, le=5)] = 0.1
+
+
+class MarkerGuardTable(Table):
+    """`[guards.marker]`."""
+
+    reaction: Literal["hold", "quick-stop", "reject-window"] = "hold"
+    lasting: Annotated[float, Field(gt=0, le=60)] = 3.0
+
+
+class SlipGuardTable(Table):
+    """`[guards.slip]`."""
+
+    reaction: Literal["hold", "quick-stop", "reject-window"] = "hold"
+    allowed: Positive = 5e-3
+
+
+class GuardsTable(Table):
+    """`[guards]`: what each guard does when it trips, and when that is."""
+
+    drive: DriveGuardTable = DriveGuardTable()
+    stale_winch: StaleGuardTable = StaleGuardTable()
+    tension: TensionGuardTable = TensionGuardTable()
+    marker: MarkerGuardTable = MarkerGuardTable()
+    slip: SlipGuardTable = SlipGuardTable()
+
+
+class RigTable(Table):
+    """The whole file."""
+
+    format: Literal["fidim-rig/1"]
+    name: Name
+    robot: Name
+    bus: BusTable
+    winch: Annotated[list[WinchTable], Field(min_length=1, max_length=5)]
+    motion_capture: MocapTable
+    guards: GuardsTable = GuardsTable()
+    simulated_hand: HandTable | None = None
+    every_winch: dict[str, object] = Field(default_factory=dict[str, object])
+    release: dict[str, object] | None = None
+    load_cells: dict[str, object] | None = None
+    inclinometer: dict[str, object] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, table: dict[str, object]) -> dict[str, object]:
+        """What `[every_winch]` says counts for each winch that does not say otherwise."""
+        common, winches = table.get("every_winch", {}), table.get("winch")
+        if not isinstance(common, dict) or not isinstance(winches, list):
+            return table  # said below as what it is
+        return table | {"winch": [common | winch if isinstance(winch, dict) else winch for winch in winches]}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "RigTable":
+        for key in ("release", "load_cells", "inclinometer"):
+            if getattr(self, key) is not None:
+                raise ValueError(f"{key}: serial devices are not read by this version; take the table out")
+        for key in ("name", "node_id"):
+            taken: set[object] = set()
+            for number, winch in enumerate(self.winch, start=1):
+                value = getattr(winch, key)
+                if value in taken:
+                    raise ValueError(f"winch {number}, {key}: {value!r} is taken by another winch")
+                taken.add(value)
+        if any(winch.node_id == self.bus.host_id for winch in self.winch):
+            raise ValueError(f"bus, host_id: {self.bus.host_id} is a winch's node_id")
+        return self
