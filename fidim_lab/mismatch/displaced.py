@@ -16,6 +16,7 @@ from scipy.stats import chi2, norm
 
 from fidim_lab.identification.signals import runs
 from fidim_lab.mismatch.neighbours import look
+from fidim_lab.mismatch.rivals import Verdict, What, judge
 
 FALSE_ALARM = 1e-3
 """per campaign, for each of the two tests (single coordinate, three together)"""
@@ -104,31 +105,62 @@ def search(markers: Float[np.ndarray, "G M 3"], sigma: Float[np.ndarray, "M 3"],
     count = markers.shape[1]
     work = _Work(markers.reshape(len(markers), -1).copy(), np.arange(len(markers)))
     lost: list[LostFrames] = []
-    spikes: dict[tuple[int, int], np.ndarray] = {}
-    steps: dict[tuple[int, int], np.ndarray] = {}
+    found = _Events({}, {}, set())
     for _ in range(ROUNDS):
-        peaks = _peaks(work.columns, sigma, half, limits)
+        peaks = [peak for peak in _peaks(work.columns, sigma, half, limits) if not found.is_innocent(work, peak)]
         if not peaks:
             break
-        top = max(peaks, key=lambda peak: peak.score)
-        skip = lost_frames(work.columns, sigma.ravel(), top.row)
+        skip = None
+        columns = work.columns.copy()
+        for peak in sorted(peaks, key=lambda peak: -peak.score):
+            mine = slice(3 * peak.marker, 3 * peak.marker + 3)
+            what = judge(columns[:, mine], sigma[peak.marker], peak.row)
+            if what is not None and not (what.what is What.BAD and len(what.rows) == 1):
+                skip = lost_frames(columns, sigma.ravel(), peak.row)
+                if skip is not None:
+                    break
+            found.take(columns, work.rows, peak, what)
+        work = replace(work, columns=columns)
         if skip is not None:
             lost.append(LostFrames(int(work.rows[skip.at]), skip.frames))
             work = _inserted(work, skip)
-            continue
-        columns = work.columns.copy()
-        for peak in peaks:
-            if peak.is_step and peak is not top:
-                continue  # spikes nearby look like steps until they are taken out
-            mine = slice(3 * peak.marker, 3 * peak.marker + 3)
-            key = (peak.marker, int(work.rows[peak.row]))
-            target = steps if peak.is_step else spikes
-            target[key] = target.get(key, np.zeros(3)) + peak.amplitude
-            columns[peak.row : None if peak.is_step else peak.row + 1, mine] -= peak.amplitude
-        work = replace(work, columns=columns)
     least = limits.single * sigma
-    displaced = _stretches(spikes, steps, least, len(markers), count)
-    return Search(tuple(sorted(displaced, key=lambda found: found.begin)), tuple(sorted(lost, key=lambda one: one.at)))
+    displaced = _stretches(found.spikes, found.steps, least, len(markers), count)
+    return Search(tuple(sorted(displaced, key=lambda one: one.begin)), tuple(sorted(lost, key=lambda one: one.at)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Events:
+    """What was taken out of the working copy so far: (marker, row of the window's grid) → offset, m."""
+
+    spikes: dict[tuple[int, int], np.ndarray]
+    steps: dict[tuple[int, int], np.ndarray]
+    innocent: set[tuple[int, int]]
+    """places that stand out and are nobody's fault: sharp motion, blows"""
+
+    def is_innocent(self, work: _Work, peak: _Peak) -> bool:
+        """Whether the place was looked at already."""
+        row = int(work.rows[peak.row])
+        return any((peak.marker, near) in self.innocent for near in range(row - 2, row + 3))
+
+    def take(self, columns: np.ndarray, rows: np.ndarray, peak: _Peak, what: Verdict | None) -> None:
+        """Take a peak out of the columns as what it is; without a verdict it is taken for a spike."""
+        mine = slice(3 * peak.marker, 3 * peak.marker + 3)
+        if what is None:
+            if peak.is_step:
+                self.innocent.add((peak.marker, int(rows[peak.row])))
+                return
+            what = Verdict(What.BAD, (peak.row,))
+        if what.what is What.STEP and what.amplitude is not None:
+            key = (peak.marker, int(rows[what.rows[0]]))
+            self.steps[key] = self.steps.get(key, np.zeros(3)) + what.amplitude
+            columns[what.rows[0] :, mine] -= what.amplitude
+        elif what.what is What.BAD:
+            for row in what.rows:
+                self.spikes[(peak.marker, int(rows[row]))] = peak.amplitude
+                columns[row, mine] = np.nan
+        else:
+            self.innocent.add((peak.marker, int(rows[peak.row])))
 
 
 def _peaks(columns: np.ndarray, sigma: np.ndarray, half: int, limits: Limits) -> list[_Peak]:

@@ -8,6 +8,7 @@ per cm of amplitude (±0.08 s).
 """
 
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -24,8 +25,8 @@ SMALLEST_NORM = 0.1
 """a displacement that the polynomial follows to 99 % cannot be judged"""
 MAD = 0.6745
 """median of |normal| in standard deviations"""
-FOURTH = 70.0
-"""1² + 4² + 6² + 4² + 1²"""
+MUCH_LESS = 0.85
+"""of the noise by fourth differences: below, by eighth, it is believed instead (three standard deviations)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +106,18 @@ def _taps(masks: Float[np.ndarray, "P width"], half: int) -> tuple[np.ndarray, n
 
 
 def noise_of(columns: Float[np.ndarray, "N K"]) -> Float[np.ndarray, " K"]:
-    """Standard deviation of white noise on smooth columns by their fourth differences, robust; NaN where too short."""
-    fourth = np.diff(columns, n=4, axis=0)
+    """Standard deviation of white noise on smooth columns by their fourth differences, robust; NaN where too short.
+
+    By eighth differences where these say much less: quick motion sampled slowly is not smooth enough for the fourth.
+    """
+    fourth, eighth = (_by_differences(columns, order) for order in (4, 8))
+    return np.where(eighth < MUCH_LESS * fourth, eighth, fourth)
+
+
+def _by_differences(columns: Float[np.ndarray, "N K"], order: int) -> Float[np.ndarray, " K"]:
+    differences = np.diff(columns, n=order, axis=0)
     out = np.full(columns.shape[1], np.nan)
-    usable = np.isfinite(fourth).sum(axis=0) >= 20
+    usable = np.isfinite(differences).sum(axis=0) >= 20
     if usable.any():
-        out[usable] = np.nanmedian(np.abs(fourth[:, usable]), axis=0) / MAD / np.sqrt(FOURTH)
+        out[usable] = np.nanmedian(np.abs(differences[:, usable]), axis=0) / MAD / np.sqrt(comb(2 * order, order))
     return out

@@ -1,0 +1,129 @@
+"""What a place that stands out in one marker's samples is: motion, some samples displaced, a step, or a blow.
+
+All rivals are fitted to the same few samples on either side, each beside a polynomial in time that stands for the
+motion; the Bayesian information criterion weighs what they explain against their freedom. A sharp turn of the motion
+that a long polynomial cannot follow is followed by a short one. A kink (velocity that changes at once) is a blow: a
+cable that snaps taut or a hand that knocks; the body really did that, and no sensor is at fault.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+
+REACH, DEGREE = 7, 5
+"""samples on either side, and degree of the polynomial"""
+SHARPER = (7, 9)
+"""degrees of motion that turns more sharply"""
+MOST_BAD = 3
+"""samples that may be displaced at once"""
+NEAR_BAD = 3
+"""samples on either side among which they are looked for"""
+FEWEST = 3
+"""samples beyond all unknowns, without which nothing is said"""
+CLEARER = 12.0
+"""by which the criterion must prefer a fault to motion and blow: a factor of 400 in odds"""
+
+
+class What(Enum):
+    """The rivals."""
+
+    MOTION = "motion"
+    BAD = "displaced samples"
+    STEP = "a step"
+    BLOW = "a kink"
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The rival that wins."""
+
+    what: What
+    rows: tuple[int, ...] = ()
+    """displaced samples, or the first after a step"""
+    amplitude: Float[np.ndarray, "3"] | None = None
+    """of a step"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Rivals:
+    what: tuple[What, ...]
+    places: tuple[tuple[int, ...], ...]
+    kept: np.ndarray
+    """(C, width) of 0 and 1"""
+    further: np.ndarray
+    """(C, width) one more column; 0 where there is none"""
+    freedom: np.ndarray
+    """(C,) beyond the polynomial, in samples of three coordinates"""
+    degree: np.ndarray
+    """(C,) of the polynomial"""
+
+
+def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row: int) -> Verdict | None:
+    """What stands out around `row` of one marker on an even grid (NaN: missing); None where too few samples tell."""
+    width = 2 * REACH + 1
+    piece = np.full((width, 3), np.nan)
+    first, last = max(0, row - REACH), min(len(samples), row + REACH + 1)
+    piece[first - row + REACH : last - row + REACH] = samples[first:last] / sigma
+    seen = np.asarray(np.isfinite(piece).all(axis=1))
+    rivals = _rivals()
+    kept = rivals.kept * seen
+    deletes = np.array([what is What.BAD for what in rivals.what])
+    deleted = seen.sum() - kept.sum(axis=1)
+    useful = (kept.sum(axis=1) - rivals.degree - 2 >= FEWEST) & (~deletes | (deleted == rivals.freedom))
+    if not useful[0]:
+        return None
+    costs, sizes = _costs(np.where(seen[:, np.newaxis], piece, 0.0), kept, rivals)
+    costs = np.where(useful, costs, np.inf) + 3 * rivals.freedom * np.log(3 * seen.sum())
+    best = int(np.argmin(costs))
+    innocent = [k for k, what in enumerate(rivals.what) if what in (What.MOTION, What.BLOW)]
+    if rivals.what[best] in (What.BAD, What.STEP):
+        rival = min(innocent, key=lambda k: costs[k])
+        best = best if costs[best] + CLEARER < costs[rival] else rival
+    rows = tuple(row + place for place in rivals.places[best])
+    return Verdict(rivals.what[best], rows, sizes[best] * sigma)
+
+
+def _costs(piece: np.ndarray, kept: np.ndarray, rivals: _Rivals) -> tuple[np.ndarray, np.ndarray]:
+    """χ² that each rival leaves, and the size of its further column (C, 3)."""
+    basis = _basis()
+    terms = np.arange(basis.shape[1]) <= rivals.degree[:, np.newaxis]
+    columns = [terms[:, np.newaxis] * basis, rivals.further[..., np.newaxis]]
+    design = np.concatenate(columns, axis=2) * kept[..., np.newaxis]
+    used = np.column_stack([terms, rivals.further.any(axis=1)])
+    middle = piece.sum(axis=0) / max(1, np.count_nonzero(kept[0]))
+    values = (piece - middle) * kept[..., np.newaxis]
+    normal = np.swapaxes(design, 1, 2) @ design
+    normal[:, range(used.shape[1]), range(used.shape[1])] += np.where(used, 1e-10, 1.0)
+    found = np.linalg.solve(normal, np.swapaxes(design, 1, 2) @ values)
+    left = values - design @ found
+    return (left**2).sum(axis=(1, 2)), found[:, -1]
+
+
+@cache
+def _basis() -> Float[np.ndarray, "width D"]:
+    return np.polynomial.legendre.legvander(np.arange(-REACH, REACH + 1) / REACH, max(SHARPER))
+
+
+@cache
+def _rivals() -> _Rivals:
+    rows = np.arange(-REACH, REACH + 1)
+    whole, nothing = np.ones(len(rows)), np.zeros(len(rows))
+    found: list[tuple[What, tuple[int, ...], np.ndarray, np.ndarray, float, int]] = [
+        (What.MOTION, (), whole, nothing, float(degree - DEGREE), degree) for degree in (DEGREE, *SHARPER)
+    ]
+    # a kink lies between samples too, and is as free in time as in size
+    for at in np.arange(-2.5, 2.51, 0.5):
+        found.append((What.BLOW, (round(at),), whole, np.maximum(rows - at, 0.0), 4 / 3, DEGREE))
+    for at in range(-2, 3):
+        found.append((What.STEP, (at,), whole, (rows >= at).astype(float), 4 / 3, DEGREE))
+    near = range(-NEAR_BAD, NEAR_BAD + 1)
+    for count in range(1, MOST_BAD + 1):
+        for bad in combinations(near, count):
+            kept = np.where(np.isin(rows, bad), 0.0, 1.0)
+            found.append((What.BAD, bad, kept, nothing, float(count), DEGREE))
+    what, places, kept, further, freedom, degree = zip(*found, strict=True)
+    return _Rivals(what, places, np.array(kept), np.array(further), np.array(freedom), np.array(degree))
