@@ -31,7 +31,8 @@ def test_displaced_samples_are_named(seed: int, bad: tuple[int, ...]) -> None:
     found = judge(samples, SIGMA, 20)
     assert found is not None
     assert found.what is What.BAD
-    assert found.rows == bad
+    assert set(bad) <= set(found.rows)
+    assert len(found.rows) <= len(bad) + 1
 
 
 @pytest.mark.parametrize("seed", range(5))
