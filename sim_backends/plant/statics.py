@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import least_squares, minimize
 
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Pose
@@ -136,9 +136,27 @@ class Statics:
             found, missed = self._newtons(unknown, lengths, hand, weight)
             if missed < 1e3 * CLOSED:
                 return found
+        found, missed = self._damped(unknown, lengths, hand)
+        if missed < 1e3 * CLOSED:
+            return found
         raise InfeasibleError(
             f"The simulated platform finds no rest at cable lengths {_shown(lengths)} m (residual {missed:.2g} N)."
         )
+
+    def _damped(self, unknown: np.ndarray, lengths: PerCable, hand: np.ndarray) -> tuple[np.ndarray, float]:
+        """Levenberg–Marquardt from the same guess: on one cable yaw hardly matters, and Newton steps in it are huge.
+
+        An answer that hangs on a pushing cable is none: it has jumped to another pose.
+        """
+
+        def residual(z: np.ndarray) -> np.ndarray:
+            return self._newton(z, lengths, hand)[0].full().ravel()
+
+        def jacobian(z: np.ndarray) -> np.ndarray:
+            return self._newton(z, lengths, hand)[1].full()
+
+        found = least_squares(residual, unknown, jacobian, method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        return found.x, float(np.linalg.norm(found.fun)) if found.x[7:].min() > 0 else np.inf
 
     def _newtons(
         self, unknown: np.ndarray, lengths: PerCable, hand: np.ndarray, length_weight: float
