@@ -6,7 +6,7 @@ the plant live up to that moment. So the order of events is that of the clock, a
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,10 +58,12 @@ class Laboratory:
         rng: np.random.Generator,
         now: Callable[[], float],
         noise: Noise | None = None,
+        drums: Sequence[DrumGeometry] | None = None,
     ) -> None:
         """Begin at rest at the cable lengths `start` (m).
 
-        now: monotonic s. Raises SetupError where the robot file has no winches, InfeasibleError without such a rest.
+        now: monotonic s. drums: unless given they turn alternately, with count 0 at the start. Raises SetupError where
+        the robot file has no winches, InfeasibleError without such a rest.
         """
         if robot.winches is None:
             raise SetupError("The robot file has no [winch] table: drives cannot be simulated without drum and gear.")
@@ -69,7 +71,7 @@ class Laboratory:
         cameras, currents, self._hand_rng, self._mocap_rng = rng.spawn(4)
         self.plant = _SharedPlant(world)
         self.drums = tuple(
-            DrumGeometry(float(length), (-1) ** cable, noise.encoder) for cable, length in enumerate(start)
+            drums or (DrumGeometry(float(length), (-1) ** cable, noise.encoder) for cable, length in enumerate(start))
         )
         self.shafts = tuple(LaboratoryShaft(self, now) for _ in self.drums)
         self._cameras = Cameras(world, noise.marker, cameras)

@@ -169,7 +169,10 @@ class PythonCanTransport:
         for worker in self._workers.values():
             worker.shutdown(wait=False, cancel_futures=True)
         self._notifier.stop(timeout=_CLOSE_S)
-        self._bus.shutdown()
+        try:
+            self._bus.shutdown()
+        except Exception as error:  # each interface has its own; one that died cannot be told that it may go
+            self._receiver.latch(f"closing it failed ({type(error).__name__}: {error})")
 
 
 def _send_small_packets_at_once(bus: can.BusABC) -> None:

@@ -103,6 +103,8 @@ class WinchConfig:
     """1018:4; name it to notice two winches that changed places"""
     rated_torque: float | None = None
     """N m; compared with object 6076, None: not"""
+    sample_age: float | None = None
+    """s after which a sample is not believed any more; None: ten SYNC periods, at least 0.05 s"""
     current_offset: float = 0.0
     """A added to what the drive says, from a calibration against known tensions"""
 

@@ -53,7 +53,9 @@ class Drive:
 
     def stale(self, values: DriveValues) -> bool:
         """Whether values are too old to be believed."""
-        return self._clock.now() - values.t > max(_STALE_PERIODS * self._period, _SHORTEST_STALE)
+        age = self._config.sample_age
+        limit = max(_STALE_PERIODS * self._period, _SHORTEST_STALE) if age is None else age
+        return self._clock.now() - values.t > limit
 
     def fault(self) -> str:
         """What is wrong, as words; empty where nothing is."""

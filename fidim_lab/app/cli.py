@@ -205,6 +205,23 @@ def report(folder: Path, out: Path | None) -> None:
 
 
 @fidim.command()
+@click.argument("rig", type=FILE)
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the true robot and all noise.")
+@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@click.option("--plan", type=FILE, default=None, help="Begin at rest at the first lengths of this plan.")
+@example("fidim simulators examples/rigs/simulated.toml")
+def simulators(**options: Any) -> None:
+    """Simulate the devices of the RIG file for other processes, in real time, until Ctrl-C.
+
+    Drives on its bus, motion capture at its socket, and a hand that answers prompts. A line typed here pulls a plug:
+    bus, mocap, drive K (loses power), fault K.
+    """
+    from fidim_lab.app.simulators import SimulatorOptions, simulators_command
+
+    sys.exit(simulators_command(SimulatorOptions(**options)))
+
+
+@fidim.command()
 @click.option("--robot", type=FILE, default=None, help="Also check this robot file for plausibility.")
 @click.option("--json", "json_file", type=FILE, default=None)
 @example("fidim doctor --robot robot.toml")

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 from fidim_lab.data.records import Robot
 
@@ -26,7 +27,7 @@ class BusEntry:
     """s between the host's heartbeats"""
     host_id: int
     """node id of the host's heartbeat"""
-    options: Mapping[str, str | int | float | bool] = field(default_factory=dict[str, str | int | float | bool])
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """what else python-can's interface takes"""
 
     @property

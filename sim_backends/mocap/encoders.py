@@ -96,3 +96,15 @@ class TextEncoder:
         for byte in body:
             total ^= byte
         return b"%s*%02X\n" % (body, total)
+
+
+class TurnedEncoder:
+    """Another encoder's packets in a frame whose y axis points up: (x, y, z) is sent as (x, z, −y)."""
+
+    def __init__(self, encoder: Encoder) -> None:
+        self._encoder = encoder
+        self.is_stream = encoder.is_stream
+
+    def encode(self, number: int, positions: Positions) -> bytes:
+        """The bytes of one frame; positions in m, z up."""
+        return self._encoder.encode(number, [None if p is None else (p[0], p[2], -p[1]) for p in positions])

@@ -1,7 +1,7 @@
 """The composition root: the one place that chooses real or simulated hardware. Everything above gets a `Rig`.
 
 `simulated_rig` is a laboratory inside this process (dry runs, tests); `real_rig` the hardware of a rig file; `run_loop`
-runs what uses them, on a clock that jumps or waits. `simulators` serves a rig file's devices from a process of its own.
+runs what uses them, on a clock that jumps or waits. `simulated_devices` serves a rig file's devices to other processes.
 """
 
 from fidim_lab.app.compose.loop import STOP_SIGNALS, run_loop
@@ -17,12 +17,14 @@ from fidim_lab.app.compose.simulated import (
     simulated_world,
     world_truth,
 )
+from fidim_lab.app.compose.simulators import SimulatedDevices, simulated_devices
 
 __all__ = [
     "MARKER_RATE",
     "STOP_SIGNALS",
     "SYNC_RATE",
     "RealRig",
+    "SimulatedDevices",
     "SimulatedRig",
     "World",
     "length_limits",
@@ -30,6 +32,7 @@ __all__ = [
     "rig_settings",
     "run_loop",
     "simulated_campaign",
+    "simulated_devices",
     "simulated_rig",
     "simulated_world",
     "world_truth",

@@ -90,15 +90,17 @@ def make_master(file: RigFile, transport: PythonCanTransport, clock: Clock) -> C
 def winch_configs(file: RigFile) -> tuple[WinchConfig, ...]:
     """What the drivers are told of each winch. Raises SetupError naming file, winch and key."""
     winches = file.robot.winches or ()
+    age = file.guards["stale_winch"].thresholds["age"]
     try:
         return tuple(
-            _winch_config(entry, winch.newton_per_ampere) for entry, winch in zip(file.winches, winches, strict=True)
+            _winch_config(entry, winch.newton_per_ampere, age)
+            for entry, winch in zip(file.winches, winches, strict=True)
         )
     except SetupError as error:
         raise SetupError(f"{file.path}: {error.message}", hint=error.hint) from error
 
 
-def _winch_config(entry: WinchEntry, newton_per_ampere: float) -> WinchConfig:
+def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float) -> WinchConfig:
     return WinchConfig(
         name=entry.name,
         node_id=entry.node_id,
@@ -124,6 +126,7 @@ def _winch_config(entry: WinchEntry, newton_per_ampere: float) -> WinchConfig:
         product_code=entry.product_code,
         serial_number=entry.serial_number,
         rated_torque=entry.rated_torque,
+        sample_age=sample_age,
         current_offset=entry.tension.offset / newton_per_ampere,
     )
 

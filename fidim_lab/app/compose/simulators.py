@@ -1,0 +1,195 @@
+"""The devices of a rig file, simulated in a process of their own: drives on its bus, motion capture at its socket.
+
+The other process (`fidim doctor --rig`, a run) opens the same file and meets the same bytes as from hardware.
+"""
+
+import contextlib
+import time
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+import can
+import numpy as np
+
+from drivers.cia402.config import GENERIC_EDS, WinchConfig
+from drivers.clock import LoopClock
+from drivers.ports import Clock
+from fidim_lab.app.compose.real import winch_configs
+from fidim_lab.app.compose.simulated import simulated_world
+from fidim_lab.arrays import PerCable
+from fidim_lab.data.records import Plan
+from fidim_lab.data.rig import BusEntry, MocapEntry, MocapKind, RigFile
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.random_plan import random_plan
+from sim_backends.drive.eds import read_eds
+from sim_backends.drive.node import SimulatedDrive
+from sim_backends.hand_server import HandServer
+from sim_backends.laboratory import DrumGeometry, Laboratory
+from sim_backends.mocap.encoders import Encoder, TextEncoder, TurnedEncoder, ViconEncoder
+from sim_backends.mocap.sockets import TcpServer, UdpSender
+from sim_backends.served_bus import ServedBus
+from sim_backends.slcan_server import SlcanServerBus
+
+SOCKET = "socket://"
+MAINS_LOST, OVERCURRENT = 0x3120, 0x2310
+"""emergency codes of the plugs and faults below"""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedDevices:
+    """What runs, and the plugs that can be pulled on it."""
+
+    file: RigFile
+    start: PerCable
+    """cable lengths at the beginning, m"""
+    bus: can.BusABC
+    served: ServedBus
+    drives: tuple[SimulatedDrive, ...]
+    motion_capture: UdpSender | TcpServer
+
+    async def pull(self, plug: str) -> str:
+        """Pull a plug, and say so; raises SetupError for one that there is not.
+
+        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "fault K": overcurrent.
+        """
+        match plug.split():
+            case ["bus"]:
+                self._unplug_bus()
+            case ["mocap"]:
+                await self.motion_capture.close()
+            case ["drive" | "fault" as what, number] if number in self._numbers:
+                self._strike(self.drives[int(number) - 1], what)
+            case _:
+                known = f"bus, mocap, drive K or fault K with K from {', '.join(self._numbers)}"
+                raise SetupError(f"{plug!r}: no such plug.", hint=f"There are: {known}.")
+        return f"pulled: {plug}"
+
+    @property
+    def _numbers(self) -> tuple[str, ...]:
+        return tuple(str(k) for k in range(1, len(self.drives) + 1))
+
+    def _unplug_bus(self) -> None:
+        with self.served.paused():
+            if isinstance(self.bus, SlcanServerBus):
+                self.bus.plugged = False
+            for drive in self.drives:
+                drive.faults.silent = True
+
+    def _strike(self, drive: SimulatedDrive, what: str) -> None:
+        with self.served.paused():
+            drive.faults.raise_fault(MAINS_LOST if what == "drive" else OVERCURRENT)
+            drive.faults.silent = drive.faults.silent or what == "drive"
+
+
+@asynccontextmanager
+async def simulated_devices(
+    file: RigFile, seed: int, hide: tuple[str, ...] = (), plan: Plan | None = None
+) -> AsyncGenerator[SimulatedDevices]:
+    """Serve the devices of a rig file in real time until the context ends.
+
+    The robot rests at the plan's first lengths, else somewhere in its workspace. Raises SetupError where the file's bus
+    or stream cannot be simulated or an address is taken, InfeasibleError where the robot cannot rest anywhere.
+    """
+    clock = LoopClock()
+    start = _start(file, plan, seed)
+    configs = winch_configs(file)
+    laboratory = _laboratory(file, configs, start, seed, hide)
+    drives = _drives(file, configs, laboratory, start)
+    async with contextlib.AsyncExitStack() as stack:
+        bus = _open_bus(file.bus)
+        served = stack.enter_context(ServedBus(bus, drives))
+        mocap = _motion_capture(file, laboratory, clock)
+        stack.push_async_callback(mocap.close)
+        await mocap.start()
+        if file.hand is not None:
+            hand = HandServer(laboratory.hand(clock), file.hand.host, file.hand.port)
+            stack.push_async_callback(hand.close)
+            await hand.start()
+        yield SimulatedDevices(file, start, bus, served, drives, mocap)
+
+
+def _start(file: RigFile, plan: Plan | None, seed: int) -> PerCable:
+    if plan is None:
+        plan = random_plan(file.robot, "start", 1, 0, seed)
+    lengths = plan.windows[0].lengths
+    for entry, length in zip(file.winches, lengths, strict=True):
+        low, high = entry.length_limits
+        if not low <= length <= high:
+            raise SetupError(
+                f"{file.path}: {entry.name}, length_limits: {low:g} to {high:g} m, but the simulated robot would begin "
+                f"with {length:.3f} m.",
+                hint="Widen them, or give --plan with a first window within them.",
+            )
+    return lengths
+
+
+def _laboratory(
+    file: RigFile, configs: tuple[WinchConfig, ...], start: PerCable, seed: int, hide: tuple[str, ...]
+) -> Laboratory:
+    drums = tuple(
+        DrumGeometry(config.scale.length(0), config.direction, 1.0 / config.scale.counts_per_metre)
+        for config in configs
+    )
+    world = simulated_world(file.robot, seed, hide)
+    rng = np.random.default_rng([seed, 1])
+    return Laboratory(file.robot, world, start, rng, time.monotonic, drums=drums)
+
+
+def _drives(
+    file: RigFile, configs: tuple[WinchConfig, ...], laboratory: Laboratory, start: PerCable
+) -> tuple[SimulatedDrive, ...]:
+    """Drives as the factory made them: rated values and identity as the rig file says, the rest from the EDS."""
+    drives: list[SimulatedDrive] = []
+    for entry, config, drum, shaft, length in zip(
+        file.winches, configs, laboratory.drums, laboratory.shafts, start, strict=True
+    ):
+        position = drum.direction * (float(length) - drum.home_length) / drum.metres_per_count
+        od = read_eds(entry.eds or GENERIC_EDS, entry.node_id)
+        od.fix(0x6075, 0, round(1e3 * entry.rated_current))
+        if entry.rated_torque is not None:
+            od.fix(0x6076, 0, round(1e3 * entry.rated_torque))
+        if entry.serial_number is not None:
+            od.fix(0x1018, 4, entry.serial_number)
+        drive = SimulatedDrive(entry.node_id, od, shaft, position=position)
+        drive.faults.claim_identity(vendor=entry.vendor_id, product=entry.product_code)
+        drive.faults.offset_current(entry.direction * config.current_offset)
+        drives.append(drive)
+    return tuple(drives)
+
+
+def _open_bus(entry: BusEntry) -> can.BusABC:
+    """Our end of the rig file's bus. Raises SetupError for one that only hardware has."""
+    if entry.interface == "slcan" and entry.channel.startswith(SOCKET):
+        host, _, port = entry.channel.removeprefix(SOCKET).rpartition(":")
+        if not port.isdigit():
+            raise SetupError(f"bus, channel: {entry.channel!r} has no port; an example is socket://127.0.0.1:20100.")
+        return SlcanServerBus(host, int(port))
+    if entry.interface != "udp_multicast" and not entry.channel.startswith("vcan"):
+        raise SetupError(
+            f"The bus {entry.name} belongs to hardware or to one process: simulated drives are not put on it.",
+            hint='Use "slcan" with channel = "socket://127.0.0.1:20100", "udp_multicast", or a channel vcan….',
+        )
+    try:
+        return can.Bus(entry.channel, entry.interface, **dict(entry.options))
+    except (can.CanError, OSError, ValueError, TypeError) as error:
+        raise SetupError(f"The CAN bus {entry.name} cannot be opened: {error}.") from error
+
+
+def _motion_capture(file: RigFile, laboratory: Laboratory, clock: Clock) -> UdpSender | TcpServer:
+    entry = file.motion_capture
+    server = laboratory.mocap_server(_encoder(entry), entry.rate)
+    if entry.transport == "tcp":
+        return TcpServer(server, clock, entry.port, entry.host)
+    host = "127.0.0.1" if entry.host == "0.0.0.0" else entry.host
+    return UdpSender(server, clock, entry.port, host)
+
+
+def _encoder(entry: MocapEntry) -> Encoder:
+    if entry.subject is not None:
+        raise SetupError(
+            f"motion_capture, subject: the simulated cameras show markers, not the body {entry.subject!r}.",
+            hint="For simulators, name markers instead.",
+        )
+    encoder = TextEncoder() if entry.kind is MocapKind.MARKER_TEXT else ViconEncoder(entry.markers)
+    return TurnedEncoder(encoder) if entry.up == "y" else encoder

@@ -1,0 +1,87 @@
+"""`fidim simulators`: the devices of a rig file, simulated in real time in this process, until Ctrl-C.
+
+Lines on standard input pull plugs: `bus`, `mocap`, `drive 2`, `fault 3`.
+"""
+
+import asyncio
+import contextlib
+import os
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from fidim_lab.app import compose, console
+from fidim_lab.data.plan_file import read_plan
+from fidim_lab.data.rig import RigFile
+from fidim_lab.data.rig_file import read_rig
+from fidim_lab.errors import BusError, FidimError
+
+LOOK = 0.2
+"""s between two looks at the bus"""
+
+
+@dataclass(frozen=True)
+class SimulatorOptions:
+    """As on the command line."""
+
+    rig: Path
+    seed: int
+    hide: tuple[str, ...]
+    plan: Path | None
+
+
+def simulators_command(options: SimulatorOptions) -> int:
+    """Serve until Ctrl-C, and return the exit code. Raises FidimError where the devices cannot be simulated."""
+    file = read_rig(options.rig)
+    try:
+        compose.run_loop(_serve(file, options), real_time=True)
+    except KeyboardInterrupt:
+        console.out.print("simulators ended", markup=False)
+    return 0
+
+
+async def _serve(file: RigFile, options: SimulatorOptions) -> None:
+    plan = None if options.plan is None else read_plan(options.plan, file.robot.n)
+    async with compose.simulated_devices(file, options.seed, options.hide, plan) as devices:
+        lengths = " ".join(f"{length:.3f}" for length in devices.start)
+        _say(f"{len(devices.drives)} drives on {file.bus.name}, the robot rests at lengths {lengths} m")
+        _say(f"motion capture: {file.motion_capture.kind} to {file.motion_capture.host}:{file.motion_capture.port}")
+        if file.hand is not None:
+            _say(f"hand: {file.hand.host}:{file.hand.port}")
+        _say("ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K, fault K")
+        lines = _standard_input(asyncio.get_running_loop())
+        while devices.served.failure is None:
+            try:
+                async with asyncio.timeout(LOOK):
+                    line = await lines.get()
+            except TimeoutError:
+                continue
+            try:
+                _say(await devices.pull(line))
+            except FidimError as error:
+                _say(str(error))
+        raise BusError(f"The simulated drives have lost their bus: {devices.served.failure}.")
+
+
+def _say(text: str) -> None:
+    """At once, also where the output is a pipe."""
+    console.out.print(text, markup=False, highlight=False, soft_wrap=True)
+    sys.stdout.flush()
+
+
+def _standard_input(loop: asyncio.AbstractEventLoop) -> asyncio.Queue[str]:
+    """Lines typed by a person or sent by a script; nothing once it has ended."""
+    lines: asyncio.Queue[str] = asyncio.Queue()
+
+    def read() -> None:
+        # Not through sys.stdin: a thread that waits within its buffer's lock spoils the end of the interpreter.
+        with contextlib.suppress(OSError, ValueError, RuntimeError):  # none, closed, or the loop has ended
+            descriptor, rest = sys.stdin.fileno(), ""
+            while data := os.read(descriptor, 4096):
+                *whole, rest = (rest + data.decode(errors="replace")).split("\n")
+                for line in filter(None, map(str.strip, whole)):
+                    loop.call_soon_threadsafe(lines.put_nowait, line)
+
+    threading.Thread(target=read, name="standard input", daemon=True).start()
+    return lines
