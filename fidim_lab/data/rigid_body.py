@@ -44,19 +44,24 @@ class ClusterShape:
     rounds: int
 
 
-def fit_pose(markers: MarkerSeries, body_markers: MarkerShape) -> tuple[Positions, Rotations, Series]:
+def fit_pose(
+    markers: MarkerSeries, body_markers: MarkerShape, weights: Float[np.ndarray, "N M"] | None = None
+) -> tuple[Positions, Rotations, Series]:
     """The pose that carries the body's markers best onto the measured ones, in the least-squares sense, per sample.
 
     Args:
         markers: (N, M, 3) measured, world frame, m; NaN where a marker was not seen.
         body_markers: (M, 3) the same markers in the body frame, m.
+        weights: (N, M) of their squared misfits, not negative; 0 is as not seen, None all alike.
 
     Returns:
         positions (N, 3) of the body frame's origin, world frame, m; rotations (N, 3, 3) body → world; rms (N,) misfit
         of one coordinate, m. All NaN where fewer than three markers are seen, or those seen lie on one line.
     """
-    seen = np.all(np.isfinite(markers), axis=2)
-    weight = seen / np.maximum(seen.sum(axis=1, keepdims=True), 1)
+    given = np.ones(markers.shape[:2]) if weights is None else weights
+    seen = np.all(np.isfinite(markers), axis=2) & (given > 0)
+    weight = np.where(seen, given, 0.0)
+    weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     known = np.where(seen[:, :, None], markers, 0.0)
     world_mean = np.einsum("nm,nmi->ni", weight, known)
     body_mean = weight @ body_markers

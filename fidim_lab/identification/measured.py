@@ -63,6 +63,13 @@ def choose_variant(robot: Robot, window: Window, wanted: Variant | None) -> Vari
             f"Window {window.id} has no cable lengths (l1…ln), and too few markers to do without them.",
             hint="Record the encoders, or at least three markers that are not in line.",
         )
+    if variant is Variant.SURFACE and 3 * int(seen.sum()) < robot.freedoms:
+        raise SetupError(
+            f"{int(seen.sum())} marker gives {3 * int(seen.sum())} coordinates, and {robot.freedoms} motions are free "
+            f"with {robot.n} cable{'s' * (robot.n > 1)}: the pose of a single sample is not known, so equations of "
+            "motion (tls, ls, iv) cannot be formed.",
+            hint="Use --method mle, which reads the rest from the course of the motion, or three markers not in line.",
+        )
     return variant
 
 

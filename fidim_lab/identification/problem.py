@@ -212,6 +212,15 @@ def build(campaign: Campaign, recipe: Recipe, windows: Sequence[Window] | None =
         except FidimError as error:
             unused.append(UnusedWindow(window, str(error)))
     if not any(e.window.role is Role.IDENTIFY for e in used):
-        reasons = "; ".join(u.reason for u in unused) or "the campaign has none"
-        raise RefusedError(f"No window of role 'identify' can be used: {reasons}")
+        raise RefusedError(f"No window of role 'identify' can be used: {_reasons(unused)}")
     return Problem(campaign, mechanism, recipe, tuple(used), tuple(unused))
+
+
+def _reasons(unused: Sequence[UnusedWindow]) -> str:
+    """Each reason once, with the windows that share it."""
+    windows: dict[str, list[str]] = {}
+    for one in unused:
+        windows.setdefault(one.reason.removeprefix(f"Window {one.window.id}").lstrip(": "), []).append(one.window.id)
+    if not windows:
+        return "the campaign has none."
+    return " ".join(f"{', '.join(ids)}: {reason}" for reason, ids in windows.items())

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.arrays import Matrix3, Positions, Rotations, Series
+from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.errors import InfeasibleError
 
 Markers = Float[np.ndarray, "N M 3"]
@@ -51,26 +52,17 @@ def visibility(markers: Markers, ramp: int) -> Weights:
 def register(
     markers: Markers, body_markers: Float[np.ndarray, "M 3"], weights: Weights
 ) -> tuple[Positions, Rotations, Series]:
-    """Weighted least-squares pose of every sample (Kabsch): P (m), R body → world, and the rms misfit (m).
+    """`fit_pose` for what is differentiated afterwards: a rotation about a nearly straight line is refused too.
 
-    Samples whose visible markers do not fix a rotation (fewer than three, or in line) are NaN.
+    Samples whose visible markers do not fix a rotation (fewer than three, or within 7 mm of a line) are NaN.
     """
-    w = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
-    x = np.where(np.isfinite(markers), markers, 0.0)
-    xc = np.einsum("nm,nmi->ni", w, x)
-    bc = w @ body_markers
-    dx, db = x - xc[:, None], body_markers[None] - bc[:, None]
-    U, _, Vt = np.linalg.svd(np.einsum("nm,nmi,nmj->nij", w, dx, db))
-    flip = np.ones((len(x), 3))
-    flip[:, 2] = np.sign(np.linalg.det(U @ Vt))
-    R = (U * flip[:, None, :]) @ Vt
-    p = xc - np.einsum("nij,nj->ni", R, bc)
-    misfit = np.sqrt(np.einsum("nm,nmi->n", w, (dx - np.einsum("nij,nmj->nmi", R, db)) ** 2))
-    extent = np.linalg.svd(np.sqrt(w)[..., None] * db, compute_uv=False)[:, 1]
-    lost = ((weights > 0).sum(axis=1) < 3) | (extent < MIN_SPREAD / 3)
-    for values in (p, R, misfit):
+    positions, rotations, rms = fit_pose(markers, body_markers, weights)
+    share = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+    about = body_markers[None] - (share @ body_markers)[:, None]
+    lost = np.linalg.svd(np.sqrt(share)[..., None] * about, compute_uv=False)[:, 1] < MIN_SPREAD / 3
+    for values in (positions, rotations, rms):
         values[lost] = np.nan
-    return p, R, misfit
+    return positions, rotations, rms
 
 
 def mean_rotation(rotations: Rotations) -> Matrix3:

@@ -61,6 +61,9 @@ def _build(source: str, library: Path) -> None:
     if tool is None:
         raise FileNotFoundError("no C compiler (cc, gcc or clang) on the PATH")
     library.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    # A warning, for it is to be seen on stderr without any set-up of logging: the command pauses here for seconds.
+    what, by = library.stem.rsplit("-", 1)[0], Path(tool).name
+    _log.warning("compiling %s with %s, once for this model (some seconds); kept in %s", what, by, library.parent)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         text, made = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
         text.write_text(source, encoding="utf-8")

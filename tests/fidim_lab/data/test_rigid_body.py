@@ -86,3 +86,26 @@ def test_a_cluster_never_whole_is_refused():
     markers[::2, 0], markers[1::2, 1] = np.nan, np.nan
     with pytest.raises(RefusedError, match="0 of 10 samples"):
         cluster_shape(markers)
+
+
+def test_weights_decide_whom_the_pose_believes():
+    positions, rotations, markers = moving_cluster(np.random.default_rng(5), 30)
+    markers[:, 1] += 0.05
+    weights = np.ones(markers.shape[:2])
+    weights[:, 1] = 0.0
+    got, turned, rms = fit_pose(markers, BODY, weights)
+    assert np.allclose(got, positions, atol=1e-12)
+    assert np.allclose(turned, rotations, atol=1e-12)
+    assert rms.max() < 1e-12
+    weights[:, 1] = 0.3
+    for measured, rotation, weight in zip(markers, fit_pose(markers, BODY, weights)[1], weights, strict=True):
+        share = weight / weight.sum()
+        other, _ = Rotation.align_vectors(measured - share @ measured, BODY - share @ BODY, weights=weight)
+        assert np.allclose(rotation, other.as_matrix(), atol=1e-9)
+
+
+def test_markers_without_weight_count_as_not_seen():
+    _, _, markers = moving_cluster(np.random.default_rng(6), 4)
+    weights = np.ones(markers.shape[:2])
+    weights[2, :3] = 0.0
+    assert np.isnan(fit_pose(markers, BODY, weights)[0]).all(axis=1).tolist() == [False, False, True, False]

@@ -26,12 +26,16 @@ def square():
 
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler here")
-def test_a_built_function_is_kept_and_needs_no_compiler_again(cache, monkeypatch):
+def test_a_built_function_is_kept_and_needs_no_compiler_again(cache, monkeypatch, caplog):
     first = built(square())
+    (said,) = caplog.messages
+    assert "compiling square with" in said
+    assert str(cache) in said
     (library,) = cache.glob("*.so")
     monkeypatch.setenv("PATH", "")
     again = built(square())
     assert first.class_name() == again.class_name() == "External"
+    assert caplog.messages == [said]
     assert [path.name for path in cache.iterdir()] == [library.name]
     assert float(again([0.3, 0.7])[1]) == float(square()([0.3, 0.7])[1])
 
