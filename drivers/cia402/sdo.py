@@ -54,6 +54,16 @@ class SdoChannel:
         """Whether the EDS file describes this object."""
         return self._dictionary.get_variable(index, sub) is not None
 
+    def writable(self, index: int, sub: int = 0) -> bool:
+        """Whether the EDS file lets this object be written."""
+        variable = self._dictionary.get_variable(index, sub)
+        return variable is not None and variable.writable
+
+    def mappable(self, index: int, sub: int = 0) -> bool:
+        """Whether the EDS file lets this object be mapped into a PDO."""
+        variable = self._dictionary.get_variable(index, sub)
+        return variable is not None and bool(variable.pdo_mappable)
+
     def default(self, index: int, sub: int = 0) -> int:
         """The EDS file's default value of an object; 0 where it has none."""
         variable = self._dictionary.get_variable(index, sub)

@@ -223,13 +223,60 @@ def simulators(**options: Any) -> None:
 
 @fidim.command()
 @click.option("--robot", type=FILE, default=None, help="Also check this robot file for plausibility.")
-@click.option("--json", "json_file", type=FILE, default=None)
-@example("fidim doctor --robot robot.toml")
-def doctor(robot: Path | None, json_file: Path | None) -> None:
-    """Check installation, buses, sockets, clock and disk, and say what to do where one fails."""
+@click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-doctor/1".')
+@example("fidim doctor --rig rig.toml")
+def doctor(robot: Path | None, rig: Path | None, json_file: Path | None) -> None:
+    """Check installation, buses, sockets, clock and disk, and say what to do where one fails.
+
+    With --rig also each drive against the rig file (wanted, found), motion capture, guards and the robot file: exit 1
+    where a check failed, 3 where something cannot be reached.
+    """
     from fidim_lab.app.doctor import doctor_command
 
-    sys.exit(doctor_command(robot, json_file))
+    sys.exit(doctor_command(robot, json_file, rig))
+
+
+@fidim.command("run")
+@click.argument("plan", type=FILE)
+@click.option("--rig", type=FILE, required=True, help="Rig file.")
+@click.option("--out", type=FOLDER, default=None, help="Run folder; default runs/PLAN, numbered if it exists.")
+@click.option("--procedure", default="identify", show_default=True, help="Built-in procedure for a plan.")
+@click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
+@click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices inside the service.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of an embedded world.")
+@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in an embedded world.")
+@click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=NUMBER", help="Change a setting of the procedure.")
+@click.option("--unattended", is_flag=True, help="Refuse to start where a prompt has no stated answer.")
+@click.option(
+    "--answer", "answers", multiple=True, metavar="KIND=CHOICE[@S]", help="Answer a kind of prompt, after S s."
+)
+@click.option("--max-hours", type=click.FloatRange(0, min_open=True), default=None, help="End, held, after so long.")
+@click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="No window begins between them.")
+@click.option("--on-finish", default="", metavar="COMMAND", help="Run after a run that ended well.")
+@click.option("--on-fault", default="", metavar="COMMAND", help="Run after a run that did not.")
+@click.option("--stay", is_flag=True, help="The service goes on after the run, for other clients.")
+@click.option("--tcp", type=click.IntRange(0, 65535), default=None, help="Also listen at 127.0.0.1, with a token.")
+@example("fidim run plan.toml --rig examples/rigs/simulated.toml --embedded")
+def run_(**options: Any) -> None:
+    """Run PLAN on a rig: a service in its own process owns the robot, this terminal watches and answers prompts.
+
+    Ctrl-C aborts, with the robot held. The terminal may be closed: the run goes on, and prompts wait for a client.
+    """
+    from fidim_lab.app.run import RunOptions, run_command
+
+    sys.exit(run_command(RunOptions(**options)))
+
+
+@fidim.command()
+@click.option("--rig", type=FILE, default=None, help="Only the service of this rig; default all of yours.")
+@click.option("--reason", default="", help="For the journal.")
+@example("fidim stop")
+def stop(rig: Path | None, reason: str) -> None:
+    """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button."""
+    from fidim_lab.app.stop import stop_command
+
+    sys.exit(stop_command(rig, reason))
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -1,22 +1,19 @@
 """`fidim doctor`: is everything here that an experiment needs? One line a check, and what to do where one fails."""
 
-import json
 import os
 import shutil
 import socket
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from enum import StrEnum
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 
-from rich.table import Table
-
 from fidim_lab.app import console
+from fidim_lab.app.checks import Check, Verdict, make_table, summary, write_checks
+from fidim_lab.data.rig_file import read_rig
 from fidim_lab.data.robot_file import read_robot
-from fidim_lab.errors import FidimError, SetupError
+from fidim_lab.errors import FidimError, HardwareError, RefusedError
 
 OUR_PACKAGES = ("fidim_lab", "drivers", "procedures", "sim_backends")
 LIBRARIES = ("casadi", "canopen", "python-can", "pyserial", "numpy", "scipy", "pandas", "textual")
@@ -27,59 +24,28 @@ CLOCK_STEP = 1e-4
 """s; a coarser monotonic clock cannot stamp a 250 Hz SYNC"""
 
 
-class Verdict(StrEnum):
-    """How a check ended."""
+def doctor_command(robot: Path | None, json_file: Path | None, rig: Path | None = None) -> int:
+    """Run all checks, print them, and return the exit code: 1 where one failed, 3 where hardware cannot be reached.
 
-    OK = "ok"
-    WARNING = "warning"
-    """works without it, or only part of the tool needs it"""
-    FAILED = "failed"
-
-
-MARKS = {Verdict.OK: "✓", Verdict.WARNING: "!", Verdict.FAILED: "✗"}
-
-
-@dataclass(frozen=True)
-class Check:
-    """One line of the doctor's table."""
-
-    name: str
-    verdict: Verdict
-    found: str
-    advice: str = ""
-
-
-def doctor_command(robot: Path | None, json_file: Path | None) -> int:
-    """Run all checks, print them, and return the exit code: 1 where one failed."""
+    Raises FileError where the rig file cannot be read.
+    """
+    file = None if rig is None else read_rig(rig)
     checks = [check() for check in CHECKS]
     if robot is not None:
         checks += check_robot(robot)
-    console.out.print(_table(checks))
+    if file is not None:
+        from fidim_lab.app.rig_doctor import check_rig
+
+        checks += [] if robot == file.robot_path else check_robot(file.robot_path)
+        checks += check_rig(file)
+    console.out.print(make_table(checks))
     if json_file is not None:
-        _write(json_file, checks)
-    failed = [c.name for c in checks if c.verdict is Verdict.FAILED]
-    console.out.print(f"{len(failed)} of {len(checks)} checks failed: {', '.join(failed)}" if failed else "All well.")
-    return 1 if failed else 0
-
-
-def _write(path: Path, checks: list[Check]) -> None:
-    """Raises SetupError where the file cannot be written."""
-    text = json.dumps({"format": "fidim-doctor/1", "checks": [asdict(c) for c in checks]}, indent=1, ensure_ascii=False)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise SetupError(
-            f"--json {path}: cannot be written ({error.strerror}).", hint="Choose another file."
-        ) from error
-
-
-def _table(checks: list[Check]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for column in ("", "check", "found", "what to do"):
-        table.add_column(column, overflow="fold")
-    for check in checks:
-        table.add_row(MARKS[check.verdict], check.name, check.found, check.advice)
-    return table
+        write_checks(json_file, checks)
+    wrong = [check for check in checks if check.verdict.wrong]
+    console.out.print(summary(checks, wrong), markup=False)
+    if any(check.verdict is Verdict.UNREACHABLE for check in wrong):
+        return HardwareError.exit_code
+    return RefusedError.exit_code if wrong else 0
 
 
 def check_python() -> Check:

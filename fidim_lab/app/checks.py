@@ -1,0 +1,88 @@
+"""Checks of `fidim doctor`: what one is, and how they are shown to a person and to a program."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from rich.table import Table
+
+from fidim_lab.errors import SetupError
+
+
+class Verdict(StrEnum):
+    """How a check ended."""
+
+    OK = "ok"
+    WRITTEN = "written at start"
+    """another value, which is written and read back whenever the drive is brought up"""
+    WARNING = "warning"
+    """works without it, or only part of the tool needs it"""
+    FAILED = "failed"
+    UNREACHABLE = "unreachable"
+    """hardware that does not answer"""
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it keeps an experiment from starting."""
+        return self in (Verdict.FAILED, Verdict.UNREACHABLE)
+
+
+MARKS = {Verdict.OK: "✓", Verdict.WRITTEN: "→", Verdict.WARNING: "!", Verdict.FAILED: "✗", Verdict.UNREACHABLE: "✗"}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the doctor's table."""
+
+    name: str
+    verdict: Verdict
+    found: str
+    advice: str = ""
+    wanted: str = ""
+    device: str = ""
+    """of a rig: which of its devices"""
+
+
+def write_checks(path: Path, checks: Sequence[Check]) -> None:
+    """Write "fidim-doctor/1". Raises SetupError where the file cannot be written."""
+    text = json.dumps({"format": "fidim-doctor/1", "checks": [asdict(c) for c in checks]}, indent=1, ensure_ascii=False)
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise SetupError(
+            f"--json {path}: cannot be written ({error.strerror}).", hint="Choose another file."
+        ) from error
+
+
+def make_table(checks: Sequence[Check]) -> Table:
+    """One row a check; devices of which the same is to be said share one."""
+    with_wanted = any(check.wanted for check in checks)
+    table = Table(box=None, pad_edge=False)
+    for column in ("", "check", *(["wanted"] if with_wanted else []), "found", "what to do"):
+        table.add_column(column, overflow="fold")
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for check in checks:
+        key = (MARKS[check.verdict], check.name, check.wanted, check.found, check.advice)
+        rows.setdefault(key, []).append(check.device)
+    for (mark, name, wanted, found, advice), devices in rows.items():
+        whose = _together(devices, sum(check.name == name for check in checks))
+        shown = f"{whose}: {name}" if whose else name
+        table.add_row(mark, shown, *([wanted] if with_wanted else []), found, advice)
+    return table
+
+
+def _together(devices: Sequence[str], count: int) -> str:
+    """Several devices in few words; `count` have this check."""
+    named = [device for device in devices if device]
+    return f"all {count}" if len(named) == count > 1 else ", ".join(named)
+
+
+def summary(checks: Sequence[Check], wrong: Sequence[Check]) -> str:
+    """The last line."""
+    if not wrong:
+        written = sum(check.verdict is Verdict.WRITTEN for check in checks)
+        return f"All well; {written} values are written and read back at each start (→)." if written else "All well."
+    names = [f"{check.device}: {check.name}" if check.device else check.name for check in wrong]
+    return f"{len(wrong)} of {len(checks)} checks failed: {', '.join(names)}"
