@@ -1,10 +1,12 @@
 """Recording windows: rows by frame number, on the disk ten times a second, kept whatever happens.
 
-A window is written to `windows/ID.csv.part`; accepted, it becomes `windows/ID.csv`, and rejected or broken off,
-`rejected/ID-attemptK.csv`. Rows are t = (frame − first)/rate; a lost frame is a blank row, so nothing is ever spliced.
+A window is written to `windows/ID.csv.part`, and with all else that was seen to `windows/ID.mcap.part`; accepted, they
+lose the `.part`; rejected, they become `rejected/ID-attemptK.csv` and `.mcap`; broken off, the MCAP file keeps its
+`.part` there: it has no end. Rows are t = (frame − first)/rate; a lost frame is a blank row, so nothing is spliced.
 """
 
 import asyncio
+import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,19 +15,29 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.ports import Clock, MarkerFrame, MarkerSource, Winch
+from drivers.ports import Clock, MarkerFrame, MarkerSource, Winch, WinchSample
 from fidim_lab.data.window_csv import header, row
 from fidim_lab.errors import HardwareError, OurBugError
-from procedures.disk import disk_error, sync
+from procedures.events import Event
+from procedures.part_file import PART, PartFile, WriteBytes, close_quietly, keep_unfinished
+from procedures.rows import Rows
 from procedures.timing import POLL
+from procedures.window_log import WindowLog
 
 FLUSH_PERIOD = 0.09
 """s between two flushes: ten times a second and a little more"""
 GRACE = 0.5
 """s that a recording waits for its last frames"""
 
-WriteBytes = Callable[[int, bytes], int]
-"""as `os.write`"""
+
+@dataclass(frozen=True, eq=False)
+class _Open:
+    """The files of the window at hand."""
+
+    window: str
+    attempt: int
+    csv: PartFile
+    log: WindowLog
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +70,7 @@ class Recorder:
         markers: int,
         sample_age: float,
         write: WriteBytes = os.write,
+        newton_per_ampere: Sequence[float] | None = None,
     ) -> None:
         self._folder = folder
         self._clock = clock
@@ -66,25 +79,30 @@ class Recorder:
         self._markers = markers
         self._sample_age = sample_age
         self._write = write
-        self._file: _PartFile | None = None
+        self._factors = tuple(newton_per_ampere or [math.nan] * len(winches))
+        self._open: _Open | None = None
         self._last: Recording | None = None
 
     async def record(self, window: str, attempt: int, duration: float, progress: Callable[[float], None]) -> Recording:
-        """Record `duration` seconds (N = duration · rate + 1 rows). The file stays open to accept, reject, abandon."""
+        """Record `duration` seconds (N = duration · rate + 1 rows). The file stays open to accept, reject, abandon.
+
+        What an earlier process left of this window is moved to `rejected/` first.
+        """
         names = header(len(self._winches), self._markers)
-        rows = _Rows(self._source.rate, round(duration * self._source.rate) + 1, len(names))
+        rows = Rows(self._source.rate, round(duration * self._source.rate) + 1, len(names))
         before = self._source.counters()
-        self._file = file = _PartFile(self._folder, window, attempt, self._write)
-        file.add(",".join(names))
-        reader = asyncio.ensure_future(self._read(rows, file, names))
+        keep_unfinished(self._folder, window)
+        files = self._open_files(window, attempt, duration)
+        files.csv.add(f"{','.join(names)}\n".encode())
+        reader = asyncio.ensure_future(self._read(rows, files, names))
         try:
-            await self._until_complete(rows, file, reader, duration, progress)
+            await self._until_complete(rows, files, reader, duration, progress)
         finally:
             reader.cancel()
             await asyncio.gather(reader, return_exceptions=True)
-        for values in rows.rest():
-            file.add(row(names, values))
-        file.close()
+        self._add(files, names, rows, rows.rest(), None)
+        files.csv.close()
+        files.log.sync()
         after = self._source.counters()
         counted = {name: count - before.get(name, 0) for name, count in after.items()}
         self._last = self._recording(window, attempt, rows.array(), counted)
@@ -97,29 +115,56 @@ class Recorder:
         return self._last
 
     def accept(self, window: str) -> Path:
-        """Make the window just recorded a part of the campaign; returns its file."""
-        return self._move(self._folder / "windows" / f"{window}.csv")
+        """Make the window just recorded a part of the campaign; returns its CSV file."""
+        return self._close(self._folder / "windows" / f"{window}.csv")
 
     def reject(self, window: str, attempt: int) -> Path:
-        """Keep the window just recorded aside; returns its file."""
-        return self._move(self._folder / "rejected" / f"{window}-attempt{attempt}.csv")
+        """Keep the window just recorded aside; returns its CSV file."""
+        return self._close(self._folder / "rejected" / f"{window}-attempt{attempt}.csv")
 
     def abandon(self) -> Path | None:
         """Keep what an interrupted recording has written; returns its file, None where there is none. Never raises."""
-        file = self._file
-        if file is None:
+        files, self._open = self._open, None
+        if files is None:
             return None
-        with suppress(HardwareError):  # what the disk did take is kept
-            file.close()
+        close_quietly(files.csv)
+        if not files.log.file.failed:
+            with suppress(HardwareError):  # what the disk did take is kept
+                files.log.flush()
+        close_quietly(files.log.file)
+        to = self._folder / "rejected" / f"{files.window}-attempt{files.attempt}.csv"
+        for file, name in ((files.log.file, to.with_suffix(f".mcap{PART}")), (files.csv, to)):
+            with suppress(HardwareError):
+                file.move(name)
+        return files.csv.path
+
+    def on_event(self, event: Event) -> None:
+        """A listener of the run: what is told while a window is open goes into its file."""
+        if self._open is not None:
+            self._open.log.event(event)
+
+    def _open_files(self, window: str, attempt: int, duration: float) -> _Open:
+        csv = self._folder / "windows" / f"{window}.csv"
+        about = {
+            "window": window,
+            "attempt": str(attempt),
+            "sample_rate": f"{self._source.rate:g}",
+            "duration": f"{duration:g}",
+            "winches": ", ".join(winch.name for winch in self._winches),
+        }
+        file = PartFile(csv, self._write, unit=b"\n")
         try:
-            return self.reject(file.window, file.attempt)
+            log = WindowLog(csv.with_suffix(".mcap"), about, self._factors, self._source.rate, self._write)
         except HardwareError:
-            return file.path
+            close_quietly(file)
+            raise
+        self._open = _Open(window, attempt, file, log)
+        return self._open
 
     async def _until_complete(
         self,
-        rows: "_Rows",
-        file: "_PartFile",
+        rows: Rows,
+        files: _Open,
         reader: "asyncio.Future[None]",
         duration: float,
         progress: Callable[[float], None],
@@ -133,17 +178,20 @@ class Recorder:
                 reader.result()
                 return
             if now - flushed >= FLUSH_PERIOD:
-                file.flush()
+                files.csv.flush()
+                files.log.flush()
                 flushed = now
+            files.log.winches(now, self._samples())
             progress((now - begin) / duration)
             await self._clock.sleep(POLL)
 
-    async def _read(self, rows: "_Rows", file: "_PartFile", names: Sequence[str]) -> None:
+    async def _read(self, rows: Rows, files: _Open, names: Sequence[str]) -> None:
         frames = self._source.frames()
         try:
             async for frame in frames:
-                for values in rows.take(frame, self._values(frame)):
-                    file.add(row(names, values))
+                samples = self._samples()
+                files.log.winches(self._clock.now(), samples)
+                self._add(files, names, rows, rows.take(frame, self._values(frame, samples)), frame)
                 if rows.complete:
                     return
         finally:
@@ -151,11 +199,22 @@ class Recorder:
             if close is not None:
                 await close()
 
-    def _values(self, frame: MarkerFrame) -> list[float]:
+    def _add(self, files: _Open, names: Sequence[str], rows: Rows, which: range, frame: MarkerFrame | None) -> None:
+        """Write rows to both files; at most the last of them is the frame's, the others are blank."""
+        now = self._clock.now()
+        own = -1 if frame is None else rows.index(frame)
+        for index in which:
+            values = rows.row(index).tolist()
+            files.csv.add(f"{row(names, values)}\n".encode())
+            files.log.row(now, index, values, frame if index == own else None, self._markers)
+
+    def _samples(self) -> list[WinchSample | None]:
+        return [winch.latest() for winch in self._winches]
+
+    def _values(self, frame: MarkerFrame, samples: Sequence[WinchSample | None]) -> list[float]:
         """Positions, then lengths and currents as the winches hold them; NaN where unknown."""
         places = [*frame.positions, *[None] * self._markers][: self._markers]
         values = [v for place in places for v in (place or (np.nan, np.nan, np.nan))]
-        samples = [winch.latest() for winch in self._winches]
         now = self._clock.now()
         fresh = [s if s is not None and now - s.t <= self._sample_age else None for s in samples]
         values += [np.nan if s is None else s.length for s in fresh]
@@ -173,102 +232,12 @@ class Recorder:
             counters=counters,
         )
 
-    def _move(self, to: Path) -> Path:
-        if self._file is None:
+    def _close(self, to: Path) -> Path:
+        """The log first: a window counts as recorded once its CSV file is in place."""
+        if self._open is None:
             raise OurBugError(f"Recorder: there is no recording to become {to.name}.")
-        try:
-            self._file.path.replace(to)
-            self._file.path = to  # that is where it is, even if the next line fails
-            sync(to.parent)
-        except OSError as error:
-            raise disk_error(to, error) from error
-        self._file = None
+        self._open.csv.close()  # still open where a pause broke the recording off
+        self._open.log.finish(to.with_suffix(".mcap"))
+        self._open.csv.move(to)
+        self._open = None
         return to
-
-
-class _Rows:
-    """Rows of one window, by frame number: blank ones for lost frames, none for late or doubled ones."""
-
-    def __init__(self, rate: float, count: int, columns: int) -> None:
-        self._rate = rate
-        self._table = np.full((count, columns), np.nan)
-        self._table[:, 0] = np.arange(count) / rate
-        self._first: int | None = None
-        self._next = 0
-
-    @property
-    def complete(self) -> bool:
-        """Whether every row is there, blank or not."""
-        return self._next >= len(self._table)
-
-    def take(self, frame: MarkerFrame, values: Sequence[float]) -> np.ndarray:
-        """The new rows that this frame brings, itself the last; none when it is late, doubled, or past the end."""
-        if self._first is None:
-            self._first = frame.number
-        index = frame.number - self._first
-        begin = self._next
-        if index < begin or self.complete:
-            return self._table[:0]
-        if index < len(self._table):
-            self._table[index, 1:] = values
-        self._next = min(index + 1, len(self._table))
-        return self._table[begin : self._next]
-
-    def rest(self) -> np.ndarray:
-        """Blank rows up to the window's end."""
-        begin, self._next = self._next, len(self._table)
-        return self._table[begin:]
-
-    def array(self) -> np.ndarray:
-        """All rows, (N, columns)."""
-        return self._table
-
-
-class _PartFile:
-    """`windows/ID.csv.part`: whole lines only, even when the disk is full."""
-
-    def __init__(self, folder: Path, window: str, attempt: int, write: WriteBytes) -> None:
-        self.path = folder / "windows" / f"{window}.csv.part"
-        self.window = window
-        self.attempt = attempt
-        self._write = write
-        self._lines: list[str] = []
-        self._size = 0
-        try:
-            self._descriptor: int | None = os.open(self.path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o644)
-        except OSError as error:
-            raise disk_error(self.path, error) from error
-
-    def add(self, line: str) -> None:
-        """Take one line; it is on its way to the disk after the next flush."""
-        self._lines.append(line)
-
-    def flush(self) -> None:
-        """Hand all lines to the operating system. A line that a full disk takes only in part is taken back."""
-        if self._descriptor is None:
-            return
-        block = "".join(f"{line}\n" for line in self._lines).encode()
-        self._lines.clear()
-        written = 0
-        try:
-            while written < len(block):
-                written += self._write(self._descriptor, block[written:])
-        except OSError as error:
-            with suppress(OSError):
-                os.ftruncate(self._descriptor, self._size + block.rfind(b"\n", 0, written) + 1)
-            raise disk_error(self.path, error) from error
-        self._size += written
-
-    def close(self) -> None:
-        """Flush, bring to the disk, close; may be called twice."""
-        descriptor = self._descriptor
-        if descriptor is None:
-            return
-        try:
-            self.flush()
-            os.fsync(descriptor)
-        except OSError as error:
-            raise disk_error(self.path, error) from error
-        finally:
-            self._descriptor = None
-            os.close(descriptor)

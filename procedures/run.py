@@ -116,10 +116,10 @@ class _Run:
         check_moves(self._outline.steps, robot, experiment.workspace)
         self._folder = RunFolder(folder, experiment.name, robot, rig.markers.rate)
         self._journal = Journal(self._folder.journal, rig.clock, wall_time)
-        self._publish = Publisher(listeners)
         self._ledger = Ledger(folder, experiment.roles)
         age, markers = settings.guard.sample_age, len(robot.markers)
-        self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write)
+        self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write, factors)
+        self._publish = Publisher([self._recorder.on_event, *listeners])
         self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, factors, control)
 
     async def carry_out(self, handlers: Mapping[type[Step], Handler], guards: Sequence[Guard]) -> RunReport:

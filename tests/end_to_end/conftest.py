@@ -20,6 +20,7 @@ from drivers.canbus.transport import CanFrame
 from drivers.ports import MarkerFrame
 from fidim_lab.app import compose
 from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.mcap_file import read_mcap
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from fidim_lab.errors import FidimError
 from procedures.events import Event, RunFinished, StepStarted, Tripped
@@ -193,15 +194,18 @@ class Ended:
 
     def _check_folder(self, report: RunReport, *, part: bool) -> None:
         """Accepted windows are whole and listed, the others are kept, nothing is spliced, nothing is missing."""
-        assert part or not list(self.folder.rglob("*.part"))
+        left = [path for path in self.folder.rglob("*.part") if part is False]
+        assert [path for path in left if path.parent.name != "rejected" or ".mcap" not in path.suffixes] == []
         if report.accepted:
             campaign = read_campaign(self.folder)
             assert [w.id for w in campaign.windows] == [row.id for row in report.accepted]
             assert {len(w.t) for w in campaign.windows} == {self.rows}
-        files = [*(self.folder / "windows").iterdir(), *(self.folder / "rejected").iterdir()]
+        files = [path for path in self.folder.glob("[wr]*/*") if ".csv" in path.suffixes]
         assert len(files) == len(self.begun.get("Record", ()))
         for file in files:
             self.check_rows(file)
+            if "cannot be written" not in report.reason:
+                self.check_log(file)
 
     def first_number(self, file: Path) -> int | None:
         """The frame number of a window's first row; None for a file without a marker."""
@@ -221,6 +225,19 @@ class Ended:
                 assert _is(frame, found[k]), f"{file.name}, row {k}"
             else:
                 assert frame is None or frame.positions[0] is None, f"{file.name}: frame {first + k} is missing"
+
+    def check_log(self, file: Path) -> None:
+        """The MCAP file beside a window has the same rows; it is whole unless the window was broken off."""
+        log = file.with_suffix(".mcap")
+        log = log if log.exists() else log.with_name(log.name + ".part")
+        contents = read_mcap(log)
+        assert contents.complete == (log.suffix == ".mcap")
+        rows = [message.value for message in contents.of("/window")]
+        assert len(rows) == file.read_text().count("\n") - 1
+        found = places(file)
+        for k, row in enumerate(rows):
+            assert (k in found) == (not math.isnan(row.markers[0]))
+            assert k not in found or np.allclose(row.markers[:3], found[k], rtol=0, atol=ROUNDING)
 
 
 def places(file: Path) -> dict[int, np.ndarray]:
