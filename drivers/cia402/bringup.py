@@ -80,7 +80,7 @@ async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
         raise DeviceError(
             config.device,
             f"the drive has power already ({state}).",
-            hint="Another program may be driving it. Secure the load and switch the power off first.",
+            hint="Another program may be driving it, or one has left it. Secure the load, then: fidim power-off RIG.",
         )
 
 

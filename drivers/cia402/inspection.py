@@ -16,6 +16,8 @@ from drivers.ports import DriveState
 
 _AT_REST = (DriveState.SWITCH_ON_DISABLED, DriveState.READY, DriveState.NOT_READY)
 _HIGHEST_MAPPED = 8
+_COMMUNICATION = 0x11
+"""error register: generic, and communication"""
 
 
 class Standing(Enum):
@@ -77,16 +79,18 @@ async def _state(sdo: SdoChannel) -> Inspected:
     if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
         advice = "find the cause, then reset the fault"
     elif state not in _AT_REST:
-        advice = "another program may be driving it: secure the load, switch the power off"
+        advice = "another program drives it, or has left it: secure the load, then fidim power-off"
     standing = Standing.WRONG if advice else Standing.HOLDS
     return Inspected("6041:0", "state of the drive", "without power, no fault", str(state), standing, advice)
 
 
 async def _error_register(sdo: SdoChannel) -> Inspected:
+    """That it misses its host is no matter before there is one: the error goes with the first heartbeat."""
     value = await sdo.read(0x1001)
-    advice = "look at the drive's error history (1003) and its display" if value else ""
-    standing = Standing.WRONG if value else Standing.HOLDS
-    return Inspected("1001:0", "error register", "0", str(value), standing, advice)
+    wrong = value & ~(_COMMUNICATION if value & _COMMUNICATION == _COMMUNICATION else 0)
+    advice = "look at the drive's error history (1003) and its display" if wrong else ""
+    found = f"{value}{' (misses its host)' if value and not wrong else ''}"
+    return Inspected("1001:0", "error register", "0", found, Standing.WRONG if wrong else Standing.HOLDS, advice)
 
 
 async def _pdo(sdo: SdoChannel, pdo: PdoMap, node_id: int) -> Inspected:

@@ -74,6 +74,14 @@ def dry_run(**options: Any) -> None:
 @click.option("--mass-sd", type=click.FloatRange(0), default=0.0, metavar="KG", help="Its standard deviation.")
 @click.option("--at", default=None, metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
 @click.option("--at-sd", type=click.FloatRange(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
+@click.option(
+    "--pose-from",
+    "poses",
+    type=click.Choice(["mocap", "swivel", "both"]),
+    default="mocap",
+    show_default=True,
+    help="Markers; lengths, swivel angles s1… and inclination incl_x…; or all of them, weighted.",
+)
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-result/1".')
 @click.option("--report", type=FILE, default=None, help="Write a self-contained HTML report.")
 @example(
@@ -89,15 +97,20 @@ def identify(
     mass_sd: float,
     at: str | None,
     at_sd: float,
+    poses: str,
     json_file: Path | None,
     report: Path | None,
 ) -> None:
     """Find the platform's inertial parameters from the recorded free motion in CAMPAIGN."""
     from fidim_lab.app.identify import identify_command
     from fidim_lab.app.payload import parse_payload, payload_command
+    from fidim_lab.identification.pose_sources import PoseSource
 
     if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
-        sys.exit(identify_command(campaign, method, json_file, report, paper=paper))
+        source = PoseSource(poses)
+        sys.exit(identify_command(campaign, method, json_file, report, paper=paper, poses=source))
+    if poses != PoseSource.MOCAP:
+        raise click.UsageError("--pose-from does not go with --payload.")
     sys.exit(payload_command(campaign, known, method, json_file, report, paper=paper))
 
 
@@ -221,6 +234,23 @@ def simulators(**options: Any) -> None:
     sys.exit(simulators_command(SimulatorOptions(**options)))
 
 
+@fidim.command("power-off")
+@click.argument("rig", type=FILE)
+@click.option("--yes", is_flag=True, help="The load is secured; do not ask.")
+@click.option(
+    "--acknowledge", "acknowledged_by", default=None, metavar="NAME", help="Reset faults; NAME saw the cause."
+)
+@example("fidim power-off rig.toml")
+def power_off(**options: Any) -> None:
+    """Take the power from all drives of the RIG file, as after a run whose program has ended.
+
+    Drives that lost their host hold the load in quick stop, and no other session takes them over until this is done.
+    """
+    from fidim_lab.app.power_off import PowerOffOptions, power_off_command
+
+    sys.exit(power_off_command(PowerOffOptions(**options)))
+
+
 @fidim.command()
 @click.option("--robot", type=FILE, default=None, help="Also check this robot file for plausibility.")
 @click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
@@ -277,6 +307,52 @@ def stop(rig: Path | None, reason: str) -> None:
     from fidim_lab.app.stop import stop_command
 
     sys.exit(stop_command(rig, reason))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-verification/1".')
+@example("fidim verify runs/dry-run-1")
+def verify(folder: Path, json_file: Path | None) -> None:
+    """Check every file of a run FOLDER against its manifest: exit 1 where one is changed, missing or extra."""
+    from fidim_lab.app.verify import verify_command
+
+    sys.exit(verify_command(folder, json_file))
+
+
+@fidim.command()
+@click.argument("source", type=FOLDER)
+@click.option(
+    "--to",
+    "kind",
+    required=True,
+    type=click.Choice(["csv", "parquet", "mat", "mcap", "urdf", "mjcf", "python", "toml"]),
+    help="csv, parquet, mat, mcap for a campaign; urdf, mjcf, python, toml for a result.",
+)
+@click.option("--out", type=FOLDER, default=None, help="File or folder to write; it must not exist yet.")
+@click.option("--mass", type=click.FloatRange(0, min_open=True), default=None, metavar="KG", help="urdf, mjcf need it.")
+@click.option("--unfinished", is_flag=True, help="Also what is left of broken-off windows, in a folder of its own.")
+@example("fidim export runs/dry-run-1 --to parquet\n      fidim export result.json --to mjcf --mass 11.98")
+def export(source: Path, kind: str, out: Path | None, mass: float | None, unfinished: bool) -> None:
+    """Export a campaign folder, or the parameters of a "fidim-result/1" file, for other programs."""
+    from fidim_lab.app.export import export_command
+
+    sys.exit(export_command(source, kind, out, mass, unfinished=unfinished))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--speed", type=click.FloatRange(0), default=0.0, metavar="X", help="Times real time; 0: at once.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-replay/1".')
+@example("fidim replay runs/dry-run-1")
+def replay(folder: Path, speed: float, json_file: Path | None) -> None:
+    """Play the raw bytes of a run FOLDER back through the drivers, and compare with what was recorded.
+
+    Exit 1 at the first difference: the drivers now read the same bytes in another way.
+    """
+    from fidim_lab.app.replay import replay_command
+
+    sys.exit(replay_command(folder, speed, json_file))
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -1,0 +1,58 @@
+"""`fidim power-off`: take the power from a rig's drives, as after a run whose host has gone, and acknowledge faults."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.without_power import acknowledge_fault, read_state, take_power
+from drivers.clock import LoopClock
+from drivers.ports import DriveState
+from fidim_lab.app import compose, console
+from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
+from fidim_lab.data.rig import RigFile
+from fidim_lab.data.rig_file import read_rig
+from fidim_lab.errors import DeviceError, HardwareError
+
+
+@dataclass(frozen=True)
+class PowerOffOptions:
+    """As on the command line."""
+
+    rig: Path
+    yes: bool
+    acknowledged_by: str | None
+
+
+def power_off_command(options: PowerOffOptions) -> int:
+    """Do it, drive by drive; returns 3 where one kept its power, its fault or its silence."""
+    file = read_rig(options.rig)
+    if not options.yes:
+        click.confirm("Without power only brakes and stands hold the platform. Is the load secured?", abort=True)
+    return compose.run_loop(_power_off(file, options.acknowledged_by), real_time=True)
+
+
+async def _power_off(file: RigFile, acknowledged_by: str | None) -> int:
+    clock = LoopClock()
+    transport = open_bus(file)
+    failed = False
+    try:
+        master = make_master(file, transport, clock)
+        for winch in [Cia402Winch(config, master) for config in winch_configs(file)]:
+            link, device = winch.link, winch.config.device
+            try:
+                before = await read_state(link)
+                after = await take_power(link, clock, device)
+                if after is DriveState.FAULT and acknowledged_by is not None:
+                    after = await acknowledge_fault(link, clock, device, acknowledged_by)
+            except DeviceError as error:
+                failed = True
+                console.err.print(str(error), markup=False)
+                continue
+            failed |= after is DriveState.FAULT
+            hint = "; look at the cause, then --acknowledge NAME" if after is DriveState.FAULT else ""
+            console.out.print(f"{device}: {before} → {after}{hint}", markup=False)
+    finally:
+        transport.close()
+    return HardwareError.exit_code if failed else 0
