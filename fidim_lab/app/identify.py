@@ -13,15 +13,16 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app import console
+from fidim_lab.app.pose_from import Posed, comparison, read_posed
 from fidim_lab.app.report.write import write_report
 from fidim_lab.app.scaling import Forms, scaling_table
-from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import Choice, suited_method
 from fidim_lab.identification.estimators import Method, method_named
 from fidim_lab.identification.identify import MODEL_ERROR, identify
 from fidim_lab.identification.mle.findings import closing
+from fidim_lab.identification.pose_sources import PoseSource
 from fidim_lab.identification.recipe import BEST, PAPER, Recipe
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.identification.result_file import write_result
@@ -40,19 +41,33 @@ ENOUGH_WINDOWS = 8
 
 
 def run_identify(
-    campaign_folder: Path, method: str | None = None, *, paper: bool = False, predict: bool = True
+    campaign_folder: Path,
+    method: str | None = None,
+    *,
+    paper: bool = False,
+    predict: bool = True,
+    poses: PoseSource = PoseSource.MOCAP,
 ) -> IdentificationResult:
     """Identify the body from a campaign folder.
 
     `method`: None takes what suits the campaign, and total least squares where maximum likelihood fails. `paper`: the
     paper's form to the letter (`recipe.PAPER`) instead of ours. `predict`: also simulate every window from its fitted
-    initial state (half a second per 10 s window).
+    initial state (half a second per 10 s window). `poses`: where they come from.
     Raises FileError for a wrong campaign, SetupError for an unknown method, RefusedError when no body is identified.
     """
     if paper and method not in (None, Method.TLS):
         raise SetupError(f"--paper is a form of total least squares; it does not go with --method {method}.")
+    if method is not None:
+        method_named(method)
+    return identify_posed(read_posed(campaign_folder, poses), method, paper=paper, predict=predict)
+
+
+def identify_posed(
+    posed: Posed, method: str | None = None, *, paper: bool = False, predict: bool = True
+) -> IdentificationResult:
+    """As `run_identify`, from a campaign that is in memory."""
     asked = Method.TLS if paper else None if method is None else method_named(method)
-    campaign = read_campaign(campaign_folder)
+    campaign = posed.campaign
     choice = suited_method(campaign) if asked is None else Choice(asked)
     recipe: Recipe = PAPER if paper else BEST
     checks = THOROUGH if predict else QUICK
@@ -64,16 +79,26 @@ def run_identify(
             "needs no simulated motion, is shown instead."
         )
         choice, result = Choice(Method.TLS, why), identify(campaign, Method.TLS, recipe, checks, native=native)
-    return replace(result, warnings=(choice.why, *result.warnings)) if choice.why else result
+    said = (choice.why, *posed.notes) if choice.why else posed.notes
+    return replace(result, warnings=(*said, *result.warnings))
 
 
 def identify_command(
-    campaign_folder: Path, method: str | None, json_file: Path | None, report: Path | None, *, paper: bool = False
+    campaign_folder: Path,
+    method: str | None,
+    json_file: Path | None,
+    report: Path | None,
+    *,
+    paper: bool = False,
+    poses: PoseSource = PoseSource.MOCAP,
 ) -> int:
     """What `fidim identify` does: identify, print, write. Returns the exit code; raises as `run_identify`.
 
-    `paper`: the paper's form is the result, and a table shows it beside its columns scaled and our form.
+    `paper`: the paper's form is the result, and a table shows it beside its columns scaled and our form. `poses`: where
+    they come from; other sources than the motion capture are shown beside it where it saw the whole pose.
     """
+    if poses is not PoseSource.MOCAP:
+        return _from_own_sensors(campaign_folder, poses, method, json_file, report, paper=paper)
     with console.err.status("identifying …"):
         result = run_identify(campaign_folder, method, paper=paper)
         ours = run_identify(campaign_folder, Method.TLS, predict=False) if paper else None
@@ -84,6 +109,25 @@ def identify_command(
         console.out.print(scaling_table(Forms(paper=result, ours=ours)))
     if report is not None:
         console.out.print(f"Report      {write_report(campaign_folder, result, report)}", markup=False)
+    return 1 if result.outcome in UNUSABLE else 0
+
+
+def _from_own_sensors(
+    folder: Path, poses: PoseSource, method: str | None, json_file: Path | None, report: Path | None, *, paper: bool
+) -> int:
+    if paper or report is not None:
+        raise SetupError(f"--pose-from {poses.value} goes with neither --paper nor --report: both are about markers.")
+    if method is not None:
+        method_named(method)
+    with console.err.status("identifying …"):
+        posed = read_posed(folder, poses)
+        result = identify_posed(posed, method)
+        beside = run_identify(folder, result.method.value, predict=False) if posed.differences else None
+    if json_file is not None:
+        write_result(json_file, result)
+    console.out.print(summary(result))
+    if beside is not None:
+        console.out.print(comparison(posed, result, beside))
     return 1 if result.outcome in UNUSABLE else 0
 
 

@@ -141,10 +141,11 @@ def _grouped_notes(windows: tuple[WindowVerdict, ...]) -> list[str]:
     lines: list[str] = []
     for members in groups.values():
         first, note = members[0]
-        if len(members) == 1:
+        ids = list(dict.fromkeys(window for window, _ in members))
+        if len(ids) == 1:
             lines.append(f"Window {first}: {note}.")
         else:
-            lines.append(f"{len(members)} windows ({', '.join(w for w, _ in members)}), as in {first}: {note}.")
+            lines.append(f"{len(ids)} windows ({', '.join(ids)}), as in {first}: {note}.")
     return lines
 
 

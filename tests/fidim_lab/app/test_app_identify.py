@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from fidim_lab.app import cli
 from fidim_lab.app.identify import closing_sentence, identify_command, run_identify, summary
+from fidim_lab.app.import_recording import run_import
+from fidim_lab.app.pose_from import read_posed
 from fidim_lab.data.records import Role
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.estimators import Method
+from fidim_lab.identification.pose_sources import PoseSource
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.identification.result_file import read_result
 
@@ -85,3 +89,35 @@ def test_a_campaign_folder_is_identified_and_shown(shared):
     assert "i01" in shown
     assert "full" in shown
     assert "v18" in shown
+
+
+@pytest.mark.shared
+def test_poses_from_the_robots_own_sensors_beside_those_of_the_cameras(shared, tmp_path, capsys):
+    """The real recording holds both: poses agree to millimetres, and the yaw inertia to a few percent."""
+    folder = tmp_path / "irma4u"
+    run_import("irma4u", [shared / "recordings" / "irma4u"], folder)
+    path = tmp_path / "result.json"
+    assert cli.run(["identify", str(folder), "--method", "ls", "--pose-from", "swivel", "--json", str(path)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Zeros and delays of the sensors were calibrated against the markers" in said
+    assert "Poses against those of the motion capture" in said
+    own = read_result(path)
+    cameras = run_identify(folder, "ls", predict=False)
+    assert own.parameters["I_zz"].value == pytest.approx(cameras.parameters["I_zz"].value, rel=0.1)
+    posed = read_posed(folder, PoseSource.SWIVEL)
+    assert max(one.position for one in posed.differences) < 3e-3
+    assert max(one.rotation for one in posed.differences) < 0.015
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "says"),
+    [
+        (["--pose-from", "gyroscope"], 2, "'gyroscope' is not one of 'mocap', 'swivel', 'both'"),
+        (["--pose-from", "swivel"], 2, "Window i01 has no column s1, s2, s3, s4"),
+        (["--pose-from", "both", "--paper"], 2, "goes with neither --paper nor --report"),
+    ],
+)
+@pytest.mark.shared
+def test_wrong_pose_sources_are_sentences(shared, capsys, options, code, says):
+    assert cli.run(["identify", str(shared / "campaigns" / "open-nothing-left-out"), *options]) == code
+    assert says in capsys.readouterr().err

@@ -1,0 +1,58 @@
+"""The robot's own sensors beside the encoders, as the further columns of a window hold them.
+
+    s1 … sn                   swivel angles of the pulleys, rad (σ of MODEL.md §1, each with a constant of its own)
+    incl_x, incl_y[, incl_z]  inclinometer or IMU on the platform: rotations about the world's x, then y, then z, rad
+
+`own_sensors` finds them; what they mean for the pose is in `identification.pose_sources`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.arrays import CableSeries
+from fidim_lab.data.records import Window
+from fidim_lab.errors import SetupError
+
+
+@dataclass(frozen=True, eq=False)
+class OwnSensors:
+    """What one window's own sensors read, at the window's times; NaN where a reading is missing."""
+
+    lengths: CableSeries
+    """(N, n) from the encoders, m"""
+    swivels: CableSeries
+    """(N, n) rad"""
+    inclination: np.ndarray
+    """(N, K) rad about x, y (K = 2) and z (K = 3); K = 0 where there is none"""
+
+
+def own_sensors(window: Window, cables: int) -> OwnSensors:
+    """The readings of one window of a robot with so many cables.
+
+    Raises SetupError, naming window and columns, where swivel angles or lengths are missing, or where fewer than six
+    readings a sample leave the pose open.
+    """
+    names = [f"s{cable}" for cable in range(1, cables + 1)]
+    missing = [name for name in names if name not in window.further]
+    if missing:
+        raise SetupError(
+            f"Window {window.id} has no column {', '.join(missing)}: the pose cannot be had from swivel angles.",
+            hint="Record the swivel encoders (s1…sn, rad), or take the pose from the motion capture.",
+        )
+    if window.lengths is None:
+        raise SetupError(f"Window {window.id} has no cable lengths (l1…ln), which swivel angles need beside them.")
+    axes = [f"incl_{axis}" for axis in "xyz" if f"incl_{axis}" in window.further]
+    if axes not in ([], ["incl_x", "incl_y"], ["incl_x", "incl_y", "incl_z"]):
+        raise SetupError(
+            f"Window {window.id} has {', '.join(axes)} alone: an inclination is incl_x and incl_y, or these and incl_z."
+        )
+    if 2 * cables + len(axes) < 6:
+        raise SetupError(
+            f"Window {window.id}: {2 * cables + len(axes)} readings a sample ({cables} lengths, {cables} swivel "
+            f"angles, {len(axes)} inclinations) leave the pose open; six are needed.",
+            hint="Add an inclinometer (incl_x, incl_y) or an IMU with yaw (incl_z).",
+        )
+    swivels = np.column_stack([window.further[name] for name in names])
+    inclination = np.column_stack([window.further[name] for name in axes]) if axes else np.empty((len(window.t), 0))
+    return OwnSensors(window.lengths, swivels, inclination)
