@@ -1,4 +1,7 @@
-"""The model as it is, fitted: where every explanation starts."""
+"""The model as it is, fitted: where every explanation starts.
+
+To the first seconds of each window always; to the whole windows where the model follows them so far.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,27 +10,48 @@ import numpy as np
 
 from fidim_lab.data.records import Campaign, Motion, Role, Window
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.ground import Ground, ground_of, settle, short_fit, whole_ground
 from fidim_lab.mismatch.hypotheses import Hypotheses, hypotheses
 from fidim_lab.model.mechanism import Mechanism
 
 Say = Callable[[str], None]
 
+NEAR = 3.0
+"""χ²/dof below which a motion is followed well enough for first-order statements about it"""
+HOPELESS = 100.0
+"""χ²/dof of the first seconds beyond which whole windows are not tried"""
+
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """A campaign with the fit of the model as it is, and what can be tried beside it."""
+    """A campaign with the fits of the model as it is, and what can be tried beside it."""
 
     campaign: Campaign
-    fit: Fit
+    short: Fit
+    """of the first seconds of each window"""
+    whole: Fit | None
+    """of whole windows; None where the first seconds already say that it cannot follow them"""
+    short_ground: Ground
+    whole_ground: Ground
     context: Context
     """what is physically possible, from the fitted motion"""
     tried: Hypotheses
 
     @property
+    def fit(self) -> Fit:
+        """The longest."""
+        return self.short if self.whole is None else self.whole
+
+    @property
+    def follows(self) -> bool:
+        """Whether whole windows are followed, so that first-order statements about them hold."""
+        return self.whole is not None and self.whole.excess < NEAR and not self.whole.journey.lost
+
+    @property
     def held_out(self) -> tuple[Window, ...]:
         """Windows that no fit may see."""
-        return tuple(self.campaign.of_role(Role.VALIDATE))
+        return self.campaign.of_role(Role.VALIDATE)
 
 
 def fit_baseline(campaign: Campaign, *, native: bool, say: Say) -> Baseline:
@@ -35,9 +59,20 @@ def fit_baseline(campaign: Campaign, *, native: bool, say: Say) -> Baseline:
 
     Raises RefusedError where no window can be fitted at all.
     """
-    say("fitting the baseline")
-    found = fit(Mechanism(campaign.robot, native=native), campaign.of_role(Role.IDENTIFY))
-    return Baseline(campaign, found, context_of(found), hypotheses(campaign.robot))
+    say("fitting the model as it is")
+    windows = campaign.of_role(Role.IDENTIFY)
+    mechanism = Mechanism(campaign.robot, native=native)
+    short = short_fit(mechanism, windows)
+    near = ground_of(short)
+    far = whole_ground(near, windows)
+    whole = None
+    if short.excess < HOPELESS:
+        everything = np.ones(len(short.values), dtype=bool)
+        prior = far.prior(np.zeros(0), np.zeros(0))
+        whole = settle(far, short, mechanism, short.journey.optimum.point, prior, everything)
+    reached = "" if whole is None else f", over whole windows {whole.chi2_per_dof:.3f}"
+    say(f"the model as it is: χ²/dof over 3 s {short.chi2_per_dof:.3f}{reached}")
+    return Baseline(campaign, short, whole, near, far, context_of(short), hypotheses(campaign.robot))
 
 
 def context_of(base: Fit) -> Context:

@@ -18,7 +18,7 @@ from fidim_lab.identification.mle.likelihood import LOOSE_POSE, LOOSE_RATE, Like
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.mismatch.stretch import is_compliant, stretch_of
-from fidim_lab.model.batch import over_samples
+from fidim_lab.model.batch import evaluate
 from fidim_lab.model.forcing import forcing, sightings, start_gaps
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
@@ -73,6 +73,7 @@ class Scorer:
         self._frequencies = tuple(dict.fromkeys(_frequency(h) for h in tried.periodic))
         self._places = _scored_places(self._own, mechanism.theta.size)
         composing = range(len(theta) - 3 - mechanism.n, len(theta))
+        self._maps: dict[tuple[str, int], ca.Function] = {}
         self._absent = (*(int(k) for place in self._places for k in place), *composing)
 
     @property
@@ -117,6 +118,14 @@ class Scorer:
         first, last = own, own + len(shared)
         return WindowColumns(w, residual.rows, jacobian[:, :first], jacobian[:, first:last], jacobian[:, last:])
 
+    def _over(self, compiled: ca.Function, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
+        """As `over_samples`; windows have the same length, and CasADi takes its time to make a map."""
+        key = (compiled.name(), samples)
+        if key not in self._maps:
+            self._maps[key] = compiled.map(samples)
+        columns = [np.broadcast_to(a, (samples, a.size)) if a.ndim == 1 else a for a in arguments]
+        return evaluate(self._maps[key], *columns)
+
     def _composed(self, by_markers: np.ndarray, direct: int, stamps: np.ndarray) -> np.ndarray:
         """The columns of unit forces at all frequencies made into those of the periodic hypotheses."""
         forced = by_markers[..., direct:]
@@ -135,10 +144,10 @@ class Scorer:
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         t = one.begins[0] + one.grid.t
         sample = (one.positions[0], one.rotations[0], one.twists[0], np.zeros((len(t), 0)))
-        found = over_samples(forcing(self._all, self._absent), len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
+        found = self._over(forcing(self._all, self._absent), len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
         table = found[0].reshape(len(t), 6 + self.mechanism.n, -1)[:, :6]
         first = (x[:1] for x in (t[:, np.newaxis], *sample))
-        gaps = over_samples(start_gaps(self._all, self._absent), 1, *first, shared[:BODY], theta)
+        gaps = self._over(start_gaps(self._all, self._absent), 1, *first, shared[:BODY], theta)
         n, count = self.mechanism.n, len(self._all.theta)
         lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
@@ -173,7 +182,7 @@ class Scorer:
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         stamps = (recording.begin + t)[:, np.newaxis]
         given = (stamps, motion.positions, motion.rotations, motion.twists, np.zeros((len(t), 0)))
-        found = over_samples(sightings(self._all), len(t), *given, theta)[4]
+        found = self._over(sightings(self._all), len(t), *given, theta)[4]
         table = found.reshape(len(t), -1, 3, len(theta))
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
         compliant = sum(len(h.scored) for h in self.tried.direct if is_compliant(h.effect))

@@ -17,6 +17,8 @@ from fidim_lab.effects.effect import NamedEffect, Parameter
 NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown")
 """found by other means: screening, and what is left at the end"""
 PERIODIC = ("periodic-force", "frame-sway")
+PERIODIC_SIZE = 6
+"""parameters of a periodic hypothesis that have a score: sin and cos in x, y, z"""
 GAUGES = ("time-offset",)
 """free motion does not see it: every window's start takes it up"""
 BROAD = 10.0

@@ -19,7 +19,7 @@ def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranke
     known = {_key(candidate.model.tried) for candidate in found.tried}
     scored: list[Ranked] = []
     seen: set[object] = set()
-    for score in found.scores:
+    for score in found.first.singles:
         effect = score.tried[0].effect
         if effect in seen or _key(score.tried) in known or len(scored) == LISTED:
             continue
@@ -34,8 +34,8 @@ def _ranked(candidate: Candidate, named: Candidate, context: Context) -> Ranked:
     impossible = [reason for reason in reasons if reason is not None]
     bound = " A parameter is held at the bound of what is possible." if any(model.at_bound) else ""
     said = "accepted: " if candidate is named else ""
-    why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {held.chi2_per_dof:.3f} held out; log-evidence "
-    why += f"{model.log_evidence:.0f} over the baseline.{bound} {' '.join(impossible)}".rstrip()
+    why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {held.chi2_per_dof:.3f} held out. "
+    why += f"{candidate.whiteness.says}{bound} {' '.join(impossible)}".rstrip()
     effects = tuple(_name(h.effect) for h in model.tried)
     return Ranked(effects, held.chi2_per_dof, not impossible and not any(model.at_bound), why)
 

@@ -1,31 +1,31 @@
 """Fit a completed model: body, every window's start, and the parameters of the effects within their bounds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.data.records import PARAMETER_NAMES, Window
+from fidim_lab.data.records import Window
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import OurBugError, RefusedError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.judge import remainder
-from fidim_lab.identification.mle.likelihood import Likelihood, Point
-from fidim_lab.identification.mle.normal import Prior
+from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.recordings import prepare
-from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
+from fidim_lab.mismatch.ground import Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
+from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown
+from fidim_lab.model.sensitivity.equations import BODY, derivatives, refuse_unknown
 from fidim_lab.model.sensitivity.starts import tied
 
-HORIZONS = (3.0, 10.0)
-"""s; the start is that of a good fit, so the strides may be long"""
 ROUNDS = 3
 """how often parameters may be put back on their bounds"""
+WORTH_BUILDING = 12_000
+"""instructions beyond which a C compiler takes longer (6 to 40 s) than it saves"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +38,7 @@ class HeldOut:
     """m"""
     refused: dict[str, str]
     """window → why it could not be predicted"""
+    leftovers: tuple[Leftover, ...] = ()
 
     @property
     def chi2_per_dof(self) -> float:
@@ -47,14 +48,14 @@ class HeldOut:
 
 @dataclass(frozen=True, eq=False)
 class Completed:
-    """A fitted model with some effects (none: the baseline)."""
+    """A fitted model with some effects (none: the model as it is)."""
 
     tried: tuple[Hypothesis, ...]
     fit: Fit
-    at_bound: tuple[bool, ...]
+    whole: bool
+    """fitted to whole windows, not to their first seconds only"""
+    at_bound: tuple[bool, ...] = field(default=())
     """of each entry of θ: held at a bound"""
-    log_evidence: float
-    """less the baseline's, by χ² at full length; 0 for the baseline"""
 
     @property
     def mechanism(self) -> Mechanism:
@@ -72,15 +73,53 @@ class Completed:
         return sum(left.chi2 for left in self.fit.remainders)
 
     @property
+    def dof(self) -> int:
+        """Less where windows were lost, or end because a cable goes slack."""
+        return sum(left.dof for left in self.fit.remainders)
+
+    @property
+    def leftovers(self) -> tuple[Leftover, ...]:
+        """What the fit leaves of each window."""
+        likelihood = self.fit.likelihood
+        ids = [recording.window.id for recording in likelihood.recordings]
+        remainders = zip(ids, self.fit.remainders, strict=True)
+        return tuple(_leftover(id, left, likelihood.noise, likelihood.own) for id, left in remainders)
+
+    @property
     def label(self) -> str:
         """For people."""
         return " + ".join(h.label for h in self.tried) or "nothing"
 
     def theta_of(self, k: int) -> tuple[np.ndarray, np.ndarray]:
         """θ of effect k with its standard deviations (nan where held)."""
+        place = self.place_of(k)
+        sd = self.fit.sd[place].copy()
+        sd[np.array(self.at_bound, dtype=bool)[place.start - BODY : place.stop - BODY]] = np.nan
+        return self.fit.values[place], sd
+
+    def place_of(self, k: int) -> slice:
+        """Where θ of effect k stands among the shared parameters."""
         first = BODY + sum(len(h.effect.parameters) for h in self.tried[:k])
-        last = first + len(self.tried[k].effect.parameters)
-        return self.fit.values[first:last], self.fit.sd[first:last]
+        return slice(first, first + len(self.tried[k].effect.parameters))
+
+    def freedom(self, scale: float) -> float:
+        """What the effects' freedom costs, in nats: ln of prior over posterior standard deviations."""
+        if not self.tried:
+            return 0.0
+        wide = np.concatenate([_theta_sd(h) for h in self.tried])
+        ratio = wide / np.maximum(self.fit.sd[BODY:] * np.sqrt(scale), 1e-300)
+        return float(np.log(np.maximum(ratio, 1.0)).sum())
+
+
+def evidence(model: Completed, than: Completed, scale: float) -> float:
+    """Log-evidence of one model over another of the same windows: half the χ² gained less what freedom costs.
+
+    scale: χ²/dof that counts as noise, the same for all that are compared. A model that loses data which the other
+    follows is charged for them as for the rest.
+    """
+    most = max(model.dof, than.dof)
+    gained = than.chi2 * most / max(1, than.dof) - model.chi2 * most / max(1, model.dof)
+    return 0.5 * gained / scale - model.freedom(scale) + than.freedom(scale)
 
 
 def can_refit(effect: NamedEffect, mechanism: Mechanism) -> bool:
@@ -93,7 +132,7 @@ def can_refit(effect: NamedEffect, mechanism: Mechanism) -> bool:
 
 
 def refit(
-    base: Fit,
+    ground: Ground,
     donor: Fit,
     tried: Sequence[Hypothesis],
     starts: Sequence[Float[np.ndarray, " theta"]],
@@ -101,36 +140,29 @@ def refit(
 ) -> Completed | None:
     """Fit the model with these effects from these θ; None where it does not get there.
 
-    base: the baseline, whose prior on the body holds and against which evidence is counted; donor: the fit whose body
-    and states are the start. Bounds hold inside the fit: what would cross one is held on it.
+    donor: the fit whose body and states are the start. Bounds hold inside the fit: what would cross one is held on it.
     """
-    mechanism = Mechanism(
-        base.likelihood.mechanism.robot,
-        tuple(h.effect for h in tried),
-        np.concatenate(list(starts)).tolist(),
-        native=base.likelihood.mechanism.native,
+    mechanism = _mechanism(ground, tried, starts)
+    prior = ground.prior(
+        np.concatenate([np.zeros(0), *(h.absent for h in tried)]),
+        np.concatenate([np.zeros(0), *(_theta_sd(h) for h in tried)]),
     )
-    likelihood = replace(base.likelihood, mechanism=mechanism)
-    prior = _prior(base, tried)
-    low, high = (np.concatenate(side) for side in zip(*(h.effect.bounds(context) for h in tried), strict=True))
+    low, high = _bounds(tried, context)
     shared = np.concatenate([donor.values[:BODY], np.clip(mechanism.theta, low, high)])
     free = np.ones(len(shared), dtype=bool)
     states = donor.journey.optimum.point.states
     for _ in range(ROUNDS):
-        begins = np.array([recording.begin for recording in likelihood.recordings])
-        start = Point(shared, tied(mechanism, shared, states, begins))
-        journey = grow(likelihood, start, prior, free, HORIZONS)
-        if journey is None:
+        start = Point(shared, tied(mechanism, shared, states, ground.likelihood.begins))
+        found = settle(ground, donor, mechanism, start, prior, free)
+        if found is None:
             return None
-        point = journey.optimum.point
-        theta = point.shared[BODY:]
+        theta = found.values[BODY:]
         outside = (theta < low) | (theta > high)
         if not outside.any():
-            found = _as_fit(base, likelihood, journey, prior, tried)
-            return Completed(tuple(tried), found, tuple((~free[BODY:]).tolist()), laplace(base, found, tried))
+            return Completed(tuple(tried), found, ground.whole, tuple((~free[BODY:]).tolist()))
         free[BODY:] &= ~outside
-        shared = np.concatenate([point.shared[:BODY], np.clip(theta, low, high)])
-        states = point.states
+        shared = np.concatenate([found.values[:BODY], np.clip(theta, low, high)])
+        states = found.journey.optimum.point.states
     return None
 
 
@@ -138,7 +170,8 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     """Held-out windows with the shared parameters of a completed model."""
     chi2, dof, squares, count = 0.0, 0, 0.0, 0
     refused: dict[str, str] = {}
-    robot = completed.mechanism.robot
+    leftovers: list[Leftover] = []
+    robot, likelihood = completed.mechanism.robot, completed.fit.likelihood
     for window in windows:
         try:
             recording = prepare(window, robot)
@@ -149,36 +182,29 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
         seen = int(np.isfinite(found.residuals).sum())
         chi2, dof = chi2 + found.chi2, dof + found.dof
         squares, count = squares + found.rms**2 * seen, count + seen
-    return HeldOut(chi2, dof, float(np.sqrt(squares / max(1, count))), refused)
+        leftovers.append(_leftover(window.id, found, likelihood.noise, likelihood.own))
+    return HeldOut(chi2, dof, float(np.sqrt(squares / max(1, count))), refused, tuple(leftovers))
 
 
-def _prior(base: Fit, tried: Sequence[Hypothesis]) -> Prior:
-    body = base.prior
-    mean = np.concatenate([body.mean[:BODY], *(h.absent for h in tried)])
-    theta = np.concatenate([_theta_sd(h) for h in tried])
-    return Prior(mean=mean, sd=np.concatenate([body.sd[:BODY] / FAR_PRIOR, theta]))
+def _mechanism(ground: Ground, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray]) -> Mechanism:
+    """The model with the effects; as machine code where many and long windows repay the compiler's time."""
+    base = ground.likelihood.mechanism
+    effects, theta = tuple(h.effect for h in tried), np.concatenate([np.zeros(0), *starts]).tolist()
+    plain = Mechanism(base.robot, effects, theta)
+    if not (base.native and ground.whole) or derivatives(plain).n_instructions() > WORTH_BUILDING:
+        return plain
+    return Mechanism(base.robot, effects, theta, native=True)
+
+
+def _bounds(tried: Sequence[Hypothesis], context: Context) -> tuple[np.ndarray, np.ndarray]:
+    bounds = [h.effect.bounds(context) for h in tried]
+    none = np.zeros(0)
+    return np.concatenate([none, *(low for low, _ in bounds)]), np.concatenate([none, *(high for _, high in bounds)])
 
 
 def _theta_sd(tried: Hypothesis) -> np.ndarray:
     return np.array([BROAD * parameter.scale for parameter in tried.effect.parameters])
 
 
-def _as_fit(base: Fit, likelihood: Likelihood, journey: Journey, prior: Prior, tried: Sequence[Hypothesis]) -> Fit:
-    found = replace(base, likelihood=likelihood, journey=journey)
-    simulation = found.journey.optimum.simulation
-    return replace(
-        found,
-        remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(likelihood.recordings))),
-        prior=replace(prior, sd=prior.sd * FAR_PRIOR),
-        plausible=prior.sd,
-        names=(*PARAMETER_NAMES, *(p.name for h in tried for p in h.effect.parameters)),
-    )
-
-
-def laplace(base: Fit, found: Fit, tried: Sequence[Hypothesis]) -> float:
-    """Log-evidence over the baseline: half the χ² gained, in units of what is left, less what freedom costs."""
-    inflation = max(1.0, found.excess)
-    before, after = (sum(left.chi2 for left in x.remainders) for x in (base, found))
-    sd = np.concatenate([_theta_sd(h) for h in tried])
-    ratio = sd / np.maximum(found.sd[BODY:] * np.sqrt(inflation), 1e-300)
-    return 0.5 * (before - after) / inflation - float(np.log(np.maximum(ratio, 1.0)).sum())
+def _leftover(window: str, left: Remainder, noise: float, own: int) -> Leftover:
+    return Leftover(window=window, t=left.t, values=left.residuals / noise, noise=noise, own=own)

@@ -18,9 +18,11 @@ from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation
 from fidim_lab.mismatch.columns import Scorer, WindowColumns
-from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.hypotheses import PERIODIC, PERIODIC_SIZE, Hypothesis
 
 TINY = 1e-12
+LONGEST_LOOK = 200
+"""pairs of which the best values within bounds are computed"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +63,17 @@ class Projected:
     dof: int
     inflation: float
     """χ²/dof: what is divided out before anything is called evidence"""
+    gram: Float[np.ndarray, "G G"]
+    """of shared parameters, scored parameters and residual, the windows' own unknowns eliminated"""
 
 
 def project(scorer: Scorer, fit_: Fit, likelihood: Likelihood, simulation: Simulation) -> Projected:
     """The score of all hypotheses at a simulated optimum."""
     shared = len(simulation.point.shared)
     gram: np.ndarray | None = None
-    rows = 0
+    rows, steady = 0, sum(len(h.scored) for h in scorer.tried.direct)
     for window in scorer.columns(likelihood, simulation):
-        part = _reduced_gram(window)
+        part = _reduced_gram(window, steady)
         gram = part if gram is None else gram + part
         rows += len(window.residual) - likelihood.own
     if gram is None:
@@ -79,10 +83,7 @@ def project(scorer: Scorer, fit_: Fit, likelihood: Likelihood, simulation: Simul
     gram[:shared, -1] += prior[:, :-1].T @ prior[:, -1]
     gram[-1, :shared] = gram[:shared, -1]
     left = float(gram[-1, -1])
-    scale = np.sqrt(np.maximum(np.diag(gram)[:shared], TINY))
-    inner = gram[:shared, :shared] / np.outer(scale, scale)
-    cross = gram[:shared, shared:] / scale[:, np.newaxis]
-    rest = gram[shared:, shared:] - cross.T @ np.linalg.solve(inner + 1e-13 * np.eye(shared), cross)
+    rest = eliminated(gram, np.arange(shared), np.arange(shared, len(gram)))
     return Projected(
         tried=scorer.tried.every,
         slices=scorer.slices,
@@ -91,14 +92,25 @@ def project(scorer: Scorer, fit_: Fit, likelihood: Likelihood, simulation: Simul
         left=left,
         dof=rows,
         inflation=max(1.0, left / max(1, rows)),
+        gram=gram,
     )
 
 
-def _reduced_gram(window: WindowColumns) -> np.ndarray:
+def _reduced_gram(window: WindowColumns, steady: int) -> np.ndarray:
+    """The Gram matrix without the window's own unknowns; of periodic hypotheses with each other 0, which saves most."""
     basis = np.linalg.qr(window.by_own)[0]
+    first = window.by_shared.shape[1] + steady
     rest = np.column_stack([window.by_shared, window.by_scored, window.residual])
     rest -= basis @ (basis.T @ rest)
-    return rest.T @ rest
+    left, right = np.column_stack([rest[:, :first], rest[:, -1:]]), rest[:, first:-1]
+    gram = np.zeros((rest.shape[1],) * 2)
+    index = np.concatenate([np.arange(first), [len(gram) - 1]])
+    gram[index] = left.T @ rest
+    gram[first:-1, index] = gram[index, first:-1].T
+    for k in range(0, right.shape[1], PERIODIC_SIZE):
+        own = slice(first + k, first + k + PERIODIC_SIZE)
+        gram[own, own] = rest[:, own].T @ rest[:, own]
+    return gram
 
 
 def single_scores(found: Projected, context: Context) -> tuple[Score, ...]:
@@ -106,23 +118,37 @@ def single_scores(found: Projected, context: Context) -> tuple[Score, ...]:
     return _sorted(_score(found, (k,), context) for k in range(len(found.tried)))
 
 
-def pair_scores(found: Projected, context: Context, most: int = 60) -> tuple[Score, ...]:
-    """All pairs of the hypotheses that alone, or as a complement, explain most; the most evident first."""
-    alone = single_scores(found, context)
+def pair_scores(found: Projected, context: Context, most: int = 12) -> tuple[Score, ...]:
+    """The best pairs of hypotheses, the most evident first; of each effect the scan point that is best alone.
+
+    All pairs are looked at without bounds, which can only be better; the bounds cost time and are kept by the best.
+    """
     index = {id(h): k for k, h in enumerate(found.tried)}
-    best = list(dict.fromkeys(index[id(score.tried[0])] for score in _one_of_each(alone)))[:most]
-    pairs = ((a, b) for a, b in combinations(best, 2) if _may_pair(found.tried[a], found.tried[b]))
-    return _sorted(_score(found, pair, context) for pair in pairs)
+    best = [index[id(score.tried[0])] for score in _one_of_each(single_scores(found, context))]
+    pairs = [pair for pair in combinations(best, 2) if _may_pair(found.tried[pair[0]], found.tried[pair[1]])]
+    hopes = sorted(((_hope(found, pair), pair) for pair in pairs), reverse=True)
+    scores: list[Score] = []
+    for hope, pair in hopes:
+        if len(scores) >= most and hope < sorted(score.log_evidence for score in scores)[-most]:
+            break
+        scores.append(_score(found, pair, context))
+        if len(scores) == LONGEST_LOOK:
+            break
+    return _sorted(scores)[:most]
 
 
-def explained_share(found: Projected, a: Hypothesis, b: Hypothesis) -> float:
-    """How much of the influence of `a`'s own direction `b` can imitate (0…1), everything else being adjusted."""
-    index = {id(h): k for k, h in enumerate(found.tried)}
-    at_a, at_b = found.slices[index[id(a)]], found.slices[index[id(b)]]
-    theta = _best(found, (index[id(a)],), None)[0]
-    size = theta @ found.curvature[at_a, at_a] @ theta
-    cross = found.curvature[at_b, at_a] @ theta
-    return float(cross @ _solve(found.curvature[at_b, at_b], cross) / max(size, TINY))
+def _hope(found: Projected, members: tuple[int, ...]) -> float:
+    """Log-evidence without bounds."""
+    _, gain = _best(found, members, None)
+    return 0.5 * gain / found.inflation - _cost(found, members)[0]
+
+
+def eliminated(gram: np.ndarray, outside: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """The Gram matrix of some columns (indices `inside`) with others (`outside`) adjusted to each of them."""
+    scale = np.sqrt(np.maximum(np.diag(gram)[outside], TINY))
+    inner = gram[np.ix_(outside, outside)] / np.outer(scale, scale) + 1e-13 * np.eye(len(outside))
+    cross = gram[np.ix_(outside, inside)] / scale[:, np.newaxis]
+    return gram[np.ix_(inside, inside)] - cross.T @ np.linalg.solve(inner, cross)
 
 
 def _one_of_each(scores: Sequence[Score]) -> list[Score]:
@@ -135,6 +161,8 @@ def _one_of_each(scores: Sequence[Score]) -> list[Score]:
 
 def _may_pair(a: Hypothesis, b: Hypothesis) -> bool:
     """Two variants of the same thing are no pair; the same fault on two cables is."""
+    if a.effect.id in PERIODIC and b.effect.id in PERIODIC:
+        return False
     same = a.effect.id == b.effect.id
     return not (same and (a.effect.cable is None or b.effect.cable is None or a.effect.cable == b.effect.cable))
 
@@ -147,13 +175,18 @@ def _score(found: Projected, members: tuple[int, ...], context: Context) -> Scor
     tried = tuple(found.tried[k] for k in members)
     theta, gain = _best(found, members, context)
     parts = np.split(theta, np.cumsum([len(h.scored) for h in tried])[:-1])
-    prior = np.concatenate([h.prior_sd for h in tried])
-    index = _columns(found, members)
-    freedom = prior[:, np.newaxis] * found.curvature[np.ix_(index, index)] * prior / found.inflation
-    cost = 0.5 * float(np.linalg.slogdet(np.eye(len(index)) + freedom)[1])
+    cost, prior = _cost(found, members)
     surprise = 0.5 * float(((theta / prior) ** 2).sum())
     evidence = 0.5 * gain / found.inflation - cost - surprise
     return Score(tried, tuple(parts), gain, evidence, gain / max(found.left - found.dof, TINY))
+
+
+def _cost(found: Projected, members: tuple[int, ...]) -> tuple[float, np.ndarray]:
+    """What the freedom of some hypotheses costs (nats), and the prior standard deviations of their parameters."""
+    prior = np.concatenate([found.tried[k].prior_sd for k in members])
+    index = _columns(found, members)
+    freedom = prior[:, np.newaxis] * found.curvature[np.ix_(index, index)] * prior / found.inflation
+    return 0.5 * float(np.linalg.slogdet(np.eye(len(index)) + freedom)[1]), prior
 
 
 def _columns(found: Projected, members: tuple[int, ...]) -> np.ndarray:
@@ -164,14 +197,14 @@ def _best(found: Projected, members: tuple[int, ...], context: Context | None) -
     """Best θ within bounds and the χ² it gains."""
     index = _columns(found, members)
     curvature, gradient = found.curvature[np.ix_(index, index)], found.gradient[index]
-    theta = _solve(curvature, gradient)
-    if context is not None:
+    if context is None:
+        theta = _solve(curvature, gradient)
+    else:
         bounds = [h.effect.bounds(context) for h in (found.tried[k] for k in members)]
         chosen = [list(found.tried[k].scored) for k in members]
         low = np.concatenate([b[0][c] for b, c in zip(bounds, chosen, strict=True)])
         high = np.concatenate([b[1][c] for b, c in zip(bounds, chosen, strict=True)])
-        if (theta < low).any() or (theta > high).any():
-            theta = _bounded(curvature, gradient, low, high)
+        theta = bounded(curvature, gradient, low, high)
     return theta, float(2 * gradient @ theta - theta @ curvature @ theta)
 
 
@@ -180,7 +213,11 @@ def _solve(curvature: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0] / scale
 
 
-def _bounded(curvature: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def bounded(curvature: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The θ within bounds that minimises ½ θᵀ C θ − gᵀ θ."""
+    theta = _solve(curvature, gradient)
+    if (theta >= low).all() and (theta <= high).all():
+        return theta
     scale = np.sqrt(np.maximum(np.diag(curvature), TINY))
     values, vectors = np.linalg.eigh(curvature / np.outer(scale, scale))
     root = np.sqrt(np.maximum(values, TINY))

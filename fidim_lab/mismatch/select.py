@@ -1,43 +1,30 @@
-"""From a fitted baseline to the best set of effects: score, refit the best few, accept one, look again.
+"""From the model as it is to the best set of effects: look at all scores, fit the best few, take one, look again.
 
-A term is accepted when the evidence asks for it (log-evidence > 5) and windows that no fit has seen get better. At most
-three terms; it ends where nothing is left but noise, or where the best addition explains too little of the rest.
+First over the first seconds, wherever whole windows are not followed: cheap, and no phase can slip there. What survives
+is fitted to whole windows, and the search goes on there. A term is taken when the evidence asks for it (> 5 nats) and,
+of whole windows, when those that no fit has seen get better; a term that another has made needless is dropped again
+(together: a swap). At most three terms.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from fidim_lab.data.records import Window
-from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.plausibility import Context
-from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.likelihood import Simulation
-from fidim_lab.identification.mle.optimise import FINAL, optimise
 from fidim_lab.mismatch.baseline import Baseline
-from fidim_lab.mismatch.columns import Scorer
-from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
-from fidim_lab.mismatch.refit import Completed, HeldOut, can_refit, predict, refit
-from fidim_lab.mismatch.score import Projected, Score, pair_scores, project, single_scores
-from fidim_lab.mismatch.stretch import is_compliant
+from fidim_lab.mismatch.ground import Ground
+from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.refit import Completed, HeldOut, evidence, predict, refit
+from fidim_lab.mismatch.score import Score
+from fidim_lab.mismatch.views import ENOUGH, FEEBLE, View, view
+from fidim_lab.mismatch.whiteness import Whiteness, whiteness
 
-ENOUGH = 5.0
-"""log-evidence below which a term is not believed: never reached in 20 000 draws without an effect (FINDINGS.md)"""
 MOST_TERMS = 3
-NEAR = 3.0
-"""χ²/dof below which the motion is followed well enough to score whole windows"""
-SHORT = (3.0, 1.0)
-"""s; horizons at which to score otherwise"""
-SINGLES, PAIRS = 3, 2
-"""how many are fitted"""
-FEEBLE = 0.25
-"""of the rest: an addition that explains less ends the search"""
-WHITE = 1.03
-"""χ²/dof, for the noise that the residuals show, up to which nothing is left (4 sd of 12 windows of 10 s)"""
-
-COARSE_UP_TO, COARSENESS = 5.0, 3
-"""s; up to there only every third frequency of the scan is tried"""
+CLOSE = 25.0
+"""nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
+SHORTLIST = 3
+DROPPABLE = 200.0
+"""nats, to first order, above which nobody tries to do without a term"""
 
 Say = Callable[[str], None]
 
@@ -48,6 +35,13 @@ class Candidate:
 
     model: Completed
     held_out: HeldOut
+    whiteness: Whiteness
+    """of what is left of fitted and held-out windows"""
+
+    @property
+    def is_white(self) -> bool:
+        """Whether nothing but noise is left."""
+        return self.whiteness.is_white
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,183 +52,176 @@ class Selection:
     """the baseline where nothing was accepted"""
     baseline: Candidate
     tried: tuple[Candidate, ...]
-    """every model that was fitted, the best first by held-out χ²"""
-    scores: tuple[Score, ...]
-    """of all hypotheses at the baseline, the most evident first"""
-    projected: Projected
-    """at the baseline"""
-    last: tuple[Score, ...]
-    """of all hypotheses at the best model: what could still be added"""
-    unfitted: Score | None
-    """the most evident addition to the best model, where trajectories cannot carry it: known by its score alone"""
-    unfitted_left: float
-    """χ²/dof that it would leave"""
-
-    @property
-    def white(self) -> bool:
-        """Whether nothing but noise is left."""
-        return is_white(self.best)
-
-
-def is_white(candidate: Candidate) -> bool:
-    """By χ²/dof of fitted and held-out windows, for the noise that the residuals show."""
-    ratio = max(1.0, candidate.model.fit.noise_ratio) ** 2
-    held = candidate.held_out
-    allowed = WHITE + 4 * np.sqrt(2 / max(1, held.dof))
-    return candidate.model.excess < WHITE and (held.dof == 0 or held.chi2_per_dof / ratio < allowed)
+    """every model that was fitted to whole windows, the best first by held-out χ²"""
+    passing: tuple[Completed, ...]
+    """every model that was fitted to the first seconds alone"""
+    first: View
+    """all scores at the model as it is"""
+    last: View
+    """all scores at the best model: what could still be added, or stand in the place of what is in"""
 
 
 def select(start: Baseline, say: Say) -> Selection:
-    """Search for what was left out, starting from a baseline fit."""
-    base, validate, tried, context = start.fit, start.held_out, start.tried, start.context
-    baseline = _judged(Completed((), base, (), 0.0), validate)
-    say(f"baseline: χ²/dof {base.chi2_per_dof:.3f}, held out {baseline.held_out.chi2_per_dof:.3f}")
-    best, models = baseline, [baseline]
-    projected, scores = _scored(baseline.model, tried, context)
-    first, first_scores = projected, scores
-    while len(best.model.tried) < MOST_TERMS and scores[0].log_evidence > ENOUGH:
-        if _unfitted(scores, best) is not None:
-            break
-        fresh = _additions(best, base, validate, scores, projected, context, say)
-        models.extend(fresh)
-        better = [c for c in fresh if _is_better(c, best)]
-        if not better:
-            break
-        best = min(better, key=lambda c: _figure(c))
-        say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
-        projected, scores = _scored(best.model, tried, context)
-        if is_white(best) and scores[0].log_evidence < ENOUGH:
-            break
-    ranking = sorted(models, key=lambda c: c.held_out.chi2_per_dof)
-    unfitted = _unfitted(scores, best)
-    gain = 0.0 if unfitted is None else unfitted.gain
-    left = (projected.left - gain) / max(1, projected.dof)
-    return Selection(best, baseline, tuple(ranking), first_scores, first, scores, unfitted, left)
+    """Search for what was left out, starting from the fits of the model as it is."""
+    return _Search(start, say).run()
 
 
-def _unfitted(scores: Sequence[Score], best: Candidate) -> Score | None:
-    """The most evident hypothesis where it cannot be fitted and no other comes near."""
-    top = scores[0]
-    if top.log_evidence < ENOUGH or _can_be_fitted(top.tried[0].effect, best):
-        return None
-    rest = next((s for s in scores if _can_be_fitted(s.tried[0].effect, best)), None)
-    return top if rest is None or top.log_evidence > rest.log_evidence + ENOUGH else None
+class _Search:
+    """One search: what was fitted on the way is kept for the ranking."""
+
+    def __init__(self, start: Baseline, say: Say) -> None:
+        self.start, self.say = start, say
+        self.passing: list[Completed] = []
+        self.tried: list[Candidate] = []
+        self.first: View | None = None
+
+    def run(self) -> Selection:
+        """First seconds where needed, then whole windows."""
+        start = self.start
+        baseline = self._judged(Completed((), start.fit, start.whole is not None))
+        self.say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
+        best = baseline
+        if not start.follows:
+            best = self._best_over_all(baseline, self._over_first_seconds())
+        best, last = self._over_whole_windows(best)
+        return Selection(
+            best=best,
+            baseline=baseline,
+            tried=tuple(sorted([baseline, *self.tried], key=lambda c: c.held_out.chi2_per_dof)),
+            passing=tuple(self.passing),
+            first=last if self.first is None else self.first,
+            last=last,
+        )
+
+    def _over_first_seconds(self) -> list[Completed]:
+        """The few best models of the first seconds, the best first."""
+        best = Completed((), self.start.short, whole=False)
+        while len(best.tried) < MOST_TERMS:
+            seen = self._view(best)
+            if seen.unfitted is not None:
+                break
+            fresh = [m for score in seen.additions(MOST_TERMS - len(best.tried)) if (m := self._added(best, score))]
+            self.passing += fresh
+            further = _most_convincing(best, fresh)
+            if further is best:
+                break
+            best = self._pruned(further)
+            self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
+            if whiteness(best.leftovers).is_white:
+                break
+        scale = _scale([best, *self.passing])
+        near = [m for m in self.passing if m is not best and evidence(best, m, scale) < CLOSE]
+        near.sort(key=lambda m: evidence(best, m, scale))
+        return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
+
+    def _best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
+        """Models of the first seconds fitted to whole windows, and the best of them."""
+        fresh: list[Candidate] = []
+        for model in short:
+            self.say(f"fitting {model.label} to whole windows")
+            thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
+            found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context)
+            if found is not None:
+                fresh.append(self._judged(found))
+        self.tried += fresh
+        return self._accepted(baseline, fresh)
+
+    def _over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
+        """Additions until none is asked for; the view from the last model."""
+        seen = self._view(best.model)
+        while len(best.model.tried) < MOST_TERMS and best.model.whole and seen.unfitted is None:
+            fresh: list[Candidate] = []
+            for score in seen.additions(MOST_TERMS - len(best.model.tried)):
+                self.say(f"fitting {' + '.join([best.model.label, score.label][not best.model.tried :])}")
+                found = self._added(best.model, score)
+                if found is None:
+                    continue
+                fresh.append(self._judged(self._pruned(found)))
+                if fresh[-1].is_white and len(fresh[-1].model.tried) <= len(best.model.tried) + 1:
+                    break
+            self.tried += fresh
+            further = self._accepted(best, fresh)
+            if further is best:
+                break
+            best = further
+            self.say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
+            seen = self._view(best.model)
+        return best, seen
+
+    def _accepted(self, best: Candidate, fresh: Sequence[Candidate]) -> Candidate:
+        """The most convincing of those that also predict held-out windows better."""
+        usable = {id(c.model): c for c in fresh if _improves(c, best)}
+        models = [c.model for c in usable.values()]
+        if not best.model.whole:
+            chosen = _best_of(models) if models else best.model
+        else:
+            chosen = _most_convincing(best.model, models)
+        return usable.get(id(chosen), best)
+
+    def _view(self, model: Completed) -> View:
+        self.say(f"looking at all effects beside {model.label}")
+        seen = view(model, self.start.tried, self.start.context)
+        self.first = seen if self.first is None else self.first
+        return seen
+
+    def _added(self, best: Completed, score: Score) -> Completed | None:
+        thetas = [best.theta_of(k)[0] for k in range(len(best.tried))]
+        thetas += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
+        return refit(self._ground(best), best.fit, (*best.tried, *score.tried), thetas, self.start.context)
+
+    def _pruned(self, model: Completed) -> Completed:
+        """Without terms that the others have made needless."""
+        for k in range(len(model.tried)):
+            if len(model.tried) < 2 or _price(model, k) > DROPPABLE:
+                continue
+            kept = [j for j in range(len(model.tried)) if j != k]
+            thetas = [model.theta_of(j)[0] for j in kept]
+            tried: list[Hypothesis] = [model.tried[j] for j in kept]
+            less = refit(self._ground(model), model.fit, tried, thetas, self.start.context)
+            if less is not None and evidence(model, less, _scale([model, less])) < ENOUGH:
+                return self._pruned(less)
+        return model
+
+    def _ground(self, model: Completed) -> Ground:
+        return self.start.whole_ground if model.whole else self.start.short_ground
+
+    def _judged(self, model: Completed) -> Candidate:
+        held = predict(model, self.start.held_out)
+        return Candidate(model, held, whiteness((*model.leftovers, *held.leftovers)))
 
 
-def _additions(
-    best: Candidate,
-    base: Fit,
-    validate: Sequence[Window],
-    scores: Sequence[Score],
-    projected: Projected,
-    context: Context,
-    say: Say,
-) -> list[Candidate]:
-    """The best model with each of the most evident additions."""
-    fresh: list[Candidate] = []
-    for score in _worth(best, scores, projected, context):
-        starts = [best.model.theta_of(k)[0] for k in range(len(best.model.tried))]
-        starts += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
-        say(f"fitting {' + '.join(x for x in (best.model.label, score.label) if x != 'nothing')}")
-        found = refit(base, best.model.fit, (*best.model.tried, *score.tried), starts, context)
-        if found is None:
-            continue
-        candidate = _judged(found, validate)
-        say(f"  χ²/dof {found.fit.chi2_per_dof:.3f}, held out {candidate.held_out.chi2_per_dof:.3f}")
-        fresh.append(candidate)
-        if is_white(candidate):
-            break
-    return fresh
-
-
-def _worth(best: Candidate, scores: Sequence[Score], projected: Projected, context: Context) -> list[Score]:
-    """The most evident additions that can be fitted, one for each effect, and pairs that say much more."""
-    chosen: list[Score] = []
-    seen: set[object] = set()
-    for score in scores:
-        effect = score.tried[0].effect
-        if effect in seen or score.log_evidence < ENOUGH or not _can_be_fitted(effect, best):
-            continue
-        seen.add(effect)
-        chosen.append(score)
-    singles = chosen[:SINGLES]
-    room = MOST_TERMS - len(best.model.tried)
-    if room < 2 or not singles:
-        return singles
-    pairs = [
-        pair
-        for pair in pair_scores(projected, context)
-        if pair.log_evidence > singles[0].log_evidence + ENOUGH
-        and all(_can_be_fitted(h.effect, best) for h in pair.tried)
-    ]
-    return singles + pairs[:PAIRS]
-
-
-def _can_be_fitted(effect: NamedEffect, best: Candidate) -> bool:
-    """Whether trajectories carry it; a stretch that spoils whole windows is beyond their first order."""
-    if is_compliant(effect) and best.model.excess >= NEAR:
+def _improves(candidate: Candidate, best: Candidate) -> bool:
+    """Held-out windows get better; and where structure stays, a good part of it is taken away."""
+    before, after = best.held_out, candidate.held_out
+    if before.dof and after.chi2_per_dof >= before.chi2_per_dof and not candidate.is_white:
         return False
-    return can_refit(effect, best.model.mechanism)
+    rest = max(best.whiteness.excess, 1e-9)
+    return candidate.is_white or rest - candidate.whiteness.excess > FEEBLE * rest
 
 
-def _is_better(candidate: Candidate, best: Candidate) -> bool:
-    """More evidence, and held-out windows that improve; a model that explains next to nothing of the rest is none."""
-    gained = candidate.model.log_evidence - best.model.log_evidence
-    held, before = candidate.held_out, best.held_out
-    rest = before.chi2_per_dof - 1
-    improved = before.chi2_per_dof - held.chi2_per_dof
-    return gained > ENOUGH and improved > 0 and (improved > FEEBLE * rest or is_white(candidate))
+def _most_convincing(best: Completed, fresh: Sequence[Completed]) -> Completed:
+    """Of models with more evidence than `best`, the one with most; of those within 5 nats, the smallest."""
+    scale = _scale([best, *fresh])
+    better = [m for m in fresh if evidence(m, best, scale) > ENOUGH]
+    return _best_of(better) if better else best
 
 
-def _figure(candidate: Candidate) -> tuple[int, float]:
-    """White models with few terms first, then by held-out χ²."""
-    white = is_white(candidate)
-    if white:
-        return len(candidate.model.tried), -candidate.model.log_evidence
-    return MOST_TERMS + 1, candidate.held_out.chi2_per_dof
+def _best_of(models: Sequence[Completed]) -> Completed:
+    scale = _scale(models)
+    top = max(models, key=lambda m: evidence(m, models[0], scale))
+    near = [m for m in models if evidence(top, m, scale) < ENOUGH]
+    return min(near, key=lambda m: (len(m.tried), evidence(top, m, scale)))
 
 
-def _judged(model: Completed, validate: Sequence[Window]) -> Candidate:
-    return Candidate(model, predict(model, validate))
+def _scale(models: Sequence[Completed]) -> float:
+    """χ²/dof of the best of some models: what is left there counts as noise for all of them."""
+    return max(1e-3, min(m.fit.chi2_per_dof for m in models))
 
 
-def _scored(model: Completed, tried: Hypotheses, context: Context) -> tuple[Projected, tuple[Score, ...]]:
-    """Scores of all hypotheses that the model does not have yet, at a horizon where its motion is followed."""
-    simulation = _followed(model.fit)
-    left = _without(tried, model.tried)
-    if float(simulation.ends.max()) < COARSE_UP_TO:
-        left = replace(left, periodic=tuple(h for h in left.periodic if _is_coarse(h)))
-    projected = project(Scorer(model.mechanism, left), model.fit, model.fit.likelihood, simulation)
-    return projected, single_scores(projected, context)
-
-
-def _is_coarse(tried: Hypothesis) -> bool:
-    """Every third frequency: a few seconds do not tell more apart."""
-    return round(10 * float(tried.absent[-1])) % COARSENESS == 2
-
-
-def _followed(found: Fit) -> Simulation:
-    """The motion at the longest horizon at which the model follows it."""
-    if found.excess < NEAR:
-        return found.journey.optimum.simulation
-    simulation = found.journey.optimum.simulation
-    point = found.journey.optimum.point
-    for horizon in SHORT:
-        ends = np.minimum(found.journey.ends, horizon)
-        optimum = optimise(found.likelihood, point, ends, found.prior, FINAL, np.ones(len(found.values), dtype=bool))
-        if optimum is None:
-            continue
-        simulation = optimum.simulation
-        rows = sum(len(residual.rows) for residual in simulation.residuals)
-        if optimum.cost / rows < NEAR * found.noise_ratio**2:
-            break
-    return simulation
-
-
-def _without(tried: Hypotheses, used: Sequence[Hypothesis]) -> Hypotheses:
-    effects = {h.effect for h in used}
-    return replace(
-        tried,
-        direct=tuple(h for h in tried.direct if h.effect not in effects),
-        periodic=tuple(h for h in tried.periodic if h.effect not in effects),
-    )
+def _price(model: Completed, k: int) -> float:
+    """Nats that doing without term k would cost, to first order."""
+    place, tried = model.place_of(k), model.tried[k]
+    away = (model.fit.values[place] - tried.absent)[list(tried.scored)]
+    chosen = np.arange(place.start, place.stop)[list(tried.scored)]
+    covariance = model.fit.covariance[np.ix_(chosen, chosen)]
+    return 0.5 * float(away @ np.linalg.lstsq(covariance, away, rcond=1e-12)[0]) / max(1.0, model.fit.chi2_per_dof)

@@ -9,26 +9,39 @@ from fidim_lab.effects.equivalences import EQUIVALENCES
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.classes import alike
-from fidim_lab.mismatch.explanation import Before, BodyParameter, EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.explanation import (
+    Before,
+    BodyParameter,
+    EffectParameter,
+    Explanation,
+    NamedCause,
+    Place,
+    Verdict,
+)
+from fidim_lab.mismatch.leftover import of_fit
+from fidim_lab.mismatch.locate import locate
 from fidim_lab.mismatch.ranking import ranking
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.score import Score
-from fidim_lab.mismatch.select import ENOUGH, Candidate, Selection
+from fidim_lab.mismatch.select import Candidate, Selection
 from fidim_lab.mismatch.verdict import Judged
-from fidim_lab.mismatch.whereabouts import whereabouts
+from fidim_lab.mismatch.views import ENOUGH
+
+
+MOST_PLACES = 5
 
 
 def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -> Explanation:
     """Everything that is answered."""
     named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
     effects = tuple(_cause(found, named.model, k) for k in range(len(named.model.tried)))
-    if judged.known and found.unfitted is not None:
-        effects = (*effects, _cause_by_score(found, found.unfitted))
+    if judged.known and found.last.unfitted is not None:
+        effects = (*effects, _cause_by_score(found, found.last.unfitted))
     return Explanation(
         campaign=baseline.campaign.name,
         verdict=verdict,
         effects=effects,
-        where=whereabouts(baseline.fit) if verdict is not Verdict.NOTHING_MISSING else (),
+        where=_places(baseline.fit) if verdict is not Verdict.NOTHING_MISSING else (),
         chi2_per_dof=Before(found.baseline.held_out.chi2_per_dof, named.held_out.chi2_per_dof),
         rms_mm=Before(1e3 * found.baseline.held_out.rms, 1e3 * named.held_out.rms),
         ranking=ranking(found, named, baseline.context),
@@ -41,6 +54,12 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
     )
 
 
+def _places(found: Fit) -> tuple[Place, ...]:
+    """Where the model as it is leaves structure, the largest share first."""
+    places = locate(of_fit(found), MOST_PLACES)
+    return tuple(Place(p.window, p.t, p.channel, p.frequency, p.share, p.says) for p in places)
+
+
 def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
     tried = model.tried[k]
     values, sds = model.theta_of(k)
@@ -50,7 +69,7 @@ def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
         for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
     }
     effect = tried.effect
-    return NamedCause(effect.id, effect.cable, alike(found, tried), parameters, effect.says)
+    return NamedCause(effect.id, effect.cable, alike(found, k), parameters, effect.says)
 
 
 def _cause_by_score(found: Selection, score: Score) -> NamedCause:
@@ -61,7 +80,7 @@ def _cause_by_score(found: Selection, score: Score) -> NamedCause:
         parameter.name: EffectParameter(float(value), None, parameter.unit)
         for parameter, value in zip(tried.effect.parameters, theta, strict=True)
     }
-    return NamedCause(tried.effect.id, tried.effect.cable, alike(found, tried), parameters, tried.effect.says)
+    return NamedCause(tried.effect.id, tried.effect.cable, (), parameters, tried.effect.says)
 
 
 def _parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
@@ -93,10 +112,10 @@ def _message(
     names = " and ".join(c.id if c.cable is None else f"{c.id} (cable {c.cable})" for c in effects)
     match verdict:
         case Verdict.NOTHING_MISSING:
-            best = found.scores[0] if found.scores else None
+            best = found.first.singles[0] if found.first.singles else None
             said = f"Nothing is missing: held-out χ²/dof {before.chi2_per_dof:.3g}, rms {1e3 * before.rms:.3g} mm"
             if best is not None:
-                said += f"; the best of {len(found.scores)} hypotheses, {best.label}, has log-evidence "
+                said += f"; the best of {len(found.first.singles)} hypotheses, {best.label}, has log-evidence "
                 said += f"{best.log_evidence:.1f} ({ENOUGH:g} would be needed)"
             said += "."
         case Verdict.EXPLAINED:
@@ -109,9 +128,10 @@ def _message(
             said += f"{before.chi2_per_dof:.3g}."
             if best.model.tried:
                 said += f" The best attempt, {best.model.label}, leaves {best.held_out.chi2_per_dof:.3g}."
-    if effects and found.unfitted is not None:
-        said += f" {found.unfitted.label} is known by its score alone (log-evidence {found.unfitted.log_evidence:.0f}, "
-        said += f"would leave χ²/dof {found.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
+    lacking = found.last.unfitted
+    if effects and lacking is not None:
+        said += f" {lacking.label} is known by its score alone (log-evidence {lacking.log_evidence:.0f}, would leave "
+        said += f"χ²/dof {found.last.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
     return said + (f" Not tested: {', '.join(untested)}." if untested else "")
 
 

@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 
 from fidim_lab.mismatch.explanation import Verdict
-from fidim_lab.mismatch.select import WHITE, Candidate, Selection, is_white
+from fidim_lab.mismatch.select import Candidate, Selection
 
+WHITE = 1.03
+"""χ²/dof up to which what an effect known by its score alone would leave is called noise"""
 MOSTLY = 0.9
-"""of the held-out excess that named effects must take away to count as a part of the truth"""
+"""of the excess that named effects must take away to count as a part of the truth"""
 HALF = 0.5
 """of the excess that an effect known by its score alone must explain"""
 
@@ -34,14 +36,14 @@ def judge(found: Selection) -> Judged:
 
 def _verdict(found: Selection) -> Verdict:
     best = found.best
-    if found.unfitted is not None:
-        if found.unfitted_left < WHITE:
+    if found.last.unfitted is not None:
+        if found.last.unfitted_left < WHITE:
             return Verdict.EXPLAINED
-        enough = found.unfitted.share > HALF or best.model.tried
+        enough = found.last.unfitted.share > HALF or best.model.tried
         return Verdict.PARTLY_EXPLAINED if enough else Verdict.UNKNOWN_PHYSICS
+    if best.is_white:
+        return Verdict.EXPLAINED if best.model.tried else Verdict.NOTHING_MISSING
     if not best.model.tried:
-        return Verdict.NOTHING_MISSING if is_white(best) else Verdict.UNKNOWN_PHYSICS
-    if is_white(best):
-        return Verdict.EXPLAINED
-    before, after = found.baseline.held_out.chi2_per_dof - 1, best.held_out.chi2_per_dof - 1
+        return Verdict.UNKNOWN_PHYSICS
+    before, after = found.baseline.whiteness.excess, best.whiteness.excess
     return Verdict.PARTLY_EXPLAINED if after < (1 - MOSTLY) * before else Verdict.UNKNOWN_PHYSICS

@@ -1,0 +1,165 @@
+"""A model seen through the scores of everything that it does not have: what could be added to it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.plausibility import Context
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.baseline import NEAR
+from fidim_lab.mismatch.columns import Scorer
+from fidim_lab.mismatch.ground import SHORT, nearer
+from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
+from fidim_lab.mismatch.refit import Completed, can_refit
+from fidim_lab.mismatch.score import Projected, Score, pair_scores, project, single_scores
+from fidim_lab.mismatch.stretch import is_compliant
+from fidim_lab.mismatch.whiteness import spectrum
+
+ENOUGH = 5.0
+"""log-evidence below which a term is not believed: never reached in 20 000 draws without an effect (FINDINGS.md)"""
+SHORTEST = 1.0
+"""s, of the view where not even the first seconds are followed"""
+SINGLES, PAIRS = 3, 3
+"""how many are fitted"""
+NEARLY = 0.5
+"""of the best log-evidence: what has less is not fitted"""
+TIE, SLIGHT = 10.0, 0.02
+"""nats, and share of the best log-evidence, by which a score may be off where the motion is followed"""
+FEEBLE = 0.25
+"""of what is left: an addition to whole windows that takes less, and leaves structure, ends the search"""
+FREQUENCIES = 16
+"""of the scan that are tried: those at which what is left is loudest"""
+FEW = 50
+"""samples, with fewer of which a window has no spectrum"""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """All scores at one model, over a time in which it follows the motion."""
+
+    model: Completed
+    projected: Projected
+    singles: tuple[Score, ...]
+    """the most evident first"""
+    context: Context
+
+    @property
+    def pairs(self) -> tuple[Score, ...]:
+        """The most evident first; computed anew at each call."""
+        return pair_scores(self.projected, self.context)
+
+    @property
+    def unfitted(self) -> Score | None:
+        """The most evident addition, where trajectories cannot carry it and no other comes near."""
+        top = self.singles[0]
+        if top.log_evidence < ENOUGH or self._can_be_fitted(top.tried[0].effect):
+            return None
+        rest = next((s for s in self.singles if self._can_be_fitted(s.tried[0].effect)), None)
+        return top if rest is None or top.log_evidence > rest.log_evidence + ENOUGH else None
+
+    @property
+    def unfitted_left(self) -> float:
+        """χ²/dof that it would leave; that of the model itself where there is none."""
+        gain = 0.0 if self.unfitted is None else self.unfitted.gain
+        return (self.projected.left - gain) / max(1, self.projected.dof)
+
+    def additions(self, room: int) -> tuple[Score, ...]:
+        """What is worth fitting beside the model: the best of each effect, then pairs that say more than any alone.
+
+        Where the motion is followed the scores are all but exact, and only ties are fitted; else what has half as much.
+        """
+        chosen: dict[object, Score] = {}
+        for score in self.singles:
+            if score.log_evidence > ENOUGH and self._can_be_fitted(score.tried[0].effect):
+                chosen.setdefault(score.tried[0].effect, score)
+        singles = list(chosen.values())[:SINGLES]
+        pairs: list[Score] = []
+        if room > 1 and singles:
+            able = (p for p in self.pairs if all(self._can_be_fitted(h.effect) for h in p.tried))
+            least = singles[0].log_evidence + ENOUGH
+            pairs = list(_varied([pair for pair in able if pair.log_evidence > least]))[:PAIRS]
+        return (*self._near(singles), *self._near(pairs))
+
+    def _near(self, scores: Sequence[Score]) -> tuple[Score, ...]:
+        """Those that come near the first."""
+        if not scores:
+            return ()
+        best = scores[0].log_evidence
+        if self.model.excess >= NEAR:
+            return tuple(score for score in scores if score.log_evidence >= NEARLY * best)
+        least = best - TIE - SLIGHT * best
+        return tuple(score for score in scores if score.log_evidence >= least and self._takes_enough(score))
+
+    def _takes_enough(self, score: Score) -> bool:
+        """Whether noise alone would be left, or at least a good part of what is not noise would be gone."""
+        level = self.model.fit.noise_ratio**2
+        rest = self.projected.left - level * self.projected.dof
+        noise = 4 * level * float(np.sqrt(2 * self.projected.dof))
+        return score.gain > FEEBLE * rest or rest - score.gain < noise
+
+    def _can_be_fitted(self, effect: NamedEffect) -> bool:
+        """Whether trajectories carry it; a stretch that spoils what is looked at is beyond their first order."""
+        if is_compliant(effect) and self.model.excess >= NEAR:
+            return False
+        return can_refit(effect, self.model.mechanism)
+
+
+def view(model: Completed, tried: Hypotheses, context: Context) -> View:
+    """The scores at a model, over as long a time as it follows the motion."""
+    found = _followed(model.fit)
+    left = _without(tried, model.tried)
+    simulation = found.journey.optimum.simulation
+    likely = _likely_frequencies(found, sorted({float(h.absent[-1]) for h in left.periodic}))
+    left = replace(left, periodic=tuple(h for h in left.periodic if float(h.absent[-1]) in likely))
+    projected = project(Scorer(model.mechanism, left), found, found.likelihood, simulation)
+    return View(model, projected, single_scores(projected, context), context)
+
+
+def _followed(found: Fit) -> Fit:
+    """The fit of as long a part of the windows as the model follows."""
+    for seconds in (SHORT, SHORTEST):
+        longest = max(recording.end for recording in found.likelihood.recordings)
+        if found.excess < NEAR or longest <= seconds:
+            continue
+        short = nearer(found, seconds)
+        found = found if short is None else short
+    return found
+
+
+def _varied(pairs: Sequence[Score]) -> tuple[Score, ...]:
+    """The best pair, and others that do not share its first effect's every rival: at most two with the same effect."""
+    counts: dict[object, int] = {}
+    chosen: list[Score] = []
+    for pair in pairs:
+        if all(counts.get(h.effect, 0) < 2 for h in pair.tried):
+            chosen.append(pair)
+            for h in pair.tried:
+                counts[h.effect] = counts.get(h.effect, 0) + 1
+    return tuple(chosen)
+
+
+def _likely_frequencies(found: Fit, scan: Sequence[float]) -> frozenset[float]:
+    """Where what is left of all windows is loudest: a steady tone that nothing models is heard at its own frequency."""
+    model = Completed((), found, whole=False)
+    spectra = [spectrum(one) for one in model.leftovers if len(one.t) > FEW]
+    if not spectra or len(scan) <= FREQUENCIES:
+        return frozenset(scan)
+    width = max(s.frequencies[1] for s in spectra)
+    loudness: dict[float, float] = {}
+    for f in scan:
+        near = [np.abs(s.frequencies - f) <= width for s in spectra]
+        power = sum(float(s.chi2[rows].sum()) for s, rows in zip(spectra, near, strict=True))
+        freedom = sum(float(s.dof[rows].sum()) for s, rows in zip(spectra, near, strict=True))
+        loudness[f] = power / max(freedom, 1e-9)
+    return frozenset(sorted(scan, key=lambda f: -loudness[f])[:FREQUENCIES])
+
+
+def _without(tried: Hypotheses, used: Sequence[Hypothesis]) -> Hypotheses:
+    effects = {h.effect for h in used}
+    return replace(
+        tried,
+        direct=tuple(h for h in tried.direct if h.effect not in effects),
+        periodic=tuple(h for h in tried.periodic if h.effect not in effects),
+    )
