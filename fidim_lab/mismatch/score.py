@@ -140,7 +140,7 @@ def pair_scores(found: Projected, context: Context, most: int = 12) -> tuple[Sco
 def _hope(found: Projected, members: tuple[int, ...]) -> float:
     """Log-evidence without bounds."""
     _, gain = _best(found, members, None)
-    return 0.5 * gain / found.inflation - _cost(found, members)[0]
+    return 0.5 * gain / found.inflation - freedom(found, members)[0]
 
 
 def eliminated(gram: np.ndarray, outside: np.ndarray, inside: np.ndarray) -> np.ndarray:
@@ -175,18 +175,18 @@ def _score(found: Projected, members: tuple[int, ...], context: Context) -> Scor
     tried = tuple(found.tried[k] for k in members)
     theta, gain = _best(found, members, context)
     parts = np.split(theta, np.cumsum([len(h.scored) for h in tried])[:-1])
-    cost, prior = _cost(found, members)
+    cost, prior = freedom(found, members)
     surprise = 0.5 * float(((theta / prior) ** 2).sum())
     evidence = 0.5 * gain / found.inflation - cost - surprise
     return Score(tried, tuple(parts), gain, evidence, gain / max(found.left - found.dof, TINY))
 
 
-def _cost(found: Projected, members: tuple[int, ...]) -> tuple[float, np.ndarray]:
+def freedom(found: Projected, members: tuple[int, ...]) -> tuple[float, np.ndarray]:
     """What the freedom of some hypotheses costs (nats), and the prior standard deviations of their parameters."""
     prior = np.concatenate([found.tried[k].prior_sd for k in members])
     index = _columns(found, members)
-    freedom = prior[:, np.newaxis] * found.curvature[np.ix_(index, index)] * prior / found.inflation
-    return 0.5 * float(np.linalg.slogdet(np.eye(len(index)) + freedom)[1]), prior
+    wide = prior[:, np.newaxis] * found.curvature[np.ix_(index, index)] * prior / found.inflation
+    return 0.5 * float(np.linalg.slogdet(np.eye(len(index)) + wide)[1]), prior
 
 
 def _columns(found: Projected, members: tuple[int, ...]) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign
 from fidim_lab.effects.equivalences import EQUIVALENCES
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.alarms import alarm_rate
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.classes import alike
 from fidim_lab.mismatch.explanation import (
@@ -18,6 +19,7 @@ from fidim_lab.mismatch.explanation import (
     Place,
     Verdict,
 )
+from fidim_lab.mismatch.ground import SHORT
 from fidim_lab.mismatch.leftover import of_fit
 from fidim_lab.mismatch.locate import locate
 from fidim_lab.mismatch.ranking import ranking
@@ -26,7 +28,6 @@ from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.select import Candidate, Selection
 from fidim_lab.mismatch.verdict import Judged
 from fidim_lab.mismatch.views import ENOUGH
-
 
 MOST_PLACES = 5
 
@@ -48,7 +49,7 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
         parameters=_parameters(named.model.fit, baseline.campaign),
         parameters_before=_parameters(baseline.fit, baseline.campaign),
         next_experiment=_next_experiment(verdict, effects),
-        message=_message(verdict, found, named, effects, untested),
+        message=_message(judged, found, effects, _limits(baseline, found)),
         seconds=seconds,
         untested=untested,
     )
@@ -103,9 +104,17 @@ def _next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | N
     return None
 
 
-def _message(
-    verdict: Verdict, found: Selection, named: Candidate, effects: Sequence[NamedCause], untested: Sequence[str]
-) -> str:
+def _limits(baseline: Baseline, found: Selection) -> str:
+    """What the figures mean: false alarms, a model that was not fitted to whole windows, what was not tested."""
+    said = f" {alarm_rate(found.first.projected, ENOUGH).says}"
+    if baseline.whole is None:
+        said += f" Without effects the model follows no whole window: it was fitted to the first {SHORT:g} s of each."
+    untested = baseline.tried.untested
+    return said + (f" Not tested: {', '.join(untested)}." if untested else "")
+
+
+def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], limits: str) -> str:
+    verdict, named = judged.verdict, judged.named
     before, after = found.baseline.held_out, named.held_out
     figures = f"held-out χ²/dof {before.chi2_per_dof:.3g} → {after.chi2_per_dof:.3g}, rms {1e3 * before.rms:.3g} → "
     figures += f"{1e3 * after.rms:.3g} mm"
@@ -125,14 +134,22 @@ def _message(
         case _:
             best = found.best
             said = "Something is missing that no effect tested here explains; held-out χ²/dof "
-            said += f"{before.chi2_per_dof:.3g}."
+            said += f"{before.chi2_per_dof:.3g}. {found.baseline.whiteness.says} {_best_of_no_use(found)}"
             if best.model.tried:
                 said += f" The best attempt, {best.model.label}, leaves {best.held_out.chi2_per_dof:.3g}."
     lacking = found.last.unfitted
     if effects and lacking is not None:
         said += f" {lacking.label} is known by its score alone (log-evidence {lacking.log_evidence:.0f}, would leave "
         said += f"χ²/dof {found.last.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
-    return said + (f" Not tested: {', '.join(untested)}." if untested else "")
+    return said + limits
+
+
+def _best_of_no_use(found: Selection) -> str:
+    """What the most evident effect would take away, to first order."""
+    if not found.first.singles:
+        return ""
+    top, rest = found.first.singles[0], max(found.first.rest, 1e-9)
+    return f"The best single effect, {top.label}, takes {100 * min(top.gain / rest, 1.0):.0f} % of it."
 
 
 def _shift(found: Selection, named: Candidate) -> str:

@@ -46,6 +46,11 @@ class View:
     context: Context
 
     @property
+    def rest(self) -> float:
+        """χ² beyond that of the noise which the residuals show."""
+        return self.projected.left - self.model.fit.noise_ratio**2 * self.projected.dof
+
+    @property
     def pairs(self) -> tuple[Score, ...]:
         """The most evident first; computed anew at each call."""
         return pair_scores(self.projected, self.context)
@@ -94,10 +99,8 @@ class View:
 
     def _takes_enough(self, score: Score) -> bool:
         """Whether noise alone would be left, or at least a good part of what is not noise would be gone."""
-        level = self.model.fit.noise_ratio**2
-        rest = self.projected.left - level * self.projected.dof
-        noise = 4 * level * float(np.sqrt(2 * self.projected.dof))
-        return score.gain > FEEBLE * rest or rest - score.gain < noise
+        noise = 4 * self.model.fit.noise_ratio**2 * float(np.sqrt(2 * self.projected.dof))
+        return score.gain > FEEBLE * self.rest or self.rest - score.gain < noise
 
     def _can_be_fitted(self, effect: NamedEffect) -> bool:
         """Whether trajectories carry it; a stretch that spoils what is looked at is beyond their first order."""

@@ -1,0 +1,57 @@
+"""How often the search would find something where nothing is: drawn anew for the campaign at hand.
+
+Without any effect the gradient of all scores is normal with the curvature as its covariance, times the variance of
+what is left. Every draw is scored as the data were, all hypotheses at once, without bounds and without the price of a
+surprising size; both would only lower the rate. Pairs are looked at only where one hypothesis alone is believed, hence
+they add nothing to it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.mismatch.score import Projected, freedom
+
+DRAWS = 10_000
+SEED = 1
+CONFIDENCE = 3.0
+"""draws without an alarm that make its rate less than CONFIDENCE / draws, at 95 %"""
+
+
+@dataclass(frozen=True)
+class AlarmRate:
+    """Alarms among draws without any effect."""
+
+    alarms: int
+    draws: int
+    hypotheses: int
+    threshold: float
+    """log-evidence"""
+
+    @property
+    def at_most(self) -> float:
+        """Upper end of the rate, 95 % (normal approximation of the count, 3/N where there was none)."""
+        return (self.alarms + CONFIDENCE + (2 * np.sqrt(self.alarms) if self.alarms else 0.0)) / self.draws
+
+    @property
+    def says(self) -> str:
+        """For people."""
+        return (
+            f"Chance of a false alarm: {self.alarms} of {self.draws} draws without any effect reach a log-evidence of "
+            f"{self.threshold:g} for one of {self.hypotheses} hypotheses, hence under {100 * self.at_most:.2g} %."
+        )
+
+
+def alarm_rate(found: Projected, threshold: float, draws: int = DRAWS) -> AlarmRate:
+    """The rate at which noise alone brings some hypothesis over a log-evidence."""
+    values, vectors = np.linalg.eigh(found.curvature)
+    root = vectors * np.sqrt(np.clip(values, 0.0, None))
+    noise = np.random.default_rng(SEED).standard_normal((draws, root.shape[1]))
+    gradients = np.sqrt(found.inflation) * noise @ root.T
+    best = np.full(draws, -np.inf)
+    for k, place in enumerate(found.slices):
+        part = gradients[:, place]
+        inverse = np.linalg.pinv(found.curvature[place, place], rcond=1e-10, hermitian=True)
+        gains = np.einsum("ni,ij,nj->n", part, inverse, part)
+        best = np.maximum(best, 0.5 * gains / found.inflation - freedom(found, (k,))[0])
+    return AlarmRate(int((best > threshold).sum()), draws, len(found.tried), threshold)
