@@ -1,0 +1,53 @@
+"""Families of the time since the release: one push, a wave, any course."""
+
+import casadi as ca
+import numpy as np
+
+from fidim_lab.mismatch.generic.family import Dependence, Family, bells
+from fidim_lab.mismatch.generic.reach import NO_SHAPE, Reach, any_force, any_torque
+from fidim_lab.model.slots import PlatformState
+
+FREQUENCIES = (0.2, 8.0)
+"""Hz"""
+HARMONICS = 3
+
+
+def moment(reach: Reach) -> Family:
+    """One push, at the same time in every window."""
+
+    def bell(state: PlatformState, shape: ca.SX) -> ca.SX:
+        return ca.exp(-(((state.time - shape[0]) / ca.exp(shape[1])) ** 2) / 2)
+
+    shapes = tuple(np.array([t, np.log(w)]) for w in (0.15, 0.5) for t in np.arange(0.0, reach.seconds, 1.5 * w))
+    return Family(Dependence.MOMENT, "a push at a moment", any_force, bell, shapes, np.array([0.1, 0.3]))
+
+
+def periodic(reach: Reach) -> Family:
+    """A force at one frequency with its harmonics, in step in all windows."""
+
+    def waves(state: PlatformState, shape: ca.SX) -> ca.SX:
+        phase = 2 * ca.pi * shape[0] * state.time
+        parts = [wave(k * phase) for k in range(1, HARMONICS + 1) for wave in (ca.sin, ca.cos)]
+        return ca.vertcat(*parts)
+
+    step = 1 / (2 * max(reach.seconds, 1.0))
+    shapes = tuple(np.array([f]) for f in np.arange(*FREQUENCIES, step))
+    label = "periodic force, the same in every window"
+    return Family(Dependence.PERIODIC, label, any_force, waves, shapes, np.array([0.3 * step]))
+
+
+def in_time(reach: Reach) -> list[Family]:
+    """Any course in time, the same in all windows."""
+    found: list[Family] = []
+    for width in (0.15, 0.5, 2.0):
+        centres = ca.SX(ca.DM(np.arange(0.0, reach.seconds + width, width)))
+
+        def course(state: PlatformState, shape: ca.SX, centres: ca.SX = centres, width: float = width) -> ca.SX:
+            del shape
+            return bells(state.time, centres, ca.SX(width))
+
+        none, says = NO_SHAPE, f"changing within {width:g} s"
+        found.append(Family(Dependence.TIME, f"force of time, {says}", any_force, course, none))
+        if width == 0.5:
+            found.append(Family(Dependence.TIME, f"torque of time, {says}", any_torque, course, none))
+    return found

@@ -1,0 +1,26 @@
+"""The families that are tried: what an unknown wrench may depend on, and where it may act.
+
+Scales come from the motion as it was recorded (`Reach`), never from a campaign: centres within what was visited,
+widths from a tenth of it up, speeds up to the highest seen.
+"""
+
+from fidim_lab.mismatch.generic.by_place import centre, evenly, in_space
+from fidim_lab.mismatch.generic.by_rate import of_cable, of_speed, of_spin
+from fidim_lab.mismatch.generic.by_time import in_time, moment, periodic
+from fidim_lab.mismatch.generic.family import Family
+from fidim_lab.mismatch.generic.reach import Point, Reach
+
+
+def families(reach: Reach, cables: int) -> tuple[Family, ...]:
+    """All of them, plainest first."""
+    return (
+        *of_speed(reach),
+        *of_spin(reach),
+        *(centre(reach, point) for point in Point),
+        moment(reach),
+        periodic(reach),
+        *evenly(reach),
+        *in_space(reach),
+        *in_time(reach),
+        *(family for cable in range(1, cables + 1) for family in of_cable(cable)),
+    )

@@ -1,0 +1,108 @@
+"""An unknown wrench fitted jointly with body, effects and window starts, and judged on windows that no fit has seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.data.records import Window
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle import held_out
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.judge import remainder
+from fidim_lab.identification.mle.likelihood import Likelihood, Point
+from fidim_lab.identification.mle.normal import Prior
+from fidim_lab.identification.mle.optimise import FINAL, optimise
+from fidim_lab.identification.mle.recordings import prepare
+from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
+from fidim_lab.mismatch.generic.latent import LatentForce
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.starts import tied
+
+STRIDES = (5.0, 10.0)
+"""s; from the horizon at which the unknown was looked at to whole windows"""
+
+
+@dataclass(frozen=True)
+class HeldOutFigures:
+    """Windows that no fit has seen, only their starts fitted."""
+
+    chi2: float
+    dof: int
+    rms: float
+    """of the markers, m"""
+    refused: tuple[tuple[str, str], ...] = ()
+    """window and why it could not be predicted"""
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """1 says: nothing but noise is left."""
+        return self.chi2 / max(1, self.dof)
+
+
+def near(base: Fit, seconds: float) -> tuple[Likelihood, Journey] | None:
+    """The model of a fit, fitted anew to the first seconds of its windows; None where that cannot be done."""
+    likelihood = replace(base.likelihood, recordings=tuple(base.likelihood.recordings))
+    ends = np.minimum(np.array([recording.end for recording in likelihood.recordings]), seconds)
+    free = np.ones(len(base.values), dtype=bool)
+    start = Point(base.values, base.journey.optimum.point.states)
+    optimum = optimise(likelihood, start, ends, base.prior, FINAL, free)
+    return None if optimum is None else (likelihood, Journey(optimum, ends, {}, ()))
+
+
+def fitted(base: Fit, donor: Point, latent: LatentForce, seconds: float) -> Fit | None:
+    """The base with the latent force added; None where the motion cannot be simulated.
+
+    donor: shared parameters of the base and states from which to start, known to be good for so many seconds.
+    """
+    known = base.likelihood.mechanism
+    start = latent.start
+    theta = [*donor.shared[BODY:].tolist(), *start.tolist()]
+    mechanism = Mechanism(known.robot, (*known.effects, latent), theta, native=known.native)
+    likelihood = replace(base.likelihood, mechanism=mechanism)
+    ones = np.ones(len(start))
+    prior = Prior(np.append(base.prior.mean, np.zeros(len(start))), np.append(base.prior.sd, ones))
+    shared = np.append(donor.shared, start)
+    point = Point(shared, tied(mechanism, shared, donor.states, likelihood.begins))
+    free = np.ones(len(shared), dtype=bool)
+    longest = max(recording.end for recording in likelihood.recordings)
+    if seconds < longest:
+        ends = np.minimum(np.array([recording.end for recording in likelihood.recordings]), seconds)
+        first = optimise(likelihood, point, ends, prior, FINAL, free)
+        if first is None:
+            return None
+        point = first.point
+    # `grow` takes FAR_PRIOR times the standard deviations beyond its first seconds: these are meant as they stand
+    strides = tuple(h for h in STRIDES if h > seconds) or (longest,)
+    journey = grow(likelihood, point, replace(prior, sd=prior.sd / FAR_PRIOR), free, strides)
+    if journey is None:
+        return None
+    simulation = journey.optimum.simulation
+    return replace(
+        base,
+        likelihood=likelihood,
+        journey=journey,
+        remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(likelihood.recordings))),
+        prior=prior,
+        plausible=np.append(base.plausible, ones),
+        names=(*base.names, *(parameter.name for parameter in latent.parameters)),
+    )
+
+
+def judged(found: Fit, windows: Sequence[Window]) -> HeldOutFigures:
+    """How well a fit predicts windows that it has not seen; those that cannot be predicted are named."""
+    chi2, dof, squares, count = 0.0, 0, 0.0, 0
+    refused: list[tuple[str, str]] = []
+    robot = found.likelihood.mechanism.robot
+    for window in windows:
+        try:
+            recording = prepare(window, robot)
+            left = held_out.predict(found.likelihood.mechanism, found.values, recording, robot.sensors).remainder
+        except RefusedError as refusal:
+            refused.append((window.id, str(refusal)))
+            continue
+        seen = int(np.isfinite(left.residuals).sum())
+        chi2, dof = chi2 + left.chi2, dof + left.dof
+        squares, count = squares + left.rms**2 * seen, count + seen
+    return HeldOutFigures(chi2, dof, float(np.sqrt(squares / max(1, count))), tuple(refused))

@@ -1,0 +1,71 @@
+"""A family with its best shape as an effect: a wrench that trajectories with derivatives carry, to be fitted jointly.
+
+θ are the combinations of weights that the data determine, each in units of its own prior: θ ~ N(0, 1).
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.effects.effect import NamedEffect, Parameter
+from fidim_lab.mismatch.generic.evidence import Weighed
+from fidim_lab.mismatch.generic.family import Family
+from fidim_lab.model.slots import PlatformState
+
+MOST = 24
+"""combinations of weights that are fitted"""
+DETERMINED = 0.05
+"""of a combination's prior variance that the data must take away"""
+
+
+@dataclass(frozen=True, eq=False)
+class LatentForce(NamedEffect):
+    """W = basis θ; `family` says what the wrench is made of."""
+
+    id: ClassVar[str] = "unknown"
+    says: ClassVar[str] = "a smooth wrench without a name, fitted to what nothing else explains"
+    source: ClassVar[str] = "latent-force model: Álvarez, Luengo, Lawrence, AISTATS 2009"
+
+    family: Family | None = None
+    shape: Float[np.ndarray, " shape"] | None = None
+    basis: Float[np.ndarray, "Q r"] | None = None
+    start_at: Float[np.ndarray, " r"] | None = None
+
+    @staticmethod
+    def of(found: Weighed) -> "LatentForce":
+        """With the combinations of weights that matter; starts at the weights that were weighed."""
+        scaled = found.curvature * np.outer(found.prior_sd, found.prior_sd)
+        values, vectors = np.linalg.eigh(scaled)
+        order = np.argsort(-values)[:MOST]
+        order = order[values[order] / (1 + values[order]) > DETERMINED] if len(values) > 3 else order
+        order = order if len(order) else np.array([int(np.argmax(values))])
+        basis = found.prior_sd[:, np.newaxis] * vectors[:, order]
+        start = vectors[:, order].T @ (found.weights / found.prior_sd)
+        return LatentForce(family=found.family, shape=found.shape, basis=basis, start_at=start)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """One for each column of the basis."""
+        count = 0 if self.basis is None else self.basis.shape[1]
+        return tuple(
+            Parameter(f"u{k}", "1", "any strength", scale=1.0, low=-np.inf, high=np.inf, start=0.0)
+            for k in range(1, count + 1)
+        )
+
+    @property
+    def start(self) -> Float[np.ndarray, " r"]:
+        """As it was weighed."""
+        return np.zeros(0) if self.start_at is None else self.start_at
+
+    def weights(self, theta: Float[np.ndarray, " r"]) -> Float[np.ndarray, " Q"]:
+        """Of the family's products."""
+        return np.zeros(0) if self.basis is None else self.basis @ theta
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """The family's, at the platform."""
+        if self.family is None or self.shape is None or self.basis is None:
+            return ca.SX.zeros(6)
+        return self.family.wrench(state, ca.SX(ca.DM(self.shape)), ca.SX(ca.DM(self.basis)) @ theta)

@@ -1,0 +1,232 @@
+"""The unknown, modelled: typed, fitted jointly with the body, and judged on windows that no fit has seen.
+
+    found = model_unknown(base, held_out_windows)
+    found.words, found.after.chi2_per_dof, found.field, found.parameters
+
+Nothing is chosen by the held-out windows: families are weighed on the fitted ones alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import process_time
+
+import numpy as np
+
+from fidim_lab.data.records import PARAMETER_NAMES, Window
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.likelihood import Likelihood, Simulation
+from fidim_lab.mismatch.generic.evidence import Evidence, Weighed, weigh_all
+from fidim_lab.mismatch.generic.families import families
+from fidim_lab.mismatch.generic.family import Courses, Dependence
+from fidim_lab.mismatch.generic.field import Field, field_of
+from fidim_lab.mismatch.generic.joint import HeldOutFigures, fitted, judged, near
+from fidim_lab.mismatch.generic.latent import LatentForce
+from fidim_lab.mismatch.generic.reach import Reach
+from fidim_lab.mismatch.generic.responses import responses
+from fidim_lab.mismatch.generic.words import words
+
+FOLLOWED = 3.0
+"""χ²/dof up to which whole windows are followed well enough to be looked at to first order"""
+SHORTER = (3.0, 1.0)
+"""s; looked at otherwise"""
+ENOUGH = 5.0
+"""log-evidence below which nothing is believed"""
+TIE = 0.95
+"""of the best one's gain on windows left out: among those that reach it evidence decides, which likes the plainer"""
+LISTED = 10
+SECOND = 0.2
+"""of the excess: where more is left, a second term is looked for"""
+TERMS = 2
+
+
+@dataclass(frozen=True)
+class ParameterShift:
+    """One parameter of the body without and with the unknown force."""
+
+    name: str
+    without: float
+    without_sd: float
+    """times √χ²/dof where that is above 1"""
+    with_it: float
+    with_sd: float
+
+
+@dataclass(frozen=True)
+class FamilyTried:
+    """One family that was weighed."""
+
+    label: str
+    explained: float
+    """share of the excess χ² of the windows looked at"""
+    left_out: float
+    """the same on windows left out in turn; negative where it does harm"""
+    log_evidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """One wrench of the model."""
+
+    label: str
+    dependence: Dependence
+    cable: int | None
+    power: float | None
+    shape: tuple[float, ...]
+    """a place (m) and the log of a width, a frequency (Hz), a time (s) and the log of a width …: see `families`"""
+    words: tuple[str, ...]
+    confirmed: bool
+    """windows left out in turn agree"""
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown:
+    """What was found of physics without a name."""
+
+    terms: tuple[Term, ...]
+    """empty where no family is believed"""
+    explained: float
+    """share of the fitted windows' excess χ² that is gone; 0 … 1"""
+    before: HeldOutFigures
+    after: HeldOutFigures
+    words: tuple[str, ...]
+    field: Field | None
+    """samples of the wrench along the motion, for pictures"""
+    parameters: tuple[ParameterShift, ...]
+    tried: tuple[FamilyTried, ...]
+    """the best first"""
+    fit: Fit
+    """of the completed model; the base's own where nothing was found"""
+    seconds: float
+    """of computing"""
+
+    @property
+    def halves(self) -> bool:
+        """Whether at least half of what noise does not explain is gone from the held-out windows."""
+        return self.after.chi2_per_dof - 1 <= 0.5 * (self.before.chi2_per_dof - 1)
+
+
+def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
+    """Find, fit and describe the wrench that a fitted model lacks.
+
+    base: the best model that has names, with rigid cables, fitted to whole windows. validate: windows of role
+    `validate`; only their starts are fitted, and nothing is chosen by them.
+    Source: Álvarez, Luengo, Lawrence 2009 (latent forces); evidence: see `evidence`.
+    """
+    begin = process_time()
+    before = judged(base, validate)
+    now, latents, chosen, ranking = base, [], [], ()
+    for _ in range(TERMS):
+        found, tried = _next_term(now)
+        ranking = ranking or tried
+        if found is None:
+            break
+        completed, latent, weighed = found
+        if not _excess(completed) < _excess(now):
+            break
+        now, latents, chosen = completed, [*latents, latent], [*chosen, (weighed, tried)]
+        if _excess(now) < SECOND * _excess(base):
+            break
+    after = judged(now, validate) if latents else before
+    terms = _terms(now, latents, chosen)
+    return Unknown(
+        terms=terms,
+        explained=float(np.clip(1 - _excess(now) / max(_excess(base), 1e-9), 0.0, 1.0)),
+        before=before,
+        after=after,
+        words=tuple(sentence for term in terms for sentence in term.words),
+        field=field_of(now, latents) if latents else None,
+        parameters=_shifts(base, now),
+        tried=_listed(ranking),
+        fit=now,
+        seconds=process_time() - begin,
+    )
+
+
+def _next_term(base: Fit) -> tuple[tuple[Fit, LatentForce, Weighed] | None, tuple[Weighed, ...]]:
+    """The model with one more term, and everything that was weighed; None where nothing is believed."""
+    likelihood, simulation, seconds = _looked_at(base)
+    mechanism, shared = likelihood.mechanism, simulation.point.shared
+    answers = responses(likelihood, simulation)
+    evidence = Evidence(answers, base.prior.rows(shared))
+    reach = Reach.of(answers, shared[:3])
+    ranking = weigh_all(evidence, [Courses(one, mechanism, shared) for one in families(reach, mechanism.n)])
+    best = chosen(ranking)
+    if best is None:
+        return None, ranking
+    latent = LatentForce.of(best)
+    completed = fitted(base, simulation.point, latent, seconds)
+    return (None if completed is None else (completed, latent, best)), ranking
+
+
+def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
+    """The most evident of those that predict windows left out about best; by evidence alone where none predicts any."""
+    believed = [one for one in ranking if one.log_evidence > ENOUGH]
+    if not believed:
+        return None
+    useful = [one for one in believed if one.left_out > 0]
+    if not useful:
+        return max(believed, key=lambda one: one.log_evidence)
+    best = max(one.left_out for one in useful)
+    return max((one for one in useful if one.left_out >= TIE * best), key=lambda one: one.log_evidence)
+
+
+def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:
+    """The motion as far as the model follows it, and how far that is (s)."""
+    longest = float(base.journey.ends.max())
+    best = (base.likelihood, base.journey.optimum.simulation, longest)
+    if base.excess < FOLLOWED:
+        return best
+    for seconds in SHORTER:
+        shorter = near(base, min(seconds, longest))
+        if shorter is None:
+            continue
+        likelihood, journey = shorter
+        simulation = journey.optimum.simulation
+        rows = sum(len(residual.rows) for residual in simulation.residuals)
+        best = (likelihood, simulation, min(seconds, longest))
+        if journey.optimum.cost / rows < 10 * FOLLOWED * base.noise_ratio**2:
+            break
+    return best
+
+
+def _excess(found: Fit) -> float:
+    """χ² beyond what the noise explains that the residuals show."""
+    dof = sum(left.dof for left in found.remainders)
+    return max(0.0, sum(left.chi2 for left in found.remainders) - dof * max(1.0, found.noise_ratio**2))
+
+
+def _terms(
+    found: Fit, latents: Sequence[LatentForce], picked: Sequence[tuple[Weighed, tuple[Weighed, ...]]]
+) -> tuple[Term, ...]:
+    terms: list[Term] = []
+    for k, (latent, (weighed, ranking)) in enumerate(zip(latents, picked, strict=True)):
+        family = weighed.family
+        last = len(found.values) - sum(len(later.parameters) for later in latents[k + 1 :])
+        theta = found.values[last - len(latent.parameters) : last]
+        alone = field_of(found, latents, only=k)
+        said = words(latent, theta, alone, [weighed, *(one for one in ranking if one is not weighed)])
+        shape = tuple(float(x) for x in weighed.shape)
+        terms.append(
+            Term(family.label, family.dependence, family.cable, family.power, shape, said, weighed.left_out > 0)
+        )
+    return tuple(terms)
+
+
+def _shifts(base: Fit, found: Fit) -> tuple[ParameterShift, ...]:
+    scales = [float(np.sqrt(max(1.0, one.excess))) for one in (base, found)]
+    return tuple(
+        ParameterShift(
+            name,
+            float(base.values[k]),
+            float(base.sd[k]) * scales[0],
+            float(found.values[k]),
+            float(found.sd[k]) * scales[1],
+        )
+        for k, name in enumerate(PARAMETER_NAMES)
+    )
+
+
+def _listed(ranking: Sequence[Weighed]) -> tuple[FamilyTried, ...]:
+    return tuple(
+        FamilyTried(one.family.label, one.explained, one.left_out_share, one.log_evidence) for one in ranking[:LISTED]
+    )

@@ -1,0 +1,164 @@
+"""What an unknown wrench does, in sentences with numbers, from its family and from its samples along the motion."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.mismatch.generic.evidence import Weighed
+from fidim_lab.mismatch.generic.family import Dependence
+from fidim_lab.mismatch.generic.field import Field
+from fidim_lab.mismatch.generic.latent import LatentForce
+
+CLEARLY = 0.3
+"""mean power over mean of its size, beyond which it is said to brake or to drive"""
+OTHERS = 0.9
+"""of the best one's gain: families that explain as much are said too"""
+
+
+def words(
+    latent: LatentForce, theta: Float[np.ndarray, " r"], field: Field, ranking: Sequence[Weighed]
+) -> tuple[str, ...]:
+    """Sentences, the most telling first. field: of this latent force alone; ranking: it first, then the others."""
+    family, shape = latent.family, latent.shape
+    if family is None or shape is None:
+        return ()
+    found = [_telling(latent, theta, field)]
+    found.append(_size(field))
+    found.append(_energy(field))
+    best = ranking[0] if ranking else None
+    alike = [one.family.label for one in ranking[1:] if best is not None and one.left_out > OTHERS * best.left_out]
+    if alike:
+        found.append(f"Nearly as good on windows left out: {', '.join(alike[:3])}.")
+    return tuple(sentence for sentence in found if sentence)
+
+
+def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
+    family, shape = latent.family, latent.shape
+    if family is None or shape is None:
+        return ""
+    match family.dependence:
+        case Dependence.CENTRE:
+            return _centre(latent, theta, field)
+        case Dependence.POSITION:
+            return _somewhere(field, "It pushes differently in different places")
+        case Dependence.GRADIENT:
+            return _gradient(latent, theta, field)
+        case Dependence.BRAKE:
+            return _somewhere(field, "It opposes the motion in some places more than in others")
+        case Dependence.SPEED:
+            return f"It goes along with the velocity and grows with {_power('speed', family.power)}."
+        case Dependence.VELOCITY:
+            return "It depends on the velocity, and not by one power of the speed."
+        case Dependence.SPIN:
+            return f"A torque that grows with the {_power('rate of turning', family.power)}: none while nothing turns."
+        case Dependence.TURNING:
+            law = _power("rate of turning", family.power)
+            return f"It acts only while the platform turns, and grows with the {law} ({family.label})."
+        case Dependence.ORIENTATION:
+            return "A torque that depends on how the platform is turned, not on its motion."
+        case Dependence.MOMENT:
+            return _moment(shape, field)
+        case Dependence.TIME:
+            return _course(field)
+        case Dependence.PERIODIC:
+            f = float(shape[0])
+            return f"It repeats every {1 / f:.3g} s ({f:.3g} Hz), in step in all windows."
+        case Dependence.CABLE:
+            return f"It acts only at cable {family.cable}: {family.label}{_law(latent, theta)}."
+
+
+def _power(rate: str, power: float | None) -> str:
+    if power is None or power == 1:
+        return rate
+    return f"{rate}{ {2.0: '²', 3.0: '³', 4.0: '⁴'}.get(power, f' to the power {power:g}') }"
+
+
+def _centre(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
+    if latent.shape is None or latent.family is None:
+        return ""
+    centre, width = latent.shape[:3], float(np.exp(latent.shape[3]))
+    near, wide = latent.weights(theta)
+    on_p = "P" in latent.family.label
+    places = field.places if on_p else field.centres
+    nearest = float(np.linalg.norm(places - centre, axis=1).min())
+    r = np.linspace(0.0, 6 * width, 400)
+    course = r * (near * np.exp(-((r / width) ** 2) / 2) + wide * np.exp(-((r / width) ** 2) / 8))
+    seen = r >= nearest
+    k = int(np.argmax(np.where(seen, np.abs(course), 0.0)))
+    half = r[seen & (np.abs(course) >= np.abs(course[k]) / 2)].max()
+    point = ", ".join(f"{x:.2f}" for x in centre)
+    way = "towards" if course[k] > 0 else "away from"
+    body = "P" if on_p else "the centre of mass"
+    said = f"It pushes {body} {way} ({point}) m: {abs(course[k]):.2g} N at {r[k]:.2f} m from there, half of it within "
+    said += f"{half:.2f} m"
+    return said + (f" (no window came nearer than {nearest:.2f} m)." if nearest > width else ".")
+
+
+def _gradient(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
+    """For a linear field its stiffness; else where it is largest."""
+    if latent.family is None or latent.family.scale is None or len(latent.weights(theta)) != 9:
+        return _somewhere(field, "It changes smoothly with the place")
+    stiffness = latent.weights(theta).reshape(3, 3) / latent.family.scale
+    along = 0.5 * (stiffness + stiffness.T)
+    values, vectors = np.linalg.eigh(along)
+    k = int(np.argmax(np.abs(values)))
+    way = ", ".join(f"{x:.2f}" for x in vectors[:, k])
+    kind = "back, like a spring" if values[k] < 0 else "away, more the farther it goes"
+    said = f"It grows in proportion to the place: along ({way}) it pushes {kind}, {abs(values[k]):.2g} N/m"
+    turning = float(np.linalg.norm(stiffness - along) / max(float(np.linalg.norm(stiffness)), 1e-300))
+    return said + (f"; {turning:.0%} of it has no potential." if turning > CLEARLY else "; it has a potential.")
+
+
+def _somewhere(field: Field, begin: str) -> str:
+    size = np.linalg.norm(field.forces, axis=1)
+    k = int(np.argmax(size))
+    place = ", ".join(f"{x:.2f}" for x in field.centres[k])
+    way = ", ".join(f"{x:.2g}" for x in field.forces[k])
+    return f"{begin}: most at ({place}) m, there ({way}) N, at the centre of mass."
+
+
+def _moment(shape: np.ndarray, field: Field) -> str:
+    middle, width = float(shape[0]), float(np.exp(shape[1]))
+    k = int(np.argmax(np.linalg.norm(field.forces, axis=1)))
+    way = ", ".join(f"{x:.2g}" for x in field.forces[k])
+    begin = max(0.0, middle - 2 * width)
+    return f"It acts between {begin:.2f} and {middle + 2 * width:.2f} s after the release, in all windows: ({way}) N."
+
+
+def _course(field: Field) -> str:
+    size = np.linalg.norm(np.hstack([field.forces, field.torques]), axis=1)
+    order = np.argsort(field.t)
+    share = np.cumsum(size[order] ** 2) / max(float((size**2).sum()), 1e-300)
+    begin, end = (float(field.t[order][np.searchsorted(share, x)]) for x in (0.1, 0.9))
+    return f"It depends on the time since the release; 80 % of it between {begin:.1f} and {end:.1f} s."
+
+
+def _law(latent: LatentForce, theta: np.ndarray) -> str:
+    """Which of a joint's laws weighs most."""
+    names = ("its rate", "the sign of its rate", "its rate³", "its angle", "its angle", "the sign of its rate")
+    weights = np.abs(latent.weights(theta))
+    return f", mostly with {names[int(np.argmax(weights))]}" if len(weights) == len(names) else ""
+
+
+def _size(field: Field) -> str:
+    force, torque = (np.linalg.norm(x, axis=1) for x in (field.forces, field.torques))
+    parts: list[str] = []
+    if force.max() > 0:
+        parts.append(f"force {np.sqrt(np.mean(force**2)):.2g} N rms, at most {force.max():.2g} N")
+    if torque.max() > 1e-3 * force.max():
+        parts.append(f"torque {np.sqrt(np.mean(torque**2)):.2g} N m rms, at most {torque.max():.2g} N m")
+    return f"Its size along the motion: {'; '.join(parts)}." if parts else ""
+
+
+def _energy(field: Field) -> str:
+    power = field.power
+    size = float(np.mean(np.abs(power)))
+    mean = float(np.mean(power))
+    if size == 0:
+        return ""
+    if mean < -CLEARLY * size:
+        return f"It takes energy from the motion: {-mean:.2g} W on average."
+    if mean > CLEARLY * size:
+        return f"It feeds energy into the motion: {mean:.2g} W on average."
+    return "It takes about as much energy from the motion as it gives."
