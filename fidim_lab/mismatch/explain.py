@@ -2,14 +2,18 @@
 
 A pipeline of stages, each of which hands one frozen value to the next:
 
-    campaign → Baseline (`baseline`) → Selection (`select`) → Judged (`verdict`) → Explanation (`telling`)
+    campaign → Cleaned (`clean`) → Baseline (`baseline`) → Cleaned (`audit`), and then a Baseline again
+             → Selection (`select`) → Judged (`verdict`) → Explanation (`telling`), as recorded (`aftermath`)
 """
 
 from collections.abc import Callable
 from time import perf_counter
 
 from fidim_lab.data.records import Campaign
+from fidim_lab.mismatch.aftermath import with_cleaning
+from fidim_lab.mismatch.audit import audit
 from fidim_lab.mismatch.baseline import fit_baseline
+from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.explanation import Explanation
 from fidim_lab.mismatch.select import select
 from fidim_lab.mismatch.telling import tell
@@ -22,10 +26,14 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     """Name what the model leaves out of this campaign.
 
     native: with compiled C where there is a compiler, as `identify`. say: is told of progress, in sentences.
-    Raises RefusedError where no window can be fitted at all.
+    Raises RefusedError where no window can be fitted at all, or where the robot file is grossly and simply wrong.
     """
     begin = perf_counter()
-    baseline = fit_baseline(campaign, native=native, say=say)
+    cleaned = clean(campaign, say=say)
+    baseline = fit_baseline(cleaned.campaign, native=native, say=say)
+    audited = audit(cleaned, baseline.fit, say=say)
+    if audited is not cleaned:
+        baseline = fit_baseline(audited.campaign, native=native, say=say)
     found = select(baseline, say)
     judged = judge(found)
-    return tell(baseline, found, judged, perf_counter() - begin)
+    return with_cleaning(tell(baseline, found, judged, perf_counter() - begin), audited)

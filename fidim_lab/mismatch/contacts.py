@@ -1,0 +1,156 @@
+"""An operator's hand within a window: found, timed, and cut out before any physics is named.
+
+A hand acts in some windows and for some time only. Its segments (`segments`) stand far above both neighbours, which
+are as good as the rest; physics that is missing changes smoothly from one segment to the next. What decays from every
+release (a friction that ends the motion, a loose part) is told by its coming first in most windows alike. Begin and
+end are where the motion of the free parts, carried on from both sides, leaves the recording.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.data.records import Campaign, Window
+from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.mismatch.held_body import followed
+from fidim_lab.mismatch.segments import Segmented, Segments, part
+
+ABOVE = 1.8
+"""times its neighbours' χ²/dof that a segment with a hand has; missing physics: up to 1.4"""
+AT_AN_END = 5.0
+"""the same where there is one neighbour only"""
+CERTAIN = 8.0
+"""standard deviations of χ²/dof"""
+LIVELY, OFTEN = 1.4, 1 / 3
+"""χ²/dof of a first segment over that of a usual one, and share of the windows that may begin so: more, and it is not a
+hand but how every motion begins"""
+MOST = 0.6
+"""of a window's segments; beyond, nothing in it is known to be free"""
+DEPARTED = 3.0
+"""rms residual over `SMOOTH` samples, in what it usually is, beyond which the motion is not free any more"""
+SMOOTH = 5
+SOONER = 0.25
+"""s by which a soft push begins before it shows"""
+WORTH = 1.0
+"""s of free motion, without which a part is not kept"""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact."""
+
+    window: str
+    begin: float
+    """s on the window's own clock"""
+    end: float
+    ratio: float
+    """χ²/dof there over that of the free parts"""
+    sd: float
+    """of begin and end, s"""
+
+    @property
+    def says(self) -> str:
+        """For people."""
+        return (
+            f"Window {self.window}: from {self.begin:.2f} to {self.end:.2f} s the motion is not free, as with a hand "
+            f"on the platform (χ²/dof {self.ratio:.3g} times that before and after); it is left out."
+        )
+
+
+def find_contacts(segments: Segments) -> tuple[Contact, ...]:
+    """Every contact, in the order of windows and times."""
+    runs = [(one, run) for one in segments.windows for run in _runs(one)]
+    begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
+    if np.nanmean(np.array(begins) > LIVELY) > OFTEN:
+        runs = [(one, run) for one, run in runs if run[0] > 0]
+    return tuple(_timed(segments, one, first, end) for one, (first, end) in runs)
+
+
+def without(campaign: Campaign, contacts: Sequence[Contact]) -> Campaign:
+    """The campaign with the contacts cut out: what is free before and after each becomes a window of its own.
+
+    All keep their window's clock and lengths. The first part keeps its id, the others are called "i03, part 2".
+    """
+    windows: list[Window] = []
+    for window in campaign.windows:
+        ours = [contact for contact in contacts if contact.window == window.id]
+        windows.extend(_parts(window, ours) if ours else [window])
+    return replace(campaign, windows=tuple(windows))
+
+
+def _parts(window: Window, contacts: Sequence[Contact]) -> list[Window]:
+    begins = [-np.inf, *(contact.end for contact in contacts)]
+    ends = [*(contact.begin for contact in contacts), np.inf]
+    free = [(window.t > b) & (window.t < e) for b, e in zip(begins, ends, strict=True)]
+    found: list[Window] = []
+    for use in free:
+        if use.sum() < 2 or window.t[use][-1] - window.t[use][0] < WORTH:
+            continue
+        markers = np.where(use[:, np.newaxis, np.newaxis], window.markers, np.nan)
+        name = window.id if not found else f"{window.id}, part {len(found) + 1}"
+        found.append(replace(window, id=name, markers=markers))
+    return found
+
+
+def _runs(one: Segmented) -> list[tuple[int, int]]:
+    """Runs of segments (first, end) that stand above their neighbours."""
+    chi2, level = np.nan_to_num(one.chi2_per_dof, nan=np.inf), one.level
+    if not np.isfinite(level) or len(chi2) < 3:
+        return []
+    spread = CERTAIN * np.sqrt(2 / np.nan_to_num(one.dof, nan=1.0))
+    high = (chi2 > max(1.0, level) * (1 + spread)) & (chi2 > ABOVE * level)
+    if high.mean() > MOST:
+        return []
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], high.astype(int), [0]])))
+    runs = [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+    return [run for run in runs if _stands_out(chi2, *run)]
+
+
+def _stands_out(chi2: np.ndarray, first: int, end: int) -> bool:
+    """Whether every segment of the run is far above both its neighbours."""
+    beside = [chi2[k] for k in (first - 1, end) if 0 <= k < len(chi2)]
+    factor = ABOVE if len(beside) == 2 else AT_AN_END
+    return bool(chi2[first:end].max() > factor * max(beside) and chi2[first:end].min() > ABOVE * min(beside))
+
+
+def _timed(segments: Segments, one: Segmented, first: int, end: int) -> Contact:
+    window, edges = one.window, one.edges
+    begin, finish = float(edges[first]), float(edges[end])
+    forward = backward = None
+    if first > 0:
+        use = (window.t >= edges[first - 1]) & (window.t <= finish)
+        forward = _departure(segments, part(window, use, window.id), begin - float(edges[first - 1]))
+    if end < len(edges) - 1:
+        use = (window.t >= begin) & (window.t < edges[end + 1])
+        whole = part(window, use, window.id)
+        last = float(window.t[use][-1])
+        turned = None if whole is None else replace(whole, t=last - whole.t[::-1], markers=whole.markers[::-1])
+        backward = _departure(segments, turned, last - finish)
+    if forward is not None:
+        begin = float(edges[first - 1]) + forward
+    if backward is not None:
+        finish = float(edges[end + 1]) - backward
+    ratio = float(np.nanmax(one.chi2_per_dof[first:end]) / one.level)
+    if begin >= finish:
+        # so weak that it shows only after it has ended: nothing more is known than the segments
+        begin, finish = float(edges[first]) + SOONER, float(edges[end]) - SOONER
+    begin, finish = max(float(window.t[0]), begin - SOONER), min(float(window.t[-1]), finish + SOONER)
+    return Contact(window.id, round(begin, 2), round(finish, 2), ratio, SOONER)
+
+
+def _departure(segments: Segments, window: Window | None, free: float) -> float | None:
+    """When (s since its first row) a motion that is free for so many seconds leaves the recording; None if unknown."""
+    found = None if window is None else followed(segments.fit, window, free)
+    return None if found is None else _first_large(*found, free)
+
+
+def _first_large(left: Remainder, noise: float, free: float) -> float:
+    """From where the residual stays large, s since the first row; never before the part that is free."""
+    squares = np.nanmean((left.residuals / noise) ** 2, axis=(1, 2))
+    squares = np.nan_to_num(squares, nan=1.0)
+    t = left.t - left.t[0]
+    rms = np.sqrt(np.convolve(squares, np.full(SMOOTH, 1 / SMOOTH), mode="same"))
+    usual = max(1.0, float(np.sqrt(squares[t <= free].mean())) if (t <= free).any() else 1.0)
+    large = np.flatnonzero((rms > DEPARTED * usual) & (t > 0.5 * free))
+    return float(t[large[0]]) if len(large) else float(t[-1])

@@ -1,0 +1,139 @@
+"""What is cut out before physics is named: hands with their times, faults of sensors; and what must not be cut out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Campaign, Robot, Role
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.fit import fit
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.aftermath import with_cleaning
+from fidim_lab.mismatch.audit import audit
+from fidim_lab.mismatch.clean import Cleaned, clean
+from fidim_lab.mismatch.contacts import Contact, without
+from fidim_lab.mismatch.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.finding import Finding, Kind
+from fidim_lab.model.mechanism import Mechanism
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+
+@pytest.fixture(scope="module")
+def recorded(irma4: Robot):
+    def make(*hidden: str, seed: int = 21, duration: float = 6.0) -> Campaign:
+        plan = random_plan(irma4, "short", 3, 1, seed)
+        effects = tuple(parse_effect(text, irma4.n) for text in hidden)
+        world = make_world(irma4, np.random.default_rng(seed), effects)
+        return simulate_campaign(irma4, plan, world, np.random.default_rng(seed + 1), recording=Recording(duration))[0]
+
+    return make
+
+
+def audited(campaign: Campaign) -> tuple[Cleaned, Cleaned]:
+    cleaned = clean(campaign)
+    found = fit(Mechanism(campaign.robot), cleaned.campaign.of_role(Role.IDENTIFY))
+    return cleaned, audit(cleaned, found)
+
+
+def test_a_null_is_left_alone(recorded) -> None:
+    cleaned, after = audited(recorded())
+    assert after is cleaned
+    assert not after.faults
+    assert not after.contacts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force", ["fx=1,fy=-1.5", "fx=-4,fy=1"])
+def test_a_hand_is_found_with_its_window_and_times(recorded, force: str) -> None:
+    _, after = audited(recorded(f"hand-contact:{force},start=3,stop=4,window=2"))
+    assert [contact.window for contact in after.contacts] == ["i02"]
+    contact = after.contacts[0]
+    assert contact.begin == pytest.approx(3.0, abs=0.35)
+    assert contact.end == pytest.approx(4.0, abs=0.35)
+    inside = (contact.begin + 0.05, contact.end - 0.05)
+    for window in after.campaign.windows:
+        if window.id.startswith("i02"):
+            here = (window.t > inside[0]) & (window.t < inside[1])
+            assert np.isnan(window.markers[here]).all()
+    assert {"i02", "i02, part 2"} <= {window.id for window in after.campaign.windows}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        "loose-mass:m=0.6,f=8",
+        "attachment-friction:dry=0.1,viscous=0",
+        "frame-sway:f=5",
+        "cable-creep:delta=0.006",
+        "periodic-force:f=6,ax=1",
+        "swivel-friction:c=0.05",
+    ],
+)
+def test_physics_is_no_hand_and_no_fault(recorded, hidden: str) -> None:
+    _, after = audited(recorded(hidden))
+    assert not after.contacts
+    assert not after.faults
+
+
+@pytest.mark.slow
+def test_a_slipped_encoder_of_one_window_is_named(recorded) -> None:
+    campaign = recorded(seed=23)
+    windows = list(campaign.windows)
+    lengths = windows[1].lengths.copy()
+    lengths[:, 2] += 1e-3
+    windows[1] = replace(windows[1], lengths=lengths)
+    _, after = audited(replace(campaign, windows=tuple(windows)))
+    assert [(fault.window, fault.channel) for fault in after.faults] == [(windows[1].id, "l3")]
+
+
+def test_parts_of_a_window_keep_clock_and_lengths(recorded) -> None:
+    campaign = recorded()
+    window = campaign.windows[0]
+    cut = without(campaign, [Contact(window.id, 2.0, 3.0, 10.0, 0.1)])
+    first, second = cut.windows[:2]
+    assert (first.id, second.id) == (window.id, f"{window.id}, part 2")
+    for part, here in ((first, window.t < 2.0), (second, window.t > 3.0)):
+        assert np.array_equal(part.t, window.t)
+        assert np.array_equal(part.lengths, window.lengths)
+        assert np.array_equal(np.isfinite(part.markers).all(axis=(1, 2)), here)
+    assert len(cut.windows) == len(campaign.windows) + 1
+
+
+def test_a_robot_file_with_swapped_cables_is_refused_with_that_reason(recorded) -> None:
+    campaign = recorded()
+    first, second, *rest = campaign.robot.cables
+    swapped = replace(campaign, robot=replace(campaign.robot, cables=(second, first, *rest)))
+    with pytest.raises(RefusedError, match="Cables 1 and 2 are swapped"):
+        clean(swapped)
+
+
+def explanation(verdict: Verdict) -> Explanation:
+    return Explanation("c", verdict, (), (), Before(1, 1), Before(1, 1), (), {}, {}, None, "As said.", 1.0)
+
+
+def test_verdicts_after_cleaning(recorded) -> None:
+    cleaned = clean(recorded())
+    fault = Finding(Kind.SPIKE, "i01", "x", (1.0, 1.0), 0.01, "m", "Window i01: a spike.")
+    faulty = replace(cleaned, faults=(fault,))
+    touched = replace(faulty, contacts=(Contact("i02", 1.0, 2.0, 9.0, 0.2), Contact("i02", 4.0, 5.0, 9.0, 0.2)))
+    assert with_cleaning(explanation(Verdict.NOTHING_MISSING), cleaned).verdict is Verdict.NOTHING_MISSING
+    only = with_cleaning(explanation(Verdict.NOTHING_MISSING), faulty)
+    assert (only.verdict, only.effects) == (Verdict.SENSOR_FAULT, ())
+    assert "a spike" in only.message
+    physics = with_cleaning(explanation(Verdict.EXPLAINED), faulty)
+    assert physics.verdict is Verdict.EXPLAINED
+    assert "a spike" in physics.message
+    hand = with_cleaning(explanation(Verdict.NOTHING_MISSING), touched)
+    assert hand.verdict is Verdict.EXPLAINED
+    assert [effect.id for effect in hand.effects] == ["hand-contact"]
+    assert {name: p.value for name, p in hand.effects[0].parameters.items()} == {
+        "i02 begin 1": 1.0,
+        "i02 end 1": 2.0,
+        "i02 begin 2": 4.0,
+        "i02 end 2": 5.0,
+    }
+    assert with_cleaning(explanation(Verdict.UNKNOWN_PHYSICS), touched).verdict is Verdict.PARTLY_EXPLAINED
