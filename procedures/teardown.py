@@ -89,12 +89,17 @@ async def _stand_still(clock: Clock, winches: Sequence[Winch], settings: HoldSet
         problems = [
             _problem(winch, place, now, settings, sample_age) for winch, place in zip(winches, places, strict=True)
         ]
-        if not any(problems) and now - since >= settings.still_for:
+        if not any(problems) and _oldest(winches) - since >= settings.still_for:
             return problems
         if now >= deadline:
             return problems
         if any(problems):
             since, places = now, _lengths(winches)
+
+
+def _oldest(winches: Sequence[Winch]) -> float:
+    """Monotonic s up to which every winch has reported: that one stands still is seen only as long as it does."""
+    return min((sample.t if (sample := winch.latest()) else float("-inf")) for winch in winches)
 
 
 def _problem(winch: Winch, place: float | None, now: float, settings: HoldSettings, sample_age: float) -> str:

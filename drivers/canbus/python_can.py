@@ -5,6 +5,7 @@ has, tells a garbled line (counted) from a dead bus (latched), and says so in `f
 """
 
 import asyncio
+import contextlib
 import socket
 import threading
 import time
@@ -173,6 +174,15 @@ class PythonCanTransport:
             self._bus.shutdown()
         except Exception as error:  # each interface has its own; one that died cannot be told that it may go
             self._receiver.latch(f"closing it failed ({type(error).__name__}: {error})")
+            _free_port(self._bus)
+
+
+def _free_port(bus: can.BusABC) -> None:
+    """Close the serial port below a bus whose own farewell failed: slcan says "C" first, also to nobody."""
+    port = getattr(bus, "serialPortOrig", None)
+    if port is not None:
+        with contextlib.suppress(OSError):
+            port.close()
 
 
 def _send_small_packets_at_once(bus: can.BusABC) -> None:

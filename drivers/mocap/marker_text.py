@@ -23,6 +23,8 @@ class MarkerTextDecoder:
     """Decoder of marker lines with a fixed number of markers."""
 
     def __init__(self, markers: int = 1, *, modulus: int | None = None, checksum_required: bool = False) -> None:
+        self.markers = markers
+        """how many a line has"""
         self._fields = 1 + 3 * markers
         self._modulus = modulus
         self._checksum_required = checksum_required

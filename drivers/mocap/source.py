@@ -11,7 +11,7 @@ a reader may go on reading after it (only one that was too slow has to subscribe
 """
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 
 from drivers.mocap.clock_fit import FrameClock
 from drivers.mocap.decoder import Decoder, Malformed
@@ -48,8 +48,11 @@ class StreamMarkerSource:
         """The last thing that went wrong, in words; empty while nothing has."""
         self.frame_clock = FrameClock(rate)
         """Host time by frame number over the last 10 s."""
+        self.decoder = decoder
+        """What reads the bytes."""
         self._feed = feed
         self._decoder = decoder
+        self._taps: tuple[Callable[[float, int, bytes], None], ...] = ()
         self._clock = clock
         self._silence = silence
         self._sequencer = Sequencer(window=window, modulus=decoder.modulus)
@@ -102,6 +105,13 @@ class StreamMarkerSource:
         """Every frame from now on, in order of frame number; see `Subscription`."""
         return self._readers.subscribe(self._feed.name)
 
+    def tap(self, observer: Callable[[float, int, bytes], None]) -> None:
+        """Call `observer` with arrival (monotonic s), connection and bytes of all that is received (the raw log).
+
+        It must be quick and must not raise.
+        """
+        self._taps = (*self._taps, observer)
+
     def counters(self) -> dict[str, int]:
         """How many frames were received, lost, late, doubled, malformed so far; and three more.
 
@@ -133,6 +143,8 @@ class StreamMarkerSource:
                     connection = self._feed.connection
                     self._decoder.restart()
                     self._pass_on(self._sequencer.restart())
+                for observer in self._taps:
+                    observer(t, connection, data)
                 self._accept(t, data)
         except Exception as error:  # a reader that dies in silence would leave an old value standing
             self._report(OurBugError(f"{self._feed.name}: its reader stopped: {error!r}", hint="Please report this."))

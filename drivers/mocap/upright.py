@@ -7,6 +7,8 @@ class Upright:
     """A decoder whose positions are turned by +90° about x; all else is the inner decoder's."""
 
     def __init__(self, decoder: Decoder) -> None:
+        self.inner = decoder
+        """what reads the bytes"""
         self._decoder = decoder
 
     @property

@@ -157,7 +157,8 @@ class ViconUdpDecoder:
     modulus = 1 << 32
 
     def __init__(self, layout: Layout) -> None:
-        self._layout = layout
+        self.layout = layout
+        """which points of which objects are the markers"""
         self._wanted = frozenset(layout.objects)
         self._seen: set[str] = set()
 
@@ -174,7 +175,7 @@ class ViconUdpDecoder:
                 if not plausible(item.translation):
                     return [Malformed(f"frame {block.number}: '{item.name}' is more than a kilometre away")]
                 poses[item.name] = item
-        return [DecodedFrame(block.number, self._layout.markers(poses))]
+        return [DecodedFrame(block.number, self.layout.markers(poses))]
 
     def restart(self) -> None:
         """Nothing to forget: a datagram is whole or malformed."""

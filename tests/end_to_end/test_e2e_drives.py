@@ -6,7 +6,7 @@ import pytest
 
 from drivers.cia402.machine import Command
 from drivers.cia402.words import controlword
-from fidim_lab.app import compose
+from fidim_lab.app.compose import simulated
 from procedures.journal import Kind
 from procedures.outcomes import Outcome
 from sim_backends.bus_faults import FrameRule
@@ -218,12 +218,12 @@ def test_a_drive_that_does_not_take_its_mode_gets_no_power(rehearsal):
     [({"vendor_id": 0x29C}, "1018:1 vendor: 153 found, 668 wanted"), ({"product_code": 7}, "1018:2 product code: ")],
 )
 def test_a_drive_of_another_make_gets_no_power(rehearsal, monkeypatch, wanted, says):
-    configs = compose._winch_configs
+    configs = simulated._winch_configs
 
     def strict(*what):
         return tuple(replace(c, **wanted) if c.node_id == 2 else c for c in configs(*what))
 
-    monkeypatch.setattr(compose, "_winch_configs", strict)
+    monkeypatch.setattr(simulated, "_winch_configs", strict)
     rehearsal.at("", lambda stage: stage.drive(2).faults.claim_identity(vendor=0x99, product=0x77))
     check_no_power(rehearsal.run(), says)
 
