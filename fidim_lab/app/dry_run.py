@@ -10,10 +10,12 @@ from pathlib import Path
 
 from rich.table import Table
 
-from drivers.canbus.candump import CandumpLog
-from drivers.canbus.transport import CanFrame
+from drivers.mocap.source import StreamMarkerSource
+from drivers.ports import Rig
 from fidim_lab.app import compose, console
+from fidim_lab.app.devices_file import devices_of, read_back, write_devices
 from fidim_lab.app.identify import run_identify, summary
+from fidim_lab.app.manifest import write_manifest
 from fidim_lab.app.report.write import write_report
 from fidim_lab.app.run_display import display
 from fidim_lab.data.plan_file import write_plan
@@ -25,6 +27,7 @@ from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.result_file import write_result
 from procedures.events import Event, RunFinished, RunStarted
 from procedures.guards import LogGuard
+from procedures.raw_logs import RawLogs
 from procedures.report import RunReport
 from procedures.run import Experiment, identification, run_procedure
 from procedures.run_folder import require_new
@@ -32,7 +35,6 @@ from procedures.settings import MotionSettings, Settings
 
 SIMULATED_DAY = "2000-01-01T00:00:00Z"
 """wall time of a simulated journal: the same seed gives the same bytes"""
-CAN_LOG = "raw/can.log"
 PLAN = "plan.toml"
 TRUTH = "truth.json"
 RESULT = "result.json"
@@ -136,7 +138,7 @@ class _Rehearsal:
         self._robot, self._plan, self._experiment, self._folder = robot, plan, experiment, folder
         self._options = options
         self._truth = truth
-        self._log: CandumpLog | None = None
+        self._logs = RawLogs(folder)
         self._unlogged: str | None = None
         self._ended: RunReport | None = None
 
@@ -155,10 +157,11 @@ class _Rehearsal:
                     console.err.print(_says(self._ended), markup=False)
                 raise
             finally:
-                if self._log is not None:
-                    self._log.close()
+                self._logs.close()
         if (error := self._log_error()) is not None:
             console.warn([error])
+        if self._folder.exists():
+            write_manifest(self._folder)
         return report
 
     async def _carry_out(self, world: compose.World, shown: object) -> RunReport:
@@ -166,39 +169,39 @@ class _Rehearsal:
         async with compose.simulated_rig(
             self._robot, self._plan, world, options.seed, real_time=options.real_time
         ) as simulated:
-            simulated.transport.tap(self._on_frame)
-            return await run_procedure(
+            rig = simulated.rig
+            simulated.transport.tap(self._logs.on_frame)
+            if isinstance(rig.markers, StreamMarkerSource):
+                rig.markers.tap(self._logs.on_packet)
+            report = await run_procedure(
                 self._experiment,
-                simulated.rig,
+                rig,
                 self._folder,
                 wall_time=_wall_time if options.real_time else lambda: SIMULATED_DAY,
-                listeners=(self._on_event, shown),  # type: ignore[arg-type]
+                listeners=(lambda event: self._on_event(event, rig), shown),  # type: ignore[arg-type]
                 guards=(LogGuard(self._log_error),),
             )
+            write_devices(self._folder, await read_back(rig))
+            return report
 
-    def _on_event(self, event: Event) -> None:
+    def _on_event(self, event: Event, rig: Rig) -> None:
         if isinstance(event, RunStarted):
             try:
-                self._open_folder()
+                self._open_folder(rig)
             except (OSError, FidimError) as error:  # a listener that raises would be dropped, and nothing logged
                 self._unlogged = str(error)
         elif isinstance(event, RunFinished):
             self._ended = event.report
 
-    def _open_folder(self) -> None:
-        raw = self._folder / CAN_LOG
-        raw.parent.mkdir(exist_ok=True)
-        self._log = CandumpLog(raw)
+    def _open_folder(self, rig: Rig) -> None:
+        self._logs.open()
+        write_devices(self._folder, devices_of(rig))
         write_plan(self._folder / PLAN, self._plan)
         (self._folder / TRUTH).write_text(json.dumps(self._truth, indent=1) + "\n", encoding="utf-8")
 
     def _log_error(self) -> str | None:
         """Why the raw log, or what else belongs beside the run, is not whole."""
-        return self._unlogged or (self._log.error if self._log is not None else None)
-
-    def _on_frame(self, frame: CanFrame) -> None:
-        if self._log is not None:
-            self._log.write(frame)
+        return self._unlogged or self._logs.error
 
 
 def _wall_time() -> str:

@@ -1,0 +1,51 @@
+"""A decoder as a value that a file can hold, and back: what was recorded raw can be read by the same decoder later."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.mocap.decoder import Decoder, Position
+from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.upright import Upright
+from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
+from fidim_lab.errors import OurBugError
+
+
+@dataclass(frozen=True)
+class DecoderDescription:
+    """Which decoder, of what."""
+
+    kind: Literal["vicon-udp", "marker-text"]
+    markers: int
+    objects: tuple[str, ...] = ()
+    """vicon-udp: an object for each marker; or the subject alone, where `points` are given"""
+    points: tuple[Position, ...] = ()
+    """m, in the subject's frame"""
+    upright: bool = False
+    """turned from y up to z up"""
+
+    def make(self) -> Decoder:
+        """A fresh decoder."""
+        decoder: Decoder
+        if self.kind == "marker-text":
+            decoder = MarkerTextDecoder(self.markers)
+        elif self.points:
+            decoder = ViconUdpDecoder(SubjectPoints(self.objects[0], self.points))
+        else:
+            decoder = ViconUdpDecoder(MarkerObjects(self.objects))
+        return Upright(decoder) if self.upright else decoder
+
+
+def describe(decoder: Decoder) -> DecoderDescription:
+    """What `make` makes again. Raises OurBugError for a decoder that has no description yet."""
+    upright = isinstance(decoder, Upright)
+    inner = decoder.inner if isinstance(decoder, Upright) else decoder
+    if isinstance(inner, MarkerTextDecoder):
+        return DecoderDescription("marker-text", inner.markers, upright=upright)
+    if isinstance(inner, ViconUdpDecoder):
+        layout = inner.layout
+        if isinstance(layout, SubjectPoints):
+            return DecoderDescription("vicon-udp", len(layout.points), layout.objects, layout.points, upright)
+        return DecoderDescription("vicon-udp", len(layout.objects), layout.objects, upright=upright)
+    raise OurBugError(
+        f"The decoder {type(inner).__name__} cannot be described.", hint="Add it to drivers.mocap.description."
+    )
