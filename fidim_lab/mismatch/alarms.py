@@ -44,14 +44,16 @@ class AlarmRate:
 
 def alarm_rate(found: Projected, threshold: float, draws: int = DRAWS) -> AlarmRate:
     """The rate at which noise alone brings some hypothesis over a log-evidence."""
-    values, vectors = np.linalg.eigh(found.curvature)
+    scale = np.sqrt(np.maximum(np.diag(found.curvature), 1e-300))  # units differ by many powers of ten
+    curvature = found.curvature / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(curvature)
     root = vectors * np.sqrt(np.clip(values, 0.0, None))
     noise = np.random.default_rng(SEED).standard_normal((draws, root.shape[1]))
     gradients = np.sqrt(found.inflation) * noise @ root.T
     best = np.full(draws, -np.inf)
     for k, place in enumerate(found.slices):
         part = gradients[:, place]
-        inverse = np.linalg.pinv(found.curvature[place, place], rcond=1e-10, hermitian=True)
+        inverse = np.linalg.pinv(curvature[place, place], rcond=1e-8, hermitian=True)
         gains = np.einsum("ni,ij,nj->n", part, inverse, part)
         best = np.maximum(best, 0.5 * gains / found.inflation - freedom(found, (k,))[0])
     return AlarmRate(int((best > threshold).sum()), draws, len(found.tried), threshold)

@@ -11,7 +11,7 @@ import pytest
 
 from fidim_lab.app import cli
 from fidim_lab.data.campaign import read_campaign, write_campaign
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Verdict, write_explanation
@@ -26,9 +26,9 @@ OPEN = (
     "open-swivel-friction",
     "open-anchor-moved",
     "open-periodic-force",
-    pytest.param("open-two-at-once", marks=pytest.mark.xfail(reason="right by score, but the baseline slips a phase")),
+    "open-two-at-once",
     pytest.param("open-elastic-cables", marks=pytest.mark.xfail(reason="named, but springs cannot be fitted yet")),
-    pytest.param("open-outside-catalogue", marks=pytest.mark.xfail(reason="no verdict of unknown physics in time yet")),
+    "open-outside-catalogue",
 )
 
 
@@ -50,6 +50,39 @@ def test_the_command_names_a_hidden_effect(irma4: Robot, tmp_path: Path, capsys:
     assert abs(found["value"] - 0.01) < 5 * found["sd"]
     assert table["held_out"]["chi2_per_dof"]["after"] < 1.1 < table["held_out"]["chi2_per_dof"]["before"]
     assert set(table["parameters"]) == set(table["parameters_before"])
+
+
+def short_campaign(robot: Robot, seed: int, *hidden: str) -> Campaign:
+    plan = random_plan(robot, "short", 5, 2, seed)
+    effects = tuple(parse_effect(text, robot.n) for text in hidden)
+    world = make_world(robot, np.random.default_rng(seed), effects)
+    return simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Recording(5.0))[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40, 48))
+def test_nothing_is_found_where_nothing_is_hidden(irma4: Robot, seed: int) -> None:
+    explanation = explain(short_campaign(irma4, seed))
+    assert explanation.verdict is Verdict.NOTHING_MISSING
+    assert not explanation.effects
+    assert "false alarm" in explanation.message
+
+
+@pytest.mark.slow
+def test_two_effects_are_named_together(irma4: Robot) -> None:
+    campaign = short_campaign(irma4, 61, "rotational-drag:c=0.05", "cable-length-bias:cable=2,bias=0.004")
+    explanation = explain(campaign)
+    assert explanation.verdict is Verdict.EXPLAINED
+    named = {(cause.id, cause.cable) for cause in explanation.effects}
+    assert named == {("rotational-drag", None), ("cable-length-bias", 2)}
+
+
+@pytest.mark.slow
+def test_what_no_effect_describes_is_unknown(irma4: Robot) -> None:
+    explanation = explain(short_campaign(irma4, 62, "unknown:k=-4"))
+    assert explanation.verdict is Verdict.UNKNOWN_PHYSICS
+    assert not explanation.effects
+    assert explanation.where
 
 
 @pytest.mark.slow

@@ -22,14 +22,15 @@ class Size:
 
 
 def independent(robot: Robot, size: Size, left: float = 1000.0) -> Projected:
-    """Hypotheses that do not touch each other, each with unit curvature."""
+    """Hypotheses that do not touch each other, in units from 1e-6 to 1e6 of their standard deviation."""
     effect = by_id(robot, "air-drag-linear")[0]
-    tried = tuple(Hypothesis(effect, np.zeros(1), (0,), np.array([size.width])) for _ in range(size.count))
+    units = np.logspace(-6, 6, size.count)
+    tried = tuple(Hypothesis(effect, np.zeros(1), (0,), np.array([size.width / unit])) for unit in units)
     return Projected(
         tried=tried,
         slices=tuple(slice(k, k + 1) for k in range(size.count)),
         gradient=np.zeros(size.count),
-        curvature=np.eye(size.count),
+        curvature=np.diag(units**2),
         left=left,
         dof=1000,
         inflation=max(1.0, left / 1000),
