@@ -234,6 +234,32 @@ def simulators(**options: Any) -> None:
     sys.exit(simulators_command(SimulatorOptions(**options)))
 
 
+@fidim.command()
+@click.option("--robot", type=FILE, default=None, help="Robot file; default the paper's four-cable robot.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option("--samples", default=100, show_default=True, type=click.IntRange(1, 1000), help="Of each window, in W.")
+@click.option("--starts", default=8, show_default=True, type=click.IntRange(1, 10_000))
+@click.option(
+    "--criterion",
+    type=click.Choice(["C", "A", "D"]),
+    default="C",
+    show_default=True,
+    help="C: the paper's Eq. 40; A, D: mean and volume of the variances that maximum likelihood will reach.",
+)
+@click.option("--robust", default=0, show_default=True, type=click.IntRange(0, 50), help="Bodies 5 % off CAD to average A or D over.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
+@click.option("--out", type=FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
+@click.option("--json", "json_file", type=FILE, default=None, help="Write the design for programs (fidim-design/1).")
+@click.option("--processes", type=click.IntRange(1), default=None, help="Local processes; default one a core.")
+@click.option("--scheduler", default=None, metavar="ADDRESS", help="Of a dask cluster, instead of local processes.")
+@example("fidim design --robot robot.toml --starts 20 --out design")
+def design(**options: Any) -> None:
+    """Find the equilibria and displacements whose free motion tells most about the body."""
+    from fidim_lab.app.design import DesignOptions, design_command
+
+    sys.exit(design_command(DesignOptions(**options)))
+
+
 @fidim.command("power-off")
 @click.argument("rig", type=FILE)
 @click.option("--yes", is_flag=True, help="The load is secured; do not ask.")

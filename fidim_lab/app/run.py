@@ -1,0 +1,302 @@
+"""`fidim run`: start a service for a plan on a rig, and watch it from this terminal.
+
+The service is a process of its own: this one may be killed or its terminal closed, and the run goes on. Ctrl-C here
+aborts the run (a second one, too, only asks); the robot is held before the service ends.
+"""
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.clock import LoopClock
+from drivers.ports import Prompt, PromptKind
+from fidim_lab.app import console
+from fidim_lab.app.service.client import ServiceClient, ServiceGoneError, connect
+from fidim_lab.app.service.main import Work, prepare
+from fidim_lab.app.service.messages import (
+    Abort,
+    Bye,
+    EmergencyStop,
+    Happening,
+    Message,
+    PromptClosed,
+    Question,
+    Start,
+)
+from fidim_lab.app.service.place import Place, holder, in_use, place_of
+from fidim_lab.app.service.spec import AnswerSpec, RunSpec, UnattendedSpec
+from fidim_lab.errors import HardwareError, SetupError
+from procedures.listing import Outline
+from procedures.operators import ConsoleOperator
+from procedures.run_folder import require_new
+from procedures.steps import Ask
+
+READY_WITHIN = 60.0
+"""s for the service to open its rig"""
+POLL = 0.05
+EXIT_INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """As on the command line."""
+
+    plan: Path
+    rig: Path
+    out: Path | None
+    embedded: bool
+    listing: bool
+    unattended: bool
+    answers: tuple[str, ...]
+    """KIND=CHOICE[@SECONDS]"""
+    settings: tuple[str, ...]
+    """TABLE.KEY=VALUE"""
+    max_hours: float | None
+    quiet_hours: str | None
+    """HH:MM-HH:MM"""
+    on_finish: str
+    on_fault: str
+    seed: int
+    hide: tuple[str, ...]
+    procedure: str
+    stay: bool
+    tcp: int | None
+
+
+def run_command(options: RunOptions) -> int:
+    """Check, start, watch; returns the run's exit code. Raises FidimError before anything has moved."""
+    spec = make_spec(options)
+    if options.listing:
+        console.out.print(Outline(prepare(spec).experiment.procedure).text(), end="", markup=False)
+        return 0
+    require_new(spec.out)
+    work = prepare(spec)
+    require_answers(work)
+    return start_and_watch(work)
+
+
+def make_spec(options: RunOptions) -> RunSpec:
+    """Options as a specification. Raises SetupError for what cannot be."""
+    answers = dict(_answer(text) for text in options.answers)
+    unattended = None
+    if options.unattended or answers:
+        quiet = None
+        if options.quiet_hours is not None:
+            begin, _, end = options.quiet_hours.partition("-")
+            quiet = (begin, end)
+        try:
+            unattended = UnattendedSpec(answers=answers, max_hours=options.max_hours, quiet_hours=quiet)
+        except ValueError:
+            raise SetupError(f"--quiet-hours {options.quiet_hours}: HH:MM-HH:MM is expected.") from None
+    return RunSpec(
+        plan=options.plan.absolute(),
+        rig=options.rig.absolute(),
+        out=(options.out or _free_folder(options.plan)).absolute(),
+        procedure=options.procedure,
+        settings=dict(_setting(text) for text in options.settings),
+        embedded=options.embedded,
+        seed=options.seed,
+        hide=options.hide,
+        unattended=unattended,
+        alone=options.unattended,
+        on_finish=options.on_finish,
+        on_fault=options.on_fault,
+        stay=options.stay,
+        tcp_port=options.tcp,
+    )
+
+
+def require_answers(work: Work) -> None:
+    """Left alone, a run must have an answer to each kind of prompt. Raises SetupError naming those without."""
+    if not work.spec.alone:
+        return
+    answers = work.spec.unattended.answers if work.spec.unattended else {}
+    steps = Outline(work.experiment.procedure).steps
+    asked = {step.prompt.kind: step.prompt for step in steps if isinstance(step, Ask)}
+    if any(step.window for step in steps):  # a platform that does not come to rest is asked to be steadied
+        asked.setdefault(PromptKind.STEADY, Prompt(PromptKind.STEADY, "Bring the platform to rest."))
+    missing = [kind.value for kind in asked if kind not in answers]
+    if missing:
+        raise SetupError(
+            f"Unattended, but nobody would answer these prompts: {', '.join(missing)}.",
+            hint=" ".join(f"--answer {kind}=CHOICE" for kind in missing) + ", or do not leave it alone.",
+        )
+    for kind, answer in answers.items():
+        prompt = asked.get(kind)
+        if prompt is not None and answer.choice not in prompt.choices:
+            raise SetupError(f"--answer {kind}={answer.choice}: the choices are {', '.join(prompt.choices)}.")
+
+
+def start_and_watch(work: Work) -> int:
+    """Start the service's process, begin the run, show it until it ends; returns its exit code."""
+    place = place_of(work.file, embedded=work.spec.embedded)
+    if (other := holder(place)) is not None:
+        raise SetupError(in_use(other))
+    with _started(work.spec, place) as process:
+        code = asyncio.run(_watch(work, place, process))
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(timeout=10.0)
+        return code
+
+
+@contextmanager
+def _started(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[bytes]"]:
+    """The service's process, in a session of its own: signals of this terminal do not reach it."""
+    with tempfile.NamedTemporaryFile("w", suffix=".json", dir=place.folder, encoding="utf-8") as file:
+        file.write(spec.model_dump_json())
+        file.flush()
+        with place.log.open("wb") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "fidim_lab.app.service.main", file.name],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            )
+        yield process
+
+
+async def _watch(work: Work, place: Place, process: "subprocess.Popen[bytes]") -> int:
+    await _until_it_listens(place, process)
+    async with connect(place.socket, name="fidim run", samples=False) as service:
+        await service.take_lease()
+        await service.reset()
+        await service.require(Start())
+        return await Console(service, asks=not work.spec.alone).watch(work.spec.out)
+
+
+async def _until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> None:
+    clock = LoopClock()
+    begin = clock.now()
+    while True:
+        if process.poll() is not None:
+            raise _did_not_begin(place, process.returncode)
+        known = holder(place)
+        if known is not None and known.pid == process.pid and place.socket.exists():
+            with suppress(SetupError):
+                async with connect(place.socket, name="fidim run looks", samples=False):
+                    return
+        if clock.now() - begin > READY_WITHIN:
+            process.terminate()
+            raise HardwareError(f"The service has not opened its rig within {READY_WITHIN:g} s; see {place.log}.")
+        await clock.sleep(POLL)
+
+
+def _did_not_begin(place: Place, code: int) -> SetupError | HardwareError:
+    said = place.log.read_text(encoding="utf-8", errors="replace").strip().removeprefix("fidim: ")
+    kind = SetupError if code == SetupError.exit_code else HardwareError
+    return kind(said or f"The service ended with exit code {code} before it began.")
+
+
+class Console:
+    """The terminal as a client: says what happens, asks what is to be answered, aborts at Ctrl-C."""
+
+    def __init__(self, service: ServiceClient, *, asks: bool) -> None:
+        self._service = service
+        self._operator = ConsoleOperator(lambda text: console.err.print(text, end="", markup=False)) if asks else None
+        self._asking: dict[int, asyncio.Task[None]] = {}
+        self._aborting: asyncio.Task[None] | None = None
+
+    async def watch(self, folder: Path) -> int:
+        """Until the service ends; returns the exit code, 130 after Ctrl-C. Raises HardwareError where it was killed."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._interrupt, signal.Signals(number).name)
+        try:
+            async for message in self._service:
+                self._take(message)
+        finally:
+            for task in self._asking.values():
+                task.cancel()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+        bye = self._service.bye
+        if bye is None:
+            raise HardwareError(
+                "The service has ended without a word: it was killed, or it failed.",
+                hint=f"Its drives stop by themselves when they miss its heartbeat. Then: fidim resume {folder}",
+            )
+        console.out.print(bye.says, markup=False)
+        return EXIT_INTERRUPTED if self._aborting is not None else bye.exit_code
+
+    def _take(self, message: Message) -> None:
+        match message:
+            case Happening():
+                _print(message)
+            case Question() if self._operator is not None:
+                self._asking[message.number] = asyncio.ensure_future(self._ask(message, self._operator))
+            case PromptClosed():
+                if (task := self._asking.pop(message.number, None)) is not None:
+                    task.cancel()
+            case Bye():
+                pass
+            case _:
+                pass
+
+    async def _ask(self, question: Question, operator: ConsoleOperator) -> None:
+        prompt = Prompt(PromptKind(question.kind), question.text, question.choices, question.displacement)
+        choice = await operator.answer(prompt)
+        self._asking.pop(question.number, None)  # its closing is our own doing
+        with suppress(ServiceGoneError):
+            await self._service.answer(question.number, choice)
+
+    def _interrupt(self, name: str) -> None:
+        if self._aborting is None:
+            console.err.print("aborting: the robot is being held …", markup=False)
+            self._aborting = asyncio.ensure_future(self._abort(name))
+
+    async def _abort(self, name: str) -> None:
+        with suppress(ServiceGoneError):
+            answer = await self._service.command(Abort(reason=f"{name} at the console"))
+            if not answer.ok:  # too early or too late for an abort: stop it all the same
+                await self._service.command(EmergencyStop(reason=f"{name} at the console"))
+
+
+def _print(event: Happening) -> None:
+    words = [event.text, event.outcome, event.reason]
+    match event.kind:
+        case "step-finished" if not event.reason:
+            return
+        case "step-started" | "step-finished" | "window-finished":
+            pass
+        case _:
+            words = [event.kind.upper(), *words]
+    says = "  ".join(word for word in words if word)
+    console.err.print(f"{event.wall[11:19]}  {event.window:4} {says}", markup=False)
+
+
+def _answer(text: str) -> tuple[PromptKind, AnswerSpec]:
+    kind, _, rest = text.partition("=")
+    choice, _, after = rest.partition("@")
+    try:
+        return PromptKind(kind), AnswerSpec(choice=choice, after=float(after or 0.0))
+    except ValueError:
+        kinds = ", ".join(kind.value for kind in PromptKind)
+        raise SetupError(
+            f"--answer {text}: KIND=CHOICE or KIND=CHOICE@SECONDS is expected; kinds are {kinds}."
+        ) from None
+
+
+def _setting(text: str) -> tuple[str, float]:
+    key, _, value = text.partition("=")
+    try:
+        return key, float(value)
+    except ValueError:
+        raise SetupError(f"--set {text}: TABLE.KEY=NUMBER is expected, as record.seconds=8.") from None
+
+
+def _free_folder(plan: Path) -> Path:
+    """runs/PLAN, or the first numbered one that does not exist."""
+    folder, number = Path("runs") / plan.stem, 1
+    while folder.exists():
+        number += 1
+        folder = Path("runs") / f"{plan.stem}-{number}"
+    return folder

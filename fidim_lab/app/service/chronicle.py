@@ -1,0 +1,95 @@
+"""What has happened, as numbered messages: for clients that listen and for those that come late.
+
+A listener of the run: quick, and it never raises for what it is told.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from fidim_lab.app.service.messages import Happening, History
+from procedures.events import (
+    Event,
+    Paused,
+    Prompted,
+    Resumed,
+    RunFinished,
+    RunStarted,
+    StepFinished,
+    StepStarted,
+    Tripped,
+    Warned,
+    WindowFinished,
+)
+from procedures.journal import WallTime
+
+CAPACITY = 2000
+"""events kept for late clients; older ones are in the journal"""
+
+
+class Chronicle:
+    """Keeps the newest events and tells each to a listener as it comes."""
+
+    def __init__(self, now: Callable[[], float], wall_time: WallTime, tell: Callable[[Happening], None]) -> None:
+        self._now = now
+        self._wall_time = wall_time
+        self._tell = tell
+        self._events: deque[Happening] = deque(maxlen=CAPACITY)
+        self._number = 0
+
+    def __call__(self, event: Event) -> None:
+        """Take one event of the run; progress is the state stream's matter."""
+        fields = _fields(event)
+        if fields is not None:
+            self.note(**fields)
+
+    def note(self, **fields: Any) -> None:
+        """Take something that happened beside the run (fields as in `Happening`)."""
+        self._number += 1
+        happening = Happening(number=self._number, t=round(self._now(), 4), wall=self._wall_time(), **fields)
+        self._events.append(happening)
+        self._tell(happening)
+
+    @property
+    def history(self) -> History:
+        """For a client that comes late."""
+        return History(events=tuple(self._events), forgotten=self._number - len(self._events))
+
+
+def _fields(event: Event) -> dict[str, Any] | None:
+    match event:
+        case RunStarted():
+            return {"kind": "run-started", "text": event.name}
+        case StepStarted(step=step):
+            return {"kind": "step-started", "window": step.window, "step": type(step).__name__, "text": step.text}
+        case StepFinished(step=step, result=result):
+            return {
+                "kind": "step-finished",
+                "window": step.window,
+                "step": type(step).__name__,
+                "text": step.text,
+                "outcome": result.outcome.value,
+                "reason": result.reason,
+                "values": result.values,
+            }
+        case WindowFinished():
+            return {
+                "kind": "window-finished",
+                "window": event.window,
+                "outcome": event.outcome.value,
+                "reason": event.reason,
+            }
+        case Prompted():
+            return {"kind": "prompt", "window": event.window, "text": event.prompt.text}
+        case Tripped(trip=trip):
+            return {"kind": "guard-tripped", "text": trip.guard, "reason": trip.says}
+        case Warned(trip=trip):
+            return {"kind": "guard-warned", "text": trip.guard, "reason": trip.says}
+        case Paused() | Resumed():
+            kind = "paused" if isinstance(event, Paused) else "resumed"
+            return {"kind": kind, "window": event.window, "reason": event.says}
+        case RunFinished(report=report):
+            reason = f"{report.reason} {report.held_says}".strip()
+            return {"kind": "run-finished", "outcome": report.outcome.value, "reason": reason}
+        case _:
+            return None

@@ -1,0 +1,71 @@
+"""Bytes to messages and back, without I/O: lines of JSON, in any pieces, with a limit on what a line may be.
+
+`LineDecoder` takes bytes as they come and gives whole messages; what is no message is a `Malformed`, which ends it.
+"""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from fidim_lab.app.service.messages import Message
+
+LINE_LIMIT = 1 << 20
+"""bytes: a history of thousands of events, and no more"""
+
+M = TypeVar("M")
+
+
+@dataclass(frozen=True)
+class Malformed:
+    """A line that is no message of this protocol."""
+
+    says: str
+
+
+def encode(message: Message) -> bytes:
+    """One line."""
+    return message.model_dump_json(exclude_defaults=False).encode() + b"\n"
+
+
+class LineDecoder(Generic[M]):
+    """One direction of one connection. After a `Malformed` it takes nothing more."""
+
+    def __init__(self, adapter: TypeAdapter[M], limit: int = LINE_LIMIT) -> None:
+        self._adapter = adapter
+        self._limit = limit
+        self._rest = bytearray()
+        self._broken = False
+
+    def receive(self, data: bytes) -> list[M | Malformed]:
+        """The messages that are whole now, in order."""
+        found: list[M | Malformed] = []
+        if self._broken:
+            return found
+        self._rest += data
+        while not self._broken:
+            end = self._rest.find(b"\n", 0, self._limit + 1)
+            if end < 0:
+                if len(self._rest) > self._limit:
+                    found.append(self._break(f"a line of more than {self._limit} bytes"))
+                break
+            line = bytes(self._rest[:end])
+            del self._rest[: end + 1]
+            found.append(self._message(line))
+        return found
+
+    def _message(self, line: bytes) -> M | Malformed:
+        try:
+            return self._adapter.validate_json(line)
+        except ValidationError as error:
+            return self._break("; ".join(_sentence(e["loc"], e["msg"]) for e in error.errors()[:3]))
+
+    def _break(self, says: str) -> Malformed:
+        self._broken = True
+        self._rest.clear()
+        return Malformed(says)
+
+
+def _sentence(place: tuple[int | str, ...], problem: str) -> str:
+    where = ".".join(str(part) for part in place)
+    return f"{where}: {problem}" if where else problem

@@ -1,0 +1,125 @@
+"""The service's process: a `RunSpec` in, a run in its folder, an exit code out.
+
+Started by `fidim run` and `fidim resume`; `run_service` may also be called in process.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fidim_lab.app import compose
+from fidim_lab.app.service.board import DefaultAnswer
+from fidim_lab.app.service.opening import Opened, open_rig
+from fidim_lab.app.service.place import Lock, Place, held, place_of
+from fidim_lab.app.service.service import Identity, RunLogs, Service, new_token, wall_time
+from fidim_lab.app.service.spec import RunSpec, overridden, write_spec
+from fidim_lab.data.plan_file import read_plan, write_plan
+from fidim_lab.data.records import Plan
+from fidim_lab.data.rig import RigFile
+from fidim_lab.data.rig_file import read_rig
+from fidim_lab.errors import FidimError
+from procedures.guards import LogGuard
+from procedures.report import RunReport, WindowRow
+from procedures.run import Experiment, identification, run_procedure
+from procedures.settings import Settings
+
+PLAN = "plan.toml"
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """All that a service needs before it opens anything."""
+
+    spec: RunSpec
+    file: RigFile
+    plan: Plan
+    experiment: Experiment
+
+
+def prepare(spec: RunSpec) -> Work:
+    """Read files, check the plan (some seconds). Raises FidimError; nothing is opened, nothing moves."""
+    file = read_rig(spec.rig)
+    plan = read_plan(spec.plan, file.robot.n)
+    experiment = identification(plan, file.robot, _settings(spec, file, plan))
+    return Work(spec, file, plan, experiment)
+
+
+def run_service(work: Work) -> int:
+    """Serve until the run has ended; returns the exit code. Raises SetupError where another service has the rig."""
+    place = place_of(work.file, embedded=work.spec.embedded)
+    with held(place, work.spec.out) as lock:
+        return compose.run_loop(_serve(work, place, lock), real_time=True)
+
+
+async def _serve(work: Work, place: Place, lock: Lock) -> int:
+    spec = work.spec
+    async with open_rig(spec, work.file, work.plan) as opened:
+        service = _service(work, opened)
+        await service.hub.listen_unix(place.socket)
+        if spec.tcp_port is not None:
+            lock.tell(await service.hub.listen_tcp(spec.tcp_port, new_token(place.token)))
+
+        async def carry(service: Service) -> RunReport:
+            return await _carry_out(work, opened, service)
+
+        return await service.serve(carry)
+
+
+def _service(work: Work, opened: Opened) -> Service:
+    spec = work.spec
+    identity = Identity(spec.out, work.file.name, spec.stay)
+    rows = [WindowRow(window, role) for window, role in work.experiment.roles.items()]
+    answers = spec.unattended.answers if spec.unattended else {}
+    defaults = {kind: DefaultAnswer(answer.choice, answer.after) for kind, answer in answers.items()}
+    return Service(work.experiment, opened, identity, rows, defaults)
+
+
+async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
+    logs = RunLogs(work.spec.out, lambda: _write_papers(work))
+    opened.tap(logs.on_frame)
+    guards = (LogGuard(logs.error),)
+    try:
+        return await run_procedure(
+            work.experiment,
+            service.rig,
+            work.spec.out,
+            wall_time=wall_time,
+            listeners=(logs.on_event, *service.listeners()),
+            guards=guards,
+            control=service.control,
+        )
+    finally:
+        logs.close()
+
+
+def _write_papers(work: Work) -> None:
+    write_plan(work.spec.out / PLAN, work.plan)
+    write_spec(work.spec.out, work.spec)
+
+
+def _settings(spec: RunSpec, file: RigFile, plan: Plan) -> Settings:
+    """The rig's; an embedded one has drives whose own limits are near the plan."""
+    settings = overridden(compose.rig_settings(file), spec.settings)
+    if not spec.embedded:
+        return settings
+    ours = compose.length_limits(plan)
+    theirs = settings.motion.length_limits or ours
+    limits = tuple((max(a[0], b[0]), min(a[1], b[1])) for a, b in zip(ours, theirs, strict=True))
+    return replace(settings, motion=replace(settings.motion, length_limits=limits))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The process: a file with a RunSpec as its argument. What goes wrong is said on standard error."""
+    try:
+        spec = RunSpec.model_validate_json(Path(arguments[0]).read_text(encoding="utf-8"))
+        return run_service(prepare(spec))
+    except FidimError as error:
+        sys.stderr.write(f"fidim: {error}\n")
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

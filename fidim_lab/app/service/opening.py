@@ -1,0 +1,70 @@
+"""Opening the rig of a service: what the rig file names, or a simulated laboratory inside the process.
+
+Prompts are not answered here: what is opened has the hand that does what is asked, where there is a simulated one.
+"""
+
+import contextlib
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.canbus.transport import CanFrame
+from drivers.ports import Operator, Prompt, Rig
+from drivers.remote_operator import RemoteOperator
+from fidim_lab.app import compose
+from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.data.records import Plan
+from fidim_lab.data.rig import RigFile
+from fidim_lab.errors import OurBugError
+from procedures.steps import Lengths
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A rig that is open, and what a service needs besides."""
+
+    rig: Rig
+    """its operator is not to be asked: the service has its own"""
+    hand: Operator | None
+    """does what prompts ask for, in simulations"""
+    tap: Callable[[Callable[[CanFrame], None]], None]
+    """call a listener for each frame on the bus"""
+    bitrate: float
+    """bit/s; 0 where nothing limits it"""
+
+
+class _Nobody:
+    """Is never asked."""
+
+    async def answer(self, prompt: Prompt) -> str:
+        raise OurBugError(f"A prompt went past the board: {prompt.text}")
+
+
+@asynccontextmanager
+async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | None = None) -> AsyncGenerator[Opened]:
+    """Open it until the context ends. Raises SetupError, DeviceError, BusError as `compose` does.
+
+    start: where an embedded robot rests, m; else at the plan's first lengths.
+    """
+    if spec.embedded:
+        world = compose.simulated_world(file.robot, spec.seed, spec.hide)
+        where = plan if start is None else _resting_at(plan, start)
+        async with compose.simulated_rig(file.robot, where, world, spec.seed, real_time=True) as simulated:
+            yield Opened(simulated.rig, simulated.rig.operator, simulated.transport.tap, 0.0)
+        return
+    async with contextlib.AsyncExitStack() as stack:
+        hand: RemoteOperator | None = None
+        if file.hand is not None:
+            hand = RemoteOperator(file.hand.host, file.hand.port)
+            await hand.open()
+            stack.push_async_callback(hand.close)
+        real = await stack.enter_async_context(compose.real_rig(file, _Nobody()))
+        yield Opened(real.rig, hand, real.transport.tap, float(file.bus.bitrate))
+
+
+def _resting_at(plan: Plan, start: Lengths) -> Plan:
+    """The plan with a first window at these lengths: a simulated laboratory begins at its first ones."""
+    first = replace(plan.windows[0], lengths=np.array(start))
+    return replace(plan, windows=(first, *plan.windows))

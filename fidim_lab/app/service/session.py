@@ -1,0 +1,89 @@
+"""One client's conversation without I/O: hello first, then commands; four verbs in the manner of h11.
+
+`receive` takes bytes and gives what the client asks for; `send` gives bytes. `Lease` says who may command.
+"""
+
+import hmac
+from enum import Enum
+
+from fidim_lab.app.service.codec import LineDecoder, Malformed, encode
+from fidim_lab.app.service.messages import PROTOCOL, TO_SERVICE, Hello, Message, Refusal, Request
+
+
+class Stage(Enum):
+    """Where the conversation is."""
+
+    EXPECTS_HELLO = "expects hello"
+    TALKING = "talking"
+    CLOSED = "closed"
+
+
+class ServerSession:
+    """The service's side of one connection."""
+
+    def __init__(self, number: int, token: str = "") -> None:
+        self.number = number
+        self.stage = Stage.EXPECTS_HELLO
+        self.hello = Hello()
+        self._token = token
+        self._decoder = LineDecoder(TO_SERVICE)
+
+    @property
+    def name(self) -> str:
+        """For journals and other clients' screens."""
+        return f"{self.hello.client or 'client'} #{self.number}"
+
+    def receive(self, data: bytes) -> list[Hello | Request | Refusal]:
+        """What the client says: an accepted `Hello` once, then `Request`s; a `Refusal` is to be sent, then closed."""
+        found: list[Hello | Request | Refusal] = []
+        for message in self._decoder.receive(data):
+            if self.stage is Stage.CLOSED:
+                break
+            taken = self._take(message)
+            if isinstance(taken, Refusal):
+                self.stage = Stage.CLOSED
+            found.append(taken)
+        return found
+
+    def send(self, message: Message) -> bytes:
+        """The bytes of a message."""
+        return encode(message)
+
+    def _take(self, message: Hello | Request | Malformed) -> Hello | Request | Refusal:
+        match message:
+            case Malformed(says):
+                return Refusal(says=f"This is no message of {PROTOCOL}: {says}")
+            case Hello() if self.stage is Stage.EXPECTS_HELLO:
+                return self._greet(message)
+            case Hello():
+                return Refusal(says="A second hello.")
+            case Request() if self.stage is Stage.TALKING:
+                return message
+            case _:
+                return Refusal(says="The first message must be hello.")
+
+    def _greet(self, hello: Hello) -> Hello | Refusal:
+        if hello.protocol != PROTOCOL:
+            return Refusal(says=f"This service speaks {PROTOCOL}, the client {hello.protocol}.")
+        if self._token and not hmac.compare_digest(self._token.encode(), hello.token.encode()):
+            return Refusal(says="The token is wrong: it is in the file that the service named when it started.")
+        self.hello, self.stage = hello, Stage.TALKING
+        return hello
+
+
+class Lease:
+    """Many may watch, one may command. Held by a client's number until it releases, leaves, or is overruled."""
+
+    def __init__(self) -> None:
+        self.holder: int | None = None
+
+    def take(self, client: int, *, force: bool = False) -> bool:
+        """Whether the client has it now."""
+        if self.holder is None or force:
+            self.holder = client
+        return self.holder == client
+
+    def release(self, client: int) -> None:
+        """No effect for a client that does not have it."""
+        if self.holder == client:
+            self.holder = None

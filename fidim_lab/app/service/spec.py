@@ -1,0 +1,106 @@
+"""What a service is to do, "fidim-run/1": handed to its process as JSON, kept beside the run so that it can go on.
+
+`fidim run` makes one from its options, `fidim resume` reads it back from the run folder.
+"""
+
+from collections.abc import Mapping
+from dataclasses import is_dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from drivers.ports import PromptKind
+from fidim_lab.data.toml_file import read_text
+from fidim_lab.errors import FileError, SetupError
+from procedures.settings import Settings
+
+NAME = "run.json"
+FORMAT = "fidim-run/1"
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class AnswerSpec(_Part):
+    """What is answered to a kind of prompt where nobody does."""
+
+    choice: Annotated[str, Field(min_length=1)]
+    after: Annotated[float, Field(ge=0)] = 0.0
+    """s"""
+
+
+class UnattendedSpec(_Part):
+    """Leaving a robot alone."""
+
+    answers: dict[PromptKind, AnswerSpec] = {}
+    max_hours: Annotated[float, Field(gt=0)] | None = None
+    quiet_hours: (
+        tuple[Annotated[str, Field(pattern=r"^\d\d:\d\d$")], Annotated[str, Field(pattern=r"^\d\d:\d\d$")]] | None
+    ) = None
+    """from, to (local time of day): no window begins between them"""
+
+
+class RunSpec(_Part):
+    """One run on one rig. Paths are absolute."""
+
+    format: Literal["fidim-run/1"] = FORMAT
+    plan: Path
+    rig: Path
+    out: Path
+    procedure: str = "identify"
+    """name of a built-in procedure; a plan that is a Python file is a procedure itself"""
+    settings: dict[str, float] = {}
+    """"table.key" → value, for what the rig file does not say (fidim run --set)"""
+    embedded: bool = False
+    """the rig's devices are simulated inside the service: a rehearsal in real time"""
+    seed: int = 1
+    """of an embedded world"""
+    hide: tuple[str, ...] = ()
+    """effects hidden in an embedded world"""
+    alone: bool = False
+    """nobody looks: each kind of prompt must have an answer in `unattended`"""
+    unattended: UnattendedSpec | None = None
+    on_finish: str = ""
+    """shell command after a run that ended well; the folder is its $FIDIM_RUN, the outcome $FIDIM_OUTCOME"""
+    on_fault: str = ""
+    """… after one that did not"""
+    stay: bool = False
+    """the service goes on after the run, for a client to start it again or shut it down"""
+    tcp_port: int | None = None
+    """also listen at this port of 127.0.0.1, with a token; 0 takes a free one"""
+
+
+def write_spec(folder: Path, spec: RunSpec) -> None:
+    """Keep it beside the run. Raises OSError."""
+    (folder / NAME).write_text(spec.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+def read_spec(folder: Path) -> RunSpec:
+    """Raises FileError where the folder is no run of a service."""
+    path = folder / NAME
+    if not path.exists():
+        raise FileError(path, "", "no such file", hint="Only what `fidim run` began can be resumed.")
+    try:
+        return RunSpec.model_validate_json(read_text(path))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise FileError(path, ".".join(map(str, first["loc"])), first["msg"]) from None
+
+
+def overridden(settings: Settings, values: Mapping[str, float]) -> Settings:
+    """Settings with some numbers changed. Raises SetupError naming what there is to change."""
+    tables: dict[str, Any] = {name: part for name, part in vars(settings).items() if is_dataclass(part)}
+    for key, value in values.items():
+        table, _, name = key.partition(".")
+        known = _numbers(tables[table]) if table in tables else {}
+        if name not in known:
+            what = ", ".join(sorted(known or tables))
+            raise SetupError(f"--set {key}: no such number; there are {what}.")
+        tables[table] = replace(tables[table], **{name: type(known[name])(value)})
+    return replace(settings, **tables)
+
+
+def _numbers(part: object) -> dict[str, float]:
+    return {name: value for name, value in vars(part).items() if isinstance(value, int | float)}

@@ -1,0 +1,169 @@
+"""The protocol without I/O: what is taken, what is refused, in whatever pieces the bytes come."""
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fidim_lab.app.service.codec import LINE_LIMIT, LineDecoder, Malformed, encode
+from fidim_lab.app.service.latch import CODE_LIFE, Latch
+from fidim_lab.app.service.messages import (
+    TO_CLIENT,
+    TO_SERVICE,
+    Abort,
+    AnswerPrompt,
+    EmergencyStop,
+    Hello,
+    Pause,
+    Refusal,
+    Request,
+    Reset,
+    Skip,
+    Start,
+    TakeLease,
+)
+from fidim_lab.app.service.reference import messages_page
+from fidim_lab.app.service.session import Lease, ServerSession, Stage
+
+HELLO = b'{"type":"hello","protocol":"fidim-service/1","client":"me"}\n'
+ROOT = Path(__file__).parents[4]
+
+TRANSCRIPTS = [
+    (b'{"type":"command","id":1,"command":{"name":"start"}}\n', Request(id=1, command=Start())),
+    (
+        b'{"type":"command","id":2,"command":{"name":"pause","reason":"tea"}}\n',
+        Request(id=2, command=Pause(reason="tea")),
+    ),
+    (b'{"type":"command","id":3,"command":{"name":"e-stop"}}\n', Request(id=3, command=EmergencyStop())),
+    (
+        b'{"type":"command","id":4,"command":{"name":"reset","code":"0123"}}\n',
+        Request(id=4, command=Reset(code="0123")),
+    ),
+    (
+        b'{"type":"command","id":5,"command":{"name":"answer","prompt":7,"choice":"done"}}\n',
+        Request(id=5, command=AnswerPrompt(prompt=7, choice="done")),
+    ),
+    (b'{"type":"command","id":6,"command":{"name":"take-lease"}}\n', Request(id=6, command=TakeLease())),
+]
+
+
+@pytest.mark.parametrize(("wire", "message"), TRANSCRIPTS)
+def test_the_wire_is_what_the_page_says(wire, message):
+    session = ServerSession(1)
+    assert session.receive(HELLO) == [Hello(client="me")]
+    assert session.receive(wire) == [message]
+    assert session.stage is Stage.TALKING
+    assert session.name == "me #1"
+
+
+REFUSED = [
+    (b"GET / HTTP/1.1\r\n\n", "no message"),
+    (b"\xff\xfe\x00\n", "no message"),
+    (b"\n", "no message"),
+    (b"[]\n", "no message"),
+    (b'{"type":"hello","protocol":"fidim-service/2"}\n', "speaks fidim-service/1, the client fidim-service/2"),
+    (b'{"type":"hello","surprise":1}\n', "surprise"),
+    (b'{"type":"command","id":1,"command":{"name":"start"}}\n', "first message must be hello"),
+    (HELLO + HELLO, "second hello"),
+    (HELLO + b'{"type":"command","id":1,"command":{"name":"fly"}}\n', "fly"),
+    (HELLO + b'{"type":"command","id":1,"command":{"name":"skip"}}\n', "reason"),
+    (HELLO + b'{"type":"command","id":1,"command":{"name":"abort","reason":""}}\n', "reason"),
+    (HELLO + b'{"type":"command","id":"x","command":{"name":"start"}}\n', "id"),
+    (b"x" * (LINE_LIMIT + 2), "a line of more than"),
+]
+
+
+@pytest.mark.parametrize(("wire", "why"), REFUSED, ids=[why for _, why in REFUSED])
+def test_what_is_no_message_is_refused_with_why_and_closes(wire, why):
+    session = ServerSession(1)
+    *_, last = session.receive(wire)
+    assert isinstance(last, Refusal)
+    assert why in last.says
+    assert session.stage is Stage.CLOSED
+    assert session.receive(HELLO) == []
+
+
+@pytest.mark.parametrize(("token", "good"), [("secret", True), ("", False), ("Secret", False), ("é", False)])
+def test_a_token_is_asked_for_where_there_is_one(token, good):
+    session = ServerSession(1, token="secret")
+    session.receive(encode(Hello(token=token)))
+    assert (session.stage is Stage.TALKING) is good
+
+
+commands = st.one_of(
+    st.builds(Pause, reason=st.text(max_size=50)),
+    st.builds(Skip, reason=st.text(min_size=1, max_size=50)),
+    st.builds(Abort, reason=st.text(min_size=1, max_size=50)),
+    st.builds(AnswerPrompt, prompt=st.integers(), choice=st.text(max_size=20)),
+)
+requests = st.lists(st.builds(Request, id=st.integers(), command=commands), max_size=8)
+
+
+@given(requests, st.lists(st.integers(1, 40), min_size=1))
+def test_messages_come_back_whatever_pieces_they_come_in(sent, sizes):
+    wire, decoder, got = b"".join(encode(m) for m in sent), LineDecoder(TO_SERVICE), []
+    k = 0
+    while wire:
+        size = sizes[k % len(sizes)]
+        got += decoder.receive(wire[:size])
+        wire, k = wire[size:], k + 1
+    assert got == sent
+
+
+@given(st.binary(max_size=400))
+def test_no_bytes_raise_and_nothing_is_taken_after_what_is_no_message(data):
+    for adapter in (TO_SERVICE, TO_CLIENT):
+        decoder = LineDecoder(adapter, limit=100)
+        got = decoder.receive(data)
+        if any(isinstance(m, Malformed) for m in got):
+            assert isinstance(got[-1], Malformed)
+            assert decoder.receive(HELLO) == []
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.text(), lambda c: st.lists(c) | st.dictionaries(st.text(), c)
+    )
+)
+def test_any_json_is_a_message_or_refused(value):
+    (got,) = LineDecoder(TO_SERVICE).receive(json.dumps(value).encode() + b"\n")
+    assert isinstance(got, Malformed | Hello | Request)
+
+
+def test_one_commands_until_it_lets_go_or_is_overruled():
+    lease = Lease()
+    assert lease.take(1)
+    assert lease.take(1)
+    assert not lease.take(2)
+    lease.release(2)
+    assert lease.holder == 1
+    assert lease.take(2, force=True)
+    lease.release(1)
+    assert lease.holder == 2
+    lease.release(2)
+    assert lease.take(3)
+
+
+def test_the_latch_is_latched_from_the_start_and_opens_in_two_steps_only():
+    now = [0.0]
+    latch = Latch(lambda: now[0])
+    assert latch.latched
+    assert not latch.second_step("")
+    code = latch.first_step()
+    assert not latch.second_step("wrong")
+    assert not latch.second_step(code), "a wrong code needs a new first step"
+    code = latch.first_step()
+    now[0] += CODE_LIFE + 1.0
+    assert not latch.second_step(code), "too old"
+    code = latch.first_step()
+    latch.latch("again")
+    assert not latch.second_step(code), "latched again since"
+    assert latch.second_step(latch.first_step())
+    assert not latch.latched
+
+
+def test_the_page_of_messages_is_that_of_the_models():
+    page = (ROOT / "docs" / "messages.md").read_text(encoding="utf-8")
+    assert page == messages_page(), "python -m fidim_lab.app.service.reference > docs/messages.md"
