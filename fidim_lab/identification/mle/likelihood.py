@@ -22,6 +22,7 @@ from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
 from fidim_lab.model.sensitivity.integrate import States, Trajectories, integrate
+from fidim_lab.model.sensitivity.measurement import Measurement
 from fidim_lab.model.sensitivity.starts import Starts, linearised_starts, moved
 from fidim_lab.model.sensitivity.variation import variations
 
@@ -137,11 +138,12 @@ def simulate(
     starts = linearised_starts(likelihood.mechanism, point.shared, point.states, likelihood.begins)
     found: dict[int, WindowResidual] = {}
     batches: list[_Batch] = []
-    for members, grid in _batches(likelihood, ends, resolution):
+    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
+    for members, grid in _batches(likelihood, measurement, ends, resolution):
         states = _chosen(point.states, members)
         trajectories = integrate(likelihood.mechanism, point.shared, states, grid, likelihood.begins[members])
         batches.append(_Batch(members, trajectories))
-        nodal = markers.at_nodes(trajectories, _body_markers(likelihood, members))
+        nodal = markers.at_nodes(trajectories, measurement.places(_body_markers(likelihood, members)))
         for place, w in enumerate(members):
             found[int(w)] = _residual(likelihood, point, starts, int(w), float(ends[w]), grid, nodal[place])
     residuals = tuple(found[w] for w in range(len(likelihood.recordings)))
@@ -151,16 +153,19 @@ def simulate(
 def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowLinear]:
     """Residuals with derivatives, one window after the other (not in their order: batch by batch)."""
     point, own = simulation.point, likelihood.own
+    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
     for batch in simulation.batches:
         by = variations(
             likelihood.mechanism, batch.trajectories, point.shared, simulation.starts.states_by[batch.members]
         )
-        nodal = markers.varied_at_nodes(batch.trajectories, by, _body_markers(likelihood, batch.members))
+        stated = _body_markers(likelihood, batch.members)
+        nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.places(stated))
         for place, w in enumerate(batch.members):
             recording = likelihood.recordings[w]
             use, seen = recording.seen_until(simulation.ends[w])
-            index, weights = markers.hermite(batch.trajectories.grid.t, recording.t[use])
-            by_markers = markers.between(nodal[place][:, :, : seen.shape[1]], index, weights)[seen]
+            count, t = seen.shape[1], recording.t[use]
+            given = (stated[:count], nodal[place][:, :, :count], t, recording.begin)
+            by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
             known = np.isfinite(recording.lengths)
             jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
             jacobian[: len(by_markers)] = by_markers / likelihood.noise
@@ -193,8 +198,8 @@ def _residual(
 ) -> WindowResidual:
     recording = likelihood.recordings[w]
     use, seen = recording.seen_until(end)
-    index, weights = markers.hermite(grid.t, recording.t[use])
-    predicted = markers.between(nodal[:, :, : seen.shape[1]], index, weights)
+    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
+    predicted = measurement.seen(nodal[:, :, : seen.shape[1]], grid.t, recording.t[use], recording.begin)
     known = np.isfinite(recording.lengths)
     guess, at = likelihood.guesses, point.states
     turn = Rotation.from_matrix(guess.rotations[w].T @ at.rotations[w]).as_rotvec()
@@ -211,7 +216,7 @@ def _loose(own: int) -> Float[np.ndarray, " own"]:
 
 
 def _batches(
-    likelihood: Likelihood, ends: Float[np.ndarray, " W"], resolution: Resolution
+    likelihood: Likelihood, measurement: Measurement, ends: Float[np.ndarray, " W"], resolution: Resolution
 ) -> Iterator[tuple[np.ndarray, Grid]]:
     """Recordings of similar length together, each batch with a grid that reaches its longest."""
     most = max(recording.markers.shape[1] for recording in likelihood.recordings)
@@ -219,7 +224,7 @@ def _batches(
     order = np.argsort(ends, kind="stable")
     for first in range(0, len(order), size):
         members = order[first : first + size]
-        yield members, Grid.covering(float(ends[members].max()), resolution)
+        yield members, Grid.covering(measurement.latest(float(ends[members].max())), resolution)
 
 
 def _body_markers(likelihood: Likelihood, members: Sequence[int] | np.ndarray) -> Float[np.ndarray, "M 3"]:

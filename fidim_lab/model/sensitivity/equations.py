@@ -9,7 +9,7 @@ shared ([body 9; θ]).
 Effects may use the slots for geometry, lengths, drift, wrench, kinetic energy and compliance. Stretch is of first order
 (`model.equations`): exact in the motion and in its derivatives by θ, while its share of the derivatives by the state,
 (frequency of motion / frequency of stretch)² of the rest, is left out: a Gauss–Newton step is a little off, its optimum
-is not. States of their own and measurement are not carried (`refuse_unknown`).
+is not. States of their own are not carried (`refuse_unknown`); what cameras see is `measurement`'s.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +23,6 @@ from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import built
 from fidim_lab.model.sensitivity.elimination import Elimination
-from fidim_lab.model.slots import Effect
 
 BODY = 9
 """entries of `shared` before θ"""
@@ -87,13 +86,9 @@ class Sample:
 def refuse_unknown(mechanism: Mechanism) -> None:
     """Raise OurBugError for an effect that uses a slot which trajectories with derivatives do not carry (yet)."""
     for effect in mechanism.effects:
-        kind = type(effect)
-        used = [name for name in ("marker", "seen", "true_time") if getattr(kind, name) is not getattr(Effect, name)]
         if effect.extra_states:
-            used.append("extra_states")
-        if used:
             raise OurBugError(
-                f"{kind.__name__}: trajectories with derivatives do not know its slots {', '.join(used)}.",
+                f"{type(effect).__name__}: trajectories with derivatives do not know its slot extra_states.",
                 hint="Simulate it with model.dynamics, or score it with model.forcing.",
             )
 
