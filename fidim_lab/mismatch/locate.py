@@ -140,7 +140,7 @@ def strongest_line(one: Leftover, column: int) -> Line:
     count = int(seen.sum())
     lines = np.fft.rfft(np.where(seen, x, 0.0), FINER * len(x))
     frequencies = np.fft.rfftfreq(FINER * len(x), step)
-    inside = (frequencies > 0.5 / (step * len(x))) & (frequencies < HIGHEST)
+    inside = (frequencies >= 1 / (step * len(x))) & (frequencies < HIGHEST)  # less than one cycle is a drift, no line
     height = np.where(inside, np.abs(lines) ** 2 / max(1, count), 0.0)
     at = int(np.argmax(height))
     independent = max(1.0, inside.sum() / FINER) * 2.5  # peaks between the bins, of an oversampled periodogram

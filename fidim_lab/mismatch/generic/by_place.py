@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.effects.forces import at_arm
-from fidim_lab.mismatch.generic.family import Dependence, Family, bells, monomials
+from fidim_lab.mismatch.generic.family import Dependence, Expression, Family, bells, monomials
 from fidim_lab.mismatch.generic.reach import NO_SHAPE, Point, Reach, centres_of, drag, force_on
 from fidim_lab.model.slots import PlatformState
 
@@ -25,7 +25,16 @@ def _to_centre(point: Point, state: PlatformState, shape: ca.SX) -> ca.SX:
 
 def centre(reach: Reach, point: Point) -> Family:
     """Towards a place, or away from it; two widths together give nearly any fall-off."""
+    label = f"force on {point.value} towards a place"
+    return _about_a_place(reach, point, Dependence.CENTRE, label, partial(_to_centre, point))
 
+
+def brake(reach: Reach) -> Family:
+    """Against the motion near a place: what eddy currents do."""
+    return _about_a_place(reach, Point.CENTRE_OF_MASS, Dependence.BRAKE, "brake near a place", drag)
+
+
+def _about_a_place(reach: Reach, point: Point, dependence: Dependence, label: str, wrenches: Expression) -> Family:
     def falling(state: PlatformState, shape: ca.SX) -> ca.SX:
         away = point.place(state) - shape[:3]
         near = ca.dot(away, away) / ca.exp(2 * shape[3])
@@ -38,11 +47,9 @@ def centre(reach: Reach, point: Point) -> Family:
         for middle in centres_of(positions, 0.7 * share * reach.size, most)
     )
     steps = np.append(np.full(3, 0.08 * reach.size), 0.3)
-    label = f"force on {point.value} towards a place"
     low = np.append(positions.min(axis=0) - OUTSIDE * reach.size, np.log(0.03 * reach.size))
     high = np.append(positions.max(axis=0) + OUTSIDE * reach.size, np.log(0.6 * reach.size))
-    box = np.stack([low, high])
-    return Family(Dependence.CENTRE, label, partial(_to_centre, point), falling, shapes, steps, box=box)
+    return Family(dependence, label, wrenches, falling, shapes, steps, box=np.stack([low, high]))
 
 
 def evenly(reach: Reach) -> list[Family]:

@@ -4,7 +4,7 @@ Scales come from the motion as it was recorded (`Reach`), never from a campaign:
 widths from a tenth of it up, speeds up to the highest seen.
 """
 
-from fidim_lab.mismatch.generic.by_place import centre, evenly, in_space
+from fidim_lab.mismatch.generic.by_place import brake, centre, evenly, in_space
 from fidim_lab.mismatch.generic.by_rate import of_cable, of_speed, of_spin
 from fidim_lab.mismatch.generic.by_time import in_time, moment, periodic
 from fidim_lab.mismatch.generic.family import Family
@@ -17,6 +17,7 @@ def families(reach: Reach, cables: int) -> tuple[Family, ...]:
         *of_speed(reach),
         *of_spin(reach),
         *(centre(reach, point) for point in Point),
+        brake(reach),
         moment(reach),
         periodic(reach),
         *evenly(reach),

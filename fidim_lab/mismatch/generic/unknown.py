@@ -36,6 +36,8 @@ TIE = 0.95
 LISTED = 10
 SECOND = 0.2
 """of the excess: where more is left, a second term is looked for"""
+FEEBLE = 0.25
+"""of that rest: a second term that takes less away from windows left out is none"""
 TERMS = 2
 
 
@@ -116,7 +118,7 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     before = judged(base, validate)
     now, latents, chosen, ranking = base, [], [], ()
     for _ in range(TERMS):
-        found, tried = _next_term(now)
+        found, tried = _next_term(now, FEEBLE if latents else -np.inf)
         ranking = ranking or tried
         if found is None:
             break
@@ -142,7 +144,7 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     )
 
 
-def _next_term(base: Fit) -> tuple[tuple[Fit, LatentForce, Weighed] | None, tuple[Weighed, ...]]:
+def _next_term(base: Fit, least: float) -> tuple[tuple[Fit, LatentForce, Weighed] | None, tuple[Weighed, ...]]:
     """The model with one more term, and everything that was weighed; None where nothing is believed."""
     likelihood, simulation, seconds = _looked_at(base)
     mechanism, shared = likelihood.mechanism, simulation.point.shared
@@ -151,7 +153,7 @@ def _next_term(base: Fit) -> tuple[tuple[Fit, LatentForce, Weighed] | None, tupl
     reach = Reach.of(answers, shared[:3])
     ranking = weigh_all(evidence, [Courses(one, mechanism, shared) for one in families(reach, mechanism.n)])
     best = chosen(ranking)
-    if best is None:
+    if best is None or best.left_out_share < least:
         return None, ranking
     latent = LatentForce.of(best)
     completed = fitted(base, simulation.point, latent, seconds)

@@ -45,7 +45,7 @@ def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
         case Dependence.GRADIENT:
             return _gradient(latent, theta, field)
         case Dependence.BRAKE:
-            return _somewhere(field, "It opposes the motion in some places more than in others")
+            return _brake(shape, field)
         case Dependence.SPEED:
             return f"It goes along with the velocity and grows with {_power('speed', family.power)}."
         case Dependence.VELOCITY:
@@ -93,6 +93,19 @@ def _centre(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
     said = f"It pushes {body} {way} ({point}) m: {abs(course[k]):.2g} N at {r[k]:.2f} m from there, half of it within "
     said += f"{half:.2f} m"
     return said + (f" (no window came nearer than {nearest:.2f} m)." if nearest > width else ".")
+
+
+def _brake(shape: np.ndarray, field: Field) -> str:
+    if not len(shape):
+        return _somewhere(field, "It goes along with the velocity, in some places more than in others")
+    point = ", ".join(f"{x:.2f}" for x in shape[:3])
+    speed2 = (field.velocities**2).sum(axis=1)
+    strength = -(field.forces * field.velocities).sum(axis=1) / np.maximum(speed2, 1e-3 * speed2.max())
+    k = int(np.argmax(np.abs(strength)))
+    way = "opposes" if strength[k] > 0 else "drives"
+    far = float(np.linalg.norm(field.centres[k] - shape[:3]))
+    said = f"It {way} the motion near ({point}) m and not elsewhere: up to {abs(strength[k]):.2g} N s/m, {far:.2f} m "
+    return said + "from there."
 
 
 def _gradient(latent: LatentForce, theta: np.ndarray, field: Field) -> str:

@@ -133,3 +133,9 @@ def test_what_the_residual_goes_along_with_is_named():
 def test_nothing_to_test_is_white_and_nowhere():
     assert whiteness([]).p_value == 1.0
     assert locate([]) == ()
+
+
+def test_a_drift_is_no_line_of_less_than_one_cycle():
+    found = with_added(noise(1, 4, exact=False), 0, np.zeros((len(T), 1, 3)) + 3 * (T / T[-1])[:, None, None])
+    assert strongest_line(found[0], 0).frequency >= 1 / (T[-1] + 0.01)
+    assert all(where.frequency is None or where.frequency > 0.09 for where in locate(found))
