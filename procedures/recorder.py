@@ -24,8 +24,8 @@ from procedures.rows import Rows
 from procedures.timing import POLL
 from procedures.window_log import WindowLog
 
-FLUSH_PERIOD = 0.09
-"""s between two flushes: ten times a second and a little more"""
+FLUSH_PERIOD = 0.08
+"""s between two flushes: with the time of a look (POLL) less than a tenth of a second"""
 GRACE = 0.5
 """s that a recording waits for its last frames"""
 

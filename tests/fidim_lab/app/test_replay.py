@@ -1,0 +1,144 @@
+"""`fidim replay` on a rehearsal: agreement on the same bytes, and the first difference named on others."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.mocap.description import describe
+from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.packet_log import PacketLog, read_packets
+from drivers.mocap.upright import Upright
+from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
+from fidim_lab.app.cli import run
+from fidim_lab.app.devices_file import DEVICES, read_devices
+from fidim_lab.app.verify import verify
+
+
+@pytest.fixture(scope="module")
+def rehearsed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("replay") / "run"
+    assert run(["dry-run", "--equilibria", "1", "--validate", "0", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(rehearsed, tmp_path):
+    shutil.copytree(rehearsed, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_a_run_replays_as_it_was_recorded(rehearsed, tmp_path, capsys):
+    assert run(["replay", str(rehearsed), "--json", str(tmp_path / "r.json")]) == 0
+    assert "agrees" in capsys.readouterr().out
+    table = json.loads((tmp_path / "r.json").read_text())
+    assert table["agrees"]
+    assert table["markers"] == 1001
+    assert table["samples"] > 4 * 1000
+    assert table["counters"]["malformed"] == 0
+
+
+def test_the_manifest_of_a_run_holds(rehearsed):
+    found = verify(rehearsed)
+    assert found.intact, found
+    assert found.checked >= 10
+
+
+def test_drive_parameters_before_and_after(rehearsed):
+    devices = read_devices(rehearsed)
+    assert len(devices.winches) == 4
+    parameters = {p.object: p for p in devices.winches[0].parameters}
+    assert parameters["605A:0"].before == parameters["605A:0"].after == "6"
+    assert all(p.after is not None for p in parameters.values())
+    assert devices.markers.decoder.objects == ("marker1",)
+
+
+def test_another_scale_is_found_and_named(folder, capsys):
+    table = json.loads((folder / DEVICES).read_text())
+    table["winches"][2]["config"]["home_length"] += 1e-4
+    (folder / DEVICES).write_text(json.dumps(table))
+    assert run(["replay", str(folder)]) == 1
+    said = capsys.readouterr().out
+    assert "windows/i01.mcap, winch 3: length was" in said
+
+
+def test_a_frame_that_is_not_in_the_log_is_missed(folder, capsys):
+    log = folder / "raw" / "can.log"
+    lines = log.read_text().splitlines(keepends=True)
+    removed = next(k for k in range(len(lines) - 2000, len(lines)) if " 181#" in lines[k])
+    log.write_text("".join(lines[:removed] + lines[removed + 1 :]))
+    assert run(["replay", str(folder)]) == 1
+    assert "a sample of winch 1 was recorded, the raw bytes do not give it" in capsys.readouterr().out
+
+
+def test_a_changed_packet_is_found(folder, capsys):
+    path = folder / "raw" / "mocap.mcap"
+    packets = list(read_packets(path))
+    log = PacketLog(path)
+    changed = len(packets) - 500
+    for k, packet in enumerate(packets):
+        data = bytearray(packet.data)
+        if k == changed:
+            data[37] ^= 0x10  # high in the mantissa of the first coordinate
+        log.write(packet.t, packet.connection, bytes(data))
+    log.close()
+    assert run(["replay", str(folder)]) == 1
+    said = capsys.readouterr().out
+    assert "windows/i01.mcap" in said
+    assert "x of marker 1 was" in said
+
+
+def test_what_is_needed_is_asked_for(folder, capsys):
+    (folder / "raw" / "can.log").unlink()
+    assert run(["replay", str(folder)]) == 2
+    assert "no raw CAN log" in capsys.readouterr().err
+    (folder / DEVICES).unlink()
+    assert run(["replay", str(folder)]) == 2
+    assert "devices.json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "decoder",
+    [
+        MarkerTextDecoder(3),
+        Upright(MarkerTextDecoder(1)),
+        ViconUdpDecoder(MarkerObjects(("a", "b"))),
+        Upright(ViconUdpDecoder(SubjectPoints("platform", ((0.1, 0.2, 0.3),)))),
+    ],
+)
+def test_a_decoder_is_described_and_made_again(decoder):
+    description = describe(decoder)
+    assert describe(description.make()) == description
+
+
+def test_a_packet_log_that_was_cut_off_keeps_what_was_flushed(tmp_path):
+    path = tmp_path / "mocap.mcap"
+    log = PacketLog(path)
+    for k in range(100):
+        log.write(0.01 * k, 1, bytes([k]))
+    cut = path.read_bytes()  # as a killed process leaves it
+    log.close()
+    assert [p.data[0] for p in read_packets(path)] == list(range(100))
+    path.write_bytes(cut)
+    kept = list(read_packets(path))
+    assert 90 <= len(kept) < 100
+    assert kept[7].t == pytest.approx(0.07)
+    assert kept[7].connection == 1
+
+
+def test_the_notebook_runs_cell_by_cell(rehearsed, monkeypatch):
+    """Without Jupyter: what its code cells say, in order, in one namespace."""
+    notebook = json.loads((Path(__file__).parents[3] / "examples" / "campaign.ipynb").read_text())
+    monkeypatch.setenv("FIDIM_CAMPAIGN", str(rehearsed))
+    names: dict[str, Any] = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
+    assert names["log"].complete
+    assert names["table"].shape == (1001, 14)
+    assert names["swings"].loc["i01", "mm"] > 1.0
+    assert 0.2 < names["swings"].loc["i01", "Hz"] < 5.0
+    assert 5.0 < names["tension"].min() < names["tension"].max() < 250.0
+    assert any("record" in text for text in names["events"])
