@@ -101,9 +101,9 @@ class Scorer:
         index, weights = markers.hermite(one.grid.t, recording.t[use])
         by_markers = markers.between(nodal, index, weights)
         direct = own + len(shared) + self._direct
-        by_markers[..., own + len(shared) : direct] += self._seen(recording, recording.t[use], shared, one)[
-            :, : len(places)
-        ]
+        ours, theirs = self._seen(recording, recording.t[use], shared, one)
+        by_markers[..., own + BODY : own + len(shared)] += ours[:, : len(places)]
+        by_markers[..., own + len(shared) : direct] += theirs[:, : len(places)]
         by_markers = self._composed(by_markers, direct, recording.begin + recording.t[use])
         known = np.isfinite(recording.lengths)
         residual = simulation.residuals[w]
@@ -176,8 +176,10 @@ class Scorer:
         order = np.argsort(np.argsort(compliant, kind="stable"), kind="stable")
         return np.concatenate([order, len(order) + np.arange(6 * len(self._frequencies))]).astype(int)
 
-    def _seen(self, recording: Recording, t: np.ndarray, shared: np.ndarray, one: Trajectories) -> np.ndarray:
-        """What direct hypotheses change of the cameras' report at the same motion (T M 3 direct), m."""
+    def _seen(
+        self, recording: Recording, t: np.ndarray, shared: np.ndarray, one: Trajectories
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the model's own θ (T M 3 θ), and direct hypotheses, change of the cameras' report at the same motion."""
         motion = sampled(self.mechanism, shared, one, 0, t)
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         stamps = (recording.begin + t)[:, np.newaxis]
@@ -187,7 +189,8 @@ class Scorer:
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
         compliant = sum(len(h.scored) for h in self.tried.direct if is_compliant(h.effect))
         parts = [table[..., chosen], np.zeros((*table.shape[:3], compliant))]
-        return np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
+        direct = np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
+        return table[..., : len(shared) - BODY], direct
 
 
 @dataclass(frozen=True, eq=False)
