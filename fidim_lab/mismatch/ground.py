@@ -20,7 +20,7 @@ from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
-from fidim_lab.model.sensitivity.grid import QUICK
+from fidim_lab.model.sensitivity.grid import FINE, QUICK
 
 SHORT = 3.0
 """s"""
@@ -28,6 +28,8 @@ HORIZONS = (3.0, 10.0)
 """s; the start is that of a good fit, so the strides may be long"""
 IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6)
 """a short look at one of many models"""
+BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
+"""whole windows that are followed already: to a tenth of a standard deviation"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +78,20 @@ def settle(
     prior: as `ground.prior` gives it. free: which shared parameters move.
     """
     likelihood = replace(ground.likelihood, mechanism=mechanism)
-    if ground.whole:
+    if ground.whole and not _is_whole(ground, donor):
         nearby = replace(prior, sd=prior.sd / FAR_PRIOR)
         journey = grow(likelihood, start, nearby, free, HORIZONS)
     else:
-        ends = np.array([recording.end for recording in likelihood.recordings])
-        optimum = optimise(likelihood, start, ends, prior, IN_PASSING, free)
-        journey = None if optimum is None else Journey(optimum, ends, {}, ())
+        effort = BESIDE if ground.whole else IN_PASSING
+        optimum = optimise(likelihood, start, donor.journey.ends, prior, effort, free)
+        journey = None if optimum is None else replace(donor.journey, optimum=optimum)
     return None if journey is None else as_fit(donor, likelihood, journey, prior)
+
+
+def _is_whole(ground: Ground, donor: Fit) -> bool:
+    """Whether the donor has followed the same recordings, so that nothing can get lost any more on the way."""
+    there = [recording.end for recording in donor.likelihood.recordings]
+    return there == [recording.end for recording in ground.likelihood.recordings] and not donor.journey.lost
 
 
 def nearer(found: Fit, seconds: float) -> Fit | None:
