@@ -59,11 +59,13 @@ class Laboratory:
         now: Callable[[], float],
         noise: Noise | None = None,
         drums: Sequence[DrumGeometry] | None = None,
+        grain: float = 0.0,
     ) -> None:
         """Begin at rest at the cable lengths `start` (m).
 
-        now: monotonic s. drums: unless given they turn alternately, with count 0 at the start. Raises SetupError where
-        the robot file has no winches, InfeasibleError without such a rest.
+        now: monotonic s. drums: unless given they turn alternately, with count 0 at the start. grain: s by which motor
+        currents may be old; in real time every look has another time, and each would cost a step of the world. Raises
+        SetupError where the robot file has no winches, InfeasibleError without such a rest.
         """
         if robot.winches is None:
             raise SetupError("The robot file has no [winch] table: drives cannot be simulated without drum and gear.")
@@ -76,6 +78,7 @@ class Laboratory:
         self.shafts = tuple(LaboratoryShaft(self, now) for _ in self.drums)
         self._cameras = Cameras(world, noise.marker, cameras)
         self._currents = CurrentSensors(robot.winches, noise.current, currents)
+        self._grain = grain
         self._origin = now()
         self.plant.settle(np.asarray(start, dtype=float), t=0.0)
         self._read_currents()
@@ -111,6 +114,11 @@ class Laboratory:
             while end > self.plant.t + 1e-9:
                 self._step(end)
             self._read_currents()
+
+    def refresh(self, t: float) -> None:
+        """As `advance`, unless the world has got to within the grain of host time t (s)."""
+        if t - self._origin - self.plant.t >= self._grain:
+            self.advance(t)
 
     def _step(self, end: float) -> None:
         begin = self.plant.t
@@ -151,7 +159,7 @@ class LaboratoryShaft(DrumShaft):
     @property
     def load_current(self) -> float:
         """A, at the present moment."""
-        self._laboratory.advance(self._now())
+        self._laboratory.refresh(self._now())
         return super().load_current
 
     def follow(self, t: float, profile: Profile) -> None:

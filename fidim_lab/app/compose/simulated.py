@@ -43,6 +43,8 @@ MARKER_RATE = 100.0
 """Hz"""
 REACH = 0.3
 """m of cable beyond the plan's shortest and longest that a simulated winch may wind or pay out"""
+GRAIN = 0.005
+"""s by which a simulated motor current may be old in real time"""
 SHORTEST = 0.05
 """m"""
 
@@ -103,7 +105,8 @@ async def simulated_rig(
     clock = LoopClock()
     now: Callable[[], float] = time.monotonic if real_time else clock.now
     start = _start(plan)
-    laboratory = Laboratory(robot, world, start, np.random.default_rng([seed, 1]), now)
+    grain = GRAIN if real_time else 0.0
+    laboratory = Laboratory(robot, world, start, np.random.default_rng([seed, 1]), now, grain=grain)
     configs = _winch_configs(robot, plan, laboratory)
     drives = laboratory.drives(configs[0].eds)
     names = tuple(f"marker{k}" for k in range(1, len(robot.markers) + 1))

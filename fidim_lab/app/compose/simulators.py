@@ -16,7 +16,7 @@ from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.clock import LoopClock
 from drivers.ports import Clock
 from fidim_lab.app.compose.real import winch_configs
-from fidim_lab.app.compose.simulated import simulated_world
+from fidim_lab.app.compose.simulated import GRAIN, simulated_world
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan
 from fidim_lab.data.rig import BusEntry, MocapEntry, MocapKind, RigFile
@@ -133,7 +133,7 @@ def _laboratory(
     )
     world = simulated_world(file.robot, seed, hide)
     rng = np.random.default_rng([seed, 1])
-    return Laboratory(file.robot, world, start, rng, time.monotonic, drums=drums)
+    return Laboratory(file.robot, world, start, rng, time.monotonic, drums=drums, grain=GRAIN)
 
 
 def _drives(

@@ -1,0 +1,139 @@
+"""Rig files: every example reads, what is wrong is named by file, table, key, found and allowed."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fidim_lab.data.rig import GuardReaction, MocapKind
+from fidim_lab.data.rig_file import read_rig
+from fidim_lab.errors import FileError
+
+EXAMPLES = sorted((Path(__file__).parents[3] / "examples" / "rigs").glob("*.toml"))
+SIMULATED = next(path for path in EXAMPLES if path.name == "simulated.toml")
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_every_example_is_read(path):
+    rig = read_rig(path)
+    assert len(rig.winches) == rig.robot.n == 4
+    assert sorted({winch.node_id for winch in rig.winches}) == [1, 2, 3, 4]
+    assert set(rig.guards) == {"drive", "stale_winch", "tension", "marker", "slip"}
+    assert len(rig.motion_capture.markers) == (0 if rig.motion_capture.subject else len(rig.robot.markers))
+
+
+def test_there_is_an_example_for_each_source_that_is_read():
+    kinds = {read_rig(path).motion_capture.kind for path in EXAMPLES}
+    assert kinds == {MocapKind.VICON_UDP, MocapKind.MARKER_TEXT}
+
+
+def test_every_winch_gives_what_a_winch_does_not_say(changed):
+    rig = read_rig(changed('name = "winch 3"', 'name = "winch 3"\nmax_speed = 0.25'))
+    assert [winch.max_speed for winch in rig.winches] == [0.5, 0.5, 0.25, 0.5]
+    assert [winch.direction for winch in rig.winches] == [1, -1, 1, -1]
+
+
+def test_a_measured_gain_takes_the_place_of_drum_and_gear(changed):
+    rig = read_rig(changed('name = "winch 2"', 'name = "winch 2"\ntension = { gain = 30.0, offset = 1.0 }'))
+    assert rig.robot.winches is not None
+    assert [winch.newton_per_ampere for winch in rig.robot.winches] == pytest.approx([34.0, 30.0, 34.0, 34.0])
+
+
+def test_guards_have_defaults_and_take_what_is_said(changed):
+    rig = read_rig(changed('[guards.marker]\nreaction = "hold"', '[guards.marker]\nreaction = "reject-window"'))
+    assert rig.guards["marker"].reaction is GuardReaction.REJECT_WINDOW
+    assert rig.guards["slip"].reaction is GuardReaction.HOLD
+    assert rig.guards["slip"].thresholds == {"allowed": 0.005}
+
+
+@pytest.fixture
+def changed(tmp_path):
+    """The simulated example with one text replaced by another."""
+
+    def change(old, new):
+        text = SIMULATED.read_text()
+        assert old in text
+        path = tmp_path / "rig.toml"
+        path.write_text(text.replace(old, new, 1))
+        return path
+
+    return change
+
+
+WRONG = {
+    "format": (
+        '"fidim-rig/1"',
+        '"fidim-rig/9"',
+        "rig.toml: format: is 'fidim-rig/9'; this version reads \"fidim-rig/1\"",
+    ),
+    "unknown key": ("interface =", "baud = 1\ninterface =", "bus, baud: unknown key"),
+    "unknown key for all": ("gear_ratio =", "gears =", "winch 1, gears: unknown key"),
+    "missing": ("drum_radius = 0.03 ", "", "winch 4, drum_radius: is missing"),
+    "range": ("sync_rate = 100.0", "sync_rate = 1000.0", "bus, sync_rate: Input should be less than or equal to 500"),
+    "order": (
+        "[0.3, 3.5]",
+        "[3.5, 0.3]",
+        "length_limits: the shortest, 3.5 m, is not below the longest, 0.3 m",
+    ),
+    "node twice": ("node_id = 2", "node_id = 1", "winch 2, node_id: 1 is taken by another winch"),
+    "host": ("node_id = 2", "node_id = 126\n[bus.x]", "bus, x: unknown key"),
+    "host is a winch": ("sync_rate =", "host_id = 4\nsync_rate =", "bus, host_id: 4 is a winch's node_id"),
+    "robot": ('"irma4"', '"none.toml"', "none.toml: no such file"),
+    "eds": (
+        'eds = "generic"',
+        'eds = "mine.eds"',
+        "winch 1, eds: 'mine.eds': no such file; \"generic\" is the built-in one",
+    ),
+    "drum": (
+        "drum_radius = 0.03 ",
+        "drum_radius = 0.04 ",
+        "winch 1, drum_radius: 0.04 m, but irma4 says 0.03 m",
+    ),
+    "not built": (
+        '"vicon-udp"',
+        '"natnet"',
+        'kind: "natnet" (OptiTrack NatNet) is not read by this version; use "vicon-udp", "marker-text"',
+    ),
+    "no such source": ('"vicon-udp"', '"kinect"', "motion_capture, kind: Input should be"),
+    "markers": ('["marker1"]', '["a", "b"]', "motion_capture, markers: 2 names for the 1 marker(s) of the robot file"),
+    "coasting": (
+        "gear_ratio =",
+        "stop = { connection_lost = 0 }\ngear_ratio =",
+        "winch 1, stop, connection_lost: Input should be 3",
+    ),
+    "guard": ("slack = 0.1", "slak = 0.1", "guards, tension, slak: unknown key"),
+    "reaction": (
+        'reaction = "quick-stop"\nslack',
+        'reaction = "warn"\nslack',
+        "Input should be 'hold' or 'quick-stop'",
+    ),
+    "serial": ("[simulated_hand]", "[release]\nport = 'x'\n[simulated_hand]", "release: serial devices are not read"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_mistake_is_named(changed, case):
+    old, new, says = WRONG[case]
+    with pytest.raises(FileError) as caught:
+        read_rig(changed(old, new))
+    assert says in str(caught.value)
+    if case != "robot":
+        assert "rig.toml" in str(caught.value)
+
+
+def test_all_mistakes_at_once(changed, tmp_path):
+    path = changed("gear_ratio = 10.0", "gear_ratio = -1.0")
+    path.write_text(path.read_text().replace("rate = 100.0    ", "rate = 0.0    "))
+    with pytest.raises(FileError) as caught:
+        read_rig(path)
+    assert "winch 1, gear_ratio" in str(caught.value)
+    assert "motion_capture, rate" in str(caught.value)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_file_error_or_a_rig(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "any-rig.toml"
+    path.write_bytes(b'format = "fidim-rig/1"\n' + data)
+    with pytest.raises(FileError):
+        read_rig(path)
