@@ -10,24 +10,20 @@ from pathlib import Path
 
 from rich.table import Table
 
-from drivers.mocap.source import StreamMarkerSource
-from drivers.ports import Rig
 from fidim_lab.app import compose, console
-from fidim_lab.app.devices_file import devices_of, read_back, write_devices
 from fidim_lab.app.identify import run_identify, summary
-from fidim_lab.app.manifest import write_manifest
 from fidim_lab.app.report.write import write_report
 from fidim_lab.app.run_display import display
+from fidim_lab.app.run_records import RunRecords
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-from fidim_lab.errors import FidimError, HardwareError
+from fidim_lab.errors import HardwareError
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.result_file import write_result
-from procedures.events import Event, RunFinished, RunStarted
+from procedures.events import Event, RunFinished
 from procedures.guards import LogGuard
-from procedures.raw_logs import RawLogs
 from procedures.report import RunReport
 from procedures.run import Experiment, identification, run_procedure
 from procedures.run_folder import require_new
@@ -138,8 +134,7 @@ class _Rehearsal:
         self._robot, self._plan, self._experiment, self._folder = robot, plan, experiment, folder
         self._options = options
         self._truth = truth
-        self._logs = RawLogs(folder)
-        self._unlogged: str | None = None
+        self._records: RunRecords | None = None
         self._ended: RunReport | None = None
 
     def run(self, world: compose.World) -> RunReport:
@@ -157,11 +152,10 @@ class _Rehearsal:
                     console.err.print(_says(self._ended), markup=False)
                 raise
             finally:
-                self._logs.close()
-        if (error := self._log_error()) is not None:
+                if self._records is not None:
+                    self._records.close()
+        if self._records is not None and (error := self._records.error()) is not None:
             console.warn([error])
-        if self._folder.exists():
-            write_manifest(self._folder)
         return report
 
     async def _carry_out(self, world: compose.World, shown: object) -> RunReport:
@@ -169,39 +163,26 @@ class _Rehearsal:
         async with compose.simulated_rig(
             self._robot, self._plan, world, options.seed, real_time=options.real_time
         ) as simulated:
-            rig = simulated.rig
-            simulated.transport.tap(self._logs.on_frame)
-            if isinstance(rig.markers, StreamMarkerSource):
-                rig.markers.tap(self._logs.on_packet)
+            self._records = records = RunRecords(self._folder, simulated.rig, self._write_papers)
+            simulated.transport.tap(records.on_frame)
             report = await run_procedure(
                 self._experiment,
-                rig,
+                simulated.rig,
                 self._folder,
                 wall_time=_wall_time if options.real_time else lambda: SIMULATED_DAY,
-                listeners=(lambda event: self._on_event(event, rig), shown),  # type: ignore[arg-type]
-                guards=(LogGuard(self._log_error),),
+                listeners=(records.on_event, self._on_event, shown),  # type: ignore[arg-type]
+                guards=(LogGuard(records.error),),
             )
-            write_devices(self._folder, await read_back(rig))
+            await records.after_run()
             return report
 
-    def _on_event(self, event: Event, rig: Rig) -> None:
-        if isinstance(event, RunStarted):
-            try:
-                self._open_folder(rig)
-            except (OSError, FidimError) as error:  # a listener that raises would be dropped, and nothing logged
-                self._unlogged = str(error)
-        elif isinstance(event, RunFinished):
+    def _on_event(self, event: Event) -> None:
+        if isinstance(event, RunFinished):
             self._ended = event.report
 
-    def _open_folder(self, rig: Rig) -> None:
-        self._logs.open()
-        write_devices(self._folder, devices_of(rig))
+    def _write_papers(self) -> None:
         write_plan(self._folder / PLAN, self._plan)
         (self._folder / TRUTH).write_text(json.dumps(self._truth, indent=1) + "\n", encoding="utf-8")
-
-    def _log_error(self) -> str | None:
-        """Why the raw log, or what else belongs beside the run, is not whole."""
-        return self._unlogged or self._logs.error
 
 
 def _wall_time() -> str:

@@ -1,0 +1,69 @@
+"""What lies beside the windows of a run, for every command that makes one: raw bytes, devices.json, manifest.json.
+
+records = RunRecords(folder, rig, papers)      # papers: writes plan.toml and whatever else belongs there
+bus.tap(records.on_frame)
+try:
+    report = await run_procedure(…, listeners=(records.on_event, …), guards=(LogGuard(records.error),))
+    await records.after_run()                  # while the rig is still open
+finally:
+    records.close()
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from drivers.canbus.transport import CanFrame
+from drivers.mocap.source import StreamMarkerSource
+from drivers.ports import Rig
+from fidim_lab.app.devices_file import devices_of, read_back, write_devices
+from fidim_lab.app.manifest import write_manifest
+from fidim_lab.errors import FidimError
+from procedures.events import Event, RunStarted
+from procedures.raw_logs import RawLogs
+
+
+class RunRecords:
+    """Opens when the run's folder is there, also for a run that is resumed; taps and listener never raise."""
+
+    def __init__(self, folder: Path, rig: Rig, papers: Callable[[], None]) -> None:
+        """papers: writes what belongs beside the run into the folder; may raise OSError or FidimError."""
+        self._folder = folder
+        self._rig = rig
+        self._papers = papers
+        self._logs = RawLogs(folder)
+        self._unwritten: str | None = None
+        self._open = False
+        if isinstance(rig.markers, StreamMarkerSource):
+            rig.markers.tap(self._logs.on_packet)
+
+    def on_frame(self, frame: CanFrame) -> None:
+        """A tap of the bus."""
+        self._logs.on_frame(frame)
+
+    def on_event(self, event: Event) -> None:
+        """A listener of the run: begins when it does."""
+        if not isinstance(event, RunStarted):
+            return
+        self._open = True
+        try:
+            self._logs.open()
+            write_devices(self._folder, devices_of(self._rig))
+            self._papers()
+        except (OSError, FidimError) as error:  # a listener that raises would be dropped, and nothing logged
+            self._unwritten = str(error)
+
+    def error(self) -> str | None:
+        """Why the raw logs, or what else belongs beside the run, are not whole: for `LogGuard`."""
+        return self._unwritten or self._logs.error
+
+    async def after_run(self) -> None:
+        """Read the drives' objects once more into devices.json. Raises HardwareError when the disk fails."""
+        if self._open:
+            write_devices(self._folder, await read_back(self._rig))
+
+    def close(self) -> None:
+        """Close the logs and write the manifest; may be called twice. Raises HardwareError when the disk fails."""
+        self._logs.close()
+        if self._open:
+            self._open = False
+            write_manifest(self._folder)
