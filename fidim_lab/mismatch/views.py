@@ -85,22 +85,22 @@ class View:
             able = (p for p in self.pairs if all(self._can_be_fitted(h.effect) for h in p.tried))
             least = singles[0].log_evidence + ENOUGH
             pairs = list(_varied([pair for pair in able if pair.log_evidence > least]))[:PAIRS]
-        return (*self._near(singles), *self._near(pairs))
+        return (*self._near(singles, 0.0), *self._near(pairs, singles[0].gain if singles else 0.0))
 
-    def _near(self, scores: Sequence[Score]) -> tuple[Score, ...]:
-        """Those that come near the first."""
+    def _near(self, scores: Sequence[Score], less: float) -> tuple[Score, ...]:
+        """Those that come near the first; `less`: χ² that fewer terms take."""
         if not scores:
             return ()
         best = scores[0].log_evidence
         if self.model.excess >= NEAR:
             return tuple(score for score in scores if score.log_evidence >= NEARLY * best)
         least = best - TIE - SLIGHT * best
-        return tuple(score for score in scores if score.log_evidence >= least and self._takes_enough(score))
+        return tuple(score for score in scores if score.log_evidence >= least and self._takes_enough(score, less))
 
-    def _takes_enough(self, score: Score) -> bool:
-        """Whether noise alone would be left, or at least a good part of what is not noise would be gone."""
+    def _takes_enough(self, score: Score, less: float) -> bool:
+        """Whether noise alone would be left, or at least a good part of what fewer terms leave would be gone."""
         noise = 4 * self.model.fit.noise_ratio**2 * float(np.sqrt(2 * self.projected.dof))
-        return score.gain > FEEBLE * self.rest or self.rest - score.gain < noise
+        return score.gain - less > FEEBLE * (self.rest - less) or self.rest - score.gain < noise
 
     def _can_be_fitted(self, effect: NamedEffect) -> bool:
         """Whether trajectories carry it; a stretch that spoils what is looked at is beyond their first order."""
