@@ -20,6 +20,8 @@ class MotionSettings:
     """m, a cable's encoder against the length asked for"""
     straight: float = 0.02
     """m by which a cable may leave the straight line in length space that was checked, while all are moving"""
+    together: float = 0.25
+    """s within which all winches take their set-points: some ten bus cycles; 6 mm at the usual acceleration"""
     settle_tolerance: float = 2e-3
     """m, peak to peak of each marker coordinate"""
     settle_over: float = 1.0

@@ -11,8 +11,6 @@ from procedures.timing import wait_until, within
 
 EXPECTED_PLACE = 5e-3
 """m: a robot farther from where the plan has it gets its way checked from where it is"""
-TOGETHER = 0.25
-"""s within which all winches take their set-points: some ten bus cycles; 6 mm at the usual acceleration"""
 SLOWEST = 0.01
 """part of speed and acceleration that a cable with next to no way is given: a drive takes no zero"""
 
@@ -72,10 +70,11 @@ async def _start(stand: Stand, step: MoveTo, start: Lengths, way: float) -> None
         for winch, length, profile in zip(winches, step.lengths, profiles, strict=True)
     ]
     try:
-        await within(stand.rig.clock, TOGETHER, _until_one_fails(moves))
+        await within(stand.rig.clock, stand.settings.motion.together, _until_one_fails(moves))
     except TimeoutError:
         late = [winch.name for winch, move in zip(winches, moves, strict=True) if not move.done()]
-        raise DeviceError(", ".join(late), f"has not begun its move within {TOGETHER:g} s of the others") from None
+        together = stand.settings.motion.together
+        raise DeviceError(", ".join(late), f"has not begun its move within {together:g} s of the others") from None
 
 
 async def _until_one_fails(moves: Sequence["asyncio.Future[None]"]) -> None:

@@ -31,6 +31,8 @@ REACTIONS = {
     GuardReaction.QUICK_STOP: Reaction.QUICK_STOP,
     GuardReaction.REJECT_WINDOW: Reaction.REJECT_WINDOW,
 }
+LONGEST_TOGETHER = 0.5
+"""s; at the usual acceleration a winch that went alone would be 25 mm ahead by then"""
 STEP_TIMEOUT = 2.0
 """s for one step of a drive's machine, besides its brake"""
 
@@ -172,6 +174,7 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
         speed=min(base.motion.speed, speed),
         acceleration=min(base.motion.acceleration, acceleration),
         length_limits=tuple(winch.length_limits for winch in file.winches),
+        together=max(base.motion.together, min(file.guards["stale_winch"].thresholds["age"], LONGEST_TOGETHER)),
     )
     tension = replace(base.tension, tolerance=_tolerance(file, base.tension))
     return replace(base, motion=motion, tension=tension, guard=_guard_settings(file.guards, base.guard))
