@@ -188,7 +188,11 @@ class Engine:
         pulse.step, pulse.number, pulse.left, pulse.told = step, pulse.number + 1, left, -1.0
         pulse.begun, pulse.paused = self._rig.clock.now(), False
         pulse.touched |= isinstance(step, Enable) or step.phase is not Phase.PREPARING
-        self._journal.write(Kind.STEP_STARTED, sync=False, step=type(step).__name__, window=step.window, text=step.text)
+        details = step.details  # of a motion: must be on the disk before it begins
+        name, synced = type(step).__name__, bool(details)
+        self._journal.write(
+            Kind.STEP_STARTED, sync=synced, step=name, window=step.window, text=step.text, data=dict(details)
+        )
         self._publish(StepStarted(self._rig.clock.now(), pulse.number, step, left))
 
     def _end(self, step: Step, result: Result) -> None:

@@ -117,5 +117,7 @@ class Interruption:
         return ""
 
     def _tell(self, kind: Kind, event: type[Paused | Resumed], step: Step, says: str) -> None:
-        self._journal.write(kind, step=type(step).__name__, window=step.window, text=step.text, reason=says)
+        places = self._places()
+        data = {} if places is None else {"lengths": [round(length, 6) for length in places]}
+        self._journal.write(kind, step=type(step).__name__, window=step.window, text=step.text, reason=says, data=data)
         self._publish(event(self._stand.rig.clock.now(), step.window, says))

@@ -14,9 +14,10 @@ from procedures.steps import Accept, CheckWindow, GiveUp, Record, Result, Step
 class Ledger:
     """One row for each planned window, in order."""
 
-    def __init__(self, folder: Path, roles: Mapping[str, Role]) -> None:
+    def __init__(self, folder: Path, roles: Mapping[str, Role], known: Mapping[str, WindowRow] | None = None) -> None:
+        """known: windows that have their verdict from an earlier process."""
         self._folder = folder
-        self._rows = {window: WindowRow(window, role) for window, role in roles.items()}
+        self._rows = {window: WindowRow(window, role) for window, role in roles.items()} | dict(known or {})
 
     @property
     def rows(self) -> tuple[WindowRow, ...]:

@@ -27,6 +27,7 @@ from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.recorder import Recorder, WriteBytes
 from procedures.report import RunReport
+from procedures.resumption import Resumption
 from procedures.run_folder import RunFolder, check_window_ids
 from procedures.settings import Settings
 from procedures.stand import Stand
@@ -49,11 +50,16 @@ class Experiment:
 
 
 def identification(
-    plan: Plan, robot: Robot, settings: Settings | None = None, statics: Statics | None = None
+    plan: Plan,
+    robot: Robot,
+    settings: Settings | None = None,
+    statics: Statics | None = None,
+    resumption: Resumption | None = None,
 ) -> Experiment:
     """The identification protocol for a plan, its limits checked (some seconds; the robot is not needed).
 
-    statics: tensions at rest; by the nominal model unless given. Raises InfeasibleError naming window, cable, value and
+    statics: tensions at rest; by the nominal model unless given. resumption: what an earlier process has done of it.
+    Raises InfeasibleError naming window, cable, value and
     what is allowed where the plan, or every way between two of its equilibria, leaves the limits; SetupError for a
     window that cannot be a file.
     """
@@ -65,7 +71,8 @@ def identification(
     def route(start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
         return find_route(workspace, start, goal, via)
 
-    procedure = partial(identify, plan, robot, settings, route)
+    left = plan if resumption is None else resumption.left_of(plan)
+    procedure = partial(identify, left, robot, settings, route, resumption.attempts if resumption else None)
     check_moves(Outline(procedure).steps, robot, workspace)
     roles = {window.id: window.role for window in plan.windows}
     return Experiment(plan.name, robot, procedure, roles, workspace, settings)
@@ -81,16 +88,19 @@ async def run_procedure(
     guards: Sequence[Guard] = (),
     handlers: Mapping[type[Step], Handler] = HANDLERS,
     control: Control | None = None,
+    resumption: Resumption | None = None,
     write: WriteBytes = os.write,
 ) -> RunReport:
     """Carry an experiment out into a new folder, which is a campaign as FORMAT.md fixes it.
 
     wall_time: the time of day as ISO 8601 text, for the journal (a constant in simulations).
-    guards: besides the standard ones. control: by which people pause, skip, retry, abort and stop. Raises SetupError or
-    InfeasibleError before anything is commanded; CancelledError after the robot is held when it was cancelled (the
-    report goes to the listeners in `RunFinished`); and what only a bug can raise, likewise after the robot is held.
+    guards: besides the standard ones. control: by which people pause, skip, retry, abort and stop.
+    resumption: the folder is an earlier run's, which goes on; the procedure has only what is left to do.
+    Raises SetupError or InfeasibleError before anything is commanded; CancelledError after the robot is held when it
+    was cancelled (the report goes to the listeners in `RunFinished`); and what only a bug can raise, likewise after
+    the robot is held.
     """
-    run = _Run(experiment, rig, folder, wall_time, listeners, control or Control(), write)
+    run = _Run(experiment, rig, folder, wall_time, listeners, control or Control(), write, resumption)
     return await run.carry_out(handlers, guards)
 
 
@@ -106,6 +116,7 @@ class _Run:
         listeners: Sequence[Listener],
         control: Control,
         write: WriteBytes,
+        resumption: Resumption | None,
     ) -> None:
         robot, settings = experiment.robot, experiment.settings
         factors = _newton_per_ampere(robot, rig)
@@ -114,9 +125,11 @@ class _Run:
         self._factors = factors
         self._outline = Outline(experiment.procedure)
         check_moves(self._outline.steps, robot, experiment.workspace)
-        self._folder = RunFolder(folder, experiment.name, robot, rig.markers.rate)
+        self._resumption = resumption
+        kept = None if resumption is None else resumption.entries
+        self._folder = RunFolder(folder, experiment.name, robot, rig.markers.rate, kept)
         self._journal = Journal(self._folder.journal, rig.clock, wall_time)
-        self._ledger = Ledger(folder, experiment.roles)
+        self._ledger = Ledger(folder, experiment.roles, None if resumption is None else resumption.rows)
         age, markers = settings.guard.sample_age, len(robot.markers)
         self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write, factors)
         self._publish = Publisher([self._recorder.on_event, *listeners])
@@ -151,6 +164,7 @@ class _Run:
             newton_per_ampere=self._factors,
             progress=self._engine.progress,
             prompted=self._engine.prompted,
+            place=None if self._resumption is None else self._resumption.place,
         )
         names = [winch.name for winch in self._rig.winches]
         guards = (*standard_guards(names, self._factors, experiment.robot.limits.tension, settings.guard), *more)
@@ -161,7 +175,8 @@ class _Run:
             "seconds": round(outline.seconds, 1),
             "settings": asdict(settings),
         }
-        self._journal.write(Kind.RUN_STARTED, text=experiment.name, data=data)
+        kind = Kind.RUN_STARTED if self._resumption is None else Kind.CONTINUED
+        self._journal.write(kind, text=experiment.name, data=data)
         self._publish(RunStarted(self._rig.clock.now(), experiment.name, windows, outline.seconds))
         return await self._engine.run(experiment.procedure, stand, handlers, guards, settings.guard)
 
@@ -206,7 +221,10 @@ class _Run:
                 data = {"guard": trip.guard, "reaction": trip.reaction.value, "at": round(trip.t, 6)}
                 self._journal.write(Kind.TRIPPED, outcome=Outcome.ERROR, reason=trip.says, data=data)
             outcome = Outcome.PASS if report.held else Outcome.ERROR
-            self._journal.write(Kind.HELD, outcome=outcome, reason=report.held_says)
+            samples = [winch.latest() for winch in self._rig.winches]
+            lengths = [round(sample.length, 6) for sample in samples if sample is not None]
+            data = {"lengths": lengths} if len(lengths) == len(samples) else {}
+            self._journal.write(Kind.HELD, outcome=outcome, reason=report.held_says, data=data)
             windows = {row.id: row.outcome.value for row in report.windows}
             data = {"windows": windows, "seconds": round(report.seconds, 3)}
             self._journal.write(Kind.RUN_FINISHED, outcome=report.outcome, reason=report.reason, data=data)

@@ -21,11 +21,21 @@ _FILE_NAME = re.compile(r"\w[\w.-]*")
 class RunFolder:
     """Where a run writes. Raises SetupError where the folder holds something already, HardwareError for a full disk."""
 
-    def __init__(self, path: Path, name: str, robot: Robot, sample_rate: float) -> None:
+    def __init__(
+        self,
+        path: Path,
+        name: str,
+        robot: Robot,
+        sample_rate: float,
+        kept: Sequence[IndexEntry] | None = None,
+    ) -> None:
+        """kept: the folder is there, with these windows, and goes on."""
         self.path = path
         self._name = name
         self._rate = sample_rate
-        self._entries: list[IndexEntry] = []
+        self._entries: list[IndexEntry] = list(kept or ())
+        if kept is not None:
+            return
         require_new(path)
         try:
             for folder in ("windows", "rejected"):

@@ -8,6 +8,7 @@ from fidim_lab.data.records import Robot
 from fidim_lab.errors import DeviceError
 from procedures.limits import Workspace
 from procedures.recorder import Recorder
+from procedures.resumption import LastPlace
 from procedures.run_folder import RunFolder
 from procedures.settings import Settings
 
@@ -27,6 +28,8 @@ class Stand:
     """how far the step is, 0 to 1"""
     prompted: Callable[[str, Prompt], None]
     """a question is about to be asked in a window"""
+    place: LastPlace | None = None
+    """where an earlier process left the robot; checked before anything moves"""
 
     def sample(self, winch: int) -> WinchSample:
         """The newest sample of a winch. Raises DeviceError when it is too old to be believed."""

@@ -325,6 +325,21 @@ def run_(**options: Any) -> None:
 
 
 @fidim.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--accept-place", is_flag=True, help="Go on from wherever the robot is: you have looked, or homed it.")
+@example("fidim resume runs/plan")
+def resume(folder: Path, accept_place: bool) -> None:
+    """Go on with the run in FOLDER after a crash, a kill, a power cut or an abort.
+
+    Windows that have their verdict stay; the open one is recorded again. Nothing moves where the robot is not where the
+    journal left it.
+    """
+    from fidim_lab.app.resume import resume_command
+
+    sys.exit(resume_command(folder, accept_place=accept_place))
+
+
+@fidim.command()
 @click.option("--rig", type=FILE, default=None, help="Only the service of this rig; default all of yours.")
 @click.option("--reason", default="", help="For the journal.")
 @example("fidim stop")

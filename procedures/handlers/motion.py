@@ -31,7 +31,14 @@ async def enable(stand: Stand, step: Enable) -> Result:
         raise DeviceError(
             "Motion capture", f"no frame within {step.timeout:g} s", hint="Check that it streams, and the port."
         )
-    return Result(values=stand.lengths())
+    lengths = stand.lengths()
+    if stand.place is not None and (wrong := stand.place.wrong(lengths)):
+        raise DeviceError(
+            "The robot is not where it was left",
+            f"{wrong}.",
+            hint="Was it moved, or an encoder reset? Home it; then resume with --accept-place.",
+        )
+    return Result(values=lengths)
 
 
 async def move_to(stand: Stand, step: MoveTo) -> Result:

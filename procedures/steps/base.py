@@ -1,9 +1,9 @@
 """What every step is: text, estimate, what guards may expect meanwhile, and what may come of it."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from procedures.outcomes import Measurement, Outcome
 
@@ -65,6 +65,11 @@ class Step:
     def place(self) -> tuple[object, ...]:
         """Where in a procedure it stands: the same for repetitions of a step, different for any two others."""
         return (type(self), self.window)
+
+    @property
+    def details(self) -> Mapping[str, Any]:
+        """What a journal must know of it before it begins, as JSON has it."""
+        return {}
 
     @property
     def seconds(self) -> float:

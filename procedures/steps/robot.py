@@ -1,8 +1,9 @@
 """Steps that move the robot or measure it at rest."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from procedures.steps.base import AfterPause, Lengths, Phase, Step
 
@@ -54,6 +55,11 @@ class MoveTo(Step):
         """What is done."""
         where = " ".join(f"{length:.3f}" for length in self.lengths)
         return f"move {'by way of' if self.way_point else 'to'} lengths {where} m, at most {self.speed:g} m/s"
+
+    @property
+    def details(self) -> Mapping[str, Any]:
+        """Where to: after a crash the robot is somewhere on the way."""
+        return {"lengths": [round(length, 6) for length in self.lengths]}
 
     @property
     def place(self) -> tuple[object, ...]:

@@ -21,6 +21,7 @@ from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import FidimError
 from procedures.guards import LogGuard
 from procedures.report import RunReport, WindowRow
+from procedures.resumption import Resumption, read_resumption
 from procedures.run import Experiment, identification, run_procedure
 from procedures.settings import Settings
 
@@ -35,14 +36,20 @@ class Work:
     file: RigFile
     plan: Plan
     experiment: Experiment
+    resumption: Resumption | None = None
 
 
 def prepare(spec: RunSpec) -> Work:
     """Read files, check the plan (some seconds). Raises FidimError; nothing is opened, nothing moves."""
     file = read_rig(spec.rig)
-    plan = read_plan(spec.plan, file.robot.n)
-    experiment = identification(plan, file.robot, _settings(spec, file, plan))
-    return Work(spec, file, plan, experiment)
+    plan = read_plan(spec.out / PLAN if spec.resume else spec.plan, file.robot.n)
+    resumption = None
+    if spec.resume:
+        resumption = read_resumption(spec.out, {window.id: window.role for window in plan.windows})
+        if spec.accept_place:
+            resumption = replace(resumption, place=None)
+    experiment = identification(plan, file.robot, _settings(spec, file, plan), resumption=resumption)
+    return Work(spec, file, plan, experiment, resumption)
 
 
 def run_service(work: Work) -> int:
@@ -54,7 +61,8 @@ def run_service(work: Work) -> int:
 
 async def _serve(work: Work, place: Place, lock: Lock) -> int:
     spec = work.spec
-    async with open_rig(spec, work.file, work.plan) as opened:
+    place_left = work.resumption.place if work.resumption else None
+    async with open_rig(spec, work.file, work.plan, place_left.end if place_left else None) as opened:
         service = _service(work, opened)
         await service.hub.listen_unix(place.socket)
         if spec.tcp_port is not None:
@@ -69,7 +77,8 @@ async def _serve(work: Work, place: Place, lock: Lock) -> int:
 def _service(work: Work, opened: Opened) -> Service:
     spec = work.spec
     identity = Identity(spec.out, work.file.name, spec.stay)
-    rows = [WindowRow(window, role) for window, role in work.experiment.roles.items()]
+    known = work.resumption.rows if work.resumption else {}
+    rows = [known.get(window, WindowRow(window, role)) for window, role in work.experiment.roles.items()]
     answers = spec.unattended.answers if spec.unattended else {}
     defaults = {kind: DefaultAnswer(answer.choice, answer.after) for kind, answer in answers.items()}
     return Service(work.experiment, opened, identity, rows, defaults)
@@ -88,12 +97,15 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
             listeners=(logs.on_event, *service.listeners()),
             guards=guards,
             control=service.control,
+            resumption=work.resumption,
         )
     finally:
         logs.close()
 
 
 def _write_papers(work: Work) -> None:
+    if work.resumption is not None:
+        return  # they are there
     write_plan(work.spec.out / PLAN, work.plan)
     write_spec(work.spec.out, work.spec)
 

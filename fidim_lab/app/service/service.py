@@ -171,6 +171,8 @@ class Service:
     def _start(self) -> str:
         if self._running or self._started.is_set():
             return "the run has begun already"
+        if self.watcher.report is not None:
+            return "the run has ended; fidim resume goes on with what is left"
         self._started.set()
         return ""
 

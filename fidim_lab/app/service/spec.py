@@ -51,6 +51,10 @@ class RunSpec(_Part):
     out: Path
     procedure: str = "identify"
     """name of a built-in procedure; a plan that is a Python file is a procedure itself"""
+    resume: bool = False
+    """the run of this folder goes on"""
+    accept_place: bool = False
+    """resume from wherever the robot is: a person has looked"""
     settings: dict[str, float] = {}
     """"table.key" → value, for what the rig file does not say (fidim run --set)"""
     embedded: bool = False

@@ -1,0 +1,139 @@
+"""What a run that ended, however it ended, has left to do: read from its folder, which a power cut cannot have torn.
+
+campaign.toml says which windows are kept (it is written before the journal says so), the journal which others have
+their verdict, how often each was recorded, and where the robot should be. The open window is recorded again.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.data.campaign import FORMAT as CAMPAIGN_FORMAT
+from fidim_lab.data.campaign import INDEX, ROBOT, CampaignTable, IndexEntry
+from fidim_lab.data.records import Plan, Role
+from fidim_lab.data.toml_file import read_toml
+from fidim_lab.errors import RefusedError, SetupError
+from procedures.journal import NAME as JOURNAL
+from procedures.journal import Entry, Kind, read_journal
+from procedures.outcomes import Outcome
+from procedures.report import WindowRow
+from procedures.steps import GiveUp, Lengths, MoveTo, Record
+
+NEAR = 5e-3
+"""m from where the journal left a robot at rest"""
+NEAR_WAY = 25e-3
+"""m from the way on which it was moving: winches that lost their host stop each on its own ramp"""
+
+
+@dataclass(frozen=True)
+class LastPlace:
+    """Where the robot should be: at rest at `end`, or anywhere on its way from `start` to it. Cable lengths, m."""
+
+    start: Lengths
+    end: Lengths
+
+    @property
+    def moving(self) -> bool:
+        """Whether it was on its way."""
+        return self.start != self.end
+
+    def wrong(self, lengths: Lengths) -> str:
+        """What does not fit, as a sentence without its full stop; empty where the robot is where it should be."""
+        ways = [b - a for a, b in zip(self.start, self.end, strict=True)]
+        gone = [now - a for a, now in zip(self.start, lengths, strict=True)]
+        square = sum(way * way for way in ways)
+        part = min(max(sum(w * g for w, g in zip(ways, gone, strict=True)) / square, 0.0), 1.0) if square else 0.0
+        off = [g - part * w for w, g in zip(ways, gone, strict=True)]
+        worst = max(range(len(off)), key=lambda cable: abs(off[cable]))
+        allowed = NEAR_WAY if self.moving else NEAR
+        if abs(off[worst]) <= allowed:
+            return ""
+        where = "on the way where the journal" if self.moving else "where the journal"
+        return (
+            f"cable {worst + 1} is {lengths[worst]:.4f} m long, {off[worst] * 1e3:+.1f} mm from {where} left it; "
+            f"{allowed * 1e3:g} mm is allowed"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Resumption:
+    """What an earlier process has done."""
+
+    entries: tuple[IndexEntry, ...]
+    """of campaign.toml"""
+    rows: Mapping[str, WindowRow]
+    """windows with their verdict"""
+    attempts: Mapping[str, int]
+    """recordings begun, by window"""
+    place: LastPlace | None
+    """None where no winch was ever seen"""
+
+    def left_of(self, plan: Plan) -> Plan:
+        """The windows without verdict. Raises RefusedError where there are none."""
+        windows = tuple(window for window in plan.windows if window.id not in self.rows)
+        if not windows:
+            raise RefusedError("Every window has its verdict: there is nothing to resume.")
+        return replace(plan, windows=windows)
+
+
+def read_resumption(folder: Path, roles: Mapping[str, Role]) -> Resumption:
+    """Read what there is. Raises FileError for a damaged folder, SetupError for none."""
+    if not (folder / JOURNAL).exists() or not (folder / ROBOT).exists():
+        raise SetupError(f"{folder}: no run has begun here, so none can be resumed.")
+    table = read_toml(folder / INDEX, CampaignTable, CAMPAIGN_FORMAT)
+    journal = read_journal(folder / JOURNAL)
+    entries = tuple(
+        IndexEntry(w.id, w.role, None if w.equilibrium is None else np.array(w.equilibrium), Path(w.file).suffix)
+        for w in table.window
+    )
+    attempts = _attempts(journal)
+    verdicts = {e.window: e for e in journal if e.kind is Kind.STEP_FINISHED and e.step in ("Accept", GiveUp.__name__)}
+    rows: dict[str, WindowRow] = {}
+    for entry in table.window:
+        said = verdicts.get(entry.id)
+        rows[entry.id] = WindowRow(
+            id=entry.id,
+            role=entry.role,
+            outcome=said.outcome if said is not None and said.step == "Accept" else Outcome.MARGINAL,
+            reason=said.reason if said is not None else "accepted in the moment in which the run was cut off",
+            attempts=attempts.get(entry.id, 1),
+            equilibrium=entry.equilibrium or (),
+            file=folder / entry.file,
+        )
+    for window, said in verdicts.items():
+        if window not in rows and window in roles and said.step == GiveUp.__name__:
+            rows[window] = WindowRow(window, roles[window], said.outcome, said.reason, attempts.get(window, 0))
+    return Resumption(entries, rows, attempts, _place(journal))
+
+
+def _attempts(journal: Iterable[Entry]) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for entry in journal:
+        if entry.kind is Kind.STEP_STARTED and entry.step == Record.__name__:
+            found[entry.window] = found.get(entry.window, 0) + 1
+    return found
+
+
+def _place(journal: Iterable[Entry]) -> LastPlace | None:
+    """The newest line that tells where the winches are; a move that has only begun ends somewhere on its way."""
+    place: LastPlace | None = None
+    for entry in journal:
+        lengths = _lengths(entry)
+        if lengths is None:
+            continue
+        moving = entry.kind is Kind.STEP_STARTED and entry.step == MoveTo.__name__ and place is not None
+        place = LastPlace(place.end if moving and place is not None else lengths, lengths)
+    return place
+
+
+def _lengths(entry: Entry) -> Lengths | None:
+    found: Sequence[float] | None = entry.data.get("lengths")
+    if (
+        found is None
+        and entry.kind is Kind.STEP_FINISHED
+        and entry.step in ("Enable", "MoveTo", "Hold", "ReadEncoders")
+    ):
+        found = entry.data.get("values")
+    return tuple(float(length) for length in found) if found else None
