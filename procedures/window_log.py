@@ -11,9 +11,10 @@ from pathlib import Path
 
 from drivers.ports import MarkerFrame, WinchSample
 from fidim_lab.data.mcap_encoder import McapEncoder, nanoseconds
-from fidim_lab.data.mcap_schemas import ERROR, GUARD, INFO, LOG, POSE, WINCH, messages, timestamp
+from fidim_lab.data.mcap_schemas import ERROR, GUARD, INFO, LOG, POSE, WARNING, WINCH, messages, timestamp
 from fidim_lab.data.window_mcap import PROFILE, add_row_channel, encode_row
-from procedures.events import Event, Prompted, StepFinished, StepStarted, Tripped
+from procedures.events import Event, Paused, Prompted, Resumed, StepFinished, StepStarted, Tripped, Warned
+from procedures.guards import Trip
 from procedures.part_file import PartFile, WriteBytes
 
 MARKER = "/marker/1"
@@ -92,10 +93,13 @@ class WindowLog:
         """What the run tells meanwhile: steps, prompts, guards, the verdict. Never touches the disk."""
         match event:
             case Tripped(t=t, trip=trip):
-                trip_says = {"guard": trip.guard, "says": trip.says, "reaction": trip.reaction.value}
-                data = self._messages.encode(GUARD, host_time=trip.t, **trip_says)
-                self._encoder.add(self._guards, nanoseconds(t), data, nanoseconds(trip.t))
-                self._say(t, ERROR, trip.guard, f"{trip.says}: {trip.reaction.value}")
+                self._trip(t, ERROR, trip)
+            case Warned(t=t, trip=trip):
+                self._trip(t, WARNING, trip)
+            case Paused(t=t, window=window, says=says):
+                self._say(t, WARNING, window, f"paused: {says}")
+            case Resumed(t=t, window=window, says=says):
+                self._say(t, INFO, window, f"resumed: {says}")
             case StepStarted(t=t, step=step):
                 self._say(t, INFO, step.window, step.text)
             case StepFinished(t=t, step=step, result=result):
@@ -121,6 +125,12 @@ class WindowLog:
         self.file.add(self._encoder.finish())
         self.file.close()
         return self.file.move(to)
+
+    def _trip(self, t: float, level: int, trip: Trip) -> None:
+        told = {"guard": trip.guard, "says": trip.says, "reaction": trip.reaction.value}
+        data = self._messages.encode(GUARD, host_time=trip.t, **told)
+        self._encoder.add(self._guards, nanoseconds(t), data, nanoseconds(trip.t))
+        self._say(t, level, trip.guard, f"{trip.says}: {trip.reaction.value}")
 
     def _say(self, t: float, level: int, name: str, text: str) -> None:
         data = self._messages.encode(LOG, timestamp=timestamp(t), level=level, message=text, name=name)
