@@ -1,9 +1,9 @@
 """How often the search would find something where nothing is: drawn anew for the campaign at hand.
 
 Without any effect the gradient of all scores is normal with the curvature as its covariance, times the variance of
-what is left. Every draw is scored as the data were, all hypotheses at once, without bounds and without the price of a
-surprising size; both would only lower the rate. Pairs are looked at only where one hypothesis alone is believed, hence
-they add nothing to it.
+what is left. Every draw is scored as the data were, all hypotheses at once, but without bounds and at the size that is
+best for the evidence; either can only raise the rate. Pairs are looked at only where one hypothesis alone is believed,
+hence they add nothing to it.
 """
 
 from dataclasses import dataclass
@@ -52,8 +52,9 @@ def alarm_rate(found: Projected, threshold: float, draws: int = DRAWS) -> AlarmR
     gradients = np.sqrt(found.inflation) * noise @ root.T
     best = np.full(draws, -np.inf)
     for k, place in enumerate(found.slices):
-        part = gradients[:, place]
-        inverse = np.linalg.pinv(curvature[place, place], rcond=1e-8, hermitian=True)
-        gains = np.einsum("ni,ij,nj->n", part, inverse, part)
-        best = np.maximum(best, 0.5 * gains / found.inflation - freedom(found, (k,))[0])
+        part = gradients[:, place] / found.inflation
+        cost, prior = freedom(found, (k,))
+        known = curvature[place, place] / found.inflation + np.diag((scale[place] * prior) ** -2.0)
+        gained = 0.5 * np.einsum("ni,ni->n", part, np.linalg.solve(known, part.T).T)
+        best = np.maximum(best, gained - cost)
     return AlarmRate(int((best > threshold).sum()), draws, len(found.tried), threshold)
