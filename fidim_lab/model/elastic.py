@@ -57,25 +57,37 @@ def elastic_step(mechanism: Mechanism) -> ca.Function:
 
 def springs(mechanism: Mechanism, equations: MotionEquations, lengths: ca.SX) -> ca.SX:
     """[v̇; τ] (6 + n) with compliant cables as springs of unstretched lengths (n, m); the others rigid."""
-    theta, cables = equations.symbols.theta, equations.state.cables
-    compliant = [k for k in range(mechanism.n) if not equations.compliance[k].is_zero()]
+    compliant = compliant_cables(equations)
     rigid = [k for k in range(mechanism.n) if k not in compliant]
-    stretch = equations.lengths - equations.drifts - lengths
-    drift_rates = ca.jtimes(equations.drifts, equations.symbols.time, ca.SX(1))
-    rate = equations.structure @ equations.symbols.twist - drift_rates
-    dampings = stretch_dampings(mechanism, cables, theta)
-    tension = [stretch[k] / equations.compliance[k] + dampings[k] * rate[k] for k in compliant]
-    wrench = equations.wrench - equations.structure[compliant, :].T @ ca.vertcat(ca.SX(0, 1), *tension)
+    tension = spring_tensions(mechanism, equations, lengths[compliant])
+    wrench = equations.wrench - equations.structure[compliant, :].T @ tension
     held = equations.structure[rigid, :]
     system = ca.vertcat(ca.horzcat(equations.mass, held.T), ca.horzcat(held, ca.SX(len(rigid), len(rigid))))
     diagonal, lower, order = ca.ldl(system, False)
-    found = ca.ldl_solve(ca.vertcat(wrench, equations.pull[rigid]), diagonal, lower, order)
+    pull = ca.vertcat(ca.SX(0, 1), *(equations.pull[k] for k in rigid))
+    found = ca.ldl_solve(ca.vertcat(wrench, pull), diagonal, lower, order)
     every = ca.SX.zeros(mechanism.n)
-    for k, value in zip(compliant, tension, strict=True):
-        every[k] = value
+    every[compliant] = tension
     for place, k in enumerate(rigid):
         every[k] = found[6 + place]
     return ca.vertcat(found[:6], every)
+
+
+def compliant_cables(equations: MotionEquations) -> list[int]:
+    """Indices (0-based) of the cables that effects stretch."""
+    return [k for k in range(equations.structure.size1()) if not equations.compliance[k].is_zero()]
+
+
+def spring_tensions(mechanism: Mechanism, equations: MotionEquations, lengths: ca.SX) -> ca.SX:
+    """Tensions, N/kg, of the compliant cables alone, whose unstretched `lengths` (as many, m) are given."""
+    compliant = compliant_cables(equations)
+    if not compliant:
+        return ca.SX(0, 1)
+    stretch = (equations.lengths - equations.drifts)[compliant] - lengths
+    drift_rates = ca.jtimes(equations.drifts, equations.symbols.time, ca.SX(1))
+    rate = (equations.structure @ equations.symbols.twist - drift_rates)[compliant]
+    dampings = stretch_dampings(mechanism, equations.state.cables, equations.symbols.theta)
+    return stretch / equations.compliance[compliant] + ca.SX([dampings[k] for k in compliant]) * rate
 
 
 def _compile_accelerations(mechanism: Mechanism) -> ca.Function:

@@ -30,6 +30,8 @@ class Mechanism:
 
     `theta` are the parameters of all effects, in their order; absent unless given. `native`: simulate and
     solve with compiled C where a compiler is found, the same digits faster after a second of building (see `native`).
+    `springs`: trajectories with derivatives treat the cables that an effect stretches as springs, which their θ must
+    then make compliant (positive), instead of stretching them to first order (`equations`).
     """
 
     def __init__(
@@ -39,9 +41,11 @@ class Mechanism:
         theta: Sequence[float] | None = None,
         *,
         native: bool = False,
+        springs: bool = False,
     ) -> None:
         self.robot = robot
         self.native = native
+        self.springs = springs
         self.effects = tuple(effects)
         count = sum(len(effect.parameters) for effect in self.effects)
         absent = np.concatenate([np.zeros(0), *(effect.absent for effect in self.effects)])
@@ -52,7 +56,7 @@ class Mechanism:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled functions stay here: another process compiles its own."""
-        return (_remake, (self.robot, self.effects, tuple(self.theta), self.native))
+        return (_remake, (self.robot, self.effects, tuple(self.theta), self.native, self.springs))
 
     @property
     def n(self) -> int:
@@ -154,8 +158,10 @@ def states_of(mechanism: Mechanism, state: PlatformState) -> list[PlatformState]
     return seen
 
 
-def _remake(robot: Robot, effects: tuple[Effect, ...], theta: tuple[float, ...], native: bool) -> Mechanism:
-    return Mechanism(robot, effects, theta, native=native)
+def _remake(
+    robot: Robot, effects: tuple[Effect, ...], theta: tuple[float, ...], native: bool, springs: bool
+) -> Mechanism:
+    return Mechanism(robot, effects, theta, native=native, springs=springs)
 
 
 def structure_expression(cables: Sequence[CableExpressions]) -> ca.SX:

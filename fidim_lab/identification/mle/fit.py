@@ -7,23 +7,26 @@ With effects in the mechanism their θ is estimated too, from `mechanism.theta` 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.data.records import PARAMETER_NAMES, Body, Window
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Sensors, Window
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle import spread
+from fidim_lab.identification.mle import spread, springs
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior, reduced
-from fidim_lab.identification.mle.optimise import Ending
+from fidim_lab.identification.mle.optimise import ROUGH, Ending, optimise
 from fidim_lab.identification.mle.possible import nearest_possible, scales
 from fidim_lab.identification.mle.recordings import Recording, prepare
-from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
+from fidim_lab.identification.mle.springs import spring_prior, with_springs
+from fidim_lab.identification.mle.stages import FAR_PRIOR, HORIZONS, Journey, grow
 from fidim_lab.identification.mle.start import Guess, as_states, first_guess
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.starts import tied
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,23 +125,26 @@ def fit(
     *,
     start: Body | None = None,
     theta_sd: Float[np.ndarray, " theta"] | None = None,
+    bounds: tuple[Float[np.ndarray, " theta"], Float[np.ndarray, " theta"]] | None = None,
 ) -> Fit:
     """Fit body (and θ, if the mechanism has effects) to the windows; see the module.
 
     start: where to begin, the robot's nominal body unless given. theta_sd: standard deviations of a normal prior on θ
-    about mechanism.theta, infinite unless given. Noise and resolution are those of the robot's sensors.
+    about mechanism.theta, infinite unless given. bounds: lowest and highest θ, held within the fit. Noise and
+    resolution are those of the robot's sensors. Effects that stretch cables make springs of them (`springs`).
     Windows that cannot be used are in `unused`. Raises RefusedError where none can, or where no motion can be
     simulated from the start.
     """
     wanted = mechanism.robot.nominal if start is None else start
     body = nearest_possible(wanted)
-    recordings, guesses, unused = _guessed(mechanism, body, windows)
-    sensors = mechanism.robot.sensors
-    likelihood = Likelihood(mechanism, recordings, as_states(guesses), sensors.marker_noise, sensors.encoder_resolution)
-    shared = np.concatenate([body.vector, mechanism.theta])
-    theta = np.full(mechanism.theta.size, np.inf) if theta_sd is None else np.asarray(theta_sd, dtype=float)
-    plausible = np.concatenate([scales(body), theta])
+    spread_of_theta = np.full(mechanism.theta.size, np.inf) if theta_sd is None else np.asarray(theta_sd, dtype=float)
+    plausible = np.concatenate([scales(body), spread_of_theta])
+    begun = _begun(mechanism, body, windows, plausible)
+    likelihood, shared, guesses = begun.likelihood, begun.shared, begun.guesses
     prior = Prior(mean=shared, sd=plausible)
+    if bounds is not None:
+        unbounded = np.full(BODY, np.inf)
+        prior = replace(prior, low=np.concatenate([-unbounded, bounds[0]]), high=np.concatenate([unbounded, bounds[1]]))
     free = np.ones(len(shared), dtype=bool)
     journey = grow(likelihood, Point(shared, likelihood.guesses), prior, free)
     if journey is None:
@@ -152,12 +158,62 @@ def fit(
         journey=journey,
         start=body,
         start_moved=body is not wanted,
-        unused=unused,
+        unused=begun.unused,
         misfits=tuple(guess.misfit for guess in guesses),
-        remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(recordings))),
-        prior=Prior(mean=shared, sd=plausible * FAR_PRIOR),
+        remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(likelihood.recordings))),
+        prior=replace(prior, sd=plausible * FAR_PRIOR),
         plausible=plausible,
         names=(*PARAMETER_NAMES, *(_name(p) for effect in mechanism.effects for p in effect.parameters)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Begun:
+    """A likelihood with the shared parameters at which its guesses were made."""
+
+    likelihood: Likelihood
+    shared: Float[np.ndarray, " shared"]
+    guesses: tuple[Guess, ...]
+    unused: dict[str, str]
+
+
+def _begun(mechanism: Mechanism, body: Body, windows: Sequence[Window], plausible: np.ndarray) -> _Begun:
+    """Where the search begins; with springs of unknown stiffness, where the first horizon is followed best."""
+    made = with_springs(mechanism)
+    tries: list[tuple[float, _Begun]] = []
+    thetas = springs.starts(mechanism)
+    for theta in thetas:
+        recordings, guesses, unused = _guessed(made, body, windows, theta)
+        shared = np.concatenate([body.vector, theta])
+        likelihood = likelihood_of(made, shared, recordings, guesses, made.robot.sensors)
+        begun = _Begun(likelihood, shared, guesses, unused)
+        if len(thetas) == 1:
+            return begun
+        start, ends = Point(shared, likelihood.guesses), np.full(len(recordings), HORIZONS[0])
+        ends = np.minimum(ends, [recording.end for recording in recordings])
+        free = np.ones(len(shared), dtype=bool)
+        found = optimise(likelihood, start, ends, Prior(shared, plausible), ROUGH, free)
+        tries.append((np.inf if found is None else found.cost, begun))
+    return min(tries, key=lambda each: each[0])[1]
+
+
+def likelihood_of(
+    mechanism: Mechanism,
+    shared: Float[np.ndarray, " shared"],
+    recordings: tuple[Recording, ...],
+    guesses: Sequence[Guess],
+    sensors: Sensors,
+) -> Likelihood:
+    """What was recorded, with the noise of the sensors, and the first guesses made whole."""
+    begins = np.array([recording.begin for recording in recordings])
+    states = tied(mechanism, shared, as_states(guesses), begins) if mechanism.springs else as_states(guesses)
+    return Likelihood(
+        mechanism,
+        recordings,
+        states,
+        sensors.marker_noise,
+        sensors.encoder_resolution,
+        spring_prior(mechanism, shared, states, recordings),
     )
 
 
@@ -167,7 +223,7 @@ def _name(parameter: object) -> str:
 
 
 def _guessed(
-    mechanism: Mechanism, body: Body, windows: Sequence[Window]
+    mechanism: Mechanism, body: Body, windows: Sequence[Window], theta: Float[np.ndarray, " theta"]
 ) -> tuple[tuple[Recording, ...], tuple[Guess, ...], dict[str, str]]:
     """Recordings with their first guesses, and the windows that have none."""
     recordings: list[Recording] = []
@@ -176,7 +232,7 @@ def _guessed(
     for window in windows:
         try:
             recording = prepare(window, mechanism.robot)
-            guess = first_guess(mechanism, body, recording)
+            guess = first_guess(mechanism, body, recording, theta)
         except RefusedError as refusal:
             unused[window.id] = str(refusal)
             continue

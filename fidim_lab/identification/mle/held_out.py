@@ -6,12 +6,13 @@ import numpy as np
 
 from fidim_lab.data.records import Body, Sensors
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.fit import likelihood_of
 from fidim_lab.identification.mle.judge import Remainder, remainder
-from fidim_lab.identification.mle.likelihood import Likelihood, Point
+from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import Journey, grow
-from fidim_lab.identification.mle.start import as_states, first_guess
+from fidim_lab.identification.mle.start import first_guess
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 
@@ -34,8 +35,9 @@ def predict(mechanism: Mechanism, shared: np.ndarray, recording: Recording, sens
     simulated at all.
     """
     body = Body.from_vector(shared[:BODY])
-    guesses = as_states([first_guess(mechanism, body, recording)])
-    likelihood = Likelihood(mechanism, (recording,), guesses, sensors.marker_noise, sensors.encoder_resolution)
+    guess = first_guess(mechanism, body, recording, shared[BODY:])
+    likelihood = likelihood_of(mechanism, shared, (recording,), [guess], sensors)
+    guesses = likelihood.guesses
     nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
     held = np.zeros(len(shared), dtype=bool)
     journey = grow(likelihood, Point(shared, guesses), nothing, held, HORIZONS)

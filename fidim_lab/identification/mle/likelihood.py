@@ -3,8 +3,10 @@
 `simulate` gives residuals only (a third of the price), `linearised` adds the derivatives, window by window. Windows are
 integrated in batches of similar length, so that memory does not grow with their number.
 
-The rows of one window: marker coordinates in order of time, marker, axis; known cable lengths; and one row for each
-of the window's own unknowns, a prior so loose that it says nothing where anything else does.
+The rows of one window: marker coordinates in order of time, marker, axis; known cable lengths; and priors on the
+window's own unknowns. Those on pose and twist are so loose that they say nothing where anything else does. Cables that
+are springs add two rows each: their tension at the start is about that of rigid cables (or the measured one), and they
+stretch no faster than goes with an oscillation of that size. Without, a few markers could not tell them at all.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,11 +21,11 @@ from fidim_lab.identification.consistency import can_move
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
-from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
 from fidim_lab.model.sensitivity.integrate import States, Trajectories, integrate
 from fidim_lab.model.sensitivity.measurement import Measurement
-from fidim_lab.model.sensitivity.starts import Starts, linearised_starts, moved
+from fidim_lab.model.sensitivity.starts import Starts, linearised_starts, moved, own_count, quiet_springs
 from fidim_lab.model.sensitivity.variation import variations
 
 LOOSE_POSE = 1.0
@@ -32,6 +34,21 @@ LOOSE_RATE = 10.0
 """m/s and rad/s, from rest"""
 BATCH = 12
 """windows integrated together, if they have one or two markers; fewer with more"""
+
+
+STIFFEST = 2 * np.pi * 300
+"""rad/s: springs that oscillate faster are not simulated; cables as stiff as that are rigid"""
+
+
+@dataclass(frozen=True, eq=False)
+class SpringPrior:
+    """What is known of springs at the start of each window."""
+
+    tensions: Float[np.ndarray, "W springs"]
+    """N/kg"""
+    tension_sd: Float[np.ndarray, "W springs"]
+    rate_sd: Float[np.ndarray, "W springs"]
+    """m/s of stretch, about 0"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +63,13 @@ class Likelihood:
     """standard deviation of a marker coordinate, m"""
     resolution: float
     """standard deviation of an encoder's length, m"""
+    springs: SpringPrior | None = None
+    """None where no cable is a spring"""
 
     @property
     def own(self) -> int:
-        """Unknowns of each window: pose (6) and λ rates."""
-        return 6 + self.mechanism.freedoms
+        """Unknowns of each window: pose (6), λ rates; with springs their tensions, and as many more rates."""
+        return own_count(self.mechanism)
 
     @property
     def begins(self) -> Float[np.ndarray, " W"]:
@@ -78,7 +97,8 @@ class WindowResidual:
 
     markers: Float[np.ndarray, " K"]
     lengths: Float[np.ndarray, " m"]
-    loose: Float[np.ndarray, " own"]
+    loose: Float[np.ndarray, " priors"]
+    """pose and free rates; then, with springs, their tensions and rates of stretch"""
 
     @property
     def rows(self) -> Float[np.ndarray, " rows"]:
@@ -136,12 +156,16 @@ def simulate(
     if not np.isfinite(point.shared).all() or not can_move(point.body):
         return None
     starts = linearised_starts(likelihood.mechanism, point.shared, point.states, likelihood.begins)
+    fine = _fine_enough(likelihood, point, resolution)
+    if fine is None:
+        return None
     found: dict[int, WindowResidual] = {}
     batches: list[_Batch] = []
     measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
-    for members, grid in _batches(likelihood, measurement, ends, resolution):
+    for members, grid in _batches(likelihood, measurement, ends, fine):
         states = _chosen(point.states, members)
-        trajectories = integrate(likelihood.mechanism, point.shared, states, grid, likelihood.begins[members])
+        begins, unstretched = likelihood.begins[members], _of(starts.unstretched, members)
+        trajectories = integrate(likelihood.mechanism, point.shared, states, grid, begins, unstretched)
         batches.append(_Batch(members, trajectories))
         nodal = markers.at_nodes(trajectories, measurement.places(_body_markers(likelihood, members)))
         for place, w in enumerate(members):
@@ -155,8 +179,13 @@ def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[Windo
     point, own = simulation.point, likelihood.own
     measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
     for batch in simulation.batches:
+        starts = simulation.starts
         by = variations(
-            likelihood.mechanism, batch.trajectories, point.shared, simulation.starts.states_by[batch.members]
+            likelihood.mechanism,
+            batch.trajectories,
+            point.shared,
+            starts.states_by[batch.members],
+            unstretched=_of(starts.unstretched_by, batch.members),
         )
         stated = _body_markers(likelihood, batch.members)
         nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.places(stated))
@@ -169,9 +198,9 @@ def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[Windo
             known = np.isfinite(recording.lengths)
             jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
             jacobian[: len(by_markers)] = by_markers / likelihood.noise
-            by_lengths = simulation.starts.lengths_by[w][known] / likelihood.resolution
-            jacobian[len(by_markers) : -own] = by_lengths
-            jacobian[-own:, :own] = np.diag(1 / _loose(own))
+            lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
+            jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution
+            jacobian[lengths.stop :] = _priors_by(likelihood, starts, int(w))
             yield WindowLinear(int(w), simulation.residuals[w].rows, jacobian[:, :own], jacobian[:, own:])
 
 
@@ -204,15 +233,45 @@ def _residual(
     guess, at = likelihood.guesses, point.states
     turn = Rotation.from_matrix(guess.rotations[w].T @ at.rotations[w]).as_rotvec()
     away = np.concatenate([at.positions[w] - guess.positions[w], turn, starts.free_twists[w].T @ at.twists[w]])
+    priors = away / _loose(len(away))
+    if likelihood.springs is not None and at.tensions is not None and starts.rates is not None:
+        known_springs = likelihood.springs
+        off = (at.tensions[w] - known_springs.tensions[w]) / known_springs.tension_sd[w]
+        priors = np.concatenate([priors, off, starts.rates[w] / known_springs.rate_sd[w]])
     return WindowResidual(
         markers=(predicted - recording.markers[use])[seen] / likelihood.noise,
         lengths=(starts.lengths[w] - recording.lengths)[known] / likelihood.resolution,
-        loose=away / _loose(likelihood.own),
+        loose=priors,
     )
 
 
-def _loose(own: int) -> Float[np.ndarray, " own"]:
-    return np.concatenate([np.full(6, LOOSE_POSE), np.full(own - 6, LOOSE_RATE)])
+def _loose(count: int) -> Float[np.ndarray, " count"]:
+    return np.concatenate([np.full(6, LOOSE_POSE), np.full(count - 6, LOOSE_RATE)])
+
+
+def _priors_by(likelihood: Likelihood, starts: Starts, w: int) -> Float[np.ndarray, "priors P"]:
+    """Derivatives of the priors' rows by [own; shared]."""
+    loose = 6 + starts.free_twists.shape[2]
+    columns = starts.states_by.shape[2]
+    table = np.zeros((loose, columns))
+    table[:, :loose] = np.diag(1 / _loose(loose))
+    if likelihood.springs is None or starts.rates_by is None:
+        return table
+    tensions = np.zeros_like(starts.rates_by[w])
+    tensions[:, loose : likelihood.own] = np.diag(1 / likelihood.springs.tension_sd[w])
+    return np.vstack([table, tensions, starts.rates_by[w] / likelihood.springs.rate_sd[w][:, np.newaxis]])
+
+
+def _fine_enough(likelihood: Likelihood, point: Point, resolution: Resolution) -> Resolution | None:
+    """The resolution that the springs ask for; None where they are none, or stiffer than is simulated."""
+    if not sprung(likelihood.mechanism):
+        return resolution
+    fastest = quiet_springs(likelihood.mechanism, point.shared, point.states, likelihood.begins).fastest
+    return resolution.for_frequency(fastest) if fastest < STIFFEST else None
+
+
+def _of(values: np.ndarray | None, members: np.ndarray) -> np.ndarray | None:
+    return None if values is None else values[members]
 
 
 def _batches(
@@ -234,4 +293,5 @@ def _body_markers(likelihood: Likelihood, members: Sequence[int] | np.ndarray) -
 
 
 def _chosen(states: States, members: np.ndarray) -> States:
-    return States(states.positions[members], states.rotations[members], states.twists[members])
+    tensions = _of(states.tensions, members)
+    return States(states.positions[members], states.rotations[members], states.twists[members], tensions)

@@ -10,8 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.optimize import lsq_linear
 
 from fidim_lab.identification.mle.likelihood import WindowLinear
+
+TINY = 1e-300
+"""a range must not be empty"""
 
 Tables = Float[np.ndarray, "W m m"]
 """m = own + shared + 1"""
@@ -26,10 +30,19 @@ class Prior:
     mean: Float[np.ndarray, " shared"]
     sd: Float[np.ndarray, " shared"]
     """infinite where nothing is known"""
+    low: Float[np.ndarray, " shared"] | None = None
+    """hard bounds that no fit crosses; None: none"""
+    high: Float[np.ndarray, " shared"] | None = None
 
     def rows(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "shared s"]:
         """[J r] of the prior at a point."""
         return np.column_stack([np.diag(1 / self.sd), (shared - self.mean) / self.sd])
+
+    def room(self, shared: Float[np.ndarray, " shared"]) -> tuple[np.ndarray, np.ndarray] | None:
+        """How far each parameter may go down (≤ 0) and up from here; None where nothing is bounded."""
+        if self.low is None or self.high is None:
+            return None
+        return self.low - shared, self.high - shared
 
     def cost(self, shared: Float[np.ndarray, " shared"]) -> float:
         """Its part of the sum of squares."""
@@ -68,8 +81,12 @@ def step(
     prior_rows: Float[np.ndarray, "shared s"],
     damping: float,
     free: Bool[np.ndarray, " shared"],
+    room: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Step:
-    """A Gauss–Newton step with Marquardt's damping, relative to the columns' own size; held parameters do not move."""
+    """A Gauss–Newton step with Marquardt's damping, relative to the columns' own size; held parameters do not move.
+
+    room: as `Prior.room`; the step is the best one within it.
+    """
     count, size = len(tables), tables.shape[1]
     weight = np.sqrt(damping)
     scales = np.linalg.norm(tables, axis=1)
@@ -80,15 +97,31 @@ def step(
     shared_scales = weight * np.sqrt((scales[:, own:-1] ** 2).sum(axis=0) + np.diag(prior_rows) ** 2)
     shared_ridge = np.column_stack([np.diag(shared_scales), np.zeros(width)])
     rows = np.vstack([reduced(damped, own).reshape(-1, width + 1), prior_rows, shared_ridge])
-    shared = np.zeros(width)
-    if free.any():
-        shared[free] = _least_squares(rows[:, :-1][:, free], -rows[:, -1])
+    shared = _within(rows, free, room)
     right = damped[:, :own, -1] + damped[:, :own, own:-1] @ shared
     steps = np.linalg.solve(damped[:, :own, :own], -right[..., np.newaxis])[..., 0]
     ends = np.concatenate([steps, np.tile(np.append(shared, 1.0), (count, 1))], axis=1)
     left = (tables @ ends[..., np.newaxis]).ravel()
     before = prior_rows @ np.append(shared, 1.0)
     return Step(own=steps, shared=shared, predicted=float(left @ left + before @ before))
+
+
+def _within(
+    rows: np.ndarray, free: Bool[np.ndarray, " shared"], room: tuple[np.ndarray, np.ndarray] | None
+) -> Float[np.ndarray, " shared"]:
+    """Least squares over the free parameters within their room."""
+    shared = np.zeros(len(free))
+    if not free.any():
+        return shared
+    inner, right = rows[:, :-1][:, free], -rows[:, -1]
+    shared[free] = _least_squares(inner, right)
+    if room is not None and ((shared < room[0]) | (shared > room[1])).any():
+        scale = np.linalg.norm(inner, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        ends = (np.minimum(room[0][free], 0.0) * scale, np.maximum(room[1][free], TINY) * scale)
+        found = lsq_linear(inner / scale, right, bounds=ends, method="bvls")
+        shared[free] = np.clip(found.x / scale, room[0][free], room[1][free])
+    return shared
 
 
 def _triangular(matrices: np.ndarray) -> np.ndarray:

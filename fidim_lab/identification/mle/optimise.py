@@ -17,6 +17,9 @@ STRETCHES = (0.3, 2.0)
 MISFIT, MISFIT_HASTE = 1.5, 100.0
 """beyond this χ²/dof a tenth of the (then larger) standard deviation is enough"""
 
+HOPELESS = 1e-3
+"""a promise of more than this share of the whole is always followed up, however large the misfit"""
+
 
 class Ending(Enum):
     """Why the iteration ended."""
@@ -83,15 +86,16 @@ def optimise(
     while True:
         simulation, cost = now
         tables = compress(linearised(likelihood, simulation), len(ends))
-        rows = prior.rows(simulation.point.shared)
-        promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free).predicted
-        if promise < _negligible(effort, cost / _residuals(simulation)):
+        rows, room = prior.rows(simulation.point.shared), prior.room(simulation.point.shared)
+        promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted
+        if promise < min(_negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
         if rounds == effort.rounds:
             return Optimum(simulation, tables, cost, Ending.EXHAUSTED, rounds)
         while True:
-            wanted = step(tables, likelihood.own, rows, damping, free)
-            point = stepped(likelihood, simulation, stretch * wanted.own, stretch * wanted.shared)
+            wanted = step(tables, likelihood.own, rows, damping, free, room)
+            shared = stretch * wanted.shared if room is None else np.clip(stretch * wanted.shared, *room)
+            point = stepped(likelihood, simulation, stretch * wanted.own, shared)
             there = _try(likelihood, point, ends, prior, effort)
             if there is not None and there[1] < cost:
                 break

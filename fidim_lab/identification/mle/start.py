@@ -6,7 +6,7 @@ equilibrium at the encoders' lengths, the platform level below its marker, and w
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -19,7 +19,7 @@ from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.integrate import States
-from fidim_lab.model.sensitivity.starts import linearised_starts, tied
+from fidim_lab.model.sensitivity.starts import Starts, linearised_starts, tied
 
 OPENING = (0.1, 5)
 """s, and samples at least, from which the first position and velocity are taken"""
@@ -27,6 +27,8 @@ MARKER, LENGTH, AWAY = 1e-3, 1e-4, 0.3
 """weights of the guess: m of a marker, m of cable, m or rad from where the search began"""
 SPEED, REST = 1e-2, 0.5
 """m/s of a marker; m/s or rad/s of a free twist"""
+STRETCH_RATE = 2e-2
+"""m/s of a cable that is a spring"""
 ROUNDS = 25
 LONGEST_STEP = 0.2
 """m or rad"""
@@ -53,11 +55,17 @@ class _Opening:
     speeds: np.ndarray
 
 
-def first_guess(mechanism: Mechanism, body: Body, recording: Recording) -> Guess:
-    """Initial state of one window for a body. Raises RefusedError where lengths and markers contradict each other."""
+def first_guess(
+    mechanism: Mechanism, body: Body, recording: Recording, theta: Float[np.ndarray, " theta"] | None = None
+) -> Guess:
+    """Initial state of one window for a body and θ, the mechanism's unless given.
+
+    Raises RefusedError where lengths and markers contradict each other.
+    """
+    shared = np.concatenate([body.vector, mechanism.theta if theta is None else theta])
     opening = _opening(recording)
     found = [
-        _refined(mechanism, body, recording, opening, pose) for pose in _poses(mechanism, body, recording, opening)
+        _refined(mechanism, shared, recording, opening, pose) for pose in _poses(mechanism, body, recording, opening)
     ]
     best = found[int(np.argmin([cost for _, cost in found]))][0]
     misfit = _misfit(mechanism, best, opening)
@@ -67,7 +75,7 @@ def first_guess(mechanism: Mechanism, body: Body, recording: Recording) -> Guess
             f"{CONTRADICTION * 1e3:.0f} mm ({misfit * 1e3:.0f} mm are left).",
             hint="Check the order of the cables, the zero of the encoders, and the units of the markers.",
         )
-    return Guess(best.position, best.rotation, _twist(mechanism, body, recording, opening, best), misfit)
+    return Guess(best.position, best.rotation, _twist(mechanism, shared, recording, opening, best), misfit)
 
 
 def as_states(guesses: Sequence[Guess]) -> States:
@@ -113,10 +121,9 @@ def _poses(mechanism: Mechanism, body: Body, recording: Recording, opening: _Ope
 
 
 def _refined(
-    mechanism: Mechanism, body: Body, recording: Recording, opening: _Opening, begin: Pose
+    mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, begin: Pose
 ) -> tuple[Pose, float]:
     """Damped Gauss–Newton on markers and lengths; the pose and what is left, the way from the begin included."""
-    shared = np.concatenate([body.vector, mechanism.theta])
     pose, cost = begin, np.inf
     damping = 1e-6
     residual, jacobian = _pose_residual(mechanism, shared, recording, opening, begin, pose)
@@ -139,11 +146,18 @@ def _refined(
     return pose, cost
 
 
+def _at_rest(mechanism: Mechanism, shared: np.ndarray, pose: Pose, begin: float) -> tuple[States, Starts]:
+    """One window's start at rest, springs as quiet as they can be."""
+    clock = np.array([begin])
+    at = tied(mechanism, shared, States(pose.position[np.newaxis], pose.rotation[np.newaxis], np.zeros((1, 6))), clock)
+    at = replace(at, twists=np.zeros((1, 6)))
+    return at, linearised_starts(mechanism, shared, at, clock)
+
+
 def _pose_residual(
     mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, begin: Pose, pose: Pose
 ) -> tuple[np.ndarray, np.ndarray]:
-    at = States(pose.position[np.newaxis], pose.rotation[np.newaxis], np.zeros((1, 6)))
-    starts = linearised_starts(mechanism, shared, at, np.array([recording.begin]))
+    starts = _at_rest(mechanism, shared, pose, recording.begin)[1]
     body_markers = mechanism.robot.markers[: len(opening.places)]
     arms = body_markers @ pose.rotation.T
     seen = np.isfinite(opening.places)
@@ -166,19 +180,21 @@ def _misfit(mechanism: Mechanism, pose: Pose, opening: _Opening) -> float:
     return float(np.nanmax(np.abs(pose.position + arms - opening.places)))
 
 
-def _twist(mechanism: Mechanism, body: Body, recording: Recording, opening: _Opening, pose: Pose) -> np.ndarray:
+def _twist(mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, pose: Pose) -> np.ndarray:
     """The free twist that moves the markers as they move, small where they do not tell."""
-    shared = np.concatenate([body.vector, mechanism.theta])
-    at = States(pose.position[np.newaxis], pose.rotation[np.newaxis], np.zeros((1, 6)))
-    free = linearised_starts(mechanism, shared, at, np.array([recording.begin])).free_twists[0]
+    at, starts = _at_rest(mechanism, shared, pose, recording.begin)
+    free = starts.free_twists[0]
     arms = mechanism.robot.markers[: len(opening.places)] @ pose.rotation.T
     moves = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -_skew(arms)], axis=-1)
     seen = np.isfinite(opening.speeds)
-    rows = np.vstack([(moves @ free)[seen] / SPEED, np.eye(free.shape[1]) / REST])
-    right = np.concatenate([opening.speeds[seen] / SPEED, np.zeros(free.shape[1])])
-    twist = free @ np.linalg.lstsq(rows, right, rcond=None)[0]
+    rows = [(moves @ free)[seen] / SPEED, np.eye(free.shape[1]) / REST]
+    right = [opening.speeds[seen] / SPEED, np.zeros(free.shape[1])]
+    if starts.rates is not None and starts.rates_by is not None:
+        rows.append(starts.rates_by[0][:, 6 : 6 + free.shape[1]] / STRETCH_RATE)
+        right.append(-starts.rates[0] / STRETCH_RATE)
+    twist = free @ np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=None)[0]
     begin = np.array([recording.begin])
-    return tied(mechanism, shared, States(at.positions, at.rotations, twist[np.newaxis]), begin).twists[0]
+    return tied(mechanism, shared, replace(at, twists=twist[np.newaxis]), begin).twists[0]
 
 
 def _skew(vectors: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, "M 3 3"]:

@@ -40,6 +40,8 @@ class Elimination:
     def solve(self, wrenches: ca.SX, constraints: ca.SX) -> ca.SX:
         """[v̇; τ] (6 + n × k) for right-hand sides f (6 × k), N/kg and N m/kg, and c (n × k), m/s²."""
         free = _unpulled(self.arm, self.inverse_inertia, wrenches)
+        if not self.factor:
+            return free
         tensions = _substituted(self.factor, self.structure @ free - constraints)
         return ca.vertcat(free - self.compliance @ tensions, tensions)
 

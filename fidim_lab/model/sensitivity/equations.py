@@ -4,20 +4,24 @@ Explicit (block elimination), and differentiated through the implicit residual r
 dy = −K⁻¹ ∂r with K factorised once. In CasADi's virtual machine, four cables: about 7 µs, 40 µs with all derivatives.
 
 Both functions take, per sample, time (s since the window's start), position (3), rotation (9, row by row), twist (6),
-shared ([body 9; θ]).
+constants ([unstretched lengths of the springs; body 9; θ], the last two being `shared`).
 
 Effects may use the slots for geometry, lengths, drift, wrench, kinetic energy and compliance. Stretch is of first order
 (`model.equations`): exact in the motion and in its derivatives by θ, while its share of the derivatives by the state,
 (frequency of motion / frequency of stretch)² of the rest, is left out: a Gauss–Newton step is a little off, its optimum
-is not. States of their own are not carried (`refuse_unknown`); what cameras see is `measurement`'s.
+is not. Mechanism(…, springs=True) makes the stretched cables springs instead (`model.elastic`): all exact, more
+freedoms, nodes as near to each other as the stiffest cable asks for. States of their own are not
+carried (`refuse_unknown`); what cameras see is `measurement`'s.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from fidim_lab.errors import OurBugError
 from fidim_lab.model.batch import from_rows, function, rows
+from fidim_lab.model.elastic import compliant_cables, spring_tensions
 from fidim_lab.model.equations import MotionEquations, Solver, Symbols, motion_equations
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
@@ -27,19 +31,32 @@ from fidim_lab.model.sensitivity.elimination import Elimination
 BODY = 9
 """entries of `shared` before θ"""
 
+EASE = 0.05
+"""N/kg over which a spring's tension fades where it gets slack; at 5 N/kg it adds 1e-4 N/kg, 2e-5 of the stiffness"""
+
 
 def shared_count(mechanism: Mechanism) -> int:
     """Length of the vector of shared parameters: nine of the body and θ."""
     return BODY + mechanism.theta.size
 
 
+def sprung(mechanism: Mechanism) -> tuple[int, ...]:
+    """Indices (0-based) of the cables that are springs."""
+    if not mechanism.springs:
+        return ()
+    return mechanism.compiled(
+        "sensitivity: springs",
+        lambda made: tuple(compliant_cables(motion_equations(made, Symbols.of(made)))),
+    )
+
+
 def slopes(mechanism: Mechanism) -> ca.Function:
-    """(time, position, rotation, twist, shared) → [v̇; τ] (6 + n): m/s², rad/s², N/kg. With CasADi's derivatives."""
+    """(time, position, rotation, twist, constants) → [v̇; τ] (6 + n): m/s², rad/s², N/kg. With CasADi's derivatives."""
     return mechanism.compiled("sensitivity: slopes", _compile_slopes)
 
 
 def derivatives(mechanism: Mechanism) -> ca.Function:
-    """The same inputs → [v̇; τ], and d v̇ / d[δp; δφ; δv; δω; shared] row by row (6 × (12 + shared)).
+    """The same inputs → [v̇; τ], and d v̇ / d[δp; δφ; δv; δω; constants] row by row (6 × (12 + constants)).
 
     Made once for each mechanism; machine code for a native one.
     """
@@ -54,33 +71,87 @@ class Sample:
     """Symbols of one sample, its equations of motion, and the solver for them."""
 
     equations: MotionEquations
+    unstretched: ca.SX
+    """lengths of the springs, m"""
     shared: ca.SX
+    pulled: ca.SX
+    """tensions of the springs, N/kg"""
+    sprung: tuple[int, ...]
+    held: tuple[int, ...]
+    """cables that are no springs"""
     solver: Solver
+    """for the platform on the cables that are held"""
 
     @staticmethod
-    def of(mechanism: Mechanism) -> "Sample":
-        """Fresh symbols. Raises OurBugError for an effect with a slot that is not carried here (see the module)."""
+    def of(mechanism: Mechanism, *, springs: bool = True) -> "Sample":
+        """Fresh symbols; without `springs` all cables are held, whatever the mechanism says.
+
+        Raises OurBugError for an effect with a slot that is not carried here (see the module).
+        """
         refuse_unknown(mechanism)
-        shared = ca.SX.sym("shared", shared_count(mechanism))
+        chosen = sprung(mechanism) if springs else ()
+        held = tuple(k for k in range(mechanism.n) if k not in chosen)
+        shared, unstretched = ca.SX.sym("shared", shared_count(mechanism)), ca.SX.sym("unstretched", len(chosen))
         symbols = replace(Symbols.of(mechanism), body=shared[:BODY], theta=shared[BODY:])
         equations = motion_equations(mechanism, symbols)
-        if equations.added_mass.is_zero():
-            return Sample(equations, shared, Elimination.of(equations.body, equations.structure).solve)
-        return Sample(equations, shared, equations.factorised())
+        pulled = _only_pulling(spring_tensions(mechanism, equations, unstretched)) if chosen else ca.SX(0, 1)
+        solver = _solver(equations, held)
+        return Sample(equations, unstretched, shared, pulled, chosen, held, solver)
+
+    @property
+    def constants(self) -> ca.SX:
+        """[unstretched lengths; shared]."""
+        return ca.vertcat(self.unstretched, self.shared)
 
     @property
     def inputs(self) -> list[ca.SX]:
-        """time, position, rotation row by row, twist, shared."""
+        """time, position, rotation row by row, twist, constants."""
         symbols = self.equations.symbols
-        return [symbols.time, symbols.position, symbols.flat, symbols.twist, self.shared]
+        return [symbols.time, symbols.position, symbols.flat, symbols.twist, self.constants]
+
+    @property
+    def structure(self) -> ca.SX:
+        """Ξ of the cables that are held."""
+        return self.equations.structure[list(self.held), :]
+
+    @property
+    def wrench(self) -> ca.SX:
+        """With the pull of the springs (6)."""
+        return self.equations.wrench - self.equations.structure[list(self.sprung), :].T @ self.pulled
+
+    @property
+    def pull(self) -> ca.SX:
+        """l̈ − Ξ̇ v of the cables that are held."""
+        return entries(self.equations.pull, self.held)
+
+    @property
+    def first_order(self) -> bool:
+        """Whether held cables stretch to first order."""
+        return not self.sprung and not self.equations.compliance.is_zero()
+
+    def solve(self) -> ca.SX:
+        """[v̇; tensions of the cables that are held]."""
+        return self.equations.solve(self.solver) if self.first_order else self.solver(self.wrench, self.pull)
+
+    def outputs(self, solution: ca.SX) -> ca.SX:
+        """[v̇; τ of all cables] of a solution."""
+        tensions = ca.SX.zeros(self.equations.structure.size1())
+        tensions[list(self.sprung)] = self.pulled
+        tensions[list(self.held)] = solution[6:]
+        return ca.vertcat(solution[:6], tensions)
 
     def residual(self, solution: ca.SX) -> ca.SX:
         """[(M + A) v̇ + Ξᵀ τ − f; Ξ v̇ − c], zero for the solution."""
         rates, tensions = solution[:6], solution[6:]
         return ca.vertcat(
-            self.equations.mass @ rates + self.equations.structure.T @ tensions - self.equations.wrench,
-            self.equations.structure @ rates - self.equations.pull,
+            self.equations.mass @ rates + self.structure.T @ tensions - self.wrench,
+            self.structure @ rates - self.pull,
         )
+
+
+def entries(column: ca.SX, chosen: Sequence[int]) -> ca.SX:
+    """Some entries of a column, as a column even where there are none."""
+    return ca.vertcat(ca.SX(0, 1), *(column[k] for k in chosen))
 
 
 def refuse_unknown(mechanism: Mechanism) -> None:
@@ -99,28 +170,41 @@ def turned(flat: ca.SX) -> ca.SX:
     return ca.horzcat(*(rows(rotation @ skew(ca.SX(ca.DM.eye(3)[:, axis]))) for axis in range(3)))
 
 
+def _only_pulling(tensions: ca.SX) -> ca.SX:
+    """A spring's cable hangs slack rather than push: the positive part, rounded off over EASE."""
+    return (tensions + ca.sqrt(tensions**2 + EASE**2)) / 2
+
+
+def _solver(equations: MotionEquations, held: tuple[int, ...]) -> Solver:
+    structure = equations.structure[list(held), :]
+    if equations.added_mass.is_zero():
+        return Elimination.of(equations.body, structure).solve
+    return replace(equations, structure=structure).factorised()
+
+
 def _compile_slopes(mechanism: Mechanism) -> ca.Function:
     sample = Sample.of(mechanism)
-    return function("slopes", sample.inputs, _shortened(sample, [sample.equations.solve(sample.solver)]))
+    return function("slopes", sample.inputs, _shortened(sample, [sample.outputs(sample.solve())]))
 
 
 def _compile_derivatives(mechanism: Mechanism) -> ca.Function:
     sample = Sample.of(mechanism)
     symbols = sample.equations.symbols
-    solution, unknown = sample.equations.solve(sample.solver), ca.SX.sym("y", 6 + mechanism.n)
+    solution, unknown = sample.solve(), ca.SX.sym("y", 6 + len(sample.held))
     # one sweep for all columns: the entries of the rotation first, then the three directions in which it can turn
-    at = ca.vertcat(symbols.position, symbols.flat, symbols.twist, sample.shared)
+    at = ca.vertcat(symbols.position, symbols.flat, symbols.twist, sample.constants)
     jacobian = ca.jacobian(sample.residual(unknown), at)
-    if not sample.equations.compliance.is_zero():
+    if sample.first_order:
         bend = sample.equations.stretch(sample.solver)[2]
         jacobian[6:, -symbols.theta.numel() :] -= ca.jacobian(bend, symbols.theta)
     by_rotation = jacobian[:, 3:12] @ turned(symbols.flat)
     by_state = ca.horzcat(jacobian[:, :3], by_rotation, jacobian[:, 12:])
     change = ca.substitute(by_state, unknown, solution)
     moved = sample.solver(-change[:6, :], -change[6:, :])
-    return function("slope_derivatives", sample.inputs, _shortened(sample, [solution, rows(moved[:6, :])]))
+    outputs = [sample.outputs(solution), rows(moved[:6, :])]
+    return function("slope_derivatives", sample.inputs, _shortened(sample, outputs))
 
 
 def _shortened(sample: Sample, outputs: list[ca.SX]) -> list[ca.SX]:
     """Common parts of the long expressions of stretch computed once."""
-    return outputs if sample.equations.compliance.is_zero() else ca.cse(outputs)
+    return ca.cse(outputs) if sample.first_order or sample.sprung else outputs

@@ -15,7 +15,7 @@ from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import built
-from fidim_lab.model.sensitivity.equations import shared_count, slopes
+from fidim_lab.model.sensitivity.equations import slopes
 from fidim_lab.model.sensitivity.grid import Grid
 
 LARGE = 6000
@@ -35,7 +35,9 @@ class States:
     positions: Float[np.ndarray, "W 3"]
     rotations: Float[np.ndarray, "W 3 3"]
     twists: Float[np.ndarray, "W 6"]
-    """[ṗ; ω], world frame; Ξ v = 0"""
+    """[ṗ; ω], world frame; Ξ v = 0 for cables that are no springs"""
+    tensions: Float[np.ndarray, "W springs"] | None = None
+    """of the springs by their stretch alone, N/kg; None: not known yet (`starts.tied`)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +53,31 @@ class Trajectories:
     accelerations: Float[np.ndarray, "W N 6"]
     tensions: Float[np.ndarray, "W N n"]
     """per unit mass, N/kg; negative where the model has lost its validity"""
+    unstretched: Float[np.ndarray, "W springs"] | None = None
+    """lengths of the springs, m; None where there are none"""
 
     def only(self, window: int) -> "Trajectories":
         """One of the windows alone."""
         k = slice(window, window + 1)
         state = (self.positions[k], self.rotations[k], self.twists[k])
-        return Trajectories(self.grid, self.begins[k], *state, self.accelerations[k], self.tensions[k])
+        unstretched = None if self.unstretched is None else self.unstretched[k]
+        return Trajectories(self.grid, self.begins[k], *state, self.accelerations[k], self.tensions[k], unstretched)
+
+    def constants(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "W constants"]:
+        """What the equations of motion take as constant in each window: unstretched lengths and shared parameters."""
+        count = len(self.begins)
+        lengths = np.zeros((count, 0)) if self.unstretched is None else self.unstretched
+        return np.concatenate([lengths, np.broadcast_to(shared, (count, len(shared)))], axis=1)
+
+    def constants_at_nodes(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "K constants"]:
+        """The same for every node of every window, K = W N."""
+        return np.repeat(self.constants(shared), self.grid.nodes, axis=0)
 
     def first_slack(self, window: int) -> tuple[float, int] | None:
-        """When (s from the grid's 0, by interpolation) and which cable (1-based) first has no tension; None if taut."""
+        """When (s from the grid's 0, by interpolation) and which cable (1-based) first has no tension; None if taut.
+
+        Never a spring: it carries on slack.
+        """
         held = self.tensions[window]
         slack = np.flatnonzero((held <= 0).any(axis=1))
         if len(slack) == 0:
@@ -80,10 +98,12 @@ def integrate(
     states: States,
     grid: Grid,
     begins: Float[np.ndarray, " W"],
+    unstretched: Float[np.ndarray, "W springs"] | None = None,
 ) -> Trajectories:
     """The motions of all windows. `begins` matters only to effects that depend on time.
 
-    Cables are not watched here: see `Trajectories.first_slack`. Never raises for the physics: NaN instead.
+    unstretched: of the mechanism's springs (`starts.linearised_starts`), m. Cables are not watched here: see
+    `Trajectories.first_slack`. Never raises for the physics: NaN instead.
     """
     count, nodes, t = len(states.positions), grid.nodes, grid.t
     loop = mechanism.compiled(
@@ -94,7 +114,9 @@ def integrate(
     timing[..., 0] = begins[:, np.newaxis] + t
     timing[..., 1] = np.append(np.diff(t), 0.0)  # the last step goes nowhere: it gives the last node's accelerations
     first = np.concatenate([states.positions, states.rotations.reshape(count, 9), states.twists], axis=1)
-    after, outputs = evaluate(loop, first, timing, np.broadcast_to(shared, (count * nodes, len(shared))))
+    lengths = np.zeros((count, 0)) if unstretched is None else unstretched
+    constants = np.concatenate([lengths, np.broadcast_to(shared, (count, len(shared)))], axis=1)
+    after, outputs = evaluate(loop, first, timing, np.repeat(constants, nodes, axis=0))
     at = np.concatenate([first[:, np.newaxis], after.reshape(count, nodes, 18)[:, :-1]], axis=1)
     outputs = outputs.reshape(count, nodes, -1)
     return Trajectories(
@@ -105,6 +127,7 @@ def integrate(
         twists=at[..., 12:],
         accelerations=outputs[..., :6],
         tensions=outputs[..., 6:],
+        unstretched=unstretched,
     )
 
 
@@ -129,7 +152,7 @@ def _compose_step(mechanism: Mechanism) -> ca.Function:
     turned = rows(rotation_from_gibbs(gibbs) @ from_rows(flat, 3, 3))
     turn = function("turn", [gibbs, spin, flat], [turned, gibbs_rate(gibbs, spin)])
     state, timing = ca.MX.sym("state", 18), ca.MX.sym("timing", 2)
-    shared = ca.MX.sym("shared", shared_count(mechanism))
+    constants = ca.MX.sym("constants", slopes(mechanism).numel_in(4))
     time, h, reference = timing[0], timing[1], state[3:12]
     start = ca.vertcat(state[:3], ca.MX.zeros(3), state[12:])
     found: list[ca.MX] = []
@@ -138,19 +161,19 @@ def _compose_step(mechanism: Mechanism) -> ca.Function:
         terms = [float(c) * slope for c, slope in zip(coefficients, found, strict=False) if c != 0]
         at = start + h * sum(terms, ca.MX.zeros(12))
         rotation, rate = turn(at[3:6], at[9:], reference)
-        output = solve(time + float(node) * h, at[:3], rotation, at[6:], shared)
+        output = solve(time + float(node) * h, at[:3], rotation, at[6:], constants)
         outputs.append(output)
         found.append(ca.vertcat(at[6:9], rate, output[:6]))
     end = start + h * sum((float(c) * slope for c, slope in zip(WEIGHTS, found, strict=True)), ca.MX.zeros(12))
     after = ca.vertcat(end[:3], turn(end[3:6], end[9:], reference)[0], end[6:])
-    return ca.Function("eighth_order_step", [state, timing, shared], [after, outputs[0]])
+    return ca.Function("eighth_order_step", [state, timing, constants], [after, outputs[0]])
 
 
 def _compile_step(mechanism: Mechanism) -> ca.Function:
-    """(state 18, [t, h], shared) → (state at t + h, [v̇; τ] at t); the state is [p; R row by row; v; ω]."""
+    """(state 18, [t, h], constants) → (state at t + h, [v̇; τ] at t); the state is [p; R row by row; v; ω]."""
     solve = slopes(mechanism)
     state, timing = ca.SX.sym("state", 18), ca.SX.sym("timing", 2)
-    shared = ca.SX.sym("shared", shared_count(mechanism))
+    constants = ca.SX.sym("constants", solve.numel_in(4))
     time, h = timing[0], timing[1]
     reference = from_rows(state[3:12], 3, 3)
     start = ca.vertcat(state[:3], ca.SX.zeros(3), state[12:])  # [p; g; v; ω]
@@ -159,12 +182,12 @@ def _compile_step(mechanism: Mechanism) -> ca.Function:
     for node, coefficients in zip(NODES, COEFFICIENTS, strict=True):
         at = start + h * _combined(coefficients, found)
         rotation = rotation_from_gibbs(at[3:6]) @ reference
-        output = solve(time + float(node) * h, at[:3], rows(rotation), at[6:], shared)
+        output = solve(time + float(node) * h, at[:3], rows(rotation), at[6:], constants)
         outputs.append(output)
         found.append(ca.vertcat(at[6:9], gibbs_rate(at[3:6], at[9:]), output[:6]))
     end = start + h * _combined(WEIGHTS, found)
     after = ca.vertcat(end[:3], rows(rotation_from_gibbs(end[3:6]) @ reference), end[6:])
-    return function("eighth_order_step", [state, timing, shared], [after, outputs[0]])
+    return function("eighth_order_step", [state, timing, constants], [after, outputs[0]])
 
 
 def _combined(coefficients: np.ndarray, found: list[ca.SX]) -> ca.SX:

@@ -26,7 +26,8 @@ def sampled(mechanism: Mechanism, shared: np.ndarray, trajectories: Trajectories
     rotations = rotations @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(rotations, 1, 2) @ rotations)  # polar, one Newton step
     twists = _cubic(trajectories, window, index, times)
     clock = trajectories.begins[window] + times
-    found = over_samples(slopes(mechanism), len(times), clock[:, np.newaxis], positions, rotations, twists, shared)[0]
+    sample = (clock[:, np.newaxis], positions, rotations, twists, trajectories.constants(shared)[window])
+    found = over_samples(slopes(mechanism), len(times), *sample)[0]
     return Motion(t=times, positions=positions, rotations=rotations, twists=twists, accelerations=found[:, :6])
 
 

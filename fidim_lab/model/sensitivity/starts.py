@@ -1,24 +1,30 @@
 """Initial states that obey the locked cables, Ξ v = l̇ (0 but for effects), and what they and the lengths depend on.
 
-A window's own unknowns are [δp; δφ; δu]: a change of pose and λ rates along the free twists at that pose. Ξ is tied to
-the pose, so the twist follows it: v(pose) is the projection of the old twist on the new free twists.
+A window's own unknowns are [δp; δφ; δu; δτ]: a change of pose, rates along the free twists at that pose (λ with rigid
+cables), and the tensions of the cables that are springs. Ξ is tied to the pose, so the twist follows it: v(pose) is
+the projection of the old twist on the new free twists. A spring's unstretched length follows pose and tension,
+l₀ = l − κ τ, so that a change of stiffness leaves a quiet start quiet.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.model.batch import evaluate, function, rows
+from fidim_lab.model.batch import evaluate, function, over_samples, rows
 from fidim_lab.model.contributions import seen_compliances_at
+from fidim_lab.model.equations import Symbols
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import Sample, turned
+from fidim_lab.model.sensitivity.equations import Sample, entries, sprung, turned
 from fidim_lab.model.sensitivity.integrate import States
 
 Begins = Float[np.ndarray, " W"]
 """s on each window's own clock"""
+
+SLOW = 2 * np.pi * 3.0
+"""rad/s: a direction in which the springs are no faster than this is not held by them but moves"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +34,34 @@ class Starts:
     lengths: Float[np.ndarray, "W n"]
     """m, as an encoder without error would read them"""
     lengths_by: Float[np.ndarray, "W n P"]
-    """by [δp; δφ; δu; shared]"""
+    """by [δp; δφ; δu; δτ; shared]"""
     states_by: Float[np.ndarray, "W 12 P"]
     """[δp; δφ; δv; δω] by the same columns"""
     free_twists: Float[np.ndarray, "W 6 free"]
-    """N: orthonormal, Ξ N = 0"""
+    """N: orthonormal, Ξ N = 0 for the cables that are held"""
+    unstretched: Float[np.ndarray, "W springs"] | None = None
+    """l₀ of the springs, m; None where there are none"""
+    unstretched_by: Float[np.ndarray, "W springs P"] | None = None
+    rates: Float[np.ndarray, "W springs"] | None = None
+    """of the springs' stretch, m/s"""
+    rates_by: Float[np.ndarray, "W springs P"] | None = None
+
+
+def own_count(mechanism: Mechanism) -> int:
+    """Unknowns of each window: pose (6), free rates, tensions of springs."""
+    return 6 + mechanism.freedoms + 2 * len(sprung(mechanism))
 
 
 def tied(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> States:
-    """The same poses with the nearest twists at which the cables do as they must: v − Ξ⁺ (Ξ v − l̇)."""
+    """The same poses with the nearest twists at which the held cables do as they must: v − Ξ⁺ (Ξ v − l̇).
+
+    Springs whose tension is not known yet get that of `quiet_springs`.
+    """
+    if sprung(mechanism) and states.tensions is None:
+        states = replace(states, tensions=quiet_springs(mechanism, shared, states, begins).tensions)
     found = _quantities(mechanism, shared, states, begins)
-    off = np.linalg.pinv(found.structure) @ found.speeds[..., np.newaxis]
-    return States(states.positions, states.rotations, states.twists - off[..., 0])
+    off = _pinv(found.structure) @ found.speeds[..., np.newaxis]
+    return replace(states, twists=states.twists - off[..., 0])
 
 
 def moved(
@@ -50,12 +72,14 @@ def moved(
     steps: Float[np.ndarray, "W own"],
     begins: Begins,
 ) -> States:
-    """States after a step [δp; δφ; δu] of each window's own unknowns, for the (new) shared parameters."""
-    rates = (starts.free_twists @ steps[:, 6:, np.newaxis])[..., 0]
+    """States after a step [δp; δφ; δu; δτ] of each window's own unknowns, for the (new) shared parameters."""
+    last = 6 + starts.free_twists.shape[2]
+    rates = (starts.free_twists @ steps[:, 6:last, np.newaxis])[..., 0]
     changed = States(
         positions=states.positions + steps[:, :3],
         rotations=states.rotations @ Rotation.from_rotvec(steps[:, 3:6]).as_matrix(),
         twists=states.twists + rates,
+        tensions=None if states.tensions is None else states.tensions + steps[:, last:],
     )
     return tied(mechanism, shared, changed, begins)
 
@@ -63,35 +87,87 @@ def moved(
 def linearised_starts(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> Starts:
     """Lengths, free twists and derivatives at tied states."""
     found = _quantities(mechanism, shared, states, begins)
-    count, n = found.lengths.shape
-    free = np.swapaxes(np.linalg.svd(found.structure)[2][:, n:], 1, 2)
-    back = np.linalg.pinv(found.structure)
+    count, springs = len(found.lengths), found.unstretched.shape[1]
+    free, back = _free_twists(found.structure), _pinv(found.structure)
     own = 6 + free.shape[2]
-    by = np.zeros((count, 12, own + len(shared)))
+    by = np.zeros((count, 12, own + springs + len(shared)))
     by[:, :6, :6] = np.eye(6)
-    by[:, 6:, :6] = -back @ found.speeds_by_pose
+    by[:, 6:, :6] = -back @ found.speeds_by[..., :6]
     by[:, 6:, 6:own] = free
-    by[:, 6:, own:] = -back @ found.speeds_by_shared
-    by_pose = np.concatenate([found.structure[..., :3], found.structure[..., 3:] @ states.rotations], axis=2)
-    lengths_by = np.concatenate([by_pose, np.zeros((count, n, own - 6)), found.lengths_by_shared], axis=2)
-    return Starts(lengths=found.lengths, lengths_by=lengths_by, states_by=by, free_twists=free)
+    by[:, 6:, own + springs :] = -back @ found.speeds_by[..., 6:]
+    plain = Starts(
+        lengths=found.lengths,
+        lengths_by=_beside_rates(found.lengths_by, own - 6),
+        states_by=by,
+        free_twists=free,
+    )
+    if not springs:
+        return plain
+    rates_by = found.rates_by_twist @ by[:, 6:]
+    rates_by[..., :6] += found.rates_by[..., :6]
+    rates_by[..., own + springs :] += found.rates_by[..., 6:]
+    return replace(
+        plain,
+        unstretched=found.unstretched,
+        unstretched_by=_beside_rates(found.unstretched_by, own - 6),
+        rates=found.rates,
+        rates_by=rates_by,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class QuietSprings:
+    """What springs do where no fast oscillation of theirs is excited, and how large such ones may well be."""
+
+    tensions: Float[np.ndarray, "W springs"]
+    """N/kg: those of rigid cables in the same state"""
+    rate_per_tension: Float[np.ndarray, "W springs"]
+    """rate of stretch, m/s, that goes with an oscillating tension of 1 N/kg"""
+    fastest: float
+    """rad/s, of all oscillations of the platform on its springs"""
+
+
+def quiet_springs(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> QuietSprings:
+    """Tensions that rigid cables would have, directions that are as soft as the motion itself (`SLOW`) left slack."""
+    chosen = list(sprung(mechanism))
+    compiled = mechanism.compiled("sensitivity: quiet springs", _compile_quiet)
+    count, n = len(states.positions), mechanism.n
+    given = (begins[:, np.newaxis], states.positions, states.rotations.reshape(count, 9), states.twists, shared)
+    pull, spread, compliance = over_samples(compiled, count, *given)
+    spread = spread.reshape(count, n, n)
+    compliance[:, [k for k in range(n) if k not in chosen]] = 0.0
+    soft = SLOW**2 * compliance[:, np.newaxis] * np.eye(n)
+    tensions = np.linalg.solve(spread + soft, pull[..., np.newaxis])[..., 0]
+    kappa = compliance[:, chosen]
+    inner = spread[:, chosen][:, :, chosen]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        squares = inner / np.sqrt(kappa[:, np.newaxis] * kappa[..., np.newaxis])
+    fastest = float(np.sqrt(np.linalg.eigvalsh(squares).max())) if np.isfinite(squares).all() else np.inf
+    rate = np.sqrt(np.maximum(kappa * np.diagonal(inner, axis1=1, axis2=2), 0.0))
+    return QuietSprings(tensions[:, chosen], rate, fastest)
 
 
 @dataclass(frozen=True, eq=False)
 class _Quantities:
     lengths: Float[np.ndarray, "W n"]
     """less what the cables have grown by since the window's start"""
-    structure: Float[np.ndarray, "W n 6"]
-    speeds: Float[np.ndarray, "W n"]
+    lengths_by: Float[np.ndarray, "W n 6+springs+shared"]
+    """by [δp; δφ], tensions of springs, shared"""
+    structure: Float[np.ndarray, "W held 6"]
+    speeds: Float[np.ndarray, "W held"]
     """Ξ v − l̇, which must vanish"""
-    speeds_by_pose: Float[np.ndarray, "W n 6"]
-    """by [δp; δφ]"""
-    speeds_by_shared: Float[np.ndarray, "W n shared"]
-    lengths_by_shared: Float[np.ndarray, "W n shared"]
+    speeds_by: Float[np.ndarray, "W held 6+shared"]
+    """by [δp; δφ], shared"""
+    unstretched: Float[np.ndarray, "W springs"]
+    unstretched_by: Float[np.ndarray, "W springs 6+springs+shared"]
+    rates: Float[np.ndarray, "W springs"]
+    rates_by: Float[np.ndarray, "W springs 6+shared"]
+    rates_by_twist: Float[np.ndarray, "W springs 6"]
 
 
 def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> _Quantities:
-    count, n = len(states.positions), mechanism.n
+    count, springs = len(states.positions), len(sprung(mechanism))
+    held, n = mechanism.n - springs, mechanism.n
     compiled = mechanism.compiled("sensitivity: starts", _compile_starts)
     found = evaluate(
         mechanism.compiled(f"sensitivity: {count} starts", lambda _: compiled.map(count)),
@@ -100,22 +176,77 @@ def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins
         states.rotations,
         states.twists,
         np.broadcast_to(shared, (count, len(shared))),
+        np.zeros((count, 0)) if states.tensions is None else states.tensions,
     )
-    return _Quantities(found[0], found[1].reshape(count, n, 6), found[2], *(x.reshape(count, n, -1) for x in found[3:]))
+    wide, narrow = 6 + springs + len(shared), 6 + len(shared)
+    shapes = [(n,), (n, wide), (held, 6), (held,), (held, narrow), (springs,), (springs, wide)]
+    shapes += [(springs,), (springs, narrow), (springs, 6)]
+    return _Quantities(*(x.reshape(count, *shape) for x, shape in zip(found, shapes, strict=True)))
+
+
+def _beside_rates(by: np.ndarray, rates: int) -> np.ndarray:
+    """Columns [δp; δφ; δτ; shared] made into [δp; δφ; δu; δτ; shared]."""
+    return np.concatenate([by[..., :6], np.zeros((*by.shape[:-1], rates)), by[..., 6:]], axis=-1)
+
+
+def _free_twists(structure: Float[np.ndarray, "W held 6"]) -> Float[np.ndarray, "W 6 free"]:
+    count, held = structure.shape[:2]
+    if held == 0:
+        return np.broadcast_to(np.eye(6), (count, 6, 6))
+    return np.swapaxes(np.linalg.svd(structure)[2][:, held:], 1, 2)
+
+
+def _pinv(structure: Float[np.ndarray, "W held 6"]) -> Float[np.ndarray, "W 6 held"]:
+    return np.linalg.pinv(structure) if structure.shape[1] else np.swapaxes(structure, 1, 2)
 
 
 def _compile_starts(mechanism: Mechanism) -> ca.Function:
     sample = Sample.of(mechanism)
-    equations = sample.equations
-    symbols = equations.symbols
-    drift, rate = equations.length_constraint(sample.solver)
+    equations, symbols = sample.equations, sample.equations.symbols
+    held, springs = list(sample.held), list(sample.sprung)
+    tensions = ca.SX.sym("tensions", len(springs))
+    drift, rate = _constraint(sample)
     lengths, speeds = equations.lengths - drift, equations.structure @ symbols.twist - rate
+    unstretched = entries(lengths, springs) - entries(equations.compliance, springs) * tensions
+    lengths[springs] = unstretched
     if not equations.compliance.is_zero():
         seen = seen_compliances_at(mechanism, equations.state.cables, symbols.theta)
-        lengths += seen * sample.solver(equations.wrench, equations.pull)[6:]
-    by_pose = ca.horzcat(
-        ca.jacobian(speeds, symbols.position), ca.jacobian(speeds, symbols.flat) @ turned(symbols.flat)
+        pulled = ca.SX.zeros(mechanism.n)
+        pulled[springs] = tensions
+        lengths += seen * (pulled if springs else sample.solver(equations.wrench, equations.pull)[6:])
+    by_pose = ca.horzcat(equations.structure[:, :3], equations.structure[:, 3:] @ symbols.rotation)
+    by_pose = _by_pose(symbols, lengths) if springs else by_pose
+    lengths_by = ca.horzcat(by_pose, ca.jacobian(lengths, ca.vertcat(tensions, sample.shared)))
+    unstretched_by = ca.horzcat(
+        _by_pose(symbols, unstretched), ca.jacobian(unstretched, ca.vertcat(tensions, sample.shared))
     )
-    tables = [by_pose, ca.jacobian(speeds, sample.shared), ca.jacobian(lengths, sample.shared)]
-    outputs = [lengths, rows(equations.structure), speeds, *(rows(table) for table in tables)]
-    return function("starts", sample.inputs, outputs)
+    speeds_by = ca.horzcat(_by_pose(symbols, speeds), ca.jacobian(speeds, sample.shared))
+    outputs = [lengths, lengths_by, equations.structure[held, :], entries(speeds, held), speeds_by[held, :]]
+    outputs += [unstretched, unstretched_by]
+    outputs += [entries(speeds, springs), speeds_by[springs, :], equations.structure[springs, :]]
+    inputs = [*sample.inputs[:4], sample.shared, tensions]
+    return function("starts", inputs, [rows(output) for output in outputs])
+
+
+def _constraint(sample: Sample) -> tuple[ca.SX, ca.SX]:
+    """What the cables have grown by, stretch of springs left out, and its rate."""
+    if not sample.sprung:
+        return sample.equations.length_constraint(sample.solver)
+    drifts = sample.equations.drifts
+    return drifts, ca.jtimes(drifts, sample.equations.symbols.time, ca.SX(1))
+
+
+def _by_pose(symbols: Symbols, expression: ca.SX) -> ca.SX:
+    """By [δp; δφ]."""
+    by_rotation = ca.jacobian(expression, symbols.flat) @ turned(symbols.flat)
+    return ca.horzcat(ca.jacobian(expression, symbols.position), by_rotation)
+
+
+def _compile_quiet(mechanism: Mechanism) -> ca.Function:
+    """(time, position, rotation, twist, shared) → Ξ M⁻¹ f − c, Ξ M⁻¹ Ξᵀ row by row, κ."""
+    sample = Sample.of(mechanism, springs=False)
+    equations = sample.equations
+    free = ca.solve(equations.mass, ca.horzcat(equations.wrench, equations.structure.T))
+    spread = equations.structure @ free[:, 1:]
+    pull = equations.structure @ free[:, 0] - equations.pull
+    return function("quiet_springs", sample.inputs, [pull, rows(spread), equations.compliance])

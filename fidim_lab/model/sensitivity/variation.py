@@ -50,13 +50,15 @@ def variations(
     shared: Float[np.ndarray, " shared"],
     starts: Float[np.ndarray, "W 12 P"],
     further: Float[np.ndarray, "W N 6 Q"] | None = None,
+    unstretched: Float[np.ndarray, "W springs P"] | None = None,
 ) -> Variations:
     """Carry the derivatives of the initial states, [δp; δφ; δv; δω] by P columns, along the trajectories.
 
     The last columns of the P are the shared parameters, and get their part of the motion here. `further`: what Q more
-    parameters, whose columns follow those, add to v̇ at the nodes (`model.forcing`). NaN where the trajectories are.
+    parameters, whose columns follow those, add to v̇ at the nodes (`model.forcing`). unstretched: derivatives of the
+    springs' lengths by the same columns as `starts`. NaN where the trajectories are.
     """
-    linear = _linearised(mechanism, trajectories, shared)
+    linear = _linearised(mechanism, trajectories, shared, unstretched)
     if further is not None:
         linear = replace(linear, forcing=np.concatenate([linear.forcing, further], axis=-1))
     count, nodes = trajectories.positions.shape[:2]
@@ -73,7 +75,9 @@ def variations(
     return Variations(poses=poses, twists=twists, accelerations=accelerations)
 
 
-def _linearised(mechanism: Mechanism, trajectories: Trajectories, shared: np.ndarray) -> _Linear:
+def _linearised(
+    mechanism: Mechanism, trajectories: Trajectories, shared: np.ndarray, unstretched: np.ndarray | None
+) -> _Linear:
     count, nodes = trajectories.positions.shape[:2]
     samples = count * nodes
     _, flat = evaluate(
@@ -82,13 +86,20 @@ def _linearised(mechanism: Mechanism, trajectories: Trajectories, shared: np.nda
         trajectories.positions,
         trajectories.rotations,
         trajectories.twists,
-        np.broadcast_to(shared, (samples, len(shared))),
+        trajectories.constants_at_nodes(shared),
     )
     table = flat.reshape(count, nodes, 6, -1)
+    forcing = table[..., 12:]
+    if unstretched is not None:
+        springs, columns = unstretched.shape[1:]
+        own = columns - len(shared)
+        by_lengths = table[..., 12 : 12 + springs] @ unstretched[:, np.newaxis]
+        by_lengths[..., own:] += table[..., 12 + springs :]
+        forcing = by_lengths
     return _Linear(
         by_pose=table[..., :6],
         by_twist=table[..., 6:12],
-        forcing=table[..., 12:],
+        forcing=forcing,
         turn=np.swapaxes(trajectories.rotations, -1, -2),
     )
 

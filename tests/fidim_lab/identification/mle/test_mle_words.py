@@ -38,6 +38,7 @@ def remainder_of(residuals, window, robot):
 
 class _Freedoms:
     freedoms = 2
+    springs = False
 
 
 @pytest.mark.parametrize("gap", [False, True])

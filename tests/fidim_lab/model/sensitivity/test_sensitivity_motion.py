@@ -18,7 +18,7 @@ from fidim_lab.model.sensitivity.grid import FINE, QUICK, Grid
 from fidim_lab.model.sensitivity.integrate import States, integrate
 from fidim_lab.model.sensitivity.starts import linearised_starts, moved, tied
 from fidim_lab.model.sensitivity.variation import variations
-from fidim_lab.model.slots import Effect
+from fidim_lab.model.slots import Effect, ExtraState
 
 MARKERS = np.array([[0.02, -0.03, 0.05], [0.2, 0.1, 0.15]])
 BEGINS = np.array([0.0, 0.4])
@@ -160,18 +160,16 @@ def test_the_derivative_by_a_compliance_is_exact_at_rigid_cables(paper):
     np.testing.assert_allclose(exact[..., -1], slope, atol=1e-4 * np.abs(slope).max())
 
 
-class Displaced(Effect):
-    parameters = ("dx",)
-
-    def marker(self, number, place, theta):
-        return place + theta[0]
+class Sloshing(Effect):
+    parameters = ("size",)
+    extra_states = (ExtraState("level", "m", 0.01),)
 
 
 def test_slots_that_are_not_carried_are_refused(paper):
     _, shared, states = started(paper.robot)
-    with pytest.raises(OurBugError, match=r"Displaced: .* slots marker"):
+    with pytest.raises(OurBugError, match=r"Sloshing: .* slot extra_states"):
         integrate(
-            Mechanism(paper.robot, (Displaced(),)), np.append(shared, 0), states, Grid.covering(0.1, QUICK), BEGINS
+            Mechanism(paper.robot, (Sloshing(),)), np.append(shared, 0), states, Grid.covering(0.1, QUICK), BEGINS
         )
 
 
