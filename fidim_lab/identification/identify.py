@@ -1,6 +1,7 @@
 """From a campaign to a judged result: the one function that puts the pieces of this package together."""
 
 from collections import defaultdict
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -9,10 +10,12 @@ from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.identification import consistency, tls
 from fidim_lab.identification.estimate import Estimate
 from fidim_lab.identification.estimators import ESTIMATORS, Method
+from fidim_lab.identification.input_check import check
 from fidim_lab.identification.mle import identify as mle
 from fidim_lab.identification.problem import Problem, build
 from fidim_lab.identification.recipe import BEST, Recipe
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.slackness import slack_notes
 from fidim_lab.identification.uncertainty import jackknife_sd
 from fidim_lab.identification.validation import THOROUGH, Checks, expected_sigma_perp, verdicts
 
@@ -36,8 +39,15 @@ def identify(
     Raises RefusedError when no window can be used or the windows do not identify a body, SetupError when what was asked
     for does not fit the campaign.
     """
+    checked = check(campaign)
     if method is Method.MLE:
-        return mle.identify(campaign, native=native, predict=checks.predict)
+        result = mle.identify(checked.campaign, native=native, predict=checks.predict)
+    else:
+        result = _by_equations(checked.campaign, method, recipe, checks)
+    return replace(result, warnings=(*checked.notes, *result.warnings))
+
+
+def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Checks) -> IdentificationResult:
     begin = perf_counter()
     problem = build(campaign, recipe)
     estimate = ESTIMATORS[method](problem)
@@ -113,6 +123,7 @@ def _message(outcome: Outcome, estimate: Estimate, windows: tuple[WindowVerdict,
 def _warnings(problem: Problem, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:
     warnings = [f"Window {u.window.id} is not used: {u.reason}" for u in problem.unused]
     warnings += _grouped_notes(windows)
+    warnings += slack_notes(problem, estimate.values)
     warnings += _spread_warning(estimate)
     if not consistency.can_exist(estimate.body):
         warnings.append(consistency.sentence(estimate.body))
