@@ -12,7 +12,7 @@ from typing import Any
 from drivers.ports import Prompt, Rig
 from fidim_lab.errors import GuardError, OurBugError
 from procedures.control import Control, Intervention, Verb, Word
-from procedures.events import Prompted, Publisher, StepFinished, StepProgress, StepStarted, Tripped
+from procedures.events import Prompted, Publisher, StepFinished, StepProgress, StepStarted, Tripped, Warned
 from procedures.guards import Guard, Observation, Reaction, Trip, watch
 from procedures.handlers import Handler
 from procedures.interruption import Aborted, Interruption, result_or_word
@@ -247,6 +247,10 @@ class Engine:
 
     def _react(self, trip: Trip) -> None:
         """In the cycle of the trip: latch, and stop all winches where the guard asks for it (else they are held)."""
+        if trip.reaction is Reaction.WARN:
+            self._journal.write(Kind.WARNED, sync=False, text=trip.guard, reason=trip.says)
+            self._publish(Warned(trip.t, trip))
+            return
         if trip.reaction is Reaction.QUICK_STOP:
             for winch in self._rig.winches:
                 quick_stop(winch)

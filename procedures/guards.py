@@ -274,14 +274,24 @@ def standard_guards(
 async def watch(
     clock: Clock, guards: Sequence[Guard], look: Callable[[], Observation], period: float, react: Callable[[Trip], None]
 ) -> Trip:
-    """Look in every cycle until a guard trips; `react` is called in that same cycle. Returns the trip."""
+    """Look in every cycle until a guard trips; `react` is called in that same cycle. Returns the trip.
+
+    A guard that only warns is told of once, and again when it has been content meanwhile.
+    """
+    warned: set[str] = set()
     while True:
         seen = look()
         if seen.phase is not Phase.PREPARING:
             for guard in guards:
                 says = guard.look(seen)
-                if says is not None:
-                    trip = Trip(seen.t, guard.name, says, guard.reaction)
+                if says is None:
+                    warned.discard(guard.name)
+                    continue
+                trip = Trip(seen.t, guard.name, says, guard.reaction)
+                if trip.reaction is not Reaction.WARN:
                     react(trip)
                     return trip
+                if guard.name not in warned:
+                    warned.add(guard.name)
+                    react(trip)
         await clock.sleep(period)

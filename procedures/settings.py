@@ -91,6 +91,8 @@ class Reaction(StrEnum):
     QUICK_STOP = "quick stop"
     REJECT_WINDOW = "reject window"
     """nothing at once: the check of the window rejects it, and it is recorded again"""
+    WARN = "warn"
+    """the run goes on, and everybody is told once"""
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,10 @@ class GuardSettings:
     """s for which the main marker may be lost or frozen"""
     slip: float = 5e-3
     """m by which an encoder may leave its place while a window is recorded"""
+    loop_late: float = 0.25
+    """s between two looks: drives that hear no more of their host for so long stop by themselves"""
+    disk_spare: float = 200e6
+    """bytes that must be free: an hour of everything"""
     reactions: Mapping[str, Reaction] = field(default_factory=dict[str, Reaction])
     """by guard name, where it is not the guard's own"""
 

@@ -4,8 +4,11 @@ Started by `fidim run` and `fidim resume`; `run_service` may also be called in p
 """
 
 import sys
+import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from fidim_lab.app import compose
@@ -14,16 +17,20 @@ from fidim_lab.app.service.opening import Opened, open_rig
 from fidim_lab.app.service.place import Lock, Place, held, place_of
 from fidim_lab.app.service.service import Identity, RunLogs, Service, new_token, wall_time
 from fidim_lab.app.service.spec import RunSpec, overridden, write_spec
+from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Plan
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import FidimError
-from procedures.guards import LogGuard
+from procedures.guards import Guard, LogGuard
+from procedures.handlers import HANDLERS
+from procedures.host_guards import host_guards
 from procedures.report import RunReport, WindowRow
 from procedures.resumption import Resumption, read_resumption
 from procedures.run import Experiment, identification, run_procedure
 from procedures.settings import Settings
+from procedures.steps import MoveTo
 
 PLAN = "plan.toml"
 
@@ -55,11 +62,16 @@ def prepare(spec: RunSpec) -> Work:
 def run_service(work: Work) -> int:
     """Serve until the run has ended; returns the exit code. Raises SetupError where another service has the rig."""
     place = place_of(work.file, embedded=work.spec.embedded)
-    with held(place, work.spec.out) as lock:
-        return compose.run_loop(_serve(work, place, lock), real_time=True)
+    ended: list[RunReport] = []
+    try:
+        with held(place, work.spec.out) as lock:
+            return compose.run_loop(_serve(work, place, lock, ended), real_time=True)
+    finally:
+        if ended and (wrong := run_hook(work.spec, ended[-1])):
+            sys.stderr.write(f"fidim: {wrong}\n")
 
 
-async def _serve(work: Work, place: Place, lock: Lock) -> int:
+async def _serve(work: Work, place: Place, lock: Lock, ended: list[RunReport]) -> int:
     spec = work.spec
     place_left = work.resumption.place if work.resumption else None
     async with open_rig(spec, work.file, work.plan, place_left.end if place_left else None) as opened:
@@ -69,7 +81,13 @@ async def _serve(work: Work, place: Place, lock: Lock) -> int:
             lock.tell(await service.hub.listen_tcp(spec.tcp_port, new_token(place.token)))
 
         async def carry(service: Service) -> RunReport:
-            return await _carry_out(work, opened, service)
+            try:
+                return await _carry_out(work, opened, service)
+            finally:
+                if service.watcher.report is not None:
+                    ended.append(service.watcher.report)
+                    with suppress(OSError):  # a full disk: the journal has said so
+                        write_summary(spec.out, service.watcher.report)
 
         return await service.serve(carry)
 
@@ -87,7 +105,13 @@ def _service(work: Work, opened: Opened) -> Service:
 async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
     logs = RunLogs(work.spec.out, lambda: _write_papers(work))
     opened.tap(logs.on_frame)
-    guards = (LogGuard(logs.error),)
+    guards = (LogGuard(logs.error), *_more_guards(work))
+    service.more_guards(guards)
+    handlers = dict(HANDLERS)
+    unattended = work.spec.unattended
+    if unattended is not None and unattended.quiet_hours is not None:
+        says = partial(service.chronicle.note, kind="paused")
+        handlers[MoveTo] = QuietMove(unattended.quiet_hours, local_time, lambda text: says(reason=text))
     try:
         return await run_procedure(
             work.experiment,
@@ -96,11 +120,20 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
             wall_time=wall_time,
             listeners=(logs.on_event, *service.listeners()),
             guards=guards,
+            handlers=handlers,
             control=service.control,
             resumption=work.resumption,
         )
     finally:
         logs.close()
+
+
+def _more_guards(work: Work) -> tuple[Guard, ...]:
+    unattended = work.spec.unattended
+    host = host_guards(work.spec.out, work.experiment.settings.guard, time.time)
+    if unattended is None or unattended.max_hours is None:
+        return host
+    return (*host, PatienceGuard(unattended.max_hours))
 
 
 def _write_papers(work: Work) -> None:

@@ -1,0 +1,146 @@
+"""A run that is left alone: answers stated, hours kept, and told how it ended."""
+
+import json
+from datetime import time
+from pathlib import Path
+
+import pytest
+
+from fidim_lab.app.run import RunOptions, make_spec, require_answers
+from fidim_lab.app.service.main import prepare
+from fidim_lab.app.service.spec import RunSpec, overridden, read_spec, write_spec
+from fidim_lab.app.service.unattended import PatienceGuard, quiet, run_hook, write_summary
+from fidim_lab.data.records import Role
+from fidim_lab.errors import FileError, SetupError
+from procedures.guards import Observation
+from procedures.outcomes import Outcome
+from procedures.report import RunReport, WindowRow
+from procedures.settings import Settings
+from procedures.steps import Phase
+
+RIG = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"
+PLAN = """
+format = "fidim-plan/1"
+name = "one"
+[[window]]
+id = "i01"
+lengths = [1.30283, 1.39119, 1.52772, 1.41231]
+displacement = [-0.02, 0.03]
+position = [1.111, -0.271, -0.315]
+"""
+
+
+def options(tmp_path, **more):
+    plan = tmp_path / "plan.toml"
+    plan.write_text(PLAN)
+    rest = {
+        "out": tmp_path / "run",
+        "embedded": True,
+        "listing": False,
+        "unattended": True,
+        "answers": (),
+        "settings": (),
+        "max_hours": None,
+        "quiet_hours": None,
+        "on_finish": "",
+        "on_fault": "",
+        "seed": 1,
+        "hide": (),
+        "procedure": "identify",
+        "stay": False,
+        "tcp": None,
+    }
+    return RunOptions(plan=plan, rig=RIG, **{**rest, **more})
+
+
+BOTH = ("displace-and-release=done", "steady=done@2")
+
+
+def test_a_prompt_without_a_stated_answer_refuses_to_start(tmp_path):
+    work = prepare(make_spec(options(tmp_path, answers=BOTH[:1])))
+    with pytest.raises(SetupError, match="nobody would answer these prompts: steady"):
+        require_answers(work)
+    require_answers(prepare(make_spec(options(tmp_path, answers=BOTH))))
+    require_answers(prepare(make_spec(options(tmp_path, unattended=False))))
+    with pytest.raises(SetupError, match="the choices are done, skip, abort"):
+        require_answers(prepare(make_spec(options(tmp_path, answers=(BOTH[0], "steady=perhaps")))))
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        ({"answers": ("dance=done",)}, "kinds are displace-and-release"),
+        ({"answers": ("steady=done@soon",)}, "KIND=CHOICE@SECONDS"),
+        ({"settings": ("record.seconds=long",)}, "TABLE.KEY=NUMBER"),
+        ({"quiet_hours": "ten to six"}, "HH:MM-HH:MM"),
+    ],
+)
+def test_wrong_options_are_told(what, says, tmp_path):
+    with pytest.raises(SetupError, match=says):
+        make_spec(options(tmp_path, **what))
+
+
+def test_settings_are_changed_by_name(tmp_path):
+    changed = overridden(Settings(), {"record.seconds": 4.0, "record.repeats": 1.0})
+    assert (changed.record.seconds, changed.record.repeats) == (4.0, 1)
+    with pytest.raises(SetupError, match=r"--set record\.secs: no such number; there are amplitude"):
+        overridden(Settings(), {"record.secs": 1.0})
+    with pytest.raises(SetupError, match="there are guard, hand, hold, motion, record, tension"):
+        overridden(Settings(), {"speed": 1.0})
+
+
+def test_a_specification_is_read_back(tmp_path):
+    spec = make_spec(
+        options(tmp_path, answers=BOTH, max_hours=8.0, quiet_hours="22:00-06:00", hide=("swivel-friction",))
+    )
+    write_spec(tmp_path, spec)
+    assert read_spec(tmp_path) == spec
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(FileError, match="plan"):
+        read_spec(tmp_path)
+    with pytest.raises(FileError, match="Only what `fidim run` began"):
+        read_spec(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("span", "now", "still"),
+    [
+        (("22:00", "06:00"), time(23, 0), True),
+        (("22:00", "06:00"), time(5, 59), True),
+        (("22:00", "06:00"), time(6, 0), False),
+        (("22:00", "06:00"), time(12, 0), False),
+        (("12:00", "13:00"), time(12, 0), True),
+        (("12:00", "13:00"), time(13, 0), False),
+    ],
+)
+def test_quiet_hours_may_go_over_midnight(span, now, still):
+    assert quiet(span, now) is still
+
+
+def test_a_run_that_takes_too_long_is_ended():
+    guard = PatienceGuard(2.0)
+    assert guard.look(Observation(100.0, Phase.RESTING, (), None)) is None
+    assert guard.look(Observation(100.0 + 7199.0, Phase.RESTING, (), None)) is None
+    assert "2 h are allowed" in guard.look(Observation(100.0 + 7260.0, Phase.RESTING, (), None))
+
+
+def report(folder, outcome):
+    row = WindowRow("i01", Role.IDENTIFY, outcome, "because", 2)
+    return RunReport("one", folder, outcome, "a reason", (row,), held=True, held_says="held", seconds=12.0)
+
+
+def test_the_summary_and_the_hooks_tell_how_it_ended(tmp_path):
+    write_summary(tmp_path, report(tmp_path, Outcome.FAIL))
+    said = json.loads((tmp_path / "summary.json").read_text())
+    assert (said["outcome"], said["exit_code"], said["windows"][0]["attempts"]) == ("fail", 1, 2)
+    spec = RunSpec(
+        plan=tmp_path,
+        rig=tmp_path,
+        out=tmp_path,
+        on_finish='echo "$FIDIM_OUTCOME" > "$FIDIM_RUN/finish"',
+        on_fault='echo "$FIDIM_EXIT_CODE $FIDIM_REASON" > "$FIDIM_RUN/fault"; exit 7',
+    )
+    assert run_hook(spec, report(tmp_path, Outcome.PASS)) == ""
+    assert (tmp_path / "finish").read_text() == "pass\n"
+    assert run_hook(spec, report(tmp_path, Outcome.ERROR)).endswith("ended with exit code 7")
+    assert (tmp_path / "fault").read_text() == "3 a reason\n"

@@ -1,0 +1,71 @@
+"""Guards of the host: each trips at its threshold, with its reaction, and forgets with hysteresis."""
+
+import pytest
+
+from procedures.events import RunFinished, StepStarted, Tripped, Warned
+from procedures.guards import Observation
+from procedures.host_guards import ClockStepGuard, DiskGuard, LoopGuard, host_guards
+from procedures.journal import Kind, read_journal
+from procedures.outcomes import Outcome
+from procedures.settings import GuardSettings, Reaction
+from procedures.steps import Phase
+
+
+def at(t):
+    return Observation(t, Phase.RESTING, (), None)
+
+
+def test_a_late_loop_is_told_with_how_late():
+    guard = LoopGuard(0.25)
+    assert guard.look(at(0.0)) is None
+    assert guard.look(at(0.2)) is None
+    assert "nothing for 2.00 s" in guard.look(at(2.2))
+    assert guard.look(at(2.21)) is None
+
+
+def test_a_disk_is_low_until_there_is_clearly_more(tmp_path):
+    free = [300e6]
+    guard = DiskGuard(tmp_path, 200e6, lambda _: free[0])
+    assert guard.look(at(0.0)) is None
+    free[0] = 100e6
+    assert guard.look(at(1.0)) is None, "looked at every five seconds only"
+    assert "100 MB left, 200 MB are wanted" in guard.look(at(6.0))
+    free[0] = 210e6
+    assert guard.look(at(12.0)) is not None
+    free[0] = 250e6
+    assert guard.look(at(18.0)) is None
+
+
+@pytest.mark.parametrize(("by", "told"), [(0.5, False), (-0.5, False), (3600.0, True), (-2.0, True)])
+def test_a_step_of_the_clock_is_told_once(by, told):
+    wall = [1000.0]
+    guard = ClockStepGuard(lambda: wall[0])
+    assert guard.look(at(0.0)) is None
+    wall[0] += 2.0 + by
+    assert (guard.look(at(2.0)) is not None) is told
+    wall[0] += 2.0
+    assert guard.look(at(4.0)) is None
+
+
+def test_a_stepped_clock_warns_and_the_run_goes_on(world, lab, tmp_path):
+    jump = [0.0]
+    world.at("Record", lambda: jump.__setitem__(0, 7200.0))
+    guards = host_guards(tmp_path, GuardSettings(disk_spare=0.0), lambda: world.now() + jump[0])
+    report = world.run(lab.one, tmp_path / "run", guards=guards)
+    assert report.outcome is Outcome.PASS
+    (warning,) = [e for e in world.events if isinstance(e, Warned)]
+    assert "set by +7200.0 s" in warning.trip.says
+    assert [e.kind for e in read_journal(tmp_path / "run" / "journal.jsonl")].count(Kind.WARNED) == 1
+
+
+@pytest.mark.parametrize("reaction", [Reaction.HOLD, Reaction.QUICK_STOP])
+def test_a_full_disk_ends_the_run_by_the_reaction_of_the_table(reaction, world, lab, tmp_path):
+    settings = GuardSettings(disk_spare=1e30, reactions={"disk": reaction})
+    report = world.run(lab.one, tmp_path / "run", guards=host_guards(tmp_path, settings, world.now))
+    assert report.outcome is Outcome.ERROR
+    (trip,) = [e.trip for e in world.events if isinstance(e, Tripped)]
+    assert (trip.guard, trip.reaction) == ("disk", reaction)
+    assert ("quick_stop" in world.winches[0].commands) is (reaction is Reaction.QUICK_STOP)
+    begun = [type(e.step).__name__ for e in world.events if isinstance(e, StepStarted)]
+    assert begun == ["Enable", "MoveTo"]
+    assert isinstance(world.events[-1], RunFinished)
