@@ -3,10 +3,11 @@
 A pipeline of stages, each of which hands one frozen value to the next:
 
     campaign → Cleaned (`clean`) → Baseline (`baseline`) → Cleaned (`audit`), and then a Baseline again
-             → Selection (`select`) → Judged (`verdict`) → Explanation (`telling`), as recorded (`aftermath`)
+             → Selection (`select`) → Judged (`verdict`) → Explanation (`telling`, `unnamed`), as recorded (`aftermath`)
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 
 from fidim_lab.data.records import Campaign
@@ -17,6 +18,7 @@ from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.explanation import Explanation
 from fidim_lab.mismatch.select import select
 from fidim_lab.mismatch.telling import tell
+from fidim_lab.mismatch.unnamed import with_unknown
 from fidim_lab.mismatch.verdict import judge
 
 Say = Callable[[str], None]
@@ -36,4 +38,6 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
         baseline = fit_baseline(audited.campaign, native=native, say=say)
     found = select(baseline, say)
     judged = judge(found)
-    return with_cleaning(tell(baseline, found, judged, perf_counter() - begin), audited)
+    told = tell(baseline, found, judged, perf_counter() - begin)
+    whole = with_unknown(told, judged.named.model, audited.campaign, say)
+    return with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from fidim_lab.mismatch.generic.unknown import Unknown
+
 
 class Verdict(StrEnum):
     """What became of the difference between recording and model."""
@@ -104,6 +106,8 @@ class Explanation:
     seconds: float
     untested: tuple[str, ...] = ()
     """ids of the catalogue that this version could not test"""
+    unknown: Unknown | None = None
+    """the generic model of what has no name, where one helps"""
 
     @property
     def table(self) -> dict[str, Any]:

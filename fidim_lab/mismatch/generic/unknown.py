@@ -13,6 +13,7 @@ from time import process_time
 import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Window
+from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation
 from fidim_lab.mismatch.generic.evidence import Evidence, Weighed, weigh_all
@@ -31,8 +32,9 @@ SHORTER = (3.0, 1.0)
 """s; looked at otherwise"""
 ENOUGH = 5.0
 """log-evidence below which nothing is believed"""
-TIE = 0.95
-"""of the best one's gain on windows left out: among those that reach it evidence decides, which likes the plainer"""
+FAIR = 0.25
+"""of the best one's gain on windows left out: among families that reach it evidence decides. Windows left out are too
+strict a judge alone: what acts in places that one window visits cannot be foretold by the others"""
 LISTED = 10
 SECOND = 0.2
 """of the excess: where more is left, a second term is looked for"""
@@ -113,8 +115,11 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     base: the best model that has names, with rigid cables, fitted to whole windows. validate: windows of role
     `validate`; only their starts are fitted, and nothing is chosen by them.
     Source: Álvarez, Luengo, Lawrence 2009 (latent forces); evidence: see `evidence`.
+    Raises RefusedError where cables of the base are springs: then the free directions of acceleration are all six.
     """
     begin = process_time()
+    if base.likelihood.own != 6 + base.likelihood.mechanism.freedoms:
+        raise RefusedError("An unknown force is modelled on rigid cables only, and this model's cables are springs.")
     before = judged(base, validate)
     now, latents, chosen, ranking = base, [], [], ()
     for _ in range(TERMS):
@@ -161,7 +166,7 @@ def _next_term(base: Fit, least: float) -> tuple[tuple[Fit, LatentForce, Weighed
 
 
 def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
-    """The most evident of those that predict windows left out about best; by evidence alone where none predicts any."""
+    """The most evident of those that predict windows left out well enough; by evidence alone where none predicts any."""
     believed = [one for one in ranking if one.log_evidence > ENOUGH]
     if not believed:
         return None
@@ -169,7 +174,7 @@ def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
     if not useful:
         return max(believed, key=lambda one: one.log_evidence)
     best = max(one.left_out for one in useful)
-    return max((one for one in useful if one.left_out >= TIE * best), key=lambda one: one.log_evidence)
+    return max((one for one in useful if one.left_out >= FAIR * best), key=lambda one: one.log_evidence)
 
 
 def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:
@@ -192,9 +197,10 @@ def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:
 
 
 def _excess(found: Fit) -> float:
-    """χ² beyond what the noise explains that the residuals show."""
+    """χ²/dof beyond what the noise explains that the residuals show."""
     dof = sum(left.dof for left in found.remainders)
-    return max(0.0, sum(left.chi2 for left in found.remainders) - dof * max(1.0, found.noise_ratio**2))
+    chi2 = sum(left.chi2 for left in found.remainders)
+    return max(0.0, chi2 / max(1, dof) - max(1.0, found.noise_ratio**2))
 
 
 def _terms(

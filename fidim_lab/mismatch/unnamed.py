@@ -1,0 +1,60 @@
+"""What has no name, put into an explanation: the generic model's words, its figures and the parameters with it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.explanation import Before, BodyParameter, Explanation, Verdict
+from fidim_lab.mismatch.generic.unknown import Unknown, model_unknown
+from fidim_lab.mismatch.ground import ground_of, whole_ground
+from fidim_lab.mismatch.refit import Completed
+
+Say = Callable[[str], None]
+
+
+def with_unknown(explanation: Explanation, named: Completed, campaign: Campaign, say: Say) -> Explanation:
+    """The explanation with what is left modelled generically, where its verdict says that something is left.
+
+    named: the model whose effects are named. Figures and parameters "after" are those of the generic model where it
+    helps on held-out windows, and the explanation is as it was where it does not.
+    """
+    if explanation.verdict not in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
+        return explanation
+    say("modelling what has no name")
+    try:
+        found = model_unknown(_whole(named, campaign.of_role(Role.IDENTIFY)), campaign.of_role(Role.VALIDATE))
+    except RefusedError as error:
+        return replace(explanation, message=f"{explanation.message} {error.message}")
+    if not found.terms or found.after.chi2_per_dof >= found.before.chi2_per_dof:
+        said = "No smooth wrench of place, velocity, turning or time models it either."
+        return replace(explanation, message=f"{explanation.message} {said}")
+    return replace(
+        explanation,
+        chi2_per_dof=Before(explanation.chi2_per_dof.before, found.after.chi2_per_dof),
+        rms_mm=Before(explanation.rms_mm.before, 1e3 * found.after.rms),
+        parameters=_parameters(found, explanation),
+        message=f"{explanation.message} {_says(found)}",
+        unknown=found,
+    )
+
+
+def _whole(named: Completed, windows: Sequence[Window]) -> Fit:
+    """The fit on whole recordings, even where it was fitted to their first seconds only."""
+    if named.whole:
+        return named.fit
+    return replace(named.fit, likelihood=whole_ground(ground_of(named.fit), windows).likelihood)
+
+
+def _parameters(found: Unknown, explanation: Explanation) -> dict[str, BodyParameter]:
+    return {
+        shift.name: BodyParameter(shift.with_it, shift.with_sd, explanation.parameters[shift.name].nominal)
+        for shift in found.parameters
+    }
+
+
+def _says(found: Unknown) -> str:
+    figures = f"held-out χ²/dof {found.before.chi2_per_dof:.3g} → {found.after.chi2_per_dof:.3g}, rms "
+    figures += f"{1e3 * found.before.rms:.3g} → {1e3 * found.after.rms:.3g} mm"
+    return f"Modelled by a wrench without a name ({figures}): {' '.join(found.words)}"
