@@ -54,7 +54,7 @@ def audit(cleaned: Cleaned, found: Fit, *, say: Say = lambda _: None) -> Cleaned
     say("looking for hands and single bad windows")
     for _ in range(ROUNDS):
         segments = fit_segments(found.likelihood.mechanism, after.campaign.windows)
-        contacts = find_contacts(segments)
+        contacts = find_contacts(segments, strict=cleaned.screening.contradicts_kinematics)
         if not contacts:
             break
         after = _cut(after, segments, contacts, say)

@@ -18,6 +18,8 @@ from fidim_lab.mismatch.segments import Segmented, Segments, part
 
 ABOVE = 1.8
 """times its neighbours' χ²/dof that a segment with a hand has; missing physics: up to 1.4"""
+FAR_ABOVE = 3.0
+"""the same where the kinematics are contradicted"""
 AT_AN_END = 5.0
 """the same where there is one neighbour only"""
 CERTAIN = 8.0
@@ -58,9 +60,15 @@ class Contact:
         )
 
 
-def find_contacts(segments: Segments) -> tuple[Contact, ...]:
-    """Every contact, in the order of windows and times."""
-    runs = [(one, run) for one in segments.windows for run in _runs(one)]
+def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact, ...]:
+    """Every contact, in the order of windows and times.
+
+    strict: where the kinematics are contradicted already (wrong geometry, soft cables) segments differ more, and some
+    poses lie on the wrong side of a fold; then only what stands far above free motion on both sides counts.
+    """
+    runs = [(one, run) for one in segments.windows for run in _runs(one, FAR_ABOVE if strict else ABOVE)]
+    if strict:
+        runs = [(one, run) for one, run in runs if run[0] > 0 and run[1] < len(one.chi2_per_dof)]
     begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
     if np.nanmean(np.array(begins) > LIVELY) > OFTEN:
         runs = [(one, run) for one, run in runs if run[0] > 0]
@@ -93,25 +101,26 @@ def _parts(window: Window, contacts: Sequence[Contact]) -> list[Window]:
     return found
 
 
-def _runs(one: Segmented) -> list[tuple[int, int]]:
-    """Runs of segments (first, end) that stand above their neighbours."""
-    chi2, level = np.nan_to_num(one.chi2_per_dof, nan=np.inf), one.level
+def _runs(one: Segmented, above: float) -> list[tuple[int, int]]:
+    """Runs of segments (first, end) that stand above their neighbours; one without samples counts as usual."""
+    level = one.level
+    chi2 = np.nan_to_num(one.chi2_per_dof, nan=level)
     if not np.isfinite(level) or len(chi2) < 3:
         return []
     spread = CERTAIN * np.sqrt(2 / np.nan_to_num(one.dof, nan=1.0))
-    high = (chi2 > max(1.0, level) * (1 + spread)) & (chi2 > ABOVE * level)
+    high = (chi2 > max(1.0, level) * (1 + spread)) & (chi2 > above * level)
     if high.mean() > MOST:
         return []
     edges = np.flatnonzero(np.diff(np.concatenate([[0], high.astype(int), [0]])))
     runs = [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
-    return [run for run in runs if _stands_out(chi2, *run)]
+    return [run for run in runs if _stands_out(chi2, *run, above)]
 
 
-def _stands_out(chi2: np.ndarray, first: int, end: int) -> bool:
+def _stands_out(chi2: np.ndarray, first: int, end: int, above: float) -> bool:
     """Whether every segment of the run is far above both its neighbours."""
     beside = [chi2[k] for k in (first - 1, end) if 0 <= k < len(chi2)]
-    factor = ABOVE if len(beside) == 2 else AT_AN_END
-    return bool(chi2[first:end].max() > factor * max(beside) and chi2[first:end].min() > ABOVE * min(beside))
+    factor = above if len(beside) == 2 else AT_AN_END
+    return bool(chi2[first:end].max() > factor * max(beside) and chi2[first:end].min() > above * min(beside))
 
 
 def _timed(segments: Segments, one: Segmented, first: int, end: int) -> Contact:
