@@ -100,6 +100,8 @@ class WinchEntry:
     """s between the drive's heartbeats"""
     host_timeout: float
     """s without the host's heartbeat until the drive stops by itself"""
+    sdo_timeout: float
+    """s that the drive may take to answer a request"""
     brake_time: float
     """s that the brake takes; 0 without one"""
     vendor_id: int | None

@@ -76,6 +76,7 @@ class WinchTable(Table):
     home_length: float = 0.0
     heartbeat: Annotated[float, Field(ge=0.001, le=65)] = 0.1
     host_timeout: Annotated[float, Field(ge=0.001, le=65)] = 0.25
+    sdo_timeout: Annotated[float, Field(ge=0.05, le=10)] = 0.5
     brake_time: Annotated[float, Field(ge=0, le=10)] = 0.0
     vendor_id: Annotated[int, Field(ge=0)] | None = None
     product_code: Annotated[int, Field(ge=0)] | None = None

@@ -121,6 +121,7 @@ def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float
         following_error_time=entry.following_error_time,
         heartbeat=entry.heartbeat,
         host_timeout=entry.host_timeout,
+        sdo_timeout=entry.sdo_timeout,
         step_timeout=STEP_TIMEOUT + entry.brake_time,
         stop=StopReactions(**vars(entry.stop)),
         eds=entry.eds or GENERIC_EDS,
