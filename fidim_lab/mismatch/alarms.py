@@ -1,15 +1,16 @@
 """How often the search would find something where nothing is: drawn anew for the campaign at hand.
 
 Without any effect the gradient of all scores is normal with the curvature as its covariance, times the variance of
-what is left. Every draw is scored as the data were, all hypotheses at once, but without bounds and at the size that is
-best for the evidence; either can only raise the rate. Pairs are looked at only where one hypothesis alone is believed,
-hence they add nothing to it.
+what is left. Every draw is scored as the data were, all hypotheses at once, but without bounds, at the size that is
+best for the evidence, and with periodic effects apart from all others; each of these can only raise the rate. Pairs are
+looked at only where one hypothesis alone is believed, hence they add nothing to it.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from fidim_lab.mismatch.hypotheses import PERIODIC
 from fidim_lab.mismatch.score import Projected, freedom
 
 DRAWS = 10_000
@@ -46,10 +47,12 @@ def alarm_rate(found: Projected, threshold: float, draws: int = DRAWS) -> AlarmR
     """The rate at which noise alone brings some hypothesis over a log-evidence."""
     scale = np.sqrt(np.maximum(np.diag(found.curvature), 1e-300))  # units differ by many powers of ten
     curvature = found.curvature / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(curvature)
-    root = vectors * np.sqrt(np.clip(values, 0.0, None))
-    noise = np.random.default_rng(SEED).standard_normal((draws, root.shape[1]))
-    gradients = np.sqrt(found.inflation) * noise @ root.T
+    rng = np.random.default_rng(SEED)
+    gradients = np.zeros((draws, len(curvature)))
+    for together in _drawn_together(found):
+        values, vectors = np.linalg.eigh(curvature[np.ix_(together, together)])
+        root = vectors * np.sqrt(found.inflation * np.clip(values, 0.0, None))
+        gradients[:, together] = rng.standard_normal((draws, len(together))) @ root.T
     best = np.full(draws, -np.inf)
     for k, place in enumerate(found.slices):
         part = gradients[:, place] / found.inflation
@@ -58,3 +61,13 @@ def alarm_rate(found: Projected, threshold: float, draws: int = DRAWS) -> AlarmR
         gained = 0.5 * np.einsum("ni,ni->n", part, np.linalg.solve(known, part.T).T)
         best = np.maximum(best, gained - cost)
     return AlarmRate(int((best > threshold).sum()), draws, len(found.tried), threshold)
+
+
+def _drawn_together(found: Projected) -> list[np.ndarray]:
+    """Parameters whose common curvature is known: all steady hypotheses, and every periodic one by itself."""
+    steady: list[np.ndarray] = []
+    alone: list[np.ndarray] = []
+    for tried, place in zip(found.tried, found.slices, strict=True):
+        parameters = np.arange(place.start, place.stop)
+        (alone if tried.effect.id in PERIODIC else steady).append(parameters)
+    return [*([np.concatenate(steady)] if steady else []), *alone]
