@@ -166,7 +166,7 @@ def _next_term(base: Fit, least: float) -> tuple[tuple[Fit, LatentForce, Weighed
 
 
 def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
-    """The most evident of those that predict windows left out well enough; by evidence alone where none predicts any."""
+    """The most evident of those that predict windows left out well enough; of all where none predicts any."""
     believed = [one for one in ranking if one.log_evidence > ENOUGH]
     if not believed:
         return None
