@@ -12,10 +12,11 @@ from functools import partial
 from pathlib import Path
 
 from fidim_lab.app import compose
+from fidim_lab.app.run_records import RunRecords
 from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.opening import Opened, open_rig
 from fidim_lab.app.service.place import Lock, Place, held, place_of
-from fidim_lab.app.service.service import Identity, RunLogs, Service, new_token, wall_time
+from fidim_lab.app.service.service import Identity, Service, new_token, wall_time
 from fidim_lab.app.service.spec import RunSpec, overridden, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
 from fidim_lab.data.plan_file import read_plan, write_plan
@@ -103,7 +104,7 @@ def _service(work: Work, opened: Opened) -> Service:
 
 
 async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
-    logs = RunLogs(work.spec.out, lambda: _write_papers(work))
+    logs = RunRecords(work.spec.out, opened.rig, lambda: _write_papers(work))
     opened.tap(logs.on_frame)
     guards = (LogGuard(logs.error), *_more_guards(work))
     service.more_guards(guards)
@@ -113,7 +114,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
         says = partial(service.chronicle.note, kind="paused")
         handlers[MoveTo] = QuietMove(unattended.quiet_hours, local_time, lambda text: says(reason=text))
     try:
-        return await run_procedure(
+        report = await run_procedure(
             work.experiment,
             service.rig,
             work.spec.out,
@@ -124,6 +125,8 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
             control=service.control,
             resumption=work.resumption,
         )
+        await logs.after_run()
+        return report
     finally:
         logs.close()
 

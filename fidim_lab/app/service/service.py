@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from drivers.canbus.candump import CandumpLog
 from drivers.canbus.load import frame_bits
 from drivers.canbus.transport import CanFrame
 from drivers.ports import Clock, PromptKind
@@ -27,7 +26,7 @@ from fidim_lab.app.service.session import ServerSession
 from fidim_lab.app.service.status import Gauges, Watcher
 from fidim_lab.errors import FidimError
 from procedures.control import Control
-from procedures.events import Event, Prompted, RunStarted
+from procedures.events import Event, Prompted
 from procedures.guards import Guard, standard_guards
 from procedures.report import RunReport, WindowRow
 from procedures.run import Experiment
@@ -255,43 +254,6 @@ class Service:
             loop_late=round(max(self._late, 0.0), 4),
             prompt=None if self.board.question is None else self.board.question.number,
         )
-
-
-class RunLogs:
-    """What lies beside a run: raw bus frames, a file for each time that it is begun or resumed, and its papers."""
-
-    def __init__(self, folder: Path, papers: Callable[[], None]) -> None:
-        """papers: writes plan and specification into the folder; may raise OSError."""
-        self._folder = folder
-        self._papers = papers
-        self._log: CandumpLog | None = None
-        self._unlogged: str | None = None
-
-    def on_event(self, event: Event) -> None:
-        """A listener: begins when the folder is there."""
-        if isinstance(event, RunStarted):
-            try:
-                self._papers()
-                raw = self._folder / "raw"
-                raw.mkdir(exist_ok=True)
-                number = 1 + len(list(raw.glob("can*.log")))
-                self._log = CandumpLog(raw / ("can.log" if number == 1 else f"can-{number}.log"))
-            except (OSError, FidimError) as error:  # a listener that raises would be dropped, and nothing logged
-                self._unlogged = str(error)
-
-    def on_frame(self, frame: CanFrame) -> None:
-        """A tap."""
-        if self._log is not None:
-            self._log.write(frame)
-
-    def error(self) -> str | None:
-        """Why the log is not whole, for `LogGuard`."""
-        return self._unlogged or (self._log.error if self._log is not None else None)
-
-    def close(self) -> None:
-        """The end."""
-        if self._log is not None:
-            self._log.close()
 
 
 def new_token(path: Path) -> str:
