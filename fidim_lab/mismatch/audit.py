@@ -54,29 +54,39 @@ def audit(cleaned: Cleaned, found: Fit, *, say: Say = lambda _: None) -> Cleaned
     say("looking for hands and single bad windows")
     for _ in range(ROUNDS):
         segments = fit_segments(found.likelihood.mechanism, after.campaign.windows)
-        contacts = find_contacts(segments, strict=cleaned.screening.contradicts_kinematics)
-        if not contacts:
+        further = _cut(after, segments, find_contacts(segments), say)
+        if further is after:
             break
-        after = _cut(after, segments, contacts, say)
+        after = further
     return _without_encoders(after, found, say)
 
 
 def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say: Say) -> Cleaned:
-    """Without these contacts; a sensor that stumbles is a fault, and cut in the same way."""
+    """Without these contacts; a sensor that stumbles is a fault, and cut in the same way.
+
+    Where the kinematics are contradicted, what is neither far above free motion nor shown to be a stumble stays in.
+    """
+    strict = cleaned.screening.contradicts_kinematics
+    sure = {(one.window, one.begin) for one in find_contacts(segments, strict=strict)}
     windows = {one.window.id: one.window for one in segments.windows}
     faults: list[Finding] = []
     hands: list[Contact] = []
-    cut = list(contacts)
-    for k, contact in enumerate(contacts):
+    cut: list[Contact] = []
+    for contact in contacts:
         window = windows[contact.window]
         fault = stumble(segments.fit, window, contact)
+        shown = fault is not None and fault.kind is not Kind.SPIKE
+        if not shown and (contact.window, contact.begin) not in sure:
+            continue
         say(contact.says if fault is None else fault.says)
         if fault is None:
             hands.append(contact)
-            continue
-        faults.append(fault)
-        if fault.kind is Kind.JUMP:
-            cut[k] = replace(contact, end=float(window.t[-1]))
+        else:
+            faults.append(fault)
+        jumped = fault is not None and fault.kind is Kind.JUMP
+        cut.append(replace(contact, end=float(window.t[-1])) if jumped else contact)
+    if not cut:
+        return cleaned
     return replace(
         cleaned,
         campaign=without(cleaned.campaign, cut),
