@@ -22,6 +22,8 @@ from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, derivatives, refuse_unknown
 from fidim_lab.model.sensitivity.starts import tied
 
+NOT_FOUND = 0.5
+"""s; a prediction that is lost earlier tells of its start, not of the model"""
 ROUNDS = 3
 """how often parameters may be put back on their bounds"""
 WORTH_BUILDING = 12_000
@@ -42,8 +44,8 @@ class HeldOut:
 
     @property
     def chi2_per_dof(self) -> float:
-        """1 says: nothing but noise is left."""
-        return self.chi2 / max(1, self.dof)
+        """1 says: nothing but noise is left; nan where no window could be predicted."""
+        return self.chi2 / self.dof if self.dof else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +177,13 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     for window in windows:
         try:
             recording = prepare(window, robot)
-            found = held_out.predict(completed.mechanism, completed.fit.values, recording, robot.sensors).remainder
+            prediction = held_out.predict(completed.mechanism, completed.fit.values, recording, robot.sensors)
         except RefusedError as refusal:
             refused[window.id] = str(refusal)
+            continue
+        found = prediction.remainder
+        if prediction.journey.lost and float(found.t[-1] - found.t[0]) < NOT_FOUND:
+            refused[window.id] = f"Window {window.id}: no start was found from which its first motion follows."
             continue
         seen = int(np.isfinite(found.residuals).sum())
         chi2, dof = chi2 + found.chi2, dof + found.dof

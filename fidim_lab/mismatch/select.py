@@ -87,7 +87,7 @@ class _Search:
         return Selection(
             best=best,
             baseline=baseline,
-            tried=tuple(sorted([baseline, *self.tried], key=lambda c: c.held_out.chi2_per_dof)),
+            tried=tuple(sorted([baseline, *self.tried], key=_rank)),
             passing=tuple(self.passing),
             first=last if self.first is None else self.first,
             last=last,
@@ -190,10 +190,16 @@ class _Search:
         return Candidate(model, held, whiteness((*model.leftovers, *held.leftovers)))
 
 
+def _rank(candidate: Candidate) -> float:
+    """χ²/dof of held-out windows; of those that were fitted where there are none."""
+    held = candidate.held_out
+    return held.chi2_per_dof if held.dof else candidate.model.fit.chi2_per_dof
+
+
 def _improves(candidate: Candidate, best: Candidate) -> bool:
     """Held-out windows get better; and where structure stays, a good part of it is taken away."""
     before, after = best.held_out, candidate.held_out
-    if before.dof and after.chi2_per_dof >= before.chi2_per_dof and not candidate.is_white:
+    if before.dof and after.dof and after.chi2_per_dof >= before.chi2_per_dof and not candidate.is_white:
         return False
     rest = max(best.whiteness.excess, 1e-9)
     return candidate.is_white or rest - candidate.whiteness.excess > FEEBLE * rest

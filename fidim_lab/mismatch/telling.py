@@ -109,6 +109,9 @@ def _limits(baseline: Baseline, found: Selection) -> str:
     said = f" {alarm_rate(found.first.projected, ENOUGH).says}"
     if baseline.whole is None:
         said += f" Without effects the model follows no whole window: it was fitted to the first {SHORT:g} s of each."
+    refused = found.best.held_out.refused
+    if refused:
+        said += f" Held-out windows without figures: {'; '.join(refused.values())}"
     untested = baseline.tried.untested
     return said + (f" Not tested: {', '.join(untested)}." if untested else "")
 
