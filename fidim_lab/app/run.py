@@ -99,7 +99,7 @@ def make_spec(options: RunOptions) -> RunSpec:
         plan=options.plan.absolute(),
         rig=options.rig.absolute(),
         out=(options.out or _free_folder(options.plan)).absolute(),
-        procedure=options.procedure,
+        procedure=_procedure(options.procedure),
         settings=dict(_setting(text) for text in options.settings),
         embedded=options.embedded,
         seed=options.seed,
@@ -271,6 +271,11 @@ def _print(event: Happening) -> None:
             words = [event.kind.upper(), *words]
     says = "  ".join(word for word in words if word)
     console.err.print(f"{event.wall[11:19]}  {event.window:4} {says}", markup=False)
+
+
+def _procedure(name: str) -> str:
+    """A file by its absolute path, for the service works elsewhere."""
+    return str(Path(name).absolute()) if name.endswith(".py") else name
 
 
 def _answer(text: str) -> tuple[PromptKind, AnswerSpec]:

@@ -24,12 +24,13 @@ from fidim_lab.data.records import Plan
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import FidimError
+from procedures.catalogue import experiment
 from procedures.guards import Guard, LogGuard
 from procedures.handlers import HANDLERS
 from procedures.host_guards import host_guards
 from procedures.report import RunReport, WindowRow
 from procedures.resumption import Resumption, read_resumption
-from procedures.run import Experiment, identification, run_procedure
+from procedures.run import Experiment, run_procedure
 from procedures.settings import Settings
 from procedures.steps import MoveTo
 
@@ -56,8 +57,8 @@ def prepare(spec: RunSpec) -> Work:
         resumption = read_resumption(spec.out, {window.id: window.role for window in plan.windows})
         if spec.accept_place:
             resumption = replace(resumption, place=None)
-    experiment = identification(plan, file.robot, _settings(spec, file, plan), resumption=resumption)
-    return Work(spec, file, plan, experiment, resumption)
+    made = experiment(spec.procedure, plan, file.robot, _settings(spec, file, plan), resumption=resumption)
+    return Work(spec, file, plan, made, resumption)
 
 
 def run_service(work: Work) -> int:

@@ -50,7 +50,7 @@ class RunSpec(_Part):
     rig: Path
     out: Path
     procedure: str = "identify"
-    """name of a built-in procedure; a plan that is a Python file is a procedure itself"""
+    """name of a built-in procedure, or a Python file"""
     resume: bool = False
     """the run of this folder goes on"""
     accept_place: bool = False

@@ -1,0 +1,137 @@
+"""Which procedures there are, by name, and procedures of a laboratory's own: `experiment` makes a checked one.
+
+A Python file is a procedure when it has a generator function `procedure(lab)`: docs/procedures.md shows one.
+"""
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import cast
+
+from fidim_lab.data.records import Plan, Robot, Role
+from fidim_lab.errors import SetupError
+from procedures.identify import Route, identify
+from procedures.limits import Statics, Workspace, check_moves, find_route, nominal_statics, way_points
+from procedures.listing import Outline
+from procedures.resumption import Resumption
+from procedures.run import Experiment
+from procedures.run_folder import check_window_ids
+from procedures.settings import Settings
+from procedures.steps import Procedure, Steps
+from procedures.tension_check import tension_check
+
+CROSS_VALIDATION = 22
+"""windows of the paper's Fig. 3"""
+
+
+@dataclass(frozen=True, eq=False)
+class Lab:
+    """What a procedure is made of: the plan's windows that are left, the robot, the settings, and safe ways."""
+
+    plan: Plan
+    robot: Robot
+    settings: Settings
+    route: Route
+    attempts: Mapping[str, int]
+    """recordings that an earlier process made, by window"""
+
+
+Make = Callable[[Lab], Steps]
+
+
+def _identify(lab: Lab) -> Steps:
+    return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts)
+
+
+def _tension_check(lab: Lab) -> Steps:
+    return tension_check(lab.plan, lab.robot, lab.settings, lab.route)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One procedure."""
+
+    says: str
+    make: Make
+    role: Role | None = None
+    """that all its windows get, whatever the plan says"""
+
+
+CATALOGUE: Mapping[str, Entry] = MappingProxyType(
+    {
+        "identify": Entry("free motion about each equilibrium of the plan, recorded and judged", _identify),
+        "cross-validate": Entry(
+            f"the same, for windows that no fit will see (the paper has {CROSS_VALIDATION})",
+            _identify,
+            Role.VALIDATE,
+        ),
+        "payload-mass": Entry(
+            "the same with a known payload mounted: identify EMPTY --payload THIS finds the mass",
+            _identify,
+            Role.IDENTIFY,
+        ),
+        "tension-check": Entry("every tension at rest at each equilibrium against its limits", _tension_check),
+    }
+)
+
+
+def experiment(
+    name: str,
+    plan: Plan,
+    robot: Robot,
+    settings: Settings | None = None,
+    *,
+    statics: Statics | None = None,
+    resumption: Resumption | None = None,
+) -> Experiment:
+    """A procedure of the catalogue, or of a Python file, for a plan; its limits checked (some seconds).
+
+    Raises SetupError for an unknown name or a file that is no procedure, InfeasibleError where it leaves the limits.
+    """
+    settings = settings or Settings()
+    entry = _entry(name)
+    check_window_ids([window.id for window in plan.windows])
+    workspace = Workspace(robot, statics or nominal_statics(robot), settings.motion.length_limits)
+    via = lru_cache(partial(way_points, robot, plan))
+    if entry.role is not None:
+        plan = replace(plan, windows=tuple(replace(window, role=entry.role) for window in plan.windows))
+    left = plan if resumption is None else resumption.left_of(plan)
+    lab = Lab(
+        left,
+        robot,
+        settings,
+        lambda start, goal: find_route(workspace, start, goal, via),
+        resumption.attempts if resumption else {},
+    )
+    procedure: Procedure = partial(entry.make, lab)
+    check_moves(Outline(procedure).steps, robot, workspace)
+    roles = {window.id: window.role for window in plan.windows}
+    return Experiment(plan.name, robot, procedure, roles, workspace, settings)
+
+
+def _entry(name: str) -> Entry:
+    if name.endswith(".py"):
+        return Entry("a procedure of your own", _own(Path(name)))
+    if name not in CATALOGUE:
+        known = ", ".join(CATALOGUE)
+        raise SetupError(f"Procedure {name!r}: there is none of this name; there are {known}, or a Python file.")
+    return CATALOGUE[name]
+
+
+def _own(path: Path) -> Make:
+    """The generator function `procedure` of a Python file."""
+    spec = importlib.util.spec_from_file_location("fidim_own_procedure", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise SetupError(f"{path}: no such Python file.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise SetupError(f"{path}: cannot be imported: {type(error).__name__}: {error}.") from error
+    make = getattr(module, "procedure", None)
+    if not callable(make):
+        raise SetupError(f"{path}: has no function `procedure(lab)` that yields steps (docs/procedures.md).")
+    return cast("Make", make)  # that it yields steps shows when it is listed

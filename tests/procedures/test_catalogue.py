@@ -1,0 +1,89 @@
+"""Every procedure can be listed without hardware, runs on the small laboratory, and one's own is a short file."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.records import Role
+from fidim_lab.errors import SetupError
+from procedures.catalogue import CATALOGUE, experiment
+from procedures.control import Control, Verb, Word
+from procedures.events import StepStarted
+from procedures.listing import Outline
+from procedures.outcomes import Outcome
+from procedures.run import run_procedure
+from sim_backends.jumping_loop import run
+
+PAGE = Path(__file__).parents[2] / "docs" / "procedures.md"
+
+
+def comfortable(lengths):
+    return lengths * 0 + 60.0
+
+
+def carry_out(name, world, lab, folder, control=None):
+    made = experiment(name, lab.plan, world.robot, world.settings, statics=comfortable)
+
+    async def main():
+        return await run_procedure(
+            made, world.rig, folder, wall_time=lambda: "2026", listeners=(world.hear,), control=control
+        )
+
+    return run(main())
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_each_is_listed_without_hardware_and_runs_as_listed(name, world, lab, tmp_path):
+    made = experiment(name, lab.plan, world.robot, world.settings, statics=comfortable)
+    listed = [type(s).__name__ for s in Outline(made.procedure).steps]
+    report = carry_out(name, world, lab, tmp_path / "run")
+    assert report.outcome.usable, report.reason
+    assert [type(e.step).__name__ for e in world.events if isinstance(e, StepStarted)] == listed
+    assert name in PAGE.read_text(encoding="utf-8")
+
+
+def test_windows_of_a_cross_validation_are_held_out(world, lab, tmp_path):
+    carry_out("cross-validate", world, lab, tmp_path / "run")
+    assert {w.role for w in read_campaign(tmp_path / "run").windows} == {Role.VALIDATE}
+
+
+def test_a_tension_check_says_what_is_wrong_where_and_goes_on(world, lab, tmp_path):
+    world.winches[2].tension = 12.0
+    report = carry_out("tension-check", world, lab, tmp_path / "run")
+    assert [row.outcome for row in report.windows] == [Outcome.FAIL, Outcome.FAIL]
+    assert "tension of cable 3 is 12 N" in report.windows[0].reason
+    assert all(not winch.commands.count("power_off") for winch in world.winches)
+
+
+def test_a_place_of_a_tension_check_can_be_skipped(world, lab, tmp_path):
+    control = Control()
+    world.at("Settle", lambda: control.say(Word(Verb.SKIP, "not here")), after=0.2)
+    report = carry_out("tension-check", world, lab, tmp_path / "run", control)
+    assert [row.outcome for row in report.windows] == [Outcome.SKIPPED, Outcome.PASS]
+
+
+def test_the_procedure_of_the_page_is_short_and_runs(world, lab, tmp_path):
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(code.splitlines()) < 20
+    own = tmp_path / "creep.py"
+    own.write_text(code, encoding="utf-8")
+    report = carry_out(str(own), world, lab, tmp_path / "run")
+    assert [type(e.step).__name__ for e in world.events if isinstance(e, StepStarted)][-1] == "Note"
+    assert report.held
+    assert "2 of 2" not in report.reason
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [(None, "no such Python file"), ("x = 1", "no function `procedure"), ("1 / 0", "ZeroDivisionError")],
+)
+def test_what_is_no_procedure_is_told(text, says, world, lab, tmp_path):
+    own = tmp_path / "own.py"
+    if text is not None:
+        own.write_text(text)
+    with pytest.raises(SetupError, match=says):
+        experiment(str(own), lab.plan, world.robot, statics=comfortable)
+    with pytest.raises(SetupError, match="there are identify, cross-validate"):
+        experiment("dance", lab.plan, world.robot, statics=comfortable)
