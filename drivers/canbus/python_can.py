@@ -180,9 +180,13 @@ class PythonCanTransport:
 def _free_port(bus: can.BusABC) -> None:
     """Close the serial port below a bus whose own farewell failed: slcan says "C" first, also to nobody."""
     port = getattr(bus, "serialPortOrig", None)
-    if port is not None:
-        with contextlib.suppress(OSError):
-            port.close()
+    if port is None:
+        return
+    link = getattr(port, "_socket", None)  # pyserial leaves it open where the other end has gone
+    with contextlib.suppress(OSError):
+        port.close()
+    if isinstance(link, socket.socket):
+        link.close()
 
 
 def _send_small_packets_at_once(bus: can.BusABC) -> None:

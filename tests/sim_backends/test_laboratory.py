@@ -8,7 +8,7 @@ import pytest
 from drivers.cia402.config import GENERIC_EDS
 from fidim_lab.data.records import Robot
 from sim_backends.drive.profile import ShaftMotion, standing
-from sim_backends.laboratory import Laboratory
+from sim_backends.laboratory import DrumGeometry, Laboratory
 from sim_backends.mocap.encoders import TextEncoder
 from sim_backends.plant.world import make_world
 
@@ -97,3 +97,27 @@ def test_the_same_seed_gives_the_same_packets(irma4: Robot) -> None:
 def test_drives_read_the_shipped_dictionary(laboratory: Laboratory) -> None:
     assert Path(GENERIC_EDS).is_file()
     assert [drive.node_id for drive in laboratory.drives(GENERIC_EDS)] == [1, 2, 3, 4]
+
+
+def test_within_its_grain_a_look_at_a_current_moves_nothing(irma4: Robot, clock: HandClock) -> None:
+    world = make_world(irma4, np.random.default_rng(1), body=irma4.nominal)
+    laboratory = Laboratory(irma4, world, LENGTHS, np.random.default_rng(2), clock.now, grain=0.005)
+    before = laboratory.plant.t
+    clock.t += 0.004
+    _ = laboratory.shafts[0].load_current
+    assert laboratory.plant.t == before
+    clock.t += 0.002
+    _ = laboratory.shafts[0].load_current
+    assert laboratory.plant.t == pytest.approx(before + 0.006)
+
+
+def test_drums_of_a_rig_file_begin_at_its_counts(irma4: Robot, clock: HandClock) -> None:
+    world = make_world(irma4, np.random.default_rng(1), body=irma4.nominal)
+    drums = [DrumGeometry(1.0, direction, 5e-6) for direction in (1, -1, 1, -1)]
+    laboratory = Laboratory(irma4, world, LENGTHS, np.random.default_rng(2), clock.now, drums=drums)
+    for shaft, drum, length in zip(laboratory.shafts, drums, LENGTHS, strict=True):
+        shaft.follow(-np.inf, standing(drum.direction * (length - drum.home_length) / drum.metres_per_count))
+    clock.t += 0.1
+    laboratory.advance(clock.t)
+    np.testing.assert_allclose(laboratory.plant.encoder_lengths(), LENGTHS, atol=1e-9)
+    assert laboratory.plant.tensions.min() > 20.0
