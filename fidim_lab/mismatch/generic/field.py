@@ -71,7 +71,7 @@ def _window(found: Fit, latents: Sequence[LatentForce], only: int | None, w: int
         last = first + len(latent.parameters)
         if only in (None, k) and latent.family is not None and latent.shape is not None:
             courses = Courses(latent.family, found.likelihood.mechanism, shared)
-            directions, features = courses.at(sample, latent.shape)
+            directions, features = courses.at(sample, latent.shape_at(shared[first:last]))
             table = latent.weights(shared[first:last]).reshape(directions.shape[-1], -1)
             wrench += np.einsum("sxd,dk,sk->sx", directions[0], table, features[0])
         first = last

@@ -1,6 +1,7 @@
 """A family with its best shape as an effect: a wrench that trajectories with derivatives carry, to be fitted jointly.
 
-θ are the combinations of weights that the data determine, each in units of its own prior: θ ~ N(0, 1).
+θ are the combinations of weights that the data determine, each in units of its own prior, and what the shape moves from
+where it was found, in units of the search's first steps: θ ~ N(0, 1).
 """
 
 from dataclasses import dataclass
@@ -47,9 +48,15 @@ class LatentForce(NamedEffect):
         return LatentForce(family=found.family, shape=found.shape, basis=basis, start_at=start)
 
     @property
+    def _steps(self) -> Float[np.ndarray, " shape"]:
+        """Sizes of the last θ, by which the shape moves while it is fitted; none where a shape is not searched."""
+        steps = None if self.family is None else self.family.steps
+        return np.zeros(0) if steps is None else steps
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """One for each column of the basis."""
-        count = 0 if self.basis is None else self.basis.shape[1]
+        """One for each column of the basis, then one for each entry of the shape that moves."""
+        count = 0 if self.basis is None else self.basis.shape[1] + len(self._steps)
         return tuple(
             Parameter(f"u{k}", "1", "any strength", scale=1.0, low=-np.inf, high=np.inf, start=0.0)
             for k in range(1, count + 1)
@@ -58,14 +65,23 @@ class LatentForce(NamedEffect):
     @property
     def start(self) -> Float[np.ndarray, " r"]:
         """As it was weighed."""
-        return np.zeros(0) if self.start_at is None else self.start_at
+        return np.zeros(0) if self.start_at is None else np.append(self.start_at, np.zeros(len(self._steps)))
 
     def weights(self, theta: Float[np.ndarray, " r"]) -> Float[np.ndarray, " Q"]:
         """Of the family's products."""
-        return np.zeros(0) if self.basis is None else self.basis @ theta
+        return np.zeros(0) if self.basis is None else self.basis @ theta[: self.basis.shape[1]]
+
+    def shape_at(self, theta: Float[np.ndarray, " r"]) -> Float[np.ndarray, " shape"]:
+        """Of the family, as fitted."""
+        shape = np.zeros(0) if self.shape is None else self.shape
+        return shape + self._steps * theta[len(theta) - len(self._steps) :] if len(self._steps) else shape
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """The family's, at the platform."""
         if self.family is None or self.shape is None or self.basis is None:
             return ca.SX.zeros(6)
-        return self.family.wrench(state, ca.SX(ca.DM(self.shape)), ca.SX(ca.DM(self.basis)) @ theta)
+        count = self.basis.shape[1]
+        shape = ca.SX(ca.DM(self.shape))
+        if len(self._steps):
+            shape += ca.DM(self._steps) * theta[count:]
+        return self.family.wrench(state, shape, ca.SX(ca.DM(self.basis)) @ theta[:count])

@@ -213,7 +213,7 @@ def _terms(
         theta = found.values[last - len(latent.parameters) : last]
         alone = field_of(found, latents, only=k)
         said = words(latent, theta, alone, [weighed, *(one for one in ranking if one is not weighed)])
-        shape = tuple(float(x) for x in weighed.shape)
+        shape = tuple(float(x) for x in latent.shape_at(theta))
         terms.append(
             Term(family.label, family.dependence, family.cable, family.power, shape, said, weighed.left_out > 0)
         )

@@ -20,8 +20,7 @@ def words(
     latent: LatentForce, theta: Float[np.ndarray, " r"], field: Field, ranking: Sequence[Weighed]
 ) -> tuple[str, ...]:
     """Sentences, the most telling first. field: of this latent force alone; ranking: it first, then the others."""
-    family, shape = latent.family, latent.shape
-    if family is None or shape is None:
+    if latent.family is None:
         return ()
     found = [_telling(latent, theta, field)]
     found.append(_size(field))
@@ -34,8 +33,8 @@ def words(
 
 
 def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
-    family, shape = latent.family, latent.shape
-    if family is None or shape is None:
+    family, shape = latent.family, latent.shape_at(theta)
+    if family is None:
         return ""
     match family.dependence:
         case Dependence.CENTRE:
@@ -75,9 +74,10 @@ def _power(rate: str, power: float | None) -> str:
 
 
 def _centre(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
-    if latent.shape is None or latent.family is None:
+    if latent.family is None:
         return ""
-    centre, width = latent.shape[:3], float(np.exp(latent.shape[3]))
+    shape = latent.shape_at(theta)
+    centre, width = shape[:3], float(np.exp(shape[3]))
     near, wide = latent.weights(theta)
     on_p = "P" in latent.family.label
     places = field.places if on_p else field.centres
