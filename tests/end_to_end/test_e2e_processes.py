@@ -1,0 +1,187 @@
+"""Real processes: simulated devices in one, the service in another, clients in others; killed, stopped, doubled."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from fidim_lab.data.campaign import read_campaign
+from procedures.journal import Kind, read_journal
+
+RIG = Path(__file__).parents[2] / "examples" / "rigs" / "simulated.toml"
+PLAN = """
+format = "fidim-plan/1"
+name = "two"
+[[window]]
+id = "i01"
+lengths = [1.30283, 1.39119, 1.52772, 1.41231]
+displacement = [-0.02, 0.03]
+position = [1.111, -0.271, -0.315]
+[[window]]
+id = "i02"
+lengths = [1.36283, 1.37119, 1.49772, 1.46231]
+displacement = [-0.02, 0.03]
+position = [1.175, -0.260, -0.352]
+"""
+FAST = ["record.seconds=1.5", "motion.settle_over=0.3", "tension.over=0.2"]
+PATIENT = ["guard.sample_age=3", "guard.loop_late=3"]
+"""on a busy machine everything is late"""
+
+pytestmark = pytest.mark.slow
+
+
+@dataclass
+class Bench:
+    folder: Path
+    rig: Path
+    plan: Path
+    environment: dict[str, str]
+    processes: "list[subprocess.Popen[str]]" = field(default_factory=list)
+
+    def start(self, *arguments: object) -> "subprocess.Popen[str]":
+        process = subprocess.Popen(
+            [str(Path(sys.executable).with_name("fidim")), *map(str, arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=self.environment,
+            cwd=self.folder,
+        )
+        self.processes.append(process)
+        return process
+
+    def run(self, *more: object) -> "subprocess.Popen[str]":
+        answers = ["--answer", "displace-and-release=done", "--answer", "steady=done"]
+        settings = [part for text in FAST + PATIENT for part in ("--set", text)]
+        out = ["--out", self.folder / "run"]
+        return self.start("run", self.plan, "--rig", self.rig, "--unattended", *answers, *settings, *out, *more)
+
+    def service(self) -> int:
+        """Its process."""
+        (lock,) = (self.folder / "runtime" / "fidim").glob("*.lock")
+        return int(json.loads(lock.read_text())["pid"])
+
+
+def until(process: "subprocess.Popen[str]", text: str, within: float = 90.0) -> str:
+    """Read a process's output until it says so."""
+    timer = threading.Timer(within, process.kill)
+    timer.start()
+    said: list[str] = []
+    try:
+        for line in process.stdout or ():
+            said.append(line)
+            if text in line:
+                return line
+    finally:
+        timer.cancel()
+    pytest.fail(f"never said {text!r}:\n{''.join(said)}")
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    ports = [free_port() for _ in range(3)]
+    text = RIG.read_text(encoding="utf-8")
+    for old, new in zip((20100, 20101, 20102), ports, strict=True):
+        text = text.replace(str(old), str(new))
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
+    (tmp_path / "runtime").mkdir(mode=0o700)
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path / "runtime"), "OPENBLAS_NUM_THREADS": "1"}
+    made = Bench(tmp_path, tmp_path / "rig.toml", tmp_path / "plan.toml", environment)
+    simulators = made.start("simulators", made.rig, "--plan", made.plan)
+    until(simulators, "ready")
+    yield made
+    for process in reversed(made.processes):
+        if process.poll() is None:
+            process.terminate()
+        process.communicate(timeout=30)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_a_killed_service_leaves_drives_that_stop_and_its_run_goes_on(bench):
+    run = bench.run()
+    until(run, "accept as windows/i01")
+    until(run, "i02  move to")
+    os.kill(bench.service(), signal.SIGKILL)
+    assert run.wait(30) == 3
+    off = bench.start("power-off", bench.rig)
+    off.communicate("y\n", timeout=60)
+    resumed = bench.start("resume", bench.folder / "run")
+    said, _ = resumed.communicate(timeout=120)
+    assert resumed.returncode == 0, said
+    assert "1 windows have their verdict, 1 are left" in said
+    assert [w.id for w in read_campaign(bench.folder / "run").windows] == ["i01", "i02"]
+
+
+def test_a_stopped_service_does_not_keep_the_drives_from_stopping(bench):
+    run = bench.run()
+    until(run, "i01  move to")
+    os.kill(bench.service(), signal.SIGSTOP)
+    threading.Event().wait(2.0)
+    os.kill(bench.service(), signal.SIGCONT)
+    said, _ = run.communicate(timeout=60)
+    assert run.returncode == 3, said
+    assert "guard stopped the run" in said
+    journal = read_journal(bench.folder / "run" / "journal.jsonl")
+    assert [e.kind for e in journal][-2:] == [Kind.HELD, Kind.RUN_FINISHED]
+    assert json.loads((bench.folder / "run" / "summary.json").read_text())["exit_code"] == 3
+
+
+def test_the_terminal_that_started_a_run_may_be_killed(bench):
+    run = bench.run("--on-finish", f"touch {bench.folder}/finished")
+    until(run, "i01  move to")
+    service = bench.service()
+    run.kill()
+    for _ in range(600):
+        threading.Event().wait(0.2)
+        if (bench.folder / "finished").exists():
+            break
+    assert json.loads((bench.folder / "run" / "summary.json").read_text())["outcome"] in ("pass", "marginal")
+    assert (bench.folder / "finished").exists()
+    assert service > 0
+
+
+def test_a_second_service_on_one_rig_is_refused_and_stop_stops_the_first(bench):
+    run = bench.run()
+    until(run, "i01  move to")
+    second = bench.run("--out", bench.folder / "second")
+    said, _ = second.communicate(timeout=60)
+    assert second.returncode == 2
+    assert f"process {bench.service()}" in said
+    stop = bench.start("stop", "--reason", "enough")
+    assert "quick-stopped" in stop.communicate(timeout=30)[0]
+    assert run.wait(30) == 3
+    assert "enough" in json.loads((bench.folder / "run" / "summary.json").read_text())["reason"]
+
+
+def test_a_polite_kill_of_the_service_ends_held(bench):
+    run = bench.run()
+    until(run, "i01  move to")
+    os.kill(bench.service(), signal.SIGTERM)
+    run.communicate(timeout=60)
+    summary = json.loads((bench.folder / "run" / "summary.json").read_text())
+    assert (summary["interrupted"], summary["held"]) == (True, True)
+
+
+def test_ctrl_c_aborts_with_the_robot_held(bench):
+    run = bench.run()
+    until(run, "i01  move to")
+    run.send_signal(signal.SIGINT)
+    said, _ = run.communicate(timeout=60)
+    assert run.returncode == 130, said
+    summary = json.loads((bench.folder / "run" / "summary.json").read_text())
+    assert (summary["outcome"], summary["held"]) == ("aborted", True)
