@@ -246,7 +246,13 @@ def simulators(**options: Any) -> None:
     show_default=True,
     help="C: the paper's Eq. 40; A, D: mean and volume of the variances that maximum likelihood will reach.",
 )
-@click.option("--robust", default=0, show_default=True, type=click.IntRange(0, 50), help="Bodies 5 % off CAD to average A or D over.")
+@click.option(
+    "--robust",
+    default=0,
+    show_default=True,
+    type=click.IntRange(0, 50),
+    help="Bodies 5 % off CAD to average A or D over.",
+)
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
 @click.option("--out", type=FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
 @click.option("--json", "json_file", type=FILE, default=None, help="Write the design for programs (fidim-design/1).")

@@ -1,0 +1,1 @@
+"""What is measured: each module is one run, `python -m benchmarks.…`; results go to docs/benchmarks."""

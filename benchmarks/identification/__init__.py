@@ -1,0 +1,1 @@
+"""Accuracy, convergence and cost of identification."""

@@ -1,0 +1,48 @@
+"""Campaigns without model error, each with a body, places and noise of its own, from the independent simulator."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.data.records import Body, Campaign, Plan, Pose, Robot
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.random_plan import random_plan
+from sim_backends.plant.plant import Plant
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    campaign: Campaign
+    body: Body
+    """the true one"""
+
+
+def papers_robot() -> Robot:
+    return read_robot(PAPERS_ROBOT)
+
+
+def simulated(seed: int, equilibria: int = 12, validation: int = 0, *, noisy: bool = True) -> Known:
+    """A campaign with the marker noise of the robot file, 0.1 mm; seeds whose cables go slack are drawn again."""
+    robot = papers_robot()
+    for attempt in range(10):
+        world = make_world(robot, np.random.default_rng([seed, attempt, 0]))
+        plant = Plant(world)
+
+        def works(place: np.ndarray, lengths: np.ndarray, displacement: np.ndarray, plant: Plant = plant) -> bool:
+            near = Pose(place - plant.world.markers[0], np.eye(3))
+            try:
+                plant.rest(lengths, near)
+                plant.rest(lengths, near, displacement)
+            except InfeasibleError:
+                return False
+            return True
+
+        plan: Plan = random_plan(robot, f"seed-{seed}", equilibria, validation, 100 * seed + attempt, trial=works)
+        rng = np.random.default_rng([seed, attempt, 1])
+        campaign, truth = simulate_campaign(robot, plan, world, rng, recording=Recording(), platform=plant)
+        if not truth["slack"]:
+            return Known(campaign, world.body)
+    raise SystemExit(f"seed {seed}: a cable goes slack in every draw")

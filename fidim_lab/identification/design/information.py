@@ -1,0 +1,117 @@
+"""What the maximum-likelihood estimate will know: the information of each window about the body, and criteria A and D.
+
+Marker noise and the encoders' resolution are those of the robot file; a window's start and lengths are unknowns of its
+own and are eliminated. Unlike C this depends on no chart of free coordinates.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.design.cost import Cost
+from fidim_lab.identification.design.motions import Sensitive
+from fidim_lab.identification.design.task import SAMPLED, Criterion, DesignTask
+from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.identification.mle.possible import scales
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity import markers
+from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.grid import Grid
+from fidim_lab.model.sensitivity.integrate import States, integrate
+from fidim_lab.model.sensitivity.starts import linearised_starts
+from fidim_lab.model.sensitivity.variation import variations
+
+RATE = 100.0
+"""Hz of the motion capture"""
+DIFFERENCE = 1e-5
+"""m: step of the difference quotients of A and D, whose derivatives are of second order"""
+
+Information = Float[np.ndarray, "W 9 9"]
+
+
+def information(
+    mechanism: Mechanism, task: DesignTask, placed: Sequence[Placed], shared: Float[np.ndarray, "9"] | None = None
+) -> Information:
+    """Information of each window about the nine base parameters, for a body (nominal unless given)."""
+    shared = task.shared if shared is None else shared
+    count, zeros = len(placed), np.zeros(len(placed))
+    states = States(
+        np.array([one.start.position for one in placed]),
+        np.array([one.start.rotation for one in placed]),
+        np.zeros((count, 6)),
+    )
+    starts = linearised_starts(mechanism, shared, states, zeros)
+    grid = Grid.covering(task.seconds, SAMPLED)
+    found = integrate(mechanism, shared, states, grid, zeros)
+    by = variations(mechanism, found, shared, starts.states_by)
+    seen = markers.varied_at_nodes(found, by, task.robot.markers)[:, :, 0]
+    weights = np.sqrt(RATE * _weights(grid)) / task.robot.sensors.marker_noise
+    rows = (weights[:, np.newaxis, np.newaxis, np.newaxis] * seen).reshape(count, -1, seen.shape[-1])
+    lengths = starts.lengths_by / task.robot.sensors.encoder_resolution
+    both = np.concatenate([rows, lengths], axis=1)
+    full = np.swapaxes(both, 1, 2) @ both
+    own = full.shape[1] - BODY
+    across = full[:, :own, own:]
+    return (
+        full[:, own:, own:] - np.swapaxes(across, 1, 2) @ np.linalg.pinv(full[:, :own, :own], hermitian=True) @ across
+    )
+
+
+def predicted_sd(total: Float[np.ndarray, "9 9"]) -> Float[np.ndarray, "9"]:
+    """Standard deviations at the Cramér–Rao bound from the summed information."""
+    return np.sqrt(np.diag(np.linalg.inv(total)))
+
+
+def judged(task: DesignTask, sums: Float[np.ndarray, "K 9 9"]) -> Float[np.ndarray, " K"]:
+    """Criterion A or D of K sums of information: a typical sd, in parts of what a parameter may plausibly be off."""
+    scale = scales(task.robot.nominal)
+    covariances = np.linalg.pinv(sums * np.outer(scale, scale), hermitian=True)
+    if task.criterion is Criterion.A:
+        return np.sqrt(np.trace(covariances, axis1=1, axis2=2) / BODY)
+    return np.exp(np.linalg.slogdet(covariances)[1] / (2 * BODY))
+
+
+def precision(mechanism: Mechanism, sensitive: Sensitive) -> Cost:
+    """A or D of a set of windows, averaged over the task's bodies, with its derivative."""
+    task, placed = sensitive.motions.task, sensitive.motions.placed
+    bodies = (task.shared, *task.bodies)
+    parts = [_precision(mechanism, task, placed, shared) for shared in bodies]
+    return Cost(float(np.mean([part.value for part in parts])), np.mean([part.gradient for part in parts], axis=0))
+
+
+def _precision(mechanism: Mechanism, task: DesignTask, placed: Sequence[Placed], shared: np.ndarray) -> Cost:
+    each = information(mechanism, task, placed, shared)
+    value = float(judged(task, each.sum(axis=0)[np.newaxis])[0])
+    gradient = np.zeros((len(placed), task.width))
+    for k in range(task.width):
+        there = information(mechanism, task, [_aside(mechanism, task, one, k) for one in placed], shared)
+        # one window at a time changes the sum: the criterion of W sums at once
+        gradient[:, k] = (judged(task, each.sum(axis=0) + there - each) - value) / DIFFERENCE
+    return Cost(value, gradient)
+
+
+def _aside(mechanism: Mechanism, task: DesignTask, placed: Placed, k: int) -> Placed:
+    step = np.zeros(task.width)
+    step[k] = DIFFERENCE
+    n = task.robot.n
+    lengths = mechanism.lengths(placed.rest.position[np.newaxis], placed.rest.rotation[np.newaxis])[0]
+    marker = task.robot.marker
+    away = placed.start.position + placed.start.rotation @ marker - placed.rest.position - placed.rest.rotation @ marker
+    z = np.concatenate([lengths, away[list(task.axes)]]) + step
+    try:
+        return place(mechanism, task, z, placed)
+    except InfeasibleError as refusal:  # a step of 10 µm from a place that exists
+        raise InfeasibleError(
+            f"The design's window at lengths {np.round(z[:n], 4)} m is at the edge: {refusal}"
+        ) from refusal
+
+
+def _weights(grid: Grid) -> Float[np.ndarray, " N"]:
+    """Quadrature weights of the nodes, s."""
+    last, k = grid.quadrature[-1], grid.resolution.intervals
+    weights = np.zeros(grid.nodes)
+    for block in range(grid.blocks):
+        weights[block * k : block * k + k + 1] += last
+    return weights

@@ -1,0 +1,158 @@
+"""`design`: many starts, each an exchange among random windows and a descent; the best is polished.
+
+Starts are independent and seeded, so they run on any map (local processes, dask) with the same results.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.design import cost, information, pool
+from fidim_lab.identification.design.limits import worst_of_kinds
+from fidim_lab.identification.design.motions import Motions, simulate
+from fidim_lab.identification.design.refine import Objective, Refined, refine
+from fidim_lab.identification.design.task import Criterion, DesignTask
+from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.grid import FINE
+
+FOR_EACH = 10
+"""windows of the pool for each of the design's equilibria"""
+SHARE = 0.6
+"""of the pool from which a start chooses: starts differ, and so do the optima they find"""
+STEPS, MORE_STEPS = 10, 40
+"""of a start, and of the polish"""
+SPARE = 1.03
+"""criterion, relative: how many starts are polished"""
+POLISHED = 2
+
+Map = Callable[[Callable[["Start"], "Found"], Iterable["Start"]], Iterable["Found"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """One start of many; self-contained, so that another process can do it."""
+
+    task: DesignTask
+    pool: pool.Pool
+    seed: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Where a start led."""
+
+    z: Float[np.ndarray, "W z"]
+    value: float
+    """of the criterion"""
+    seconds: float
+    evaluations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The best design with what it promises."""
+
+    task: DesignTask
+    z: Float[np.ndarray, "W z"]
+    motions: Motions
+    """finely simulated"""
+    value: float
+    """of the task's criterion"""
+    C: float
+    """Eq. 40, whatever the criterion"""
+    predicted_sd: Float[np.ndarray, "9"]
+    starts: tuple[Found, ...]
+    pool: int
+    seconds: float
+
+    @property
+    def rests(self) -> Float[np.ndarray, "W 3"]:
+        """The marker at each equilibrium, m."""
+        marker = self.task.robot.marker
+        return np.array([one.rest.position + one.rest.rotation @ marker for one in self.motions.placed])
+
+
+def design(task: DesignTask, starts: int, seed: int, run: Map, say: Callable[[str], None]) -> Design:
+    """The best of `starts` starts. Raises InfeasibleError where no design obeys the limits."""
+    begin = perf_counter()
+    mechanism = task.mechanism()
+    wanted = FOR_EACH * task.equilibria
+    drawn = pool.draw(
+        mechanism, task, wanted, np.random.default_rng([seed, 0]), lambda k: say(f"{k} of {wanted} random windows")
+    )
+    if task.criterion is not Criterion.C:
+        placed = [place(mechanism, task, z) for z in drawn.z]
+        drawn = replace(drawn, tables=information.information(mechanism, task, placed))
+    found: list[Found] = []
+    for one in run(begin_at, [Start(task, drawn, (seed, 1 + k)) for k in range(starts)]):
+        found.append(one)
+        best = min(f.value for f in found)
+        say(f"start {len(found)} of {starts}: {task.criterion} = {one.value:.3g}, best {best:.3g}")
+    chosen = _polished(mechanism, task, found, say)
+    return _presented(mechanism, task, chosen, tuple(found), len(drawn.z), perf_counter() - begin)
+
+
+def begin_at(start: Start) -> Found:
+    """Do one start."""
+    begin, task = perf_counter(), start.task
+    rng = np.random.default_rng(start.seed)
+    some = rng.choice(len(start.pool.z), max(task.equilibria, round(SHARE * len(start.pool.z))), replace=False)
+    chosen = pool.Pool(start.pool.z[some], start.pool.tables[some])
+    z = pool.exchange(chosen, task.equilibria, _judge(task), rng)
+    refined = _refined(task.mechanism(), task, z, STEPS)
+    return Found(refined.z, refined.value, perf_counter() - begin, refined.evaluations)
+
+
+def _refined(mechanism: Mechanism, task: DesignTask, z: np.ndarray, steps: int) -> Refined:
+    try:
+        return refine(mechanism, task, z, _objective(task), steps)
+    except InfeasibleError:
+        return Refined(z, np.inf, 0)
+
+
+def _objective(task: DesignTask) -> Objective:
+    return cost.excitation if task.criterion is Criterion.C else information.precision
+
+
+def _judge(task: DesignTask) -> pool.Judge:
+    return pool.paper_criterion if task.criterion is Criterion.C else lambda sums: information.judged(task, sums)
+
+
+def _polished(mechanism: Mechanism, task: DesignTask, found: list[Found], say: Callable[[str], None]) -> np.ndarray:
+    """The best few starts followed to the end; limits are checked on a fine grid before one is chosen."""
+    candidates: list[tuple[float, np.ndarray]] = []
+    for one in sorted(found, key=lambda one: one.value)[:POLISHED]:
+        if not np.isfinite(one.value):
+            continue
+        say(f"polishing {task.criterion} = {one.value:.3g}")
+        candidates.append((one.value, one.z))
+        further = _refined(mechanism, task, one.z, MORE_STEPS)
+        candidates.append((further.value, further.z))
+    for _, z in sorted(candidates, key=lambda pair: pair[0]):
+        motions = simulate(mechanism, task, _placed(mechanism, task, z), FINE)
+        if worst_of_kinds(motions).max() <= 0:
+            return z
+    raise InfeasibleError(
+        "No start ended within all limits.",
+        hint="Widen the tension or displacement limits in the robot file, take more --starts, or fewer --equilibria.",
+    )
+
+
+def _placed(mechanism: Mechanism, task: DesignTask, z: np.ndarray) -> list[Placed]:
+    return [place(mechanism, task, one) for one in z]
+
+
+def _presented(
+    mechanism: Mechanism, task: DesignTask, z: np.ndarray, found: tuple[Found, ...], drawn: int, seconds: float
+) -> Design:
+    motions = simulate(mechanism, task, _placed(mechanism, task, z), FINE)
+    each = information.information(mechanism, task, motions.placed)
+    C = cost.criterion(motions.regressors[:, motions.sampled].reshape(-1, 10))
+    value = C if task.criterion is Criterion.C else float(information.judged(task, each.sum(axis=0)[np.newaxis])[0])
+    sd = information.predicted_sd(each.sum(axis=0))
+    return Design(task, z, motions, value, C, sd, found, drawn, seconds)

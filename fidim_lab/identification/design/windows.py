@@ -1,0 +1,117 @@
+"""Where a window rests and where it is let go, as functions of what is designed: z = [l; Δζ_f] of each window.
+
+The rest follows from the lengths (static equilibrium), the start from lengths and displaced marker (Eq. 44). Both have
+exact derivatives by the implicit function theorem. Poses change by [δp; δφ], R → R exp([δφ]×).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Pose
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.design.task import DesignTask
+from fidim_lab.model.equilibria import pose_from_lengths
+from fidim_lab.model.free_motion import marker_selector
+from fidim_lab.model.kinematics import dependent_pose
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.statics import balance
+
+NEWTON = 12
+CLOSED = 1e-10
+"""m, rad: the last Newton step to a rest"""
+FARTHEST = 0.3
+"""m, rad: a rest farther than that from the last one known is another branch"""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """One window at rest and let go."""
+
+    rest: Pose
+    held: Float[np.ndarray, " n"]
+    """tensions at rest per unit mass, N/kg"""
+    start: Pose
+    rest_by: Float[np.ndarray, "6+n z"]
+    """derivative of the rest, [world twist; tensions per unit mass]"""
+    marker_by: Float[np.ndarray, "free z"]
+    """derivative of the marker's free coordinates at rest"""
+    start_by: Float[np.ndarray, "6 z"]
+    """derivative of the start, [δp; δφ]"""
+
+
+def place(mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, " z"], near: Placed | None = None) -> Placed:
+    """Rest and start of one window; `near`: a neighbour from which Newton's method starts.
+
+    Raises InfeasibleError where it cannot rest with taut cables, or not be displaced so.
+    """
+    n = task.robot.n
+    lengths, displacement = z[:n], z[n:]
+    rest, held = _rest(mechanism, task, lengths, near)
+    marker, axes = task.robot.marker, task.axes
+    at_rest = (rest.position + rest.rotation @ marker)[list(axes)]
+    positions, rotations = dependent_pose(mechanism, lengths, marker, axes, (at_rest + displacement)[np.newaxis], rest)
+    start = Pose(positions[0], rotations[0])
+    rest_by = _rest_by(mechanism, task, rest, held)
+    marker_by = _selector(task, rest) @ rest_by[:6]
+    lengths_by = np.hstack([np.eye(n), np.zeros((n, len(axes)))])
+    wanted = marker_by + np.hstack([np.zeros((len(axes), n)), np.eye(len(axes))])
+    xi = mechanism.structure_matrix(start.position[np.newaxis], start.rotation[np.newaxis])[0]
+    twist_by = np.linalg.solve(np.vstack([_selector(task, start), xi]), np.vstack([wanted, lengths_by]))
+    start_by = np.vstack([twist_by[:3], start.rotation.T @ twist_by[3:]])
+    return Placed(rest, held, start, rest_by, marker_by, start_by)
+
+
+def _rest(
+    mechanism: Mechanism, task: DesignTask, lengths: np.ndarray, near: Placed | None
+) -> tuple[Pose, Float[np.ndarray, " n"]]:
+    """Newton's method on the stationary Lagrangian from a neighbour, else downhill from anywhere."""
+    body = task.robot.nominal
+    if near is not None:
+        pose, held = near.rest, near.held
+        for _ in range(NEWTON):
+            gradient, hessian, xi, actual = balance(mechanism, body, pose, held)
+            step = _solve(hessian, xi, -np.concatenate([gradient, actual - lengths]))
+            if not np.isfinite(step).all() or np.abs(step[:6]).max() > FARTHEST:
+                break
+            pose, held = _moved(pose, step[:6]), held + step[6:]
+            if np.abs(step[:6]).max() < CLOSED:
+                return _taut(pose, held)
+    found = pose_from_lengths(mechanism, body, lengths, None if near is None else near.rest)
+    return found.pose, found.tensions
+
+
+def _taut(pose: Pose, held: np.ndarray) -> tuple[Pose, np.ndarray]:
+    if held.min() <= 0:
+        raise InfeasibleError(f"Cable {int(np.argmin(held)) + 1} would have to push at rest.")
+    return pose, held
+
+
+def _rest_by(mechanism: Mechanism, task: DesignTask, rest: Pose, held: np.ndarray) -> Float[np.ndarray, "6+n z"]:
+    """Derivative of the rest."""
+    n = task.robot.n
+    _, hessian, xi, _ = balance(mechanism, task.robot.nominal, rest, held)
+    by_lengths = _solve(hessian, xi, np.vstack([np.zeros((6, n)), np.eye(n)]))
+    return np.hstack([by_lengths, np.zeros((6 + n, len(task.axes)))])
+
+
+def _solve(hessian: np.ndarray, xi: np.ndarray, right: np.ndarray) -> np.ndarray:
+    n = len(xi)
+    system = np.block([[hessian, xi.T], [xi, np.zeros((n, n))]])
+    try:
+        return np.linalg.solve(system, right)
+    except np.linalg.LinAlgError as error:
+        raise InfeasibleError("The platform rests nowhere near: a freedom is neutral.") from error
+
+
+def _moved(pose: Pose, twist: Float[np.ndarray, "6"]) -> Pose:
+    # Rodrigues' vector of half the step: a rotation matrix to rounding, and Newton converges all the same
+    g = twist[3:] / 2
+    cross = np.array([[0.0, -g[2], g[1]], [g[2], 0.0, -g[0]], [-g[1], g[0], 0.0]])
+    turn = np.linalg.solve(np.eye(3) - cross, np.eye(3) + cross)
+    return Pose(pose.position + twist[:3], turn @ pose.rotation)
+
+
+def _selector(task: DesignTask, pose: Pose) -> Float[np.ndarray, "free 6"]:
+    return marker_selector(pose.rotation[np.newaxis], task.robot.marker, task.axes)[0]
