@@ -8,7 +8,7 @@ from pathlib import Path
 from drivers.clock import LoopClock
 from fidim_lab.app import console
 from fidim_lab.app.service.client import ServiceGoneError, connect
-from fidim_lab.app.service.messages import EmergencyStop
+from fidim_lab.app.service.commands import EmergencyStop
 from fidim_lab.app.service.place import Holder, Place, holder, place_of, runtime_folder
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import SetupError

@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from drivers.ports import Clock, Operator, Prompt, PromptKind
-from fidim_lab.app.service.messages import Message, PromptClosed, Question
+from fidim_lab.app.service.commands import Message
+from fidim_lab.app.service.messages import PromptClosed, Question
 
 
 @dataclass(frozen=True)

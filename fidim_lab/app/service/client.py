@@ -17,21 +17,23 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 from fidim_lab.app.service.codec import LineDecoder, Malformed, encode
+from fidim_lab.app.service.commands import (
+    AnswerPrompt,
+    Command,
+    Hello,
+    Message,
+    Request,
+    Reset,
+    TakeLease,
+)
 from fidim_lab.app.service.messages import (
     TO_CLIENT,
     Answer,
-    AnswerPrompt,
     Bye,
-    Command,
-    Hello,
     History,
-    Message,
     Refusal,
-    Request,
-    Reset,
     Samples,
     Status,
-    TakeLease,
     Welcome,
 )
 from fidim_lab.errors import HardwareError, RefusedError, SetupError

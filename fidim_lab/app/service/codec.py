@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from fidim_lab.app.service.messages import Message
+from fidim_lab.app.service.commands import Message
 
 LINE_LIMIT = 1 << 20
 """bytes: a history of thousands of events, and no more"""

@@ -4,10 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fidim_lab.app.service.board import PromptBoard
-from fidim_lab.app.service.latch import Latch
-from fidim_lab.app.service.messages import (
+from fidim_lab.app.service.commands import (
     Abort,
-    Answer,
     AnswerPrompt,
     EmergencyStop,
     Pause,
@@ -21,6 +19,8 @@ from fidim_lab.app.service.messages import (
     Start,
     TakeLease,
 )
+from fidim_lab.app.service.latch import Latch
+from fidim_lab.app.service.messages import Answer
 from fidim_lab.app.service.session import Lease, ServerSession
 from procedures.control import Control, Verb, Word
 

@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fidim_lab.app.service.codec import encode
-from fidim_lab.app.service.messages import Answer, Hello, Message, Refusal, Request, Samples
+from fidim_lab.app.service.commands import Hello, Message, Request
+from fidim_lab.app.service.messages import Answer, Refusal, Samples
 from fidim_lab.app.service.session import ServerSession, Stage
 from fidim_lab.errors import SetupError
 

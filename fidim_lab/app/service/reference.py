@@ -5,11 +5,13 @@ import re
 import sys
 from typing import Any, get_args
 
-from fidim_lab.app.service.messages import PROTOCOL, Command, Message, ToClient, ToService
+from fidim_lab.app.service.commands import PROTOCOL, Command, Message, ToService
+from fidim_lab.app.service.messages import ToClient
 
 INTRODUCTION = f"""# Messages of the service, `{PROTOCOL}`
 
-Made from `fidim_lab/app/service/messages.py` by `python -m fidim_lab.app.service.reference`; a test compares them.
+Made from `commands.py` and `messages.py` in `fidim_lab/app/service` by `python -m fidim_lab.app.service.reference`;
+a test compares them.
 
 A service (`fidim run`) listens at a Unix socket that only its user can open; `fidim run --tcp PORT` adds 127.0.0.1 with
 a token. Both sides send JSON objects, UTF-8, one a line. A client says `hello` first, and gets `welcome`, `history`, a

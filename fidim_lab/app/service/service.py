@@ -17,10 +17,11 @@ from drivers.canbus.transport import CanFrame
 from drivers.ports import Clock, PromptKind
 from fidim_lab.app.service.board import DefaultAnswer, PromptBoard
 from fidim_lab.app.service.chronicle import Chronicle
+from fidim_lab.app.service.commands import Message, Request
 from fidim_lab.app.service.desk import Desk, Levers
 from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.latch import Latch
-from fidim_lab.app.service.messages import Answer, Bye, Message, Request, Status, Welcome
+from fidim_lab.app.service.messages import Answer, Bye, Status, Welcome
 from fidim_lab.app.service.opening import Opened
 from fidim_lab.app.service.session import ServerSession
 from fidim_lab.app.service.status import Gauges, Watcher

@@ -7,7 +7,14 @@ import hmac
 from enum import Enum
 
 from fidim_lab.app.service.codec import LineDecoder, Malformed, encode
-from fidim_lab.app.service.messages import PROTOCOL, TO_SERVICE, Hello, Message, Refusal, Request
+from fidim_lab.app.service.commands import (
+    PROTOCOL,
+    TO_SERVICE,
+    Hello,
+    Message,
+    Request,
+)
+from fidim_lab.app.service.messages import Refusal
 
 
 class Stage(Enum):

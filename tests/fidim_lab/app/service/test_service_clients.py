@@ -12,22 +12,24 @@ from drivers.ports import DriveState, PromptKind
 from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.codec import encode
-from fidim_lab.app.service.messages import (
+from fidim_lab.app.service.commands import (
     Abort,
     EmergencyStop,
-    Happening,
     Hello,
     Pause,
-    PromptClosed,
-    Question,
     Reset,
     Resume,
-    Samples,
     Shutdown,
     Skip,
     Start,
-    Status,
     TakeLease,
+)
+from fidim_lab.app.service.messages import (
+    Happening,
+    PromptClosed,
+    Question,
+    Samples,
+    Status,
 )
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import RefusedError, SetupError

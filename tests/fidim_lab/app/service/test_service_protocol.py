@@ -8,22 +8,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fidim_lab.app.service.codec import LINE_LIMIT, LineDecoder, Malformed, encode
-from fidim_lab.app.service.latch import CODE_LIFE, Latch
-from fidim_lab.app.service.messages import (
-    TO_CLIENT,
+from fidim_lab.app.service.commands import (
     TO_SERVICE,
     Abort,
     AnswerPrompt,
     EmergencyStop,
     Hello,
     Pause,
-    Refusal,
     Request,
     Reset,
     Skip,
     Start,
     TakeLease,
 )
+from fidim_lab.app.service.latch import CODE_LIFE, Latch
+from fidim_lab.app.service.messages import TO_CLIENT, Refusal
 from fidim_lab.app.service.reference import messages_page
 from fidim_lab.app.service.session import Lease, ServerSession, Stage
 
