@@ -140,7 +140,7 @@ def test_anybodys_emergency_stop_stops_at_once_and_stays_latched(serving):
     async def script(s):
         async with s.client("one") as one, s.client("visitor") as visitor:
             await s.begin(one)
-            await s.until(visitor, lambda m: isinstance(m, Status) and m.step is not None and m.step.step == "MoveTo")
+            await s.until(visitor, lambda m: isinstance(m, Status) and m.step is not None and m.step.step == "Settle")
             before = s.rig.rig.clock.now()
             assert (await visitor.command(EmergencyStop(reason="smoke"))).ok
             assert s.rig.rig.clock.now() - before < 0.02
@@ -203,7 +203,7 @@ def test_clients_that_say_nonsense_are_refused_and_nothing_else_happens(serving)
                 said = json.loads(await reader.read())
                 assert said["type"] == "refusal"
                 writer.close()
-            await s.until(client, lambda m: isinstance(m, Status) and m.step is not None and m.step.step == "MoveTo")
+            await s.until(client, lambda m: isinstance(m, Status) and m.step is not None and m.step.step == "Settle")
             await client.require(Abort(reason="enough seen"))
 
     assert serving.run(script) == 1
