@@ -1,8 +1,8 @@
-"""Which method suits a campaign, when nobody asked for one: maximum likelihood, unless rigid cables cannot hold.
+"""Which method suits a campaign, when nobody asked for one, and whether rigid cables can hold at all.
 
-Trajectories are simulated with rigid cables. Where these meet nearly in one point, Ξ has a singular value far below the
-next (a soft mode: REAL.md §1, MODEL.md §6), stretch moves the platform, and that simulation is of another robot. The
-regression on measured poses needs no rigidity: Ξ⊥ᵀ takes the tensions out at whatever pose was measured.
+Where cables meet nearly in one point, Ξ has a singular value far below the next (a soft mode: REAL.md §1, MODEL.md §6),
+stretch moves the platform, and rigid cables are those of another robot: maximum likelihood then fits elastic ones
+(`mle.soft`).
 """
 
 from dataclasses import dataclass
@@ -35,20 +35,37 @@ class Choice:
 
 
 def suited_method(campaign: Campaign) -> Choice:
-    """Maximum likelihood; total least squares where a soft mode forbids it and markers show the whole pose."""
+    """Maximum likelihood, with a word where a soft mode makes it one with elastic cables, or forbids to believe it."""
+    found = soft_singular_values(campaign)
+    if found is None:
+        return Choice(Method.MLE)
+    said = f"The cables hold one direction hardly at all ({found})"
+    if len(campaign.robot.markers) < FULL_POSE:
+        why = (
+            f"{said}, and the markers do not show the whole pose: what follows rests on rigid cables, and they are not."
+        )
+        return Choice(Method.MLE, why)
+    why = (
+        f"{said}: rigid cables are the wrong model here. Elastic cables are fitted, each window from a start of its "
+        "own in pose, twist and tensions."
+    )
+    return Choice(Method.MLE, why)
+
+
+def soft_mode(campaign: Campaign) -> str | None:
+    """Why cables must be elastic here, as the singular values that say so; None where rigid ones hold.
+
+    None too where the markers do not show the whole pose: the twelve freedoms could not be told.
+    """
+    return soft_singular_values(campaign) if len(campaign.robot.markers) >= FULL_POSE else None
+
+
+def soft_singular_values(campaign: Campaign) -> str | None:
+    """The last two scaled singular values of Ξ in words where the last is SOFT; None where it is not."""
     values = _softest(campaign)
     if values is None or values[-1] >= SOFT * values[-2]:
-        return Choice(Method.MLE)
-    found = f"singular values of Ξ {values[-1]:.3f} and {values[-2]:.2f}"
-    if len(campaign.robot.markers) < FULL_POSE:
-        why = f"The cables hold one direction hardly at all ({found}), and the markers do not show the whole pose: "
-        return Choice(Method.MLE, why + "what follows rests on rigid cables, and they are not.")
-    return Choice(
-        Method.TLS,
-        f"The cables hold one direction hardly at all ({found}): rigid cables are the wrong model here, and "
-        "trajectories cannot be simulated with them. Total least squares on the measured poses is used, which needs no "
-        "rigidity (--method mle insists).",
-    )
+        return None
+    return f"singular values of Ξ {values[-1]:.3f} and {values[-2]:.2f}"
 
 
 def _softest(campaign: Campaign) -> Float[np.ndarray, " n"] | None:

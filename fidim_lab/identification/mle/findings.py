@@ -59,8 +59,9 @@ def non_essential(
 
 def doubtful(found: Fit, figures: Figures) -> tuple[str, ...]:
     """Parameters that are not near zero and known to no better than 10 %."""
-    loose = figures.spread > tls.WELL_IDENTIFIED_PERCENT / 100 * np.abs(found.values)
-    marks = loose & ~tls.near_zero(found.values)
+    values = found.values[: len(PARAMETER_NAMES)]
+    loose = figures.spread > tls.WELL_IDENTIFIED_PERCENT / 100 * np.abs(values)
+    marks = loose & ~tls.near_zero(values)
     return tuple(name for name, mark in zip(PARAMETER_NAMES, marks, strict=True) if mark)
 
 

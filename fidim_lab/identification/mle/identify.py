@@ -12,6 +12,7 @@ import numpy as np
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification import total_least_squares, validation
+from fidim_lab.identification.choice import soft_mode
 from fidim_lab.identification.estimate import Estimate
 from fidim_lab.identification.estimators import Method
 from fidim_lab.identification.mle import findings, held_out, spread
@@ -19,12 +20,14 @@ from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.likelihood import Simulation
 from fidim_lab.identification.mle.recordings import prepare
+from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.problem import Problem, build
 from fidim_lab.identification.recipe import BEST
 from fidim_lab.identification.result import IdentificationResult, Parameter, Residual, WindowVerdict
 from fidim_lab.identification.trajectory import Prediction
 from fidim_lab.identification.uncertainty import jackknife_sd
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.sampling import sampled
 
 VARIANT = "trajectory"
@@ -42,15 +45,18 @@ class _Side:
 def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) -> IdentificationResult:
     """Identify the body from the `identify` windows by maximum likelihood, judge it on all windows.
 
+    Where the cables hold one direction hardly at all (`choice.soft_mode`), with elastic cables (`soft`).
+
     native: with compiled C where there is a compiler: the same digits, some five times faster after a few seconds of
     building, once for each robot. predict: also judge the held-out windows.
     Raises RefusedError where no window can be used or simulated.
     """
     begin = perf_counter()
+    soft = fit_soft(campaign, native=native) if soft_mode(campaign) is not None else None
     mechanism = Mechanism(campaign.robot, native=native)
-    found = fit(mechanism, campaign.of_role(Role.IDENTIFY))
+    found = fit(mechanism, campaign.of_role(Role.IDENTIFY)) if soft is None else soft.found
     side = _side(campaign)
-    predicted = _held_out(mechanism, campaign, found) if predict else {}
+    predicted = _held_out(mechanism, campaign, found, soft) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
     figures = _figures(campaign, found)
     outcome = findings.outcome(found, figures, windows)
@@ -64,7 +70,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         sigma_W=None if side is None else side.estimate.sigma_W,
         C=None if side is None else side.estimate.C,
         windows=windows,
-        warnings=findings.warnings(found, figures, windows),
+        warnings=(*(() if soft is None else (soft.sentence,)), *findings.warnings(found, figures, windows)),
         seconds=perf_counter() - begin,
         noise_ratio=float(np.sqrt(found.excess)),
         covariance=figures.covariance,
@@ -77,11 +83,14 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
 def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
     """Parameters with every kind of uncertainty."""
     replicates = spread.leave_one_out(found.tables, found.prior_rows, found.values)
+    replicates = None if replicates is None else replicates[:, :BODY]
     bootstrap = spread.bootstrap_sd(found.tables, found.prior_rows)
-    covariance = found.covariance * max(1.0, found.noise_ratio**2)
+    bootstrap = None if bootstrap is None else bootstrap[:BODY]
+    covariance = found.covariance[:BODY, :BODY] * max(1.0, found.noise_ratio**2)
     sd = np.sqrt(np.diag(covariance))
-    dropped = findings.non_essential(found.values, sd, bootstrap)
-    refitted = found.without(dropped) if dropped.any() else None
+    dropped = findings.non_essential(found.values[:BODY], sd, bootstrap)
+    held = np.concatenate([dropped, np.zeros(len(found.values) - BODY, dtype=bool)])
+    refitted = found.without(held) if dropped.any() else None
     jackknife = None if replicates is None else jackknife_sd(replicates)
     nominal = campaign.robot.nominal.vector
     parameters = {
@@ -99,11 +108,16 @@ def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
     return findings.Figures(parameters, names, covariance, replicates)
 
 
-def _held_out(mechanism: Mechanism, campaign: Campaign, found: Fit) -> dict[str, held_out.Prediction | str]:
+def _held_out(
+    mechanism: Mechanism, campaign: Campaign, found: Fit, soft: SoftFit | None
+) -> dict[str, held_out.Prediction | str]:
     """What each validation window says; a sentence where it cannot be predicted."""
     predicted: dict[str, held_out.Prediction | str] = {}
     for window in campaign.of_role(Role.VALIDATE):
         try:
+            if soft is not None:
+                predicted[window.id] = soft.predict(window)
+                continue
             recording = prepare(window, campaign.robot)
             predicted[window.id] = held_out.predict(mechanism, found.values, recording, campaign.robot.sensors)
         except RefusedError as refusal:

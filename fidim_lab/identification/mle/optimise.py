@@ -17,6 +17,9 @@ STRETCHES = (0.3, 2.0)
 MISFIT, MISFIT_HASTE = 1.5, 100.0
 """beyond this χ²/dof a tenth of the (then larger) standard deviation is enough"""
 
+EDGE = 0.1
+"""with springs: share of the whole below which a promise that no step keeps is an edge of the model, a cable that gets
+slack or dry friction that turns, on which the optimum lies; beyond it something is wrong"""
 HOPELESS = 1e-3
 """a promise of more than this share of the whole is always followed up, however large the misfit"""
 
@@ -91,7 +94,8 @@ def optimise(
         if promise < min(_negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
         if rounds == effort.rounds:
-            return Optimum(simulation, tables, cost, Ending.EXHAUSTED, rounds)
+            edged = _on_an_edge(likelihood, promise, cost)
+            return Optimum(simulation, tables, cost, Ending.CONVERGED if edged else Ending.EXHAUSTED, rounds)
         while True:
             wanted = step(tables, likelihood.own, rows, damping, free, room)
             shared = stretch * wanted.shared if room is None else np.clip(stretch * wanted.shared, *room)
@@ -101,11 +105,16 @@ def optimise(
                 break
             damping, stretch = max(4 * damping, 1e-6), min(stretch, 1.0)
             if damping > DAMPING[1]:
-                return Optimum(simulation, tables, cost, Ending.STUCK, rounds)
+                ending = Ending.CONVERGED if _on_an_edge(likelihood, promise, cost) else Ending.STUCK
+                return Optimum(simulation, tables, cost, ending, rounds)
         gain = (cost - there[1]) / (cost - wanted.predicted)
         damping = _relaxed(damping, gain / _foretold(stretch))
         stretch = _stretched(stretch, gain)
         now, rounds = there, rounds + 1
+
+
+def _on_an_edge(likelihood: Likelihood, promise: float, cost: float) -> bool:
+    return likelihood.springs is not None and promise < EDGE * cost
 
 
 def _negligible(effort: Effort, misfit: float) -> float:

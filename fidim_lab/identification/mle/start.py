@@ -32,6 +32,11 @@ STRETCH_RATE = 2e-2
 ROUNDS = 25
 LONGEST_STEP = 0.2
 """m or rad"""
+DOUBTFUL = 2e-3
+"""m between a marker and its guess beyond which other orientations are tried: the search may have ended in another
+solution's valley"""
+TURNS = (0.3, 0.6)
+"""rad by which these are turned, about each axis and each diagonal"""
 CONTRADICTION = 0.05
 """m between a marker and the pose that fits lengths and markers best: beyond, they do not belong together"""
 
@@ -64,10 +69,11 @@ def first_guess(
     """
     shared = np.concatenate([body.vector, mechanism.theta if theta is None else theta])
     opening = _opening(recording)
-    found = [
-        _refined(mechanism, shared, recording, opening, pose) for pose in _poses(mechanism, body, recording, opening)
-    ]
-    best = found[int(np.argmin([cost for _, cost in found]))][0]
+    poses = _poses(mechanism, body, recording, opening)
+    best = _best([_refined(mechanism, shared, recording, opening, pose) for pose in poses])
+    if _misfit(mechanism, best, opening) > DOUBTFUL:
+        turned = [_refined(mechanism, shared, recording, opening, pose) for pose in _turned(poses[-1])]
+        best = min(best, _best(turned), key=lambda pose: _misfit(mechanism, pose, opening))
     misfit = _misfit(mechanism, best, opening)
     if not misfit < CONTRADICTION:
         raise RefusedError(
@@ -118,6 +124,21 @@ def _poses(mechanism: Mechanism, body: Body, recording: Recording, opening: _Ope
         with suppress(InfeasibleError):
             poses.append(pose_from_lengths(mechanism, body, recording.lengths, level).pose)
     return [*poses, level]
+
+
+def _turned(level: Pose) -> list[Pose]:
+    """The same place in many orientations."""
+    axes = np.array(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)).reshape(3, -1).T
+    axes = axes[np.any(axes != 0, axis=1)]
+    return [
+        Pose(level.position, level.rotation @ Rotation.from_rotvec(turn * axis / np.linalg.norm(axis)).as_matrix())
+        for turn in TURNS
+        for axis in axes
+    ]
+
+
+def _best(found: list[tuple[Pose, float]]) -> Pose:
+    return min(found, key=lambda one: one[1])[0]
 
 
 def _refined(

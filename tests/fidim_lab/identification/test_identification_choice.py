@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign, Robot, Role, Window
-from fidim_lab.identification.choice import suited_method
+from fidim_lab.identification.choice import soft_mode, suited_method
 from fidim_lab.identification.estimators import Method
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -37,10 +37,13 @@ def test_firm_cables_take_maximum_likelihood(irma4: Robot, markers: int) -> None
     assert choice.why == ""
 
 
-def test_cables_that_meet_in_a_point_take_regression_on_measured_poses(irma4: Robot) -> None:
-    choice = suited_method(resting(meeting(irma4, 0.02), 5))
-    assert choice.method is Method.TLS
+def test_cables_that_meet_in_a_point_take_elastic_ones(irma4: Robot) -> None:
+    campaign = resting(meeting(irma4, 0.02), 5)
+    choice = suited_method(campaign)
+    assert choice.method is Method.MLE
     assert "rigid cables are the wrong model" in choice.why
+    assert "singular values" in (soft_mode(campaign) or "")
+    assert soft_mode(resting(meeting(irma4, 1.0), 5)) is None
 
 
 def test_without_the_whole_pose_it_is_at_least_said(irma4: Robot) -> None:
