@@ -1,0 +1,37 @@
+"""First guesses where the platform hangs turned far away from its rest at these lengths."""
+
+import numpy as np
+
+from fidim_lab.data.records import Role, Window
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.identification.mle.recordings import prepare
+from fidim_lab.identification.mle.start import first_guess
+from fidim_lab.model.mechanism import Mechanism
+
+LENGTHS = (1.64678, 1.21362, 1.44352, 1.7968)
+# the first eighth of a second of a window of the independent simulator, m; from its rest the search finds another pose,
+# 32 mm off
+PATH = (
+    (1.55736, -0.33766, -0.44612),
+    (1.55727, -0.33755, -0.44677),
+    (1.55661, -0.33695, -0.44785),
+    (1.55626, -0.33651, -0.45029),
+    (1.55531, -0.33574, -0.45305),
+    (1.55444, -0.33491, -0.4571),
+    (1.55326, -0.33357, -0.46165),
+    (1.55178, -0.33217, -0.46662),
+    (1.55051, -0.33042, -0.47251),
+    (1.54878, -0.32846, -0.47865),
+    (1.54684, -0.32697, -0.485),
+    (1.54511, -0.32443, -0.49117),
+)
+
+
+def test_the_pose_that_fits_is_found_though_the_way_from_rest_leads_to_another():
+    robot = read_robot(PAPERS_ROBOT)
+    # held for a while after, so that the window is long enough to be one
+    markers = np.concatenate([np.array(PATH), np.full((40, 3), np.nan), np.array(PATH[-1:])])[:, np.newaxis]
+    t = np.arange(len(markers)) / 100
+    window = Window("i02", Role.IDENTIFY, t, markers, np.tile(LENGTHS, (len(t), 1)), None, np.array(PATH[0]))
+    guess = first_guess(Mechanism(robot), robot.nominal, prepare(window, robot))
+    assert guess.misfit < 1e-3
