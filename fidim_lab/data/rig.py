@@ -158,6 +158,8 @@ class GuardReaction(StrEnum):
     QUICK_STOP = "quick-stop"
     REJECT_WINDOW = "reject-window"
     """nothing at once; the window is judged bad when it is checked, and recorded again"""
+    WARN = "warn"
+    """the run goes on, and everybody is told once"""
 
 
 @dataclass(frozen=True)

@@ -154,25 +154,51 @@ class TensionGuardTable(Table):
 class MarkerGuardTable(Table):
     """`[guards.marker]`."""
 
-    reaction: Literal["hold", "quick-stop", "reject-window"] = "hold"
+    reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
     lasting: Annotated[float, Field(gt=0, le=60)] = 3.0
 
 
 class SlipGuardTable(Table):
     """`[guards.slip]`."""
 
-    reaction: Literal["hold", "quick-stop", "reject-window"] = "hold"
+    reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
     allowed: Positive = 5e-3
 
 
+class HostLoopGuardTable(Table):
+    """`[guards.host_loop]`: this computer came late."""
+
+    reaction: Literal["hold", "quick-stop", "warn"] = "hold"
+    late: Annotated[float, Field(gt=0, le=10)] = 0.25
+
+
+class DiskGuardTable(Table):
+    """`[guards.disk]`: bytes that must be free."""
+
+    reaction: Literal["hold", "warn"] = "hold"
+    spare: NotNegative = 200e6
+
+
+class ClockStepGuardTable(Table):
+    """`[guards.clock_step]`: the time of day was set while running."""
+
+    reaction: Literal["hold", "warn"] = "warn"
+
+
 class GuardsTable(Table):
-    """`[guards]`: what each guard does when it trips, and when that is."""
+    """`[guards]`: what each guard does when it trips, and when that is.
+
+    What protects robot and people (drive, stale winch, tension) always stops; "warn" is for what only spoils a record.
+    """
 
     drive: DriveGuardTable = DriveGuardTable()
     stale_winch: StaleGuardTable = StaleGuardTable()
     tension: TensionGuardTable = TensionGuardTable()
     marker: MarkerGuardTable = MarkerGuardTable()
     slip: SlipGuardTable = SlipGuardTable()
+    host_loop: HostLoopGuardTable = HostLoopGuardTable()
+    disk: DiskGuardTable = DiskGuardTable()
+    clock_step: ClockStepGuardTable = ClockStepGuardTable()
 
 
 class RigTable(Table):

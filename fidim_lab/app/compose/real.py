@@ -30,6 +30,7 @@ REACTIONS = {
     GuardReaction.HOLD: Reaction.HOLD,
     GuardReaction.QUICK_STOP: Reaction.QUICK_STOP,
     GuardReaction.REJECT_WINDOW: Reaction.REJECT_WINDOW,
+    GuardReaction.WARN: Reaction.WARN,
 }
 LONGEST_TOGETHER = 0.5
 """s; at the usual acceleration a winch that went alone would be 25 mm ahead by then"""
@@ -199,5 +200,7 @@ def _guard_settings(guards: Mapping[str, GuardEntry], base: GuardSettings) -> Gu
         tension_for=tension["lasting"],
         marker_for=guards["marker"].thresholds["lasting"],
         slip=guards["slip"].thresholds["allowed"],
+        loop_late=guards["host_loop"].thresholds["late"],
+        disk_spare=guards["disk"].thresholds["spare"],
         reactions={name.replace("_", " "): REACTIONS[entry.reaction] for name, entry in guards.items()},
     )

@@ -6,9 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fidim_lab.app.compose import rig_settings
 from fidim_lab.data.rig import GuardReaction, MocapKind
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import FileError
+from procedures.settings import Reaction
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "examples" / "rigs").glob("*.toml"))
 SIMULATED = next(path for path in EXAMPLES if path.name == "simulated.toml")
@@ -19,7 +21,8 @@ def test_every_example_is_read(path):
     rig = read_rig(path)
     assert len(rig.winches) == rig.robot.n == 4
     assert sorted({winch.node_id for winch in rig.winches}) == [1, 2, 3, 4]
-    assert set(rig.guards) == {"drive", "stale_winch", "tension", "marker", "slip"}
+    robot = {"drive", "stale_winch", "tension", "marker", "slip"}
+    assert set(rig.guards) == robot | {"host_loop", "disk", "clock_step"}
     assert len(rig.motion_capture.markers) == (0 if rig.motion_capture.subject else len(rig.robot.markers))
 
 
@@ -45,6 +48,15 @@ def test_guards_have_defaults_and_take_what_is_said(changed):
     assert rig.guards["marker"].reaction is GuardReaction.REJECT_WINDOW
     assert rig.guards["slip"].reaction is GuardReaction.HOLD
     assert rig.guards["slip"].thresholds == {"allowed": 0.005}
+
+
+def test_a_guard_of_what_only_spoils_a_record_may_warn(changed):
+    rig = read_rig(changed('[guards.marker]\nreaction = "hold"', '[guards.marker]\nreaction = "warn"'))
+    settings = rig_settings(rig)
+    assert settings.guard.reactions["marker"] is Reaction.WARN
+    assert settings.guard.reactions["clock step"] is Reaction.WARN
+    assert settings.guard.reactions["disk"] is Reaction.HOLD
+    assert (settings.guard.loop_late, settings.guard.disk_spare) == (0.25, 200e6)
 
 
 @pytest.fixture
