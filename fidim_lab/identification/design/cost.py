@@ -24,13 +24,16 @@ def criterion(W: Float[np.ndarray, "rows 10"]) -> float:
 
 
 def excitation(mechanism: Mechanism, sensitive: Sensitive) -> Cost:
-    """C of the stacked regressor of all windows: dC = u₁ᵀ dW v₁ / s₉ − (s₁ + 1)/s₉² u₉ᵀ dW v₉."""
+    """C of the stacked regressor of all windows: dC = u₁ᵀ dW v₁ / s₉ − (s₁ + 1)/s₉² u₉ᵀ dW v₉, with u = W v / s."""
     motions = sensitive.motions
     at = motions.sampled
     chosen = motions.regressors[:, at]
-    U, s, Vt = np.linalg.svd(chosen.reshape(-1, 10), full_matrices=False)
-    by_entries = np.outer(U[:, 0], Vt[0]) / s[8] - (s[0] + 1) / s[8] ** 2 * np.outer(U[:, 8], Vt[8])
-    weights = np.zeros_like(motions.regressors)
-    weights[:, at] = by_entries.reshape(chosen.shape)
-    none = (np.zeros_like(motions.tensions), np.zeros_like(motions.dependent))
-    return Cost(float((s[0] + 1) / s[8]), sensitive.at_nodes(mechanism, weights, *none).sum(axis=1))
+    # of the small table: C matters where it is below 1e3, where squaring it costs no digit that counts
+    W = chosen.reshape(-1, 10)
+    values, vectors = np.linalg.eigh(W.T @ W)
+    s, Vt = np.sqrt(np.maximum(values[::-1], 1e-30)), vectors.T[::-1]
+    by_first = (chosen @ Vt[0])[..., np.newaxis] * Vt[0] / s[0] / s[8]
+    by_last = (chosen @ Vt[8])[..., np.newaxis] * Vt[8] * (s[0] + 1) / s[8] ** 3
+    nodes = np.broadcast_to(at, (len(chosen), len(at)))
+    weights = sensitive.weighted(regressors=by_first - by_last)
+    return Cost(float((s[0] + 1) / s[8]), sensitive.at_nodes(mechanism, nodes, weights).sum(axis=1))

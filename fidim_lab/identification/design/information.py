@@ -101,7 +101,7 @@ def _aside(mechanism: Mechanism, task: DesignTask, placed: Placed, k: int) -> Pl
     away = placed.start.position + placed.start.rotation @ marker - placed.rest.position - placed.rest.rotation @ marker
     z = np.concatenate([lengths, away[list(task.axes)]]) + step
     try:
-        return place(mechanism, task, z, placed)
+        return place(mechanism, task, z, placed.resting)
     except InfeasibleError as refusal:  # a step of 10 µm from a place that exists
         raise InfeasibleError(
             f"The design's window at lengths {np.round(z[:n], 4)} m is at the edge: {refusal}"

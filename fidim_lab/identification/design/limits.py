@@ -7,7 +7,7 @@ ones are linearised together, where one largest value of all would hide that ano
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from fidim_lab.identification.design.motions import Motions, Sensitive
 from fidim_lab.model.mechanism import Mechanism
@@ -39,16 +39,12 @@ def worst_of_kinds(motions: Motions) -> Float[np.ndarray, "W 4"]:
 def linearised(mechanism: Mechanism, sensitive: Sensitive) -> Limits:
     """The worst of each half second, cable and side, with its derivative by the window's own z."""
     motions = sensitive.motions
-    span = _span(motions)
     low, high, moved, bad = _beyond(motions)
     pieces = _pieces(motions)
-    tensions_by = sensitive.tensions_by(mechanism) / span
-    bounds = np.array(motions.task.robot.limits.free_displacement[: len(motions.task.axes)])
-    moved_by = sensitive.displacements_by() / bounds[:, np.newaxis]
     parts = [
-        _extremes(low, -tensions_by, pieces),
-        _extremes(high, tensions_by, pieces),
-        _extremes(moved, np.concatenate([moved_by, -moved_by], axis=2), pieces),
+        _tension(mechanism, sensitive, low, -1.0, pieces),
+        _tension(mechanism, sensitive, high, 1.0, pieces),
+        _displacement(sensitive, moved, pieces),
         _conditioning(mechanism, sensitive, bad, pieces),
     ]
     return Limits(*(np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True)))
@@ -79,15 +75,35 @@ def _pieces(motions: Motions) -> list[np.ndarray]:
     return np.split(np.arange(len(t)), np.searchsorted(t, np.arange(PIECE, t[-1] - 1e-9, PIECE)))
 
 
-def _extremes(
-    values: Float[np.ndarray, "W N k"], by: Float[np.ndarray, "W N k z"], pieces: list[np.ndarray]
+def _extremes(values: Float[np.ndarray, "W N k"], pieces: list[np.ndarray]) -> Int[np.ndarray, "W pieces k"]:
+    """The node of the largest value in each piece."""
+    return np.stack([nodes[values[:, nodes].argmax(axis=1)] for nodes in pieces], axis=1)
+
+
+def _tension(
+    mechanism: Mechanism,
+    sensitive: Sensitive,
+    beyond: Float[np.ndarray, "W N n"],
+    side: float,
+    pieces: list[np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    found, slopes = [], []
-    for nodes in pieces:
-        at = values[:, nodes].argmax(axis=1)[:, np.newaxis]
-        found.append(np.take_along_axis(values[:, nodes], at, axis=1)[:, 0])
-        slopes.append(np.take_along_axis(by[:, nodes], at[..., np.newaxis], axis=1)[:, 0])
-    return np.concatenate(found, axis=1), np.concatenate(slopes, axis=1)
+    at = _extremes(beyond, pieces)
+    count, n = len(beyond), beyond.shape[2]
+    each = np.broadcast_to(np.eye(n), (count, len(pieces), n, n)).reshape(count, -1, n)
+    nodes = at.reshape(count, -1)
+    by = sensitive.at_nodes(mechanism, nodes, sensitive.weighted(tensions=each))
+    return np.take_along_axis(beyond, at, axis=1).reshape(count, -1), side * by / _span(sensitive.motions)
+
+
+def _displacement(
+    sensitive: Sensitive, beyond: Float[np.ndarray, "W N sides"], pieces: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    task = sensitive.motions.task
+    bounds = np.array(task.robot.limits.free_displacement[: len(task.axes)])
+    by = sensitive.displacements_by() / bounds[:, np.newaxis]
+    at, count = _extremes(beyond, pieces), len(beyond)
+    slopes = np.take_along_axis(np.concatenate([by, -by], axis=2), at[..., np.newaxis], axis=1)
+    return np.take_along_axis(beyond, at, axis=1).reshape(count, -1), slopes.reshape(count, -1, task.width)
 
 
 def _conditioning(
@@ -95,17 +111,14 @@ def _conditioning(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of the largest and smallest singular value of Ξ_d: u₁ᵀ dΞ_d v₁/s₁ − uₙᵀ dΞ_d vₙ/sₙ."""
     motions = sensitive.motions
-    at = np.stack([nodes[bad[:, nodes, 0].argmax(axis=1)] for nodes in pieces], axis=1)
+    at = _extremes(bad, pieces)[..., 0]
     worst = np.take_along_axis(motions.dependent, at[..., np.newaxis, np.newaxis], axis=1)
     U, s, Vt = np.linalg.svd(worst)
     scale = np.log(motions.task.conditioning)
     slope = U[..., :, :1] @ Vt[..., :1, :] / s[..., :1, np.newaxis]
     slope = (slope - U[..., :, -1:] @ Vt[..., -1:, :] / s[..., -1:, np.newaxis]) / scale
-    weights = np.zeros_like(motions.dependent)
-    np.put_along_axis(weights, at[..., np.newaxis, np.newaxis], slope, axis=1)
-    none = (np.zeros_like(motions.regressors), np.zeros_like(motions.tensions))
-    by = sensitive.at_nodes(mechanism, *none, weights)
-    return np.take_along_axis(bad[..., 0], at, axis=1), np.take_along_axis(by, at[..., np.newaxis], axis=1)
+    by = sensitive.at_nodes(mechanism, at, sensitive.weighted(dependent=slope))
+    return np.take_along_axis(bad[..., 0], at, axis=1), by
 
 
 def _singular_values(matrices: Float[np.ndarray, "W N n n"]) -> Float[np.ndarray, "W N n"]:

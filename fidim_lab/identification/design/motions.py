@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from fidim_lab.identification.design.task import SAMPLED, DesignTask
 from fidim_lab.identification.design.windows import Placed
@@ -97,33 +97,48 @@ class Sensitive:
     def at_nodes(
         self,
         mechanism: Mechanism,
-        regressors: Float[np.ndarray, "W N free 10"],
-        tensions: Float[np.ndarray, "W N n"],
-        dependent: Float[np.ndarray, "W N n n"],
-    ) -> Float[np.ndarray, "W N z"]:
-        """Derivative by each window's z of Σ weights · [W′; τ (N); Ξ_d] at each node."""
+        nodes: Int[np.ndarray, "W K"],
+        weights: Float[np.ndarray, "W K m"],
+    ) -> Float[np.ndarray, "W K z"]:
+        """Derivative by each window's z of Σ weights · [W′; τ (N); Ξ_d], at chosen nodes of each window.
+
+        m: the entries of the three, row by row, one after the other (`weighted` puts them in their places).
+        """
         task, found = self.motions.task, self.motions.trajectories
-        count, nodes = found.positions.shape[:2]
-        samples = count * nodes
+        count, chosen = nodes.shape
+        samples = count * chosen
         key = f"design: {task.axes} gradient, {samples} samples"
         compiled = mechanism.compiled(key, lambda made: _gradient(made, task).map(samples))
-        parts = (regressors, tensions * task.robot.mass, dependent)
-        weights = np.concatenate([part.reshape(samples, -1) for part in parts], axis=1)
-        (by_state,) = evaluate(compiled, *_states(found), _repeated(task.shared, samples), weights)
-        slope = by_state.reshape(count, nodes, 1, 12)
-        by = np.concatenate([self.by.poses, self.by.twists], axis=2)[..., : task.width]
-        return (slope @ by)[:, :, 0]
+        windows = np.arange(count)[:, np.newaxis]
+        scaled = weights.reshape(samples, -1).copy()
+        regressor = 10 * len(task.axes)
+        scaled[:, regressor : regressor + task.robot.n] *= task.robot.mass
+        given = (
+            np.zeros((samples, 1)),
+            found.positions[windows, nodes].reshape(samples, 3),
+            found.rotations[windows, nodes].reshape(samples, 9),
+            found.twists[windows, nodes].reshape(samples, 6),
+            _repeated(task.shared, samples),
+        )
+        (by_state,) = evaluate(compiled, *given, scaled)
+        poses, twists = self.by.poses[windows, nodes], self.by.twists[windows, nodes]
+        by = np.concatenate([poses, twists], axis=2)[..., : task.width]
+        return (by_state.reshape(count, chosen, 1, 12) @ by)[:, :, 0]
 
-    def tensions_by(self, mechanism: Mechanism) -> Float[np.ndarray, "W N n z"]:
-        """Derivative of every tension (N) at every node."""
-        motions = self.motions
-        none = (np.zeros_like(motions.regressors), np.zeros_like(motions.dependent))
-        one = np.eye(motions.task.robot.n)
-        each = [
-            self.at_nodes(mechanism, none[0], np.broadcast_to(one[k], motions.tensions.shape), none[1])
-            for k in range(len(one))
-        ]
-        return np.stack(each, axis=2)
+    def weighted(
+        self,
+        *,
+        regressors: Float[np.ndarray, "W K free 10"] | None = None,
+        tensions: Float[np.ndarray, "W K n"] | None = None,
+        dependent: Float[np.ndarray, "W K n n"] | None = None,
+    ) -> Float[np.ndarray, "W K m"]:
+        """The weights of `at_nodes`; 0 for what is not given."""
+        n, free = self.motions.task.robot.n, len(self.motions.task.axes)
+        parts = ((regressors, 10 * free), (tensions, n), (dependent, n * n))
+        given = next(part for part, _ in parts if part is not None)
+        shape = given.shape[:2]
+        columns = [np.zeros((*shape, m)) if part is None else part.reshape(*shape, m) for part, m in parts]
+        return np.concatenate(columns, axis=2)
 
     def displacements_by(self) -> Float[np.ndarray, "W N free z"]:
         """Derivative of the displacement from rest at every node."""

@@ -11,20 +11,24 @@ from jaxtyping import Float
 
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design.limits import worst_of_kinds
-from fidim_lab.identification.design.motions import simulate
+from fidim_lab.identification.design.motions import Motions, simulate
 from fidim_lab.identification.design.task import DesignTask
-from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.identification.design.windows import Neighbour, Placed, place, rest_beside
 from fidim_lab.identification.workspace import Workspace, rest_near
 from fidim_lab.model.free_motion import conditioning, marker_selector
 from fidim_lab.model.mechanism import Mechanism
 
-AMPLITUDES = (0.095, 0.075, 0.055, 0.04, 0.028)
-"""m: the largest that obeys the limits is taken"""
-TOGETHER = 24
-"""places whose motions are simulated at once"""
+LEAST = 0.028
+"""m: a place that does not allow a displacement of so much is of no use"""
+SHARES = (0.95, 0.7, 0.45)
+"""of the displacement that would be allowed if all grew in proportion to it; the first that is allowed is taken"""
+TOGETHER, FEW = 24, 6
+"""motions that are simulated at once: few sizes of batch, since each has a compiled loop of its own"""
 INSIDE, DEPTH = 0.8, (0.3, 1.1)
 """part of the anchors' box, and depths below it in the workspace's scale, from which places are drawn"""
-MOST_DRAWS = 60
+KNOWN, BESIDE, ASIDE = 6, 0.8, 0.15
+"""once so many windows are known, this share of draws is beside one of them, by up to this many m of each cable"""
+MOST_DRAWS = 100
 """for each window wanted"""
 PASSES = 6
 
@@ -42,6 +46,22 @@ class Pool:
     """what each adds to the criterion's matrix"""
 
 
+@dataclass(frozen=True, eq=False)
+class _Swing:
+    """A displacement of a place within the limits at rest."""
+
+    lengths: np.ndarray
+    direction: np.ndarray
+    size: float
+    placed: Placed
+    resting: Float[np.ndarray, "4"]
+    """how far at rest beyond the limits of each kind: negative"""
+
+    @property
+    def z(self) -> np.ndarray:
+        return np.concatenate([self.lengths, self.size * self.direction])
+
+
 def draw(
     mechanism: Mechanism, task: DesignTask, wanted: int, rng: np.random.Generator, say: Callable[[int], None]
 ) -> Pool:
@@ -49,22 +69,25 @@ def draw(
 
     Raises InfeasibleError where hardly any place obeys them.
     """
-    found: list[np.ndarray] = []
-    tables: list[np.ndarray] = []
+    found: list[tuple[_Swing, np.ndarray]] = []
+    waiting: list[_Swing] = []
     drawn = 0
     while len(found) < wanted and drawn < MOST_DRAWS * wanted:
-        rests = _rests(mechanism, task, rng)
-        drawn += TOGETHER
-        for z, table in _largest(mechanism, task, rests):
-            found.append(z)
-            tables.append(table)
-        say(min(len(found), wanted))
+        drawn += 1
+        swing = _drawn(mechanism, task, [swing for swing, _ in found], rng)
+        if swing is not None:
+            waiting.append(swing)
+        if len(waiting) == TOGETHER or (waiting and drawn == MOST_DRAWS * wanted):
+            found.extend(_largest(mechanism, task, waiting))
+            waiting = []
+            say(min(len(found), wanted))
     if len(found) < task.equilibria:
         raise InfeasibleError(
             f"Of {drawn} random places {len(found)} allow a swing within the limits; {task.equilibria} are needed.",
             hint="Widen the limits in the robot file, or ask for fewer equilibria.",
         )
-    return Pool(np.array(found[:wanted]), np.array(tables[:wanted]))
+    chosen = found[:wanted]
+    return Pool(np.array([swing.z for swing, _ in chosen]), np.array([table for _, table in chosen]))
 
 
 def paper_criterion(sums: Tables) -> Float[np.ndarray, " K"]:
@@ -89,54 +112,98 @@ def exchange(pool: Pool, count: int, judge: Judge, rng: np.random.Generator) -> 
     return pool.z[chosen]
 
 
-def _rests(mechanism: Mechanism, task: DesignTask, rng: np.random.Generator) -> list[tuple[np.ndarray, Placed]]:
-    """Random rests within the limits, each with a random direction to displace it."""
-    space, robot = Workspace(task.robot), task.robot
-    found: list[tuple[np.ndarray, Placed]] = []
-    for _ in range(TOGETHER):
-        aside, depth, angle = INSIDE * rng.uniform(-1, 1, 3), rng.uniform(*DEPTH), rng.uniform(-np.pi, np.pi)
-        direction = np.array([np.cos(angle), np.sin(angle)])[: len(task.axes)]
-        try:
-            rest = rest_near(mechanism, space.place(aside, depth))
-            at = place(mechanism, task, np.concatenate([rest.lengths, np.zeros(len(task.axes))]))
-        except InfeasibleError:
-            continue
-        tension = robot.mass * at.held
-        xi = mechanism.structure_matrix(at.rest.position[np.newaxis], at.rest.rotation[np.newaxis])
-        bad = conditioning(xi, marker_selector(at.rest.rotation[np.newaxis], robot.marker, task.axes))[0]
-        if (
-            robot.limits.tension[0] < tension.min()
-            and tension.max() < robot.limits.tension[1]
-            and bad < task.conditioning
-        ):
-            found.append((np.concatenate([rest.lengths, direction]), at))
+def _drawn(mechanism: Mechanism, task: DesignTask, known: list[_Swing], rng: np.random.Generator) -> _Swing | None:
+    """A random rest within the limits, displaced a little in a random direction; None where that cannot be."""
+    angle = rng.uniform(-np.pi, np.pi)
+    direction = np.array([np.cos(angle), np.sin(angle)])[: len(task.axes)]
+    try:
+        lengths, (rest, held) = _rest(mechanism, task, known, rng)
+        resting = _resting(mechanism, task, rest.position, rest.rotation, held)
+        if resting.max() >= 0:
+            return None
+        placed = place(mechanism, task, np.concatenate([lengths, LEAST * direction]), (rest, held))
+    except InfeasibleError:
+        return None
+    return _Swing(lengths, direction, LEAST, placed, resting)
+
+
+def _rest(
+    mechanism: Mechanism, task: DesignTask, known: list[_Swing], rng: np.random.Generator
+) -> tuple[np.ndarray, Neighbour]:
+    """Anywhere in the workspace, or, cheaper and more often within the limits, beside a place that is known."""
+    if len(known) >= KNOWN and rng.uniform() < BESIDE:
+        chosen = known[rng.integers(len(known))]
+        lengths = chosen.lengths + ASIDE * rng.uniform(-1, 1, task.robot.n)
+        return lengths, rest_beside(mechanism, task, lengths, chosen.placed.resting)
+    aside, depth = INSIDE * rng.uniform(-1, 1, 3), rng.uniform(*DEPTH)
+    rest = rest_near(mechanism, Workspace(task.robot).place(aside, depth))
+    return rest.lengths, (rest.pose, rest.tensions)
+
+
+def _resting(
+    mechanism: Mechanism, task: DesignTask, position: np.ndarray, rotation: np.ndarray, held: np.ndarray
+) -> Float[np.ndarray, "4"]:
+    """`worst_of_kinds` of a platform that does not move."""
+    low, high = task.robot.limits.tension
+    tension = task.robot.mass * held
+    xi = mechanism.structure_matrix(position[np.newaxis], rotation[np.newaxis])
+    bad = conditioning(xi, marker_selector(rotation[np.newaxis], task.robot.marker, task.axes))[0]
+    return np.array(
+        [
+            (low - tension.min()) / (high - low),
+            (tension.max() - high) / (high - low),
+            -1.0,
+            np.log(bad) / np.log(task.conditioning) - 1.0,
+        ]
+    )
+
+
+def _largest(mechanism: Mechanism, task: DesignTask, swings: list[_Swing]) -> list[tuple[_Swing, np.ndarray]]:
+    """Each that obeys the limits, displaced about as far as they allow, with its table."""
+    tables, beyond = _judged(mechanism, task, swings, TOGETHER)
+    found = [(swing, tables[k]) for k, swing in enumerate(swings) if beyond[k].max() <= 0]
+    grown = [b - swing.resting for swing, b in zip(swings, beyond, strict=True)]
+    allowed = [s.size * float((-s.resting / g.clip(1e-6)).min()) for s, g in zip(swings, grown, strict=True)]
+    allowed = [size for size, b in zip(allowed, beyond, strict=True) if b.max() <= 0]
+    left = list(range(len(found)))
+    for share in SHARES:
+        tried = [(k, _enlarged(mechanism, task, found[k][0], share * allowed[k])) for k in left]
+        possible = [(k, swing) for k, swing in tried if swing is not None]
+        tables, beyond = _judged(mechanism, task, [swing for _, swing in possible], FEW)
+        for (k, swing), table, b in zip(possible, tables, beyond, strict=True):
+            if b.max() <= 0:
+                found[k] = (swing, table)
+                left.remove(k)
     return found
 
 
-def _largest(
-    mechanism: Mechanism, task: DesignTask, rests: list[tuple[np.ndarray, Placed]]
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(z, table) of the largest displacement within the limits of each rest that has one."""
-    n, left = task.robot.n, rests
-    found: list[tuple[np.ndarray, np.ndarray]] = []
-    for amplitude in AMPLITUDES:
-        tried: list[tuple[np.ndarray, Placed]] = []
-        for z, at in left:
-            moved = np.concatenate([z[:n], amplitude * z[n:]])
-            try:
-                tried.append((moved, place(mechanism, task, moved, at)))
-            except InfeasibleError:
-                continue
-        if not tried:
-            continue
-        # one size of batch: each has a compiled loop of its own
-        padded = [placed for _, placed in tried] + [tried[0][1]] * (TOGETHER - len(tried))
-        motions = simulate(mechanism, task, padded)
-        with np.errstate(invalid="ignore"):
-            good = worst_of_kinds(motions).max(axis=1) <= 0
-        W = motions.regressors[:, motions.sampled].reshape(len(padded), -1, 10)
-        accepted = [k for k in range(len(tried)) if good[k]]
-        found.extend((tried[k][0], W[k].T @ W[k]) for k in accepted)
-        done = {tried[k][0][:n].tobytes() for k in accepted}
-        left = [(z, at) for z, at in left if z[:n].tobytes() not in done]
-    return found
+def _enlarged(mechanism: Mechanism, task: DesignTask, swing: _Swing, size: float) -> _Swing | None:
+    """The same displaced farther; None where that is less, or cannot be."""
+    if size <= swing.size:
+        return None
+    try:
+        z = np.concatenate([swing.lengths, size * swing.direction])
+        placed = place(mechanism, task, z, swing.placed.resting)
+    except InfeasibleError:
+        return None
+    return _Swing(swing.lengths, swing.direction, size, placed, swing.resting)
+
+
+def _judged(
+    mechanism: Mechanism, task: DesignTask, swings: list[_Swing], together: int
+) -> tuple[Float[np.ndarray, "K 10 10"], Float[np.ndarray, "K 4"]]:
+    """W′ᵀW′ of each motion, and how far beyond its limits it goes (infinite where it breaks down)."""
+    tables, beyond = np.zeros((len(swings), 10, 10)), np.full((len(swings), 4), np.inf)
+    for first in range(0, len(swings), together):
+        some = slice(first, min(first + together, len(swings)))
+        placed = [swing.placed for swing in swings[some]]
+        motions = simulate(mechanism, task, placed + [placed[0]] * (together - len(placed)))
+        tables[some], beyond[some] = (values[: len(placed)] for values in _figures(motions))
+    return tables, beyond
+
+
+def _figures(motions: Motions) -> tuple[Float[np.ndarray, "W 10 10"], Float[np.ndarray, "W 4"]]:
+    with np.errstate(invalid="ignore"):
+        beyond = np.nan_to_num(worst_of_kinds(motions), nan=np.inf)
+    W = motions.regressors[:, motions.sampled].reshape(len(beyond), -1, 10)
+    return np.swapaxes(W, 1, 2) @ W, beyond

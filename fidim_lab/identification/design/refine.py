@@ -69,7 +69,7 @@ def evaluate(
     objective: Objective = cost.excitation,
 ) -> Evaluation:
     """Everything about a set of windows. Raises InfeasibleError where one cannot rest, be displaced or be simulated."""
-    neighbours = near or (None,) * len(z)
+    neighbours = (None,) * len(z) if near is None else tuple(one.resting for one in near)
     placed = tuple(place(mechanism, task, one, other) for one, other in zip(z, neighbours, strict=True))
     motions = simulate(mechanism, task, placed)
     if not np.isfinite(motions.regressors).all() or not np.isfinite(motions.tensions).all():

@@ -25,6 +25,10 @@ FARTHEST = 0.3
 """m, rad: a rest farther than that from the last one known is another branch"""
 
 
+Neighbour = tuple[Pose, Float[np.ndarray, " n"]]
+"""a rest and its tensions, N/kg"""
+
+
 @dataclass(frozen=True, eq=False)
 class Placed:
     """One window at rest and let go."""
@@ -40,9 +44,30 @@ class Placed:
     start_by: Float[np.ndarray, "6 z"]
     """derivative of the start, [δp; δφ]"""
 
+    @property
+    def resting(self) -> Neighbour:
+        """From where a neighbour's rest is found."""
+        return self.rest, self.held
 
-def place(mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, " z"], near: Placed | None = None) -> Placed:
-    """Rest and start of one window; `near`: a neighbour from which Newton's method starts.
+
+def rest_beside(mechanism: Mechanism, task: DesignTask, lengths: Float[np.ndarray, " n"], near: Neighbour) -> Neighbour:
+    """The stable rest at these lengths (m) on the branch of a neighbour; cheap beside a search from anywhere.
+
+    Raises InfeasibleError where Newton's method does not get there, or a cable would have to push.
+    """
+    found = _newton(mechanism, task, lengths, *near)
+    if found is None:
+        raise InfeasibleError("The platform finds no rest near this one.")
+    pose, held = _taut(*found)
+    _, hessian, xi, _ = balance(mechanism, task.robot.nominal, pose, held)
+    free = np.linalg.svd(xi)[2][len(xi) :]
+    if np.linalg.eigvalsh(free @ hessian @ free.T).min() <= 0:
+        raise InfeasibleError("The rest near this one is unstable.")
+    return pose, held
+
+
+def place(mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, " z"], near: Neighbour | None = None) -> Placed:
+    """Rest and start of one window; `near`: rest and tensions of a neighbour, from which Newton's method starts.
 
     Raises InfeasibleError where it cannot rest with taut cables, or not be displaced so.
     """
@@ -64,22 +89,29 @@ def place(mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, " z"], ne
 
 
 def _rest(
-    mechanism: Mechanism, task: DesignTask, lengths: np.ndarray, near: Placed | None
+    mechanism: Mechanism, task: DesignTask, lengths: np.ndarray, near: Neighbour | None
 ) -> tuple[Pose, Float[np.ndarray, " n"]]:
-    """Newton's method on the stationary Lagrangian from a neighbour, else downhill from anywhere."""
-    body = task.robot.nominal
-    if near is not None:
-        pose, held = near.rest, near.held
-        for _ in range(NEWTON):
-            gradient, hessian, xi, actual = balance(mechanism, body, pose, held)
-            step = _solve(hessian, xi, -np.concatenate([gradient, actual - lengths]))
-            if not np.isfinite(step).all() or np.abs(step[:6]).max() > FARTHEST:
-                break
-            pose, held = _moved(pose, step[:6]), held + step[6:]
-            if np.abs(step[:6]).max() < CLOSED:
-                return _taut(pose, held)
-    found = pose_from_lengths(mechanism, body, lengths, None if near is None else near.rest)
-    return found.pose, found.tensions
+    """Newton's method from a neighbour, else downhill from anywhere."""
+    found = None if near is None else _newton(mechanism, task, lengths, *near)
+    if found is not None:
+        return _taut(*found)
+    rest = pose_from_lengths(mechanism, task.robot.nominal, lengths, None if near is None else near[0])
+    return rest.pose, rest.tensions
+
+
+def _newton(
+    mechanism: Mechanism, task: DesignTask, lengths: np.ndarray, pose: Pose, held: np.ndarray
+) -> tuple[Pose, Float[np.ndarray, " n"]] | None:
+    """Newton's method on the stationary Lagrangian; None where it strays."""
+    for _ in range(NEWTON):
+        gradient, hessian, xi, actual = balance(mechanism, task.robot.nominal, pose, held)
+        step = _solve(hessian, xi, -np.concatenate([gradient, actual - lengths]))
+        if not np.isfinite(step).all() or np.abs(step[:6]).max() > FARTHEST:
+            return None
+        pose, held = _moved(pose, step[:6]), held + step[6:]
+        if np.abs(step[:6]).max() < CLOSED:
+            return pose, held
+    return None
 
 
 def _taut(pose: Pose, held: np.ndarray) -> tuple[Pose, np.ndarray]:
@@ -98,7 +130,8 @@ def _rest_by(mechanism: Mechanism, task: DesignTask, rest: Pose, held: np.ndarra
 
 def _solve(hessian: np.ndarray, xi: np.ndarray, right: np.ndarray) -> np.ndarray:
     n = len(xi)
-    system = np.block([[hessian, xi.T], [xi, np.zeros((n, n))]])
+    system = np.zeros((6 + n, 6 + n))
+    system[:6, :6], system[:6, 6:], system[6:, :6] = hessian, xi.T, xi
     try:
         return np.linalg.solve(system, right)
     except np.linalg.LinAlgError as error:
