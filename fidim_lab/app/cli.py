@@ -183,6 +183,7 @@ def import_(kind: str, sources: tuple[Path, ...], out: Path, json_file: Path | N
 @click.option(
     "--validate", "validation", default=6, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
 )
+@click.option("--plan", type=FILE, default=None, help="Windows to record as they are, of fidim design; no random ones.")
 @example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
 def simulate(**options: Any) -> None:
     """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""
@@ -194,8 +195,10 @@ def simulate(**options: Any) -> None:
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-explanation/1".')
-@example("fidim explain runs/dry-run-1 --json explanation.json")
-def explain(campaign: Path, json_file: Path | None) -> None:
+@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page: what was left out, and the proof.")
+@click.option("--pictures", type=FOLDER, default=None, help="With --report: also every picture as an SVG file, here.")
+@example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
+def explain(campaign: Path, json_file: Path | None, report: Path | None, pictures: Path | None) -> None:
     """Name the physics that the model leaves out of CAMPAIGN, and show it on held-out windows.
 
     Every effect of the catalogue is tested; those that matter are fitted with the inertial parameters and accepted only
@@ -203,18 +206,41 @@ def explain(campaign: Path, json_file: Path | None) -> None:
     """
     from fidim_lab.app.explain import explain_command
 
-    sys.exit(explain_command(campaign, json_file))
+    if pictures is not None and report is None:
+        raise click.UsageError("--pictures goes with --report.")
+    sys.exit(explain_command(campaign, json_file, report, pictures))
 
 
 @fidim.command()
 @click.argument("folder", type=FOLDER)
 @click.option("--out", type=FILE, default=None, help="HTML file; default FOLDER/report.html.")
-@example("fidim report runs/dry-run-1")
-def report(folder: Path, out: Path | None) -> None:
-    """Write the HTML report of a run or campaign FOLDER: one file that opens offline."""
+@click.option("--pictures", type=FOLDER, default=None, help="Also write every picture as an SVG file into this folder.")
+@example("fidim report runs/dry-run-1 --pictures runs/dry-run-1/export/pictures")
+def report(folder: Path, out: Path | None, pictures: Path | None) -> None:
+    """Write the HTML report of a run or campaign FOLDER: one file that opens offline.
+
+    An explanation.json in FOLDER, as fidim explain --json writes it, becomes a section of its own.
+    """
     from fidim_lab.app.report import report_command
 
-    sys.exit(report_command(folder, out))
+    sys.exit(report_command(folder, out, pictures))
+
+
+@fidim.command()
+@click.argument("first", type=click.Path(path_type=Path))
+@click.argument("second", type=click.Path(path_type=Path))
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-comparison/1".')
+@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page.")
+@example("fidim compare runs/monday runs/tuesday --report compare.html")
+def compare(first: Path, second: Path, json_file: Path | None, report: Path | None) -> None:
+    """Set two sessions side by side: run or campaign folders, or "fidim-result/1" files.
+
+    Parameters with their difference in standard deviations, windows, tensions and verdicts. Exit 1 where a difference is
+    larger than chance explains.
+    """
+    from fidim_lab.app.compare import compare_command
+
+    sys.exit(compare_command(first, second, json_file, report))
 
 
 @fidim.command()
@@ -222,6 +248,8 @@ def report(folder: Path, out: Path | None) -> None:
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the true robot and all noise.")
 @click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
 @click.option("--plan", type=FILE, default=None, help="Begin at rest at the first lengths of this plan.")
+@click.option("--ports", default=None, metavar="BUS,MOCAP,HAND", help="Of 127.0.0.1, instead of what the rig names.")
+@click.option("--until-input-ends", is_flag=True, hidden=True)
 @example("fidim simulators examples/rigs/simulated.toml")
 def simulators(**options: Any) -> None:
     """Simulate the devices of the RIG file for other processes, in real time, until Ctrl-C.
@@ -305,7 +333,7 @@ def doctor(robot: Path | None, rig: Path | None, json_file: Path | None) -> None
 @click.option("--out", type=FOLDER, default=None, help="Run folder; default runs/PLAN, numbered if it exists.")
 @click.option("--procedure", default="identify", show_default=True, help="Built-in procedure for a plan.")
 @click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
-@click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices inside the service.")
+@click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of an embedded world.")
 @click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in an embedded world.")
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=NUMBER", help="Change a setting of the procedure.")

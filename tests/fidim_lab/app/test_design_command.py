@@ -1,0 +1,48 @@
+"""`fidim design` as a user meets it: the files it leaves, what takes them, and refusals in words."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from fidim_lab.app.cli import fidim
+from fidim_lab.data.plan_file import read_plan
+from fidim_lab.errors import SetupError
+
+QUICK = ["--equilibria", "2", "--samples", "20", "--starts", "1", "--processes", "1"]
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("design")
+    done = CliRunner().invoke(fidim, ["design", *QUICK, "--out", str(folder / "d"), "--json", str(folder / "d.json")])
+    assert done.exit_code == 0, done.output
+    assert "predicted sd" in done.output
+    return folder
+
+
+def test_files_and_formats(designed: Path):
+    told = json.loads((designed / "d.json").read_text())
+    assert told == json.loads((designed / "d" / "design.json").read_text())
+    assert told["format"] == "fidim-design/1"
+    assert told["criterion"] == "C"
+    assert {"C", "starts", "seconds", "equilibria", "predicted_sd"} <= set(told)
+    plan = read_plan(designed / "d" / "plan.toml", 4)
+    for window, row in zip(plan.windows, told["equilibria"], strict=True):
+        assert window.lengths == pytest.approx(row["lengths"], abs=1e-5)
+        assert window.displacement == pytest.approx(row["displacement"], abs=1e-5)
+    assert (designed / "d" / "equilibria.svg").read_text().startswith("<?xml")
+
+
+def test_simulate_takes_the_plan(designed: Path, irma4_file: Path):
+    plan, out = str(designed / "d" / "plan.toml"), str(designed / "campaign")
+    done = CliRunner().invoke(fidim, ["simulate", "--robot", str(irma4_file), "--plan", plan, "--out", out])
+    assert done.exit_code == 0, done.output
+    assert len(list((designed / "campaign" / "windows").iterdir())) == 2
+
+
+def test_a_folder_with_files_is_left_alone(designed: Path):
+    done = CliRunner().invoke(fidim, ["design", *QUICK, "--out", str(designed / "d")])
+    assert isinstance(done.exception, SetupError)
+    assert "holds files already" in done.exception.message
