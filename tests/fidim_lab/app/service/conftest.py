@@ -42,9 +42,12 @@ TWO = Plan(
 ONE = Plan("one window", TWO.windows[:1])
 
 
+LONGEST = 600.0
+
+
 def short() -> Settings:
     return Settings(
-        motion=MotionSettings(settle_over=0.3, length_limits=compose.length_limits(TWO)),
+        motion=MotionSettings(settle_over=2.0, length_limits=compose.length_limits(TWO)),
         tension=TensionSettings(over=0.2),
         hand=HandSettings(over=0.3, timeout=2.0),
         record=RecordSettings(seconds=1.5),
@@ -105,8 +108,9 @@ class Serving:
 
             serving = asyncio.ensure_future(service.serve(carry))
             try:
-                await script(self)
-                return await serving
+                # simulated seconds: a script that waits for what never comes fails instead of running on
+                await asyncio.wait_for(script(self), LONGEST)
+                return await asyncio.wait_for(serving, LONGEST)
             finally:
                 serving.cancel()
                 await asyncio.gather(serving, return_exceptions=True)
