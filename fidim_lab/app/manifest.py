@@ -21,7 +21,7 @@ from procedures.disk import disk_error, sync
 
 MANIFEST = "manifest.json"
 FORMAT = "fidim-manifest/1"
-DERIVED = ("result.json", "explanation.json", "validation.json", "summary.json", MANIFEST, f"{MANIFEST}.part")
+DERIVED = ("result.json", "explanation.json", "validation.json", MANIFEST, f"{MANIFEST}.part")
 DERIVED_SUFFIXES = (".html", ".pdf", ".svg")
 EXPORTS = "export"
 """folder that is left out"""

@@ -15,10 +15,12 @@ from fidim_lab.app import compose, console
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
-from fidim_lab.errors import BusError, FidimError
+from fidim_lab.errors import BusError, FidimError, SetupError
 
 LOOK = 0.2
 """s between two looks at the bus"""
+END = ""
+"""stands for the end of standard input; lines are never empty"""
 
 
 @dataclass(frozen=True)
@@ -29,11 +31,17 @@ class SimulatorOptions:
     seed: int
     hide: tuple[str, ...]
     plan: Path | None
+    ports: str | None = None
+    """BUS,MOCAP,HAND: rehearse the rig on these instead of what it names"""
+    until_input_ends: bool = False
+    """for a parent process, with which this one ends"""
 
 
 def simulators_command(options: SimulatorOptions) -> int:
     """Serve until Ctrl-C, and return the exit code. Raises FidimError where the devices cannot be simulated."""
     file = read_rig(options.rig)
+    if options.ports is not None:
+        file = compose.rehearsal_file(file, _ports(options.ports))
     try:
         compose.run_loop(_serve(file, options), real_time=True)
     except KeyboardInterrupt:
@@ -57,11 +65,22 @@ async def _serve(file: RigFile, options: SimulatorOptions) -> None:
                     line = await lines.get()
             except TimeoutError:
                 continue
+            if line == END:
+                if options.until_input_ends:
+                    return
+                continue
             try:
                 _say(await devices.pull(line))
             except FidimError as error:
                 _say(str(error))
         raise BusError(f"The simulated drives have lost their bus: {devices.served.failure}.")
+
+
+def _ports(text: str) -> compose.Ports:
+    parts = text.split(",")
+    if len(parts) != 3 or not all(part.isdigit() and 0 < int(part) < 65536 for part in parts):
+        raise SetupError(f"--ports {text}: three ports are expected: bus, motion capture, hand.")
+    return compose.Ports(*map(int, parts))
 
 
 def _say(text: str) -> None:
@@ -71,7 +90,7 @@ def _say(text: str) -> None:
 
 
 def _standard_input(loop: asyncio.AbstractEventLoop) -> asyncio.Queue[str]:
-    """Lines typed by a person or sent by a script; nothing once it has ended."""
+    """Lines typed by a person or sent by a script, then `END`."""
     lines: asyncio.Queue[str] = asyncio.Queue()
 
     def read() -> None:
@@ -82,6 +101,8 @@ def _standard_input(loop: asyncio.AbstractEventLoop) -> asyncio.Queue[str]:
                 *whole, rest = (rest + data.decode(errors="replace")).split("\n")
                 for line in filter(None, map(str.strip, whole)):
                     loop.call_soon_threadsafe(lines.put_nowait, line)
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(lines.put_nowait, END)
 
     threading.Thread(target=read, name="standard input", daemon=True).start()
     return lines

@@ -1,5 +1,6 @@
 """Real processes: simulated devices in one, the service in another, clients in others; killed, stopped, doubled."""
 
+import contextlib
 import json
 import os
 import signal
@@ -13,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from fidim_lab.app.manifest import read_manifest
+from fidim_lab.app.verify import verify
 from fidim_lab.data.campaign import read_campaign
 from procedures.journal import Kind, read_journal
 
@@ -125,6 +128,44 @@ def test_a_killed_service_leaves_drives_that_stop_and_its_run_goes_on(bench):
     assert resumed.returncode == 0, said
     assert "1 windows have their verdict, 1 are left" in said
     assert [w.id for w in read_campaign(bench.folder / "run").windows] == ["i01", "i02"]
+    verified = bench.start("verify", bench.folder / "run")
+    assert "intact" in verified.communicate(timeout=60)[0]
+    assert verified.returncode == 0
+
+
+def test_an_embedded_rehearsal_passes_and_leaves_a_whole_folder_and_no_process(bench):
+    run = bench.run("--embedded")
+    said, _ = run.communicate(timeout=240)
+    assert run.returncode == 0, said
+    folder = bench.folder / "run"
+    assert (folder / "rig.toml").read_bytes() == bench.rig.read_bytes()
+    assert "summary.json" in read_manifest(folder).files
+    assert verify(folder).intact
+    assert children_of_a_rehearsal(bench.rig) == []
+
+
+def test_the_devices_of_a_rehearsal_end_with_a_killed_service(bench):
+    run = bench.run("--embedded")
+    until(run, "i01  move to")
+    assert len(children_of_a_rehearsal(bench.rig)) == 1
+    os.kill(bench.service(), signal.SIGKILL)
+    assert run.wait(30) == 3
+    for _ in range(100):
+        if not children_of_a_rehearsal(bench.rig):
+            return
+        threading.Event().wait(0.2)
+    pytest.fail("the simulated devices live on")
+
+
+def children_of_a_rehearsal(rig: Path) -> list[str]:
+    """Command lines of the processes that serve this rig's devices to a rehearsal."""
+    found: list[str] = []
+    for line in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            command = line.read_bytes().decode(errors="replace")
+            if str(rig) in command and "--until-input-ends" in command:
+                found.append(command)
+    return found
 
 
 def test_a_stopped_service_does_not_keep_the_drives_from_stopping(bench):

@@ -3,6 +3,7 @@
 Started by `fidim run` and `fidim resume`; `run_service` may also be called in process.
 """
 
+import shutil
 import sys
 import time
 from collections.abc import Sequence
@@ -31,10 +32,11 @@ from procedures.host_guards import host_guards
 from procedures.report import RunReport, WindowRow
 from procedures.resumption import Resumption, read_resumption
 from procedures.run import Experiment, run_procedure
-from procedures.settings import Settings
 from procedures.steps import MoveTo
 
 PLAN = "plan.toml"
+RIG = "rig.toml"
+"""byte for byte the rig file; paths in it are relative to where it was (run.json)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +53,17 @@ class Work:
 def prepare(spec: RunSpec) -> Work:
     """Read files, check the plan (some seconds). Raises FidimError; nothing is opened, nothing moves."""
     file = read_rig(spec.rig)
+    if spec.embedded:
+        file = compose.rehearsal_file(file, compose.Ports())
     plan = read_plan(spec.out / PLAN if spec.resume else spec.plan, file.robot.n)
     resumption = None
     if spec.resume:
         resumption = read_resumption(spec.out, {window.id: window.role for window in plan.windows})
         if spec.accept_place:
             resumption = replace(resumption, place=None)
-    made = experiment(spec.procedure, plan, file.robot, _settings(spec, file, plan), resumption=resumption)
+    made = experiment(
+        spec.procedure, plan, file.robot, overridden(compose.rig_settings(file), spec.settings), resumption=resumption
+    )
     return Work(spec, file, plan, made, resumption)
 
 
@@ -88,8 +94,6 @@ async def _serve(work: Work, place: Place, lock: Lock, ended: list[RunReport]) -
             finally:
                 if service.watcher.report is not None:
                     ended.append(service.watcher.report)
-                    with suppress(OSError):  # a full disk: the journal has said so
-                        write_summary(spec.out, service.watcher.report)
 
         return await service.serve(carry)
 
@@ -129,7 +133,10 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
         await logs.after_run()
         return report
     finally:
-        logs.close()
+        if service.watcher.report is not None:
+            with suppress(OSError):  # a full disk: the journal has said so
+                write_summary(work.spec.out, service.watcher.report)
+        logs.close()  # writes the manifest, of all that is there
 
 
 def _more_guards(work: Work) -> tuple[Guard, ...]:
@@ -143,19 +150,9 @@ def _more_guards(work: Work) -> tuple[Guard, ...]:
 def _write_papers(work: Work) -> None:
     if work.resumption is not None:
         return  # they are there
+    shutil.copyfile(work.spec.rig, work.spec.out / RIG)
     write_plan(work.spec.out / PLAN, work.plan)
     write_spec(work.spec.out, work.spec)
-
-
-def _settings(spec: RunSpec, file: RigFile, plan: Plan) -> Settings:
-    """The rig's; an embedded one has drives whose own limits are near the plan."""
-    settings = overridden(compose.rig_settings(file), spec.settings)
-    if not spec.embedded:
-        return settings
-    ours = compose.length_limits(plan)
-    theirs = settings.motion.length_limits or ours
-    limits = tuple((max(a[0], b[0]), min(a[1], b[1])) for a, b in zip(ours, theirs, strict=True))
-    return replace(settings, motion=replace(settings.motion, length_limits=limits))
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -1,4 +1,4 @@
-"""Opening the rig of a service: what the rig file names, or a simulated laboratory inside the process.
+"""Opening the rig of a service: what the rig file names, or the same simulated in a child process.
 
 Prompts are not answered here: what is opened has the hand that does what is asked, where there is a simulated one.
 """
@@ -48,13 +48,10 @@ async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | No
 
     start: where an embedded robot rests, m; else at the plan's first lengths.
     """
-    if spec.embedded:
-        world = compose.simulated_world(file.robot, spec.seed, spec.hide)
-        where = plan if start is None else _resting_at(plan, start)
-        async with compose.simulated_rig(file.robot, where, world, spec.seed, real_time=True) as simulated:
-            yield Opened(simulated.rig, simulated.rig.operator, simulated.transport.tap, 0.0)
-        return
     async with contextlib.AsyncExitStack() as stack:
+        if spec.embedded:
+            where = plan if start is None else _resting_at(plan, start)
+            file = await stack.enter_async_context(compose.embedded_devices(file, where, spec.seed, spec.hide))
         hand: RemoteOperator | None = None
         if file.hand is not None:
             hand = RemoteOperator(file.hand.host, file.hand.port)

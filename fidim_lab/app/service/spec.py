@@ -58,7 +58,7 @@ class RunSpec(_Part):
     settings: dict[str, float] = {}
     """"table.key" → value, for what the rig file does not say (fidim run --set)"""
     embedded: bool = False
-    """the rig's devices are simulated inside the service: a rehearsal in real time"""
+    """the rig's devices are simulated in a child process of the service: a rehearsal in real time"""
     seed: int = 1
     """of an embedded world"""
     hide: tuple[str, ...] = ()

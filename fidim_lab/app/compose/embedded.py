@@ -1,0 +1,167 @@
+"""A rehearsal of any rig file: its devices in a child process, met through real sockets by the drivers that a run uses.
+
+`rehearsal_file` is the rig as it is rehearsed; `embedded_devices` starts `fidim simulators` for it and ends it after.
+"""
+
+import asyncio
+import contextlib
+import os
+import socket
+import sys
+import tempfile
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fidim_lab.data.plan_file import write_plan
+from fidim_lab.data.records import Plan
+from fidim_lab.data.rig import BusEntry, GuardEntry, HandEntry, MocapEntry, MocapKind, RigFile, WinchEntry
+from fidim_lab.errors import HardwareError
+
+HOST = "127.0.0.1"
+COMMAND = "from fidim_lab.app.cli import main; main()"
+"""`fidim`, wherever it is installed"""
+READY = "ready"
+"""how the line begins with which `fidim simulators` says that it serves"""
+READY_WITHIN = 60.0
+END_WITHIN = 10.0
+"""s"""
+SYNC_RATE = 100.0
+"""Hz at most"""
+PATIENCE = 3.0
+"""s that everything may be late: simulators, service and screens share one computer, which may be busy"""
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Where a rehearsal's devices are on this computer; 0 while that does not matter."""
+
+    bus: int = 0
+    motion_capture: int = 0
+    hand: int = 0
+
+    @property
+    def text(self) -> str:
+        """As `fidim simulators --ports` takes it."""
+        return f"{self.bus},{self.motion_capture},{self.hand}"
+
+
+def free_ports() -> Ports:
+    """Three that nobody has at the moment."""
+    with contextlib.ExitStack() as stack:
+        kinds = (socket.SOCK_STREAM, socket.SOCK_DGRAM, socket.SOCK_STREAM)
+        taken = [stack.enter_context(socket.socket(socket.AF_INET, kind)) for kind in kinds]
+        for one in taken:
+            one.bind((HOST, 0))
+        return Ports(*(one.getsockname()[1] for one in taken))
+
+
+def rehearsal_file(file: RigFile, ports: Ports) -> RigFile:
+    """The same robot, winches, limits and guards, with bus, cameras and hand on this computer.
+
+    Times within which something must answer are at least `PATIENCE`; every other threshold is the rig's own. Whatever
+    the rig's bus and cameras are, they become SLCAN over TCP and Vicon datagrams.
+    """
+    return replace(
+        file,
+        bus=_bus(file.bus, ports.bus),
+        winches=tuple(_patient_winch(winch) for winch in file.winches),
+        motion_capture=_motion_capture(file, ports.motion_capture),
+        guards={name: _patient_guard(name, guard) for name, guard in file.guards.items()},
+        hand=HandEntry(HOST, ports.hand),
+    )
+
+
+@asynccontextmanager
+async def embedded_devices(file: RigFile, plan: Plan, seed: int, hide: tuple[str, ...]) -> AsyncGenerator[RigFile]:
+    """Serve a rig file's devices from a child process until the context ends; yields the rig file to open.
+
+    The robot rests at the plan's first lengths. Raises HardwareError with what the child said where it cannot serve.
+    The child ends with this process, however that ends: it is told by its standard input.
+    """
+    ports = free_ports()
+    with tempfile.TemporaryDirectory(prefix="fidim-embedded-") as folder:
+        start = Path(folder) / "start.toml"
+        write_plan(start, plan)
+        effects = [part for effect in hide for part in ("--hide", effect)]
+        arguments = [str(file.path), "--plan", str(start), "--seed", str(seed), *effects, "--ports", ports.text]
+        child = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-c", COMMAND, "simulators", *arguments, "--until-input-ends"),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
+            start_new_session=True,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
+        try:
+            await _until_ready(child)
+            yield rehearsal_file(file, ports)
+        finally:
+            await asyncio.shield(_end(child))
+
+
+async def _until_ready(child: asyncio.subprocess.Process) -> None:
+    said: list[str] = []
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(READY_WITHIN):
+            while child.stdout is not None and (line := await child.stdout.readline()):
+                said.append(line.decode(errors="replace").strip())
+                if said[-1].startswith(READY):
+                    return
+    text = " ".join(said).removeprefix("fidim: ") or f"it said nothing within {READY_WITHIN:g} s"
+    raise HardwareError(f"The simulated devices did not start: {text}")
+
+
+async def _end(child: asyncio.subprocess.Process) -> None:
+    if child.stdin is not None:
+        child.stdin.close()
+    try:
+        async with asyncio.timeout(END_WITHIN):
+            await child.communicate()
+    except TimeoutError:
+        with contextlib.suppress(ProcessLookupError):
+            child.kill()
+        await child.wait()
+
+
+def _bus(bus: BusEntry, port: int) -> BusEntry:
+    return replace(
+        bus,
+        interface="slcan",
+        channel=f"socket://{HOST}:{port}",
+        sync_rate=min(bus.sync_rate, SYNC_RATE),
+        options={"sleep_after_open": 0.1},
+    )
+
+
+def _motion_capture(file: RigFile, port: int) -> MocapEntry:
+    names = tuple(f"marker{k}" for k in range(1, len(file.robot.markers) + 1))
+    return replace(
+        file.motion_capture,
+        kind=MocapKind.VICON_UDP,
+        host=HOST,
+        port=port,
+        transport="udp",
+        markers=names,
+        subject=None,
+    )
+
+
+def _patient_winch(winch: WinchEntry) -> WinchEntry:
+    return replace(
+        winch,
+        heartbeat=max(winch.heartbeat, PATIENCE / 3.0),
+        host_timeout=max(winch.host_timeout, PATIENCE),
+        sdo_timeout=max(winch.sdo_timeout, PATIENCE),
+    )
+
+
+_TIMES = {"stale_winch": "age", "host_loop": "late", "marker": "lasting"}
+
+
+def _patient_guard(name: str, guard: GuardEntry) -> GuardEntry:
+    key = _TIMES.get(name)
+    if key is None:
+        return guard
+    return replace(guard, thresholds={**guard.thresholds, key: max(guard.thresholds[key], PATIENCE)})

@@ -1,0 +1,41 @@
+"""A rehearsal changes where devices are and how late they may be, and nothing else."""
+
+from pathlib import Path
+
+import pytest
+
+from fidim_lab.app.compose.embedded import HOST, PATIENCE, Ports, free_ports, rehearsal_file
+from fidim_lab.app.compose.real import rig_settings, winch_configs
+from fidim_lab.app.simulators import SimulatorOptions, simulators_command
+from fidim_lab.data.rig_file import read_rig
+from fidim_lab.errors import SetupError
+
+RIGS = sorted((Path(__file__).parents[4] / "examples" / "rigs").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", RIGS, ids=lambda path: path.stem)
+def test_every_example_can_be_rehearsed_with_its_own_limits(path):
+    file = read_rig(path)
+    made = rehearsal_file(file, Ports(1001, 1002, 1003))
+    assert made.bus.channel == f"socket://{HOST}:1001"
+    assert (made.motion_capture.port, made.hand.port) == (1002, 1003)
+    assert len(made.motion_capture.markers) == len(file.robot.markers)
+    assert all(winch.host_timeout >= PATIENCE and winch.sdo_timeout >= PATIENCE for winch in made.winches)
+    ours, theirs = rig_settings(made), rig_settings(file)
+    assert ours.motion.length_limits == theirs.motion.length_limits
+    assert ours.guard.slack == theirs.guard.slack
+    assert ours.guard.reactions == theirs.guard.reactions
+    assert [c.scale for c in winch_configs(made)] == [c.scale for c in winch_configs(file)]
+    assert rehearsal_file(made, Ports(1001, 1002, 1003)).winches == made.winches
+
+
+def test_ports_are_free_and_different():
+    ports = free_ports()
+    assert ports.bus != ports.hand
+    assert all(int(part) > 0 for part in ports.text.split(","))
+
+
+@pytest.mark.parametrize("text", ["1,2", "a,b,c", "0,1,2", "1,2,70000"])
+def test_wrong_ports_are_refused(text):
+    with pytest.raises(SetupError, match="three ports are expected"):
+        simulators_command(SimulatorOptions(RIGS[0], 1, (), None, ports=text))
