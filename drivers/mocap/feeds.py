@@ -6,7 +6,7 @@ A simulated server offers the same port in process (`sim_backends.mocap`). All w
 import asyncio
 import contextlib
 import socket
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any, Protocol, TypeVar
 
 from drivers.mocap.mailbox import Mailbox, MailboxClosedError
@@ -136,11 +136,24 @@ class _Arrived(Protocol):
     def __call__(self, data: bytes, sender: str) -> None: ...
 
 
+class Conversation(Protocol):
+    """What a client says to a server that does not just stream: a new one for each connection, without I/O."""
+
+    def receive(self, data: bytes) -> bytes:
+        """What to send after these bytes of the server; empty for nothing."""
+        ...
+
+
 class TcpFeed:
     """A byte stream from a server that is connected to, and connected to again after it was lost."""
 
-    def __init__(self, clock: Clock, host: str, port: int) -> None:
+    def __init__(
+        self, clock: Clock, host: str, port: int, *, conversation: Callable[[], Conversation] | None = None
+    ) -> None:
+        """conversation: makes what answers the server, where it waits to be asked."""
         self._clock = clock
+        self._converse = conversation
+        self._conversation: Conversation | None = None
         self._host = host
         self._port = port
         self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
@@ -163,6 +176,7 @@ class TcpFeed:
             raise DeviceError(self.name, f"no answer within {CONNECT_TIMEOUT:g} s.", hint=self.hint) from error
         except OSError as error:
             raise DeviceError(self.name, f"cannot connect: {error.strerror or error}.", hint=self.hint) from error
+        self._conversation = self._converse() if self._converse is not None else None
         self.connection += 1
 
     async def receive(self) -> tuple[float, bytes]:
@@ -181,8 +195,11 @@ class TcpFeed:
         if not data:
             await self.close()
             raise DeviceError(self.name, "the server closed the connection.", hint=self.hint)
+        arrival = self._clock.now()
         self._pause = PAUSES[0]
-        return self._clock.now(), data
+        if self._conversation is not None and (answer := self._conversation.receive(data)):
+            self._streams[1].write(answer)
+        return arrival, data
 
     async def close(self) -> None:
         """Hang up."""

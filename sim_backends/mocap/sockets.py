@@ -1,7 +1,12 @@
-"""The simulated server on real sockets, in real time: `UdpSender` as Tracker does it, `TcpServer` for lines of text."""
+"""The simulated server on real sockets, in real time: `UdpSender` as Tracker does it, `TcpServer` for byte streams.
+
+What a server says to each of its clients (greeting, answers, frames only when asked for) is a `Session`.
+"""
 
 import asyncio
 import contextlib
+from collections.abc import Callable
+from typing import Protocol
 
 from drivers.ports import Clock
 from fidim_lab.errors import SetupError
@@ -39,14 +44,55 @@ class UdpSender:
             transport.sendto(data)
 
 
-class TcpServer:
-    """Sends all packets to whoever is connected; nobody is waited for."""
+class Session(Protocol):
+    """The server's side of one connection, without I/O."""
 
-    def __init__(self, server: MocapServer, clock: Clock, port: int = 0, host: str = "127.0.0.1") -> None:
+    def greeting(self) -> bytes:
+        """What it says first."""
+        ...
+
+    def receive(self, data: bytes) -> bytes:
+        """What it answers to these bytes of the client."""
+        ...
+
+    def pass_on(self, packet: bytes) -> bytes:
+        """What this client gets of a frame's bytes; empty for nothing."""
+        ...
+
+
+class PlainSession:
+    """Streams to everybody and listens to nobody."""
+
+    def greeting(self) -> bytes:
+        """Nothing."""
+        return b""
+
+    def receive(self, data: bytes) -> bytes:
+        """Nothing, whatever `data` are."""
+        return data[:0]
+
+    def pass_on(self, packet: bytes) -> bytes:
+        """All of it."""
+        return packet
+
+
+class TcpServer:
+    """Sends packets to whoever is connected, as its session with each wants it; nobody is waited for."""
+
+    def __init__(
+        self,
+        server: MocapServer,
+        clock: Clock,
+        port: int = 0,
+        host: str = "127.0.0.1",
+        session: Callable[[], Session] = PlainSession,
+    ) -> None:
+        """session: makes one for each client."""
         self._feed = ServerFeed(server, clock)
         self._address = (host, port)
+        self._session = session
         self._listener: asyncio.Server | None = None
-        self._clients: set[asyncio.StreamWriter] = set()
+        self._clients: dict[asyncio.StreamWriter, Session] = {}
         self._task: asyncio.Task[None] | None = None
 
     @property
@@ -66,7 +112,7 @@ class TcpServer:
 
     async def hang_up(self) -> None:
         """Drop every client, as a server does that is restarted; they may connect again."""
-        clients, self._clients = self._clients, set()
+        clients, self._clients = self._clients, {}
         for client in clients:
             client.close()
             with contextlib.suppress(OSError):
@@ -81,18 +127,24 @@ class TcpServer:
         if self._listener is not None:
             await self._listener.wait_closed()
 
-    async def _connected(self, _: asyncio.StreamReader, client: asyncio.StreamWriter) -> None:
-        self._clients.add(client)
+    async def _connected(self, reader: asyncio.StreamReader, client: asyncio.StreamWriter) -> None:
+        session = self._session()
+        client.write(session.greeting())
+        self._clients[client] = session
+        with contextlib.suppress(OSError):
+            while data := await reader.read(1 << 16):
+                if answer := session.receive(data):
+                    client.write(answer)
 
     async def _send(self) -> None:
         await self._feed.open()
         while True:
             _, data = await self._feed.receive()
-            for client in tuple(self._clients):
+            for client, session in tuple(self._clients.items()):
                 if client.is_closing():
-                    self._clients.discard(client)
-                else:
-                    client.write(data)
+                    del self._clients[client]
+                elif wanted := session.pass_on(data):
+                    client.write(wanted)
 
 
 async def _end(task: asyncio.Task[None] | None) -> None:

@@ -1,0 +1,215 @@
+"""Vicon DataStream: labelled and unlabelled markers, occlusion, the system's own latency (Nexus, Tracker, Blade).
+
+The server speaks first and tells what it can send; the client wishes for a part of it and then gets every frame
+(`DataStreamWishes`). A marker that no camera sees is absent from its frame. `vicon_packets` has the framing.
+"""
+
+import struct
+
+from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, plausible
+from drivers.mocap.vicon_packets import Block, Fields, PacketSplitter, StreamPacket, enums, frame_rate, packet
+
+DEFAULT_PORT = 801
+WISHES = (
+    Block.STREAM_INFO,
+    Block.SUBJECT_INFO,
+    Block.FRAME_INFO,
+    Block.LABELLED,
+    Block.UNLABELLED,
+    Block.LATENCY,
+    Block.CONTENTS,
+)
+_METRE = 1e-3
+_U32 = struct.Struct("<I")
+_U32_PAIR = struct.Struct("<II")
+_SEGMENT = struct.Struct("<II6f")
+_RECON = struct.Struct("<II13dI")
+"""subject, marker, radius, position (3), covariance (9), trajectory"""
+_UNLABELLED_SIZE = 108
+_SHOWN = 12
+"""names in a piece of advice"""
+
+
+class DataStreamWishes:
+    """The client's side of one connection: bytes of the server in, what to answer out."""
+
+    def __init__(self) -> None:
+        self._splitter: PacketSplitter | None = PacketSplitter()
+
+    def receive(self, data: bytes) -> bytes:
+        """What to send now; empty once the wishes have been told."""
+        if self._splitter is None:
+            return b""
+        for item in self._splitter.receive(data):
+            if isinstance(item, StreamPacket):
+                for kind, body in item.blocks:
+                    if kind == Block.OBJECT_ENUMS:
+                        self._splitter = None
+                        return wish(enums(body))
+        return b""
+
+
+def wish(offered: frozenset[int]) -> bytes:
+    """The answer to a server that offers these blocks: what we want of them, and every frame from now on."""
+    wanted = [kind for kind in WISHES if kind in offered]
+    listed = struct.pack(f"<{len(wanted) + 1}I", len(wanted), *wanted)
+    return packet((Block.OBJECT_ENUMS, listed)) + packet((Block.REQUEST_FRAME, b"\x01"))
+
+
+class ViconDataStreamDecoder:
+    """Decoder of named markers: "marker" where one subject has it, else "subject/marker"; main marker first."""
+
+    modulus = 1 << 32
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names = names
+        """as in the rig file"""
+        self.latency: float | None = None
+        """s that the system took from exposure to sending, by its own account; None until it says so"""
+        self.rate: float | None = None
+        """Hz by its own account"""
+        self.unlabelled = 0
+        """markers of the newest frame that belong to no subject"""
+        self._splitter = PacketSplitter()
+        self._offered: frozenset[int] | None = None
+        self._wanted: tuple[tuple[int, int] | None, ...] = (None,) * len(names)
+        self._carried: tuple[str, ...] = ()
+        self._labelled: dict[tuple[int, int], Position] = {}
+
+    def receive(self, data: bytes) -> list[Event]:
+        """A frame for each packet that has a frame number."""
+        events: list[Event] = []
+        for item in self._splitter.receive(data):
+            event = item if isinstance(item, Malformed) else self._packet(item)
+            if event is not None:
+                events.append(event)
+        return events
+
+    def restart(self) -> None:
+        """Forget the unfinished packet, and which number a marker had: the server may be another."""
+        self._splitter = PacketSplitter()
+        self._wanted, self._carried, self._labelled = (None,) * len(self.names), (), {}
+
+    def advice(self) -> str:
+        """Names the markers that are wanted beside those that the stream carries."""
+        if self._offered is not None and Block.LABELLED not in self._offered:
+            return "The server offers no labelled markers: is a subject loaded, is this the DataStream's port (801)?"
+        missing = [name for name, key in zip(self.names, self._wanted, strict=True) if key is None]
+        if not missing:
+            seen = f", {self.unlabelled} unlabelled markers are" if self.unlabelled else ""
+            return f"The markers are known there, but not seen{seen}: look for occlusion, or labels that were lost."
+        carried = ", ".join(self._carried[:_SHOWN]) or "no marker of any subject"
+        return (
+            f"The stream carries {carried}, not {', '.join(missing)}: is that its name there, is the subject enabled? "
+            'Where two subjects have a marker of one name, write "subject/marker".'
+        )
+
+    def _packet(self, item: StreamPacket) -> Event | None:
+        try:
+            return self._read(item)
+        except struct.error as error:
+            return Malformed(f"Vicon DataStream: a block ends too early ({error})")
+
+    def _read(self, item: StreamPacket) -> Event | None:
+        number: int | None = None
+        labelled: dict[tuple[int, int], Position] | None = None
+        subjects: list[tuple[int, str, dict[int, str]]] = []
+        unchanged: frozenset[int] = frozenset()
+        for kind, body in item.blocks:
+            match kind:
+                case Block.FRAME_INFO:
+                    number = int(Fields(body).take(_U32)[0])
+                case Block.LABELLED:
+                    labelled = _labelled(body)
+                case Block.SUBJECT_INFO:
+                    subjects.append(_subject(body))
+                case Block.CONTENTS:
+                    unchanged = _unchanged(body)
+                case _:
+                    self._note(kind, body)
+        if subjects:
+            self._know(subjects)
+        if labelled is None:
+            # A block that the server lists as unchanged is the one before; one that is neither here nor there is empty.
+            labelled = self._labelled if Block.LABELLED in unchanged else {}
+        if number is None:
+            return None
+        self._labelled = labelled
+        return self._frame(number, labelled)
+
+    def _note(self, kind: int, body: bytes) -> None:
+        """What the stream tells besides frames."""
+        match kind:
+            case Block.UNLABELLED:
+                self.unlabelled = Fields(body).count(_UNLABELLED_SIZE)
+            case Block.LATENCY:
+                self.latency = _latency(body)
+            case Block.STREAM_INFO:
+                self.rate = frame_rate(body)
+            case Block.OBJECT_ENUMS:
+                self._offered = enums(body)
+            case _:
+                pass  # what nobody here needs
+
+    def _frame(self, number: int, labelled: dict[tuple[int, int], Position]) -> Event:
+        positions = tuple([None if key is None else labelled.get(key) for key in self._wanted])
+        for name, position in zip(self.names, positions, strict=True):
+            if position is not None and not plausible(position):
+                return Malformed(f"frame {number}: marker {name} is more than a kilometre away")
+        return DecodedFrame(number, positions)
+
+    def _know(self, subjects: list[tuple[int, str, dict[int, str]]]) -> None:
+        by_name: dict[str, tuple[int, int] | None] = {}
+        for subject, name, markers in subjects:
+            for marker, label in markers.items():
+                by_name[f"{name}/{label}"] = (subject, marker)
+                by_name[label] = None if label in by_name else (subject, marker)  # a name that two have tells nothing
+        self._wanted = tuple([by_name.get(name) for name in self.names])
+        self._carried = tuple(f"{name}/{label}" for _, name, markers in subjects for label in markers.values())
+
+
+def _labelled(body: bytes) -> dict[tuple[int, int], Position]:
+    """Positions in m by subject and marker; the first where the stream has one twice."""
+    fields = Fields(body)
+    found: dict[tuple[int, int], Position] = {}
+    for _ in range(fields.count(_RECON.size)):
+        subject, marker, _, x, y, z, *_ = fields.take(_RECON)
+        if x == x and y == y and z == z:  # NaN is no place
+            found.setdefault((int(subject), int(marker)), (x * _METRE, y * _METRE, z * _METRE))
+    return found
+
+
+def _subject(body: bytes) -> tuple[int, str, dict[int, str]]:
+    """Number, name and markers of a subject."""
+    fields = Fields(body)
+    number = int(fields.take(_U32)[0])
+    name = fields.text()
+    for _ in range(fields.count(_SEGMENT.size)):
+        fields.take(_SEGMENT)
+        fields.text()
+    markers: dict[int, str] = {}
+    for _ in range(fields.count(8)):
+        marker = int(fields.take(_U32)[0])
+        markers[marker] = fields.text()
+    return number, name, markers
+
+
+def _latency(body: bytes) -> float:
+    """s: each stage since the one before, summed."""
+    fields = Fields(body)
+    total = 0.0
+    for _ in range(fields.count(12)):
+        fields.text()
+        total += fields.take(_F64)[0]
+    return total
+
+
+def _unchanged(body: bytes) -> frozenset[int]:
+    """Kinds of blocks that are as in the packet before."""
+    fields = Fields(body)
+    for _ in range(fields.count(8)):
+        fields.take(_U32_PAIR)
+    return frozenset(int(fields.take(_U32)[0]) for _ in range(fields.count(4)))
+
+
+_F64 = struct.Struct("<d")
