@@ -56,6 +56,7 @@ def fidim() -> None:
 )
 @click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
 @click.option("--real-time", is_flag=True, help="Real python-can bus, real UDP sockets, real seconds.")
+@click.option("--ui", is_flag=True, help="In real time, from the terminal UI: started, answered, stopped by keys.")
 @click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
 @example("fidim dry-run --seed 7 --hide air-drag-linear:c=0.4")
 def dry_run(**options: Any) -> None:
@@ -356,6 +357,23 @@ def run_(**options: Any) -> None:
     from fidim_lab.app.run import RunOptions, run_command
 
     sys.exit(run_command(RunOptions(**options)))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER, required=False)
+@click.option("--rig", type=FILE, default=None, help="Attach to the service of this rig.")
+@click.option("--light", is_flag=True, help="Dark on light.")
+@click.option("--web", is_flag=True, help="In a browser on this computer, behind a token.")
+@click.option("--port", default=8420, show_default=True, type=click.IntRange(1024, 65535), help="Of --web.")
+@example("fidim ui runs/plan")
+def ui(**options: Any) -> None:
+    """Attach the terminal UI to a running service: that of FOLDER's run, of a rig, or the only one there is.
+
+    It may be closed and attached again at any time; the run goes on. F12 is the emergency stop, on every screen.
+    """
+    from fidim_lab.app.ui import UiOptions, ui_command
+
+    sys.exit(ui_command(UiOptions(**options)))
 
 
 @fidim.command()

@@ -48,12 +48,17 @@ class DryRunOptions:
     hide: tuple[str, ...]
     real_time: bool
     json_file: Path | None
+    ui: bool = False
 
 
 def run_dry_run(options: DryRunOptions) -> int:
     """Rehearse, identify, report; returns the exit code. Raises FidimError before anything has moved."""
     robot = read_robot(options.robot or PAPERS_ROBOT)
     folder = options.out or _free_folder(options.seed)
+    if options.ui:
+        from fidim_lab.app.ui_dry_run import run_ui_dry_run
+
+        return run_ui_dry_run(options, folder)
     require_new(folder)
     world = compose.simulated_world(robot, options.seed, options.hide)
     with console.err.status("planning: equilibria where the robot can rest and swing …"):

@@ -129,7 +129,7 @@ def start_and_watch(work: Work) -> int:
     place = place_of(work.file, embedded=work.spec.embedded)
     if (other := holder(place)) is not None:
         raise SetupError(in_use(other))
-    with _started(work.spec, place) as process:
+    with service_process(work.spec, place) as process:
         code = asyncio.run(_watch(work, place, process))
         with suppress(subprocess.TimeoutExpired):
             process.wait(timeout=10.0)
@@ -137,7 +137,7 @@ def start_and_watch(work: Work) -> int:
 
 
 @contextmanager
-def _started(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[bytes]"]:
+def service_process(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[bytes]"]:
     """The service's process, in a session of its own: signals of this terminal do not reach it."""
     with tempfile.NamedTemporaryFile("w", suffix=".json", dir=place.folder, encoding="utf-8") as file:
         file.write(spec.model_dump_json())
@@ -155,7 +155,7 @@ def _started(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[bytes]"
 
 
 async def _watch(work: Work, place: Place, process: "subprocess.Popen[bytes]") -> int:
-    await _until_it_listens(place, process)
+    await until_it_listens(place, process)
     async with connect(place.socket, name="fidim run", samples=False) as service:
         await service.take_lease()
         await service.reset()
@@ -163,7 +163,8 @@ async def _watch(work: Work, place: Place, process: "subprocess.Popen[bytes]") -
         return await Console(service, asks=not work.spec.alone).watch(work.spec.out)
 
 
-async def _until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> None:
+async def until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> None:
+    """Wait for the service. Raises what it said where it has ended, HardwareError where it takes too long."""
     clock = LoopClock()
     begin = clock.now()
     while True:

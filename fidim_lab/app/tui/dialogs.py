@@ -1,0 +1,97 @@
+"""Questions of the UI's own, over the screen: confirm, give a reason, read help. The emergency stop works over each."""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Input
+
+from fidim_lab.app.tui.paint import Line, Span, line, wrapped
+from fidim_lab.app.tui.widgets.board import Board
+
+WIDTH = 66
+
+
+class Confirm(ModalScreen[bool]):
+    """A question that y answers; anything else leaves things as they are."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        ("y", "dismiss(True)", "yes"),
+        ("n", "dismiss(False)", "no"),
+        ("escape", "dismiss(False)", "no"),
+    ]
+
+    def __init__(self, title: str, says: Sequence[str], yes: str) -> None:
+        super().__init__()
+        rows: list[Line] = [line(Span(title, "head")), ()]
+        rows += [line(row) for text in says for row in wrapped(text, WIDTH)]
+        self._lines = [*rows, (), line(Span(f"[y] {yes}   [n] or Esc: no   F12: emergency stop", "key"))]
+
+    def compose(self) -> ComposeResult:
+        """A box with lines."""
+        with Vertical(classes="dialog"):
+            yield Board(id="alarms", grow=True)
+            yield Board(id="question", grow=True)
+
+    def on_mount(self) -> None:
+        """Show the lines."""
+        self.query_one("#question", Board).show(self._lines)
+
+
+class Reason(ModalScreen[str]):
+    """Why something is done, for the journal; empty when it is not to be done."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [("escape", "dismiss('')", "no")]
+
+    def __init__(self, title: str, default: str) -> None:
+        super().__init__()
+        self._title = title
+        self._default = default
+
+    def compose(self) -> ComposeResult:
+        """A box with a line to type in."""
+        with Vertical(classes="dialog"):
+            yield Board(id="alarms", grow=True)
+            yield Board(id="question", grow=True)
+            yield Input(value=self._default, max_length=200)
+
+    def on_mount(self) -> None:
+        """Show the question; what is typed replaces the proposed reason."""
+        keys = line(Span("[Enter] do it   Esc: no   F12: emergency stop", "key"))
+        rows = [line(Span(text, "head")) for text in wrapped(self._title, WIDTH)]
+        self.query_one("#question", Board).show([*rows, keys])
+        self.query_one(Input).focus()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Enter."""
+        self.dismiss(event.value.strip() or self._default)
+
+
+class Help(ModalScreen[None]):
+    """What the keys do, and what this screen shows."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        ("escape", "dismiss", "close"),
+        ("question_mark", "dismiss", "close"),
+        ("f1", "dismiss", "close"),
+        ("q", "dismiss", "close"),
+    ]
+
+    def __init__(self, lines: Sequence[Line]) -> None:
+        super().__init__()
+        self._lines = lines
+
+    def compose(self) -> ComposeResult:
+        """A box that scrolls."""
+        with Vertical(classes="dialog help"):
+            yield Board(id="alarms", grow=True)
+            yield Board(id="help")
+
+    def on_mount(self) -> None:
+        """Show the text."""
+        board = self.query_one("#help", Board)
+        board.show(self._lines)
+        board.focus()

@@ -1,0 +1,48 @@
+"""Which service to attach to: of a rig, of a run's folder, or the only one there is. Asked anew at each attempt."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fidim_lab.app.service.place import Place, holder, place_of, runtime_folder
+from fidim_lab.data.rig import RigFile
+
+
+@dataclass(frozen=True)
+class Found:
+    """A service that listens, or why there is none."""
+
+    socket: Path | None
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Finder:
+    """`look` whenever a connection is wanted; at most one of the two is given, neither means the only service."""
+
+    rig: RigFile | None = None
+    folder: Path | None = None
+    socket: Path | None = None
+    """known already"""
+
+    def look(self) -> Found:
+        """The socket to connect to now."""
+        if self.socket is not None:
+            return Found(self.socket)
+        if self.rig is not None:
+            places = [place_of(self.rig, embedded=embedded) for embedded in (False, True)]
+            return _one(places, f"{self.rig.path}: no service has this rig. fidim run PLAN --rig … starts one")
+        folder = runtime_folder()
+        places = [Place(folder, path.stem) for path in sorted(folder.glob("*.lock"))]
+        if self.folder is not None:
+            wanted = self.folder.resolve()
+            places = [p for p in places if (who := holder(p)) is not None and Path(who.folder).resolve() == wanted]
+            return _one(places, f"{self.folder}: no service runs in this folder now")
+        return _one(places, "no service is running. fidim run PLAN --rig RIG starts one")
+
+
+def _one(places: list[Place], otherwise: str) -> Found:
+    there = [(place, who) for place in places if (who := holder(place)) is not None]
+    if len(there) > 1:
+        folders = ", ".join(who.folder for _, who in there)
+        return Found(None, f"several services are running ({folders}): give fidim ui the folder of one")
+    return Found(there[0][0].socket) if there else Found(None, otherwise)

@@ -1,0 +1,116 @@
+"""The model's prediction of a recording that has just begun, from a process of its own: the screen never waits.
+
+`Foresight` asks `foresee` (a worker, started at the first recording) each time the recording has doubled.
+"""
+
+import asyncio
+import json
+import os
+import sys
+from bisect import bisect_left
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fidim_lab.app.tui.view import Position, Trace
+
+FIRST = 2.0
+"""s of recording with which a prediction is tried first"""
+LINE = 1 << 24
+"""bytes of an answer at most"""
+
+
+@dataclass(frozen=True, eq=False)
+class Foreseen:
+    """A predicted path of the main marker."""
+
+    of: tuple[str, int]
+    """window and attempt"""
+    fitted: float
+    """s of the recording that gave the initial state; all after is foretold"""
+    body: str
+    """whose parameters: CAD, or a result"""
+    t: Sequence[float]
+    """s, the service's clock, increasing"""
+    positions: Sequence[Position]
+
+    def at(self, t: float) -> Position | None:
+        """Between two predicted places; None where nothing was predicted."""
+        if not self.t or not self.t[0] <= t <= self.t[-1]:
+            return None
+        k = min(max(bisect_left(self.t, t), 1), len(self.t) - 1)
+        share = (t - self.t[k - 1]) / (self.t[k] - self.t[k - 1])
+        a, b = self.positions[k - 1], self.positions[k]
+        x, y, z = (p + share * (q - p) for p, q in zip(a, b, strict=True))
+        return x, y, z
+
+
+class Foresight:
+    """Asks the worker. `look` at any rate; it asks when there is enough that is new."""
+
+    def __init__(self) -> None:
+        self.found: Foreseen | None = None
+        self.doubt = "the model's prediction comes after some seconds"
+        self._process: asyncio.subprocess.Process | None = None
+        self._asking: asyncio.Task[None] | None = None
+        self._asked: tuple[tuple[str, int], float] = (("", 0), 0.0)
+
+    def look(self, trace: Trace, folder: Path | None) -> None:
+        """Ask for a prediction where the recording is new, or twice as long as at the last one."""
+        if folder is None or len(trace.t) < 2 or (self._asking is not None and not self._asking.done()):
+            return
+        of, long = (trace.window, trace.attempt), trace.t[-1] - trace.t[0]
+        least = 2.0 * self._asked[1] if self._asked[0] == of else FIRST
+        if long < least:
+            return
+        self._asked = of, long
+        request = {
+            "folder": str(folder),
+            "window": trace.window,
+            "t": trace.t,
+            "positions": trace.positions,
+            "lengths": trace.lengths,
+        }
+        self._asking = asyncio.create_task(self._ask(of, json.dumps(request)))
+
+    async def close(self) -> None:
+        """End the worker."""
+        if self._asking is not None:
+            self._asking.cancel()
+            await asyncio.gather(self._asking, return_exceptions=True)
+        if self._process is not None:
+            with suppress(ProcessLookupError):
+                self._process.kill()
+            await self._process.wait()
+
+    async def _ask(self, of: tuple[str, int], request: str) -> None:
+        if self._process is None or self._process.returncode is not None:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                "-m",
+                "fidim_lab.app.tui.foresee",
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.DEVNULL,
+                limit=LINE,
+                start_new_session=True,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            )
+        stdin, stdout = self._process.stdin, self._process.stdout
+        if stdin is None or stdout is None:
+            return
+        try:
+            stdin.write(request.encode() + b"\n")
+            await stdin.drain()
+            answer: dict[str, Any] = json.loads(await stdout.readline())
+        except (OSError, ValueError):
+            self.doubt = "no prediction: its process has ended"
+            return
+        if "doubt" in answer:
+            self.doubt = f"no prediction: {answer['doubt']}"
+            return
+        self.found = Foreseen(
+            of, answer["fitted"], answer["body"], answer["t"], [tuple(p) for p in answer["positions"]]
+        )

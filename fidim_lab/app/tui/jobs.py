@@ -1,0 +1,54 @@
+"""Identify and explain from the UI: commands in processes of their own, their answers as files in the run's folder."""
+
+import asyncio
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Literal
+
+from fidim_lab.app.tui.papers import EXPLANATION, RESULT
+
+Work = Literal["identify", "explain"]
+FILES: dict[Work, str] = {"identify": RESULT, "explain": EXPLANATION}
+COMMAND = "import sys; from fidim_lab.app.cli import run; sys.exit(run(sys.argv[1:]))"
+
+
+class Jobs:
+    """One job at a time, niced. `says` is what to show of it."""
+
+    def __init__(self) -> None:
+        self.says = ""
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def run(self, work: Work, folder: Path) -> None:
+        """Run `fidim identify` or `fidim explain` on the folder, its answer beside the windows."""
+        if self._process is not None and self._process.returncode is None:
+            return
+        self.says = f"fidim {work} {folder.name}: computing …"
+        part = folder / f"{FILES[work]}.new"
+        self._process = process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-c", COMMAND, work, str(folder), "--json", str(part)),
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+            start_new_session=True,
+            preexec_fn=_nice,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
+        _, err = await process.communicate()
+        if part.exists():
+            part.replace(folder / FILES[work])
+        said = [text for text in err.decode(errors="replace").splitlines() if text.startswith("fidim: ")]
+        failed = f"✗ fidim {work}: {' '.join(said)[7:] or f'ended with exit code {process.returncode}'}"
+        self.says = failed if process.returncode and not (process.returncode == 1 and not said) else ""
+
+    def close(self) -> None:
+        """End what is still computed."""
+        if self._process is not None and self._process.returncode is None:
+            with suppress(ProcessLookupError):
+                self._process.kill()
+
+
+def _nice() -> None:
+    os.nice(10)

@@ -1,0 +1,138 @@
+"""What keys ask of the service: each order with the lease it needs, and the questions before those that matter."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from fidim_lab.app.service.commands import (
+    Abort,
+    AnswerPrompt,
+    Command,
+    EmergencyStop,
+    Pause,
+    Reset,
+    Resume,
+    Retry,
+    Skip,
+    Start,
+    TakeLease,
+)
+from fidim_lab.app.service.messages import Answer
+from fidim_lab.app.tui.link import Link
+from fidim_lab.errors import HardwareError
+
+Verb = Literal["reset", "start", "pause", "skip", "retry", "abort", "lease"]
+
+NOT_STOPPED = "✗✗ EMERGENCY STOP NOT CONFIRMED: PRESS THE HARDWARE STOP NOW."
+
+
+@dataclass(frozen=True)
+class Person:
+    """Whoever is at the screen."""
+
+    says: Callable[[str], None]
+    """tell them"""
+    confirms: Callable[[str, tuple[str, ...], str], Awaitable[bool]]
+    """title, sentences, what yes does"""
+    reasons: Callable[[str, str], Awaitable[str]]
+    """title, proposal; empty: not to be done"""
+
+
+class Orders:
+    """Carries a person's orders to the service, and its answers back."""
+
+    def __init__(self, link: Link, person: Person) -> None:
+        self._link = link
+        self._person = person
+
+    async def emergency_stop(self) -> None:
+        """At once, without lease or question. Where nobody answers, that is said in capitals."""
+        self._person.says("EMERGENCY STOP sent …")
+        try:
+            answer = await self._link.command(EmergencyStop(reason="key"))
+        except HardwareError as error:
+            self._person.says(f"{NOT_STOPPED} {error}")
+            return
+        self._person.says(f"EMERGENCY STOP: {answer.says}" if answer.ok else f"{NOT_STOPPED} {answer.says}")
+
+    async def answer(self, prompt: int, choice: str) -> None:
+        """Answer a prompt; the first answer of any client counts."""
+        await self._send(AnswerPrompt(prompt=prompt, choice=choice), f"answered: {choice}")
+
+    async def give(self, verb: Verb) -> None:
+        """Carry an order out, with the questions it needs."""
+        match verb:
+            case "reset":
+                await self._reset()
+            case "start":
+                await self._send(Start(), "the run begins")
+            case "pause":
+                await self._pause()
+            case "skip":
+                if reason := await self._person.reasons("Skip the present window. Why?", "by the operator"):
+                    await self._send(Skip(reason=reason), "the window is skipped")
+            case "retry":
+                await self._send(Retry(reason="by the operator"), "the window will be recorded once more")
+            case "abort":
+                await self._abort()
+            case "lease":
+                await self._lease(asked=True)
+
+    async def _pause(self) -> None:
+        status = self._link.view().status
+        if status is not None and status.phase == "paused":
+            await self._send(Resume(), "going on, if the robot is where it was held")
+        else:
+            await self._send(Pause(reason="by the operator"), "pausing: the robot will be held")
+
+    async def _abort(self) -> None:
+        says = ("The run ends here, the robot is held. What was recorded stays; fidim resume goes on later.",)
+        if await self._person.confirms("Abort the run?", says, "abort"):
+            await self._send(Abort(reason="by the operator"), "aborting: the robot is being held")
+
+    async def _reset(self) -> None:
+        """Two steps: the service gives a code, a person says that it is safe, the code goes back."""
+        if not await self._lease():
+            return
+        first = await self._try(Reset())
+        if first is None or not first.code:
+            return
+        status = self._link.view().status
+        why = "" if status is None else status.latched_why
+        says = (
+            f"Latched: {why}." if why else "Latched.",
+            "Has the cause gone? Is nobody near the platform and cables?",
+        )
+        if await self._person.confirms("Reset the emergency stop?", says, "reset; motion is possible after it"):
+            await self._send(Reset(code=first.code), "the emergency stop is reset")
+
+    async def _lease(self, *, asked: bool = False) -> bool:
+        """Whether this client commands now; where another does, a person decides."""
+        view = self._link.view()
+        if view.commands:
+            return True
+        holder = None if view.status is None else view.status.commanding
+        if holder is not None:
+            says = (f"Client #{holder} commands the robot now; only one can. It will go on watching.",)
+            if not await self._person.confirms("Take command?", says, "take command"):
+                return False
+        answer = await self._try(TakeLease(force=holder is not None))
+        if asked and answer is not None:
+            self._person.says("you command now")
+        return answer is not None
+
+    async def _send(self, command: Command, done: str) -> None:
+        free = isinstance(command, AnswerPrompt)
+        if (free or await self._lease()) and await self._try(command) is not None:
+            self._person.says(done)
+
+    async def _try(self, command: Command) -> Answer | None:
+        try:
+            answer = await self._link.command(command)
+        except HardwareError as error:
+            self._person.says(f"✗ {command.name} not done: {error}")
+            return None
+        if not answer.ok:
+            self._person.says(f"✗ {command.name}: {answer.says}")
+            return None
+        return answer

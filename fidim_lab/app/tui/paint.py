@@ -1,0 +1,88 @@
+"""Lines of text with a meaning for each piece; a theme decides on its colour, and a symbol says the same without.
+
+Screens are made of these, so that a test reads what a person reads.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+Style = Literal["", "dim", "head", "good", "warn", "bad", "old", "key", "alarm", "measured", "model"]
+
+PARTS = " ▏▎▍▌▋▊▉█"
+
+
+@dataclass(frozen=True)
+class Span:
+    """A piece of a line."""
+
+    text: str
+    style: Style = ""
+
+
+Line = tuple[Span, ...]
+
+EMPTY: Line = ()
+
+
+def line(*pieces: str | Span) -> Line:
+    """A line of plain text and spans."""
+    return tuple(Span(piece) if isinstance(piece, str) else piece for piece in pieces if piece)
+
+
+def text_of(lines: Iterable[Line]) -> str:
+    """The lines as plain text, without blanks at their ends."""
+    return "\n".join("".join(span.text for span in row).rstrip() for row in lines)
+
+
+def left(text: str, width: int) -> str:
+    """Cut or filled to the width; what is cut ends in an ellipsis."""
+    return text.ljust(width) if len(text) <= width else text[: max(width - 1, 0)] + "…"
+
+
+def right(text: str, width: int) -> str:
+    """As `left`, pushed to the right."""
+    return left(text, width) if len(text) > width else text.rjust(width)
+
+
+def number(value: float | None, decimals: int, unit: str = "") -> str:
+    """A number with its unit, a dash where it is not known."""
+    if value is None:
+        return "–"
+    return f"{value:.{decimals}f}{f' {unit}' if unit else ''}"
+
+
+def bar(fraction: float, width: int) -> str:
+    """A bar of this many cells, filled to eighths of a cell; an empty cell is a dot, to be seen without colour."""
+    eighths = round(min(max(fraction, 0.0), 1.0) * width * 8)
+    full, rest = divmod(eighths, 8)
+    drawn = "█" * full + (PARTS[rest] if rest else "")
+    return drawn.ljust(width, "·")
+
+
+def span_of_time(seconds: float | None) -> str:
+    """As 45 s, 12:30 or 1:02:05."""
+    if seconds is None:
+        return "–"
+    whole = round(max(seconds, 0.0))
+    if whole < 60:
+        return f"{whole} s"
+    hours, rest = divmod(whole, 3600)
+    minutes, left_over = divmod(rest, 60)
+    return f"{hours}:{minutes:02}:{left_over:02}" if hours else f"{minutes}:{left_over:02}"
+
+
+def greyed(lines: Iterable[Line]) -> list[Line]:
+    """All in the style of what is old: never to be taken for fresh."""
+    return [tuple(Span(span.text, "old") for span in row) for row in lines]
+
+
+def wrapped(text: str, width: int, indent: str = "") -> list[str]:
+    """Words on as many lines as they need."""
+    rows, row = [], indent
+    for word in text.split():
+        if len(row) + len(word) + 1 > width and row.strip():
+            rows.append(row)
+            row = indent
+        row += word if row == indent else f" {word}"
+    return [*rows, row] if row.strip() else rows

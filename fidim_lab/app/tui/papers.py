@@ -1,0 +1,154 @@
+"""What lies in the run's folder for the screens Result and Why: read anew when a file changes.
+
+`read_papers` is pure but for the files; `Papers` is what it found. A file that cannot be read is said, not hidden.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from fidim_lab.errors import FileError
+from fidim_lab.identification.result_file import ResultTable, read_result
+
+RESULT = "result.json"
+EXPLANATION = "explanation.json"
+
+
+class _Lenient(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class EffectParameterTable(_Lenient):
+    """`effects[].parameters.NAME`."""
+
+    value: float
+    sd: float | None = None
+    unit: str = ""
+
+
+class EffectTable(_Lenient):
+    """One of `effects`."""
+
+    id: str
+    cable: int | None = None
+    equivalent_to: tuple[str, ...] = ()
+    parameters: dict[str, EffectParameterTable] = {}
+    says: str = ""
+
+
+class PlaceTable(_Lenient):
+    """One of `where`."""
+
+    window: str
+    t: tuple[float, float]
+    channel: str = ""
+    share: float = 0.0
+    says: str = ""
+
+
+class RankedTable(_Lenient):
+    """One of `ranking`."""
+
+    effects: tuple[str, ...] = ()
+    held_out_chi2_per_dof: float | None = None
+    plausible: bool = True
+    why: str = ""
+
+
+class BeforeTable(_Lenient):
+    """A figure without and with the effects."""
+
+    before: float | None = None
+    after: float | None = None
+
+
+class HeldOutTable(_Lenient):
+    """`held_out`."""
+
+    chi2_per_dof: BeforeTable = BeforeTable()
+    rms_mm: BeforeTable = BeforeTable()
+
+
+class ExplanationTable(_Lenient):
+    """As much of "fidim-explanation/1" as the screen shows."""
+
+    format: Literal["fidim-explanation/1"]
+    verdict: str
+    message: str
+    effects: tuple[EffectTable, ...] = ()
+    where: tuple[PlaceTable, ...] = ()
+    held_out: HeldOutTable = HeldOutTable()
+    ranking: Annotated[tuple[RankedTable, ...], Field(default=())]
+    next_experiment: str | None = None
+
+
+@dataclass(frozen=True)
+class Papers:
+    """What was found, and what could not be read."""
+
+    folder: Path | None = None
+    result: ResultTable | None = None
+    last: ResultTable | None = None
+    last_folder: str = ""
+    explanation: ExplanationTable | None = None
+    problems: tuple[str, ...] = ()
+
+
+def stamp(folder: Path | None) -> tuple[float, ...]:
+    """Changes when one of the files does."""
+    if folder is None:
+        return ()
+    return tuple(_changed(folder / name) for name in (RESULT, EXPLANATION))
+
+
+def read_papers(folder: Path | None) -> Papers:
+    """The run's result, that of the session before it beside it, the explanation. Raises nothing."""
+    if folder is None:
+        return Papers()
+    problems: list[str] = []
+    result = _result(folder, problems)
+    explanation = _explanation(folder / EXPLANATION, problems)
+    before = _session_before(folder)
+    last = None if before is None else _result(before, problems)
+    return Papers(folder, result, last, "" if before is None else before.name, explanation, tuple(problems))
+
+
+def _changed(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _result(folder: Path, problems: list[str]) -> ResultTable | None:
+    if not (folder / RESULT).exists():
+        return None
+    try:
+        return read_result(folder / RESULT)
+    except FileError as error:
+        problems.append(str(error))
+        return None
+
+
+def _explanation(path: Path, problems: list[str]) -> ExplanationTable | None:
+    if not path.exists():
+        return None
+    try:
+        return ExplanationTable.model_validate(json.loads(path.read_bytes()))
+    except (OSError, ValueError, ValidationError) as error:
+        problems.append(f"{path}: {str(error).splitlines()[0]}")
+        return None
+
+
+def _session_before(folder: Path) -> Path | None:
+    """The run folder beside this one with the newest result that is not newer than this run."""
+    own = _changed(folder / RESULT) or float("inf")
+    try:
+        others = [path for path in folder.parent.iterdir() if path != folder and (path / RESULT).exists()]
+    except OSError:
+        return None
+    older = [(when, path) for path in others if 0.0 < (when := _changed(path / RESULT)) < own]
+    return max(older)[1] if older else None

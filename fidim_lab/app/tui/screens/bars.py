@@ -1,0 +1,116 @@
+"""What is on every screen: the state, alarms, the tabs, an open prompt."""
+
+from fidim_lab.app.tui.keys import choice_keys
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, wrapped
+from fidim_lab.app.tui.view import Contact, View
+from fidim_lab.units import millimetres
+
+TABS = ("Session", "Rig", "Window", "Result", "Why", "Log")
+PHASES: dict[str, tuple[str, Style]] = {
+    "idle": ("○ IDLE", "head"),
+    "running": ("▶ RUNNING", "good"),
+    "paused": ("‖ PAUSED", "warn"),
+    "stopping": ("■ STOPPING", "bad"),
+    "ended": ("□ ENDED", "head"),
+}
+
+
+def state_lines(view: View, width: int, notice: str = "") -> list[Line]:
+    """One line of state, one of what was last said to this person, and alarms that nobody can overlook."""
+    rows = [_state(view, width)]
+    rows += _alarms(view, width)
+    rows += [line(Span(text, "key")) for text in wrapped(notice, width)[:2]]
+    return rows
+
+
+def tab_lines(current: int, width: int) -> list[Line]:
+    """The screens by number; the present one in brackets."""
+    spans: list[Span] = []
+    for index, name in enumerate(TABS):
+        here = index == current
+        spans.append(Span(f"[{index + 1} {name}]" if here else f" {index + 1} {name} ", "head" if here else "dim"))
+    used = sum(len(span.text) for span in spans)
+    return [(*spans, Span(left("─" * max(width - used, 0), max(width - used, 0)), "dim"))]
+
+
+def prompt_lines(view: View, width: int) -> list[Line]:
+    """The open prompt with its keys; nothing where there is none."""
+    question = view.question
+    if question is None or view.contact is not Contact.LIVE:
+        return []
+    rows: list[Line] = [line(Span(left("━━ ANSWER THIS ".ljust(width, "━"), width), "key"))]
+    about = f"{question.window}: " if question.window else ""
+    rows += [line(Span(text, "head")) for text in wrapped(f"{about}{question.text}", width)[:4]]
+    if question.displacement:
+        away = ", ".join(
+            f"{name} {millimetres(v):+.0f} mm" for name, v in zip("xyz", question.displacement, strict=False)
+        )
+        rows.append(line(f"displace the marker by {away} from rest"))
+    keys = "   ".join(f"[{key}] {choice}" for key, choice in choice_keys(question.choices).items())
+    rows.append(line(Span(keys, "key"), Span(_default(view), "dim")))
+    return rows
+
+
+def _default(view: View) -> str:
+    question = view.question
+    if question is None or question.default_after is None or not question.default:
+        return ""
+    left_over = max(question.default_after - (view.now - view.asked), 0.0)
+    return f"   “{question.default}” by itself in {left_over:.0f} s"
+
+
+def _state(view: View, width: int) -> Line:
+    status, welcome = view.status, view.welcome
+    if status is None:
+        return line(Span("fidim  ", "dim"), Span(view.contact.value, "warn"))
+    phase, style = PHASES[status.phase]
+    role = "you command" if view.commands else _commander(view)
+    name = "" if welcome is None else f"{welcome.run} · {welcome.rig}"
+    end = f"{status.wall[11:19]}  {role}  {_age(view)}"
+    middle = max(width - len(phase) - len(end) - 4, 0)
+    if not view.fresh:
+        return line(Span(f"{phase}?  {left(name, max(middle - 1, 0))}  {end}", "old"))
+    return line(Span(phase, style), f"  {left(name, middle)}  ", Span(end, "dim"))
+
+
+def _commander(view: View) -> str:
+    holder = None if view.status is None else view.status.commanding
+    return "nobody commands" if holder is None else f"client #{holder} commands"
+
+
+def _age(view: View) -> str:
+    """Only what is fresh is called live; the age of what is not counts up."""
+    if view.fresh:
+        return "● live"
+    return "○ no state" if view.age is None else f"✗ OLD {view.age:.1f} s"
+
+
+def _alarms(view: View, width: int) -> list[Line]:
+    rows: list[Line] = []
+    old = "" if view.age is None else f" – ALL VALUES ARE {view.age:.0f} s OLD"
+    match view.contact:
+        case Contact.LOST:
+            rows += _alarm(f"✗ SERVICE LOST{old}", width, view.why, LOST_ADVICE)
+        case Contact.SILENT:
+            rows += _alarm(f"✗ THE SERVICE IS SILENT{old}", width, SILENT_ADVICE)
+        case Contact.ENDED:
+            rows += _alarm(f"□ THE SERVICE HAS ENDED{old}", width, view.why, alarm="warn")
+        case _:
+            pass
+    status = view.status
+    if status is not None and status.latched:
+        was = "" if view.fresh else "when last heard: "
+        why = f"{was}{status.latched_why or 'latched from the start'}. r resets it, in two steps."
+        rows += _alarm("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ ■", width, why)
+    return rows
+
+
+LOST_ADVICE = "Its drives stop by themselves without its heartbeat. THE KEY HERE STOPS NOTHING: use the hardware stop."
+SILENT_ADVICE = "Connected, but no state comes. Do not rely on this screen; use the hardware stop."
+
+
+def _alarm(title: str, width: int, *says: str, alarm: Style = "alarm") -> list[Line]:
+    rows: list[Line] = [line(Span(title.center(width), alarm))]
+    for text in says:
+        rows += [line(Span(row, "bad" if alarm == "alarm" else "warn")) for row in wrapped(text, width)[:2]]
+    return [row for row in rows if row is not EMPTY]

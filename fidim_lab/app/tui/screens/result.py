@@ -1,0 +1,100 @@
+"""Result: the nine parameters against CAD and the last session, each window's σ⊥, and what to measure next."""
+
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
+from fidim_lab.app.tui.papers import Papers
+from fidim_lab.identification.result_file import ParameterTable, ResultTable
+from fidim_lab.units import millimetres, percent
+
+GOOD, WRONG = "converged", ("impossible-body", "lost-phase", "misfit", "not-converged")
+INTERVAL = 1.96
+"""standard deviations of a 95 % interval"""
+WEAK = 0.1
+"""of the value; a wider sd is "not well identified" """
+
+
+def result_lines(papers: Papers, width: int, job: str = "") -> list[Line]:
+    """The whole screen; job: what is being computed."""
+    rows: list[Line] = [line(Span(job, "key"))] if job else []
+    rows += [line(Span(text, "bad")) for problem in papers.problems for text in wrapped(problem, width)]
+    if papers.result is None:
+        return [*rows, line(Span("Nothing is identified yet. i identifies from the windows recorded so far.", "dim"))]
+    result = papers.result
+    style: Style = "good" if result.outcome == GOOD else "bad" if result.outcome in WRONG else "warn"
+    mark = "✓" if style == "good" else "✗" if style == "bad" else "~"
+    says = f"{mark} {result.outcome}: {result.message}"
+    rows += [line(Span(text, style)) for text in wrapped(says, width)]
+    rows += [EMPTY, *_parameters(result, papers)]
+    rows += [EMPTY, *_windows(result, width), EMPTY]
+    return [*rows, *(line(text) for text in wrapped(f"Next: {_next(papers)}", width))]
+
+
+def _parameters(result: ResultTable, papers: Papers) -> list[Line]:
+    last = f"last ({left(papers.last_folder, 12).strip()})" if papers.last else "last"
+    heads = (right("value", 11), right("± 95 %", 10), right("CAD", 11), right("off CAD, sd", 12), right(last, 20))
+    rows: list[Line] = [line(Span(f"{'s mm, I 1e-3 m²':16}{''.join(heads)}", "dim"))]
+    for name, found in result.parameters.items():
+        before = papers.last.parameters.get(name) if papers.last else None
+        rows.append(_parameter(name, found, before, weak=_weak(result, name)))
+    return rows
+
+
+def _sd(found: ParameterTable) -> float | None:
+    known = [sd for sd in (found.sd, found.sd_bootstrap) if sd is not None]
+    return max(known) if known else None
+
+
+def _weak(result: ResultTable, name: str) -> bool:
+    found, sd = result.parameters[name], _sd(result.parameters[name])
+    return name in result.non_essential or (sd is not None and sd > WEAK * abs(found.value))
+
+
+def _parameter(name: str, found: ParameterTable, before: ParameterTable | None, *, weak: bool) -> Line:
+    sd = _sd(found)
+    off = None if found.nominal is None or not sd else (found.value - found.nominal) / sd
+    far: Style = "warn" if off is not None and abs(off) > 3 else ""
+    return line(
+        Span(left(f"{name}{' ~ weak' if weak else ''}", 16), "warn" if weak else "head"),
+        Span(right(f"{millimetres(found.value):.3f}", 11), "head"),
+        right("–" if sd is None else f"{millimetres(INTERVAL * sd):.3f}", 10),
+        right("–" if found.nominal is None else f"{millimetres(found.nominal):.3f}", 11),
+        Span(right("–" if off is None else f"{off:+.1f}{' !' if far else '  '}", 12), far),
+        right("–" if before is None else f"{millimetres(before.value):.3f}", 20),
+    )
+
+
+def _windows(result: ResultTable, width: int) -> list[Line]:
+    """Several beside each other: id, σ⊥, rms and χ²/dof."""
+    size = 38
+    columns = max(width // size, 1)
+    head = left("window   σ⊥ m/s²  rms mm  χ²/dof", size)
+    rows: list[Line] = [line(Span(head * columns, "dim"))]
+    cells: list[Span] = []
+    for window in result.windows:
+        numbers = (_short(window.sigma_perp, 9), _short(window.rms_mm, 8), _short(window.chi2_per_dof, 8))
+        note = "" if window.used else " unused" if window.role != "validate" else " held out"
+        text = f"{left(window.id, 7)}{''.join(numbers)}{note}"
+        bad = window.chi2_per_dof is not None and window.chi2_per_dof > 2.0
+        cells.append(Span(left(text, size), "warn" if bad else ""))
+    return [*rows, *(tuple(cells[begin : begin + columns]) for begin in range(0, len(cells), columns))]
+
+
+def _short(value: float | None, width: int) -> str:
+    return right("–" if value is None else f"{value:.3g}", width)
+
+
+def _next(papers: Papers) -> str:
+    result = papers.result
+    if papers.explanation is not None and papers.explanation.next_experiment:
+        return papers.explanation.next_experiment
+    if result is None:
+        return "record windows."
+    if result.outcome in WRONG:
+        return "the model does not explain the recordings; e (screen Why) says what it leaves out."
+    weak = [name for name in result.parameters if _weak(result, name)]
+    if not weak:
+        return "nothing is missing; check with fidim validate on windows that were held out."
+    wide = {name: _sd(result.parameters[name]) or 0.0 for name in weak}
+    share = ", ".join(
+        f"{name} (± {percent(wide[name] / abs(result.parameters[name].value or 1.0)):.0f} %)" for name in weak
+    )
+    return f"weakly known: {share}. fidim design plans equilibria that move the platform in what these weigh."

@@ -1,0 +1,150 @@
+"""Rig: each winch, motion capture, the bus, the guards."""
+
+from fidim_lab.app.service.messages import GuardState, MocapState, Status, WinchState
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, number, right, wrapped
+from fidim_lab.app.tui.view import View
+from fidim_lab.units import millimetres, percent
+
+OLD = 0.5
+"""s after which a device's own value is called old"""
+BAR = 14
+DRIVES: dict[str, tuple[str, Style]] = {
+    "operation enabled": ("● operation enabled", "good"),
+    "quick stop active": ("■ quick stop active", "warn"),
+    "fault": ("✗ fault", "bad"),
+    "fault reaction active": ("✗ fault reaction", "bad"),
+    "unknown": ("? unknown", "bad"),
+    "never reported": ("? never reported", "bad"),
+}
+GUARDS: dict[str, tuple[str, Style]] = {
+    "armed": ("● armed", "good"),
+    "disarmed": ("○ disarmed", "dim"),
+    "warning": ("! WARNING", "warn"),
+    "tripped": ("✗ TRIPPED", "bad"),
+}
+
+
+def rig_lines(view: View, width: int) -> list[Line]:
+    """The whole screen."""
+    status = view.status
+    if status is None:
+        return [line(Span("No state of the rig has come yet.", "dim"))]
+    since = view.age or 0.0
+    rows: list[Line] = [line(Span(_winch_head(), "dim"))]
+    for winch in status.winches:
+        rows += _winch(winch, since, width)
+    return [*rows, EMPTY, *_mocap(status.mocap, since), _bus(status), EMPTY, *_guards(status.guards, width)]
+
+
+def tension_bar(tension: float | None, limits: tuple[float, float], cells: int = BAR) -> Span:
+    """Where a tension lies between its limits; beyond them it says so."""
+    low, high = limits
+    if tension is None or high <= low:
+        return Span("?" * cells, "dim")
+    if tension < low:
+        return Span(left("◀ TOO LOW", cells), "bad")
+    if tension > high:
+        return Span(right("TOO HIGH ▶", cells), "bad")
+    place = (tension - low) / (high - low)
+    near = min(place, 1 - place) < 0.05
+    at = min(int(place * cells), cells - 1)
+    return Span("─" * at + "┃" + "─" * (cells - at - 1), "warn" if near else "good")
+
+
+def _winch_head() -> str:
+    cells = (right("length m", 10), right("mm/s", 7), right("N", 7), left("  low … high", BAR + 3))
+    return left("winch", 9) + left("drive", 21) + "".join(cells) + right("°C", 4) + right("err mm", 8)
+
+
+def _winch(winch: WinchState, since: float, width: int) -> list[Line]:
+    age = None if winch.age is None else winch.age + since
+    old = age is None or age > OLD
+    drive, style = DRIVES.get(winch.drive, (f"○ {winch.drive}", ""))
+    speed = None if winch.speed is None else millimetres(winch.speed)
+    error = None if winch.following_error is None else millimetres(winch.following_error)
+    row = line(
+        left(winch.name, 9),
+        Span(left(drive, 21), style),
+        Span(right(number(winch.length, 4), 10), _length_style(winch)),
+        right(number(speed, 0), 7),
+        right(number(winch.tension, 1), 7),
+        "  ",
+        tension_bar(winch.tension, winch.tension_limits),
+        " ",
+        right(number(winch.temperature, 0), 4),
+        right(number(error, 2), 8),
+    )
+    further: list[Line] = []
+    if old:
+        says = "nothing has ever come" if age is None else f"OLD VALUES: {age:.1f} s"
+        row = tuple(Span(span.text, "old") for span in row)
+        further.append(line(Span(f"         ✗ {winch.name}: {says}", "bad")))
+    if winch.fault:
+        further += [line(Span(text, "bad")) for text in wrapped(f"✗ {winch.fault}", width, "         ")]
+    if width >= 90 and not old:
+        row = (*row, Span(f"  {1e3 * (age or 0.0):4.0f} ms old", "dim"))
+    return [row, *further]
+
+
+def _length_style(winch: WinchState) -> Style:
+    if winch.length is None or winch.length_limits is None:
+        return ""
+    low, high = winch.length_limits
+    return "" if low <= winch.length <= high else "bad"
+
+
+def _mocap(mocap: MocapState, since: float) -> list[Line]:
+    age = None if mocap.age is None else mocap.age + since
+    slow = mocap.measured_rate < 0.9 * mocap.rate
+    rows: list[Line] = [
+        line(
+            Span("motion capture  ", "head"),
+            Span(f"{mocap.measured_rate:.0f} of {mocap.rate:.0f} Hz", "warn" if slow else "good"),
+            f"  latency {_ms(mocap.latency)}  newest {_ms(age)} ago  {mocap.markers_seen} markers seen",
+        )
+    ]
+    old = age is None or age > OLD
+    if mocap.position is None:
+        rows.append(line(Span("  main marker not seen", "bad")))
+    else:
+        x, y, z = mocap.position
+        place = f"  main marker  x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m"
+        rows.append(line(Span(f"{place}  OLD" if old else place, "old" if old else "")))
+    counted = ", ".join(f"{count} {name}" for name, count in mocap.counters.items())
+    if counted:
+        rows.append(line(Span(f"  frames: {counted}", "dim")))
+    return rows
+
+
+def _ms(seconds: float | None) -> str:
+    return number(None if seconds is None else millimetres(seconds), 0, "ms")
+
+
+def _bus(status: Status) -> Line:
+    bus, late = status.bus, status.loop_late
+    load = number(None if bus.load is None else percent(bus.load), 0, "%")
+    busy: Style = "warn" if bus.load is not None and bus.load > 0.7 else ""
+    return line(
+        Span("bus  ", "head"),
+        Span(f"load {load}", busy),
+        f"  {number(bus.frames, 0, 'frames/s')}  control loop late by {millimetres(late):.0f} ms",
+    )
+
+
+def _guards(guards: tuple[GuardState, ...], width: int) -> list[Line]:
+    """Those that say something first, the others side by side."""
+    rows: list[Line] = []
+    for guard in guards:
+        mark, style = GUARDS[guard.state]
+        if guard.state in ("tripped", "warning"):
+            says = f"guard {guard.name}: {mark} ({guard.reaction}) {guard.why}"
+            rows += [line(Span(text, style)) for text in wrapped(says, width)]
+    quiet = [guard for guard in guards if guard.state in ("armed", "disarmed")]
+    columns = max(width // 38, 1)
+    for begin in range(0, len(quiet), columns):
+        cells: list[Span] = []
+        for guard in quiet[begin : begin + columns]:
+            mark, style = GUARDS[guard.state]
+            cells += [Span(left(mark, 11), style), Span(left(f"{guard.name} → {guard.reaction}", 27))]
+        rows.append(tuple(cells))
+    return [line(Span("guards", "head")), *rows]

@@ -1,0 +1,87 @@
+"""Session: the step at hand and the table of equilibria."""
+
+from fidim_lab.app.service.messages import EquilibriumState, Status
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, left, line, number, right, span_of_time, wrapped
+from fidim_lab.app.tui.view import View
+from fidim_lab.units import millimetres
+
+MARKS: dict[str, tuple[str, Style]] = {
+    "pass": ("✓ pass", "good"),
+    "marginal": ("~ marginal", "warn"),
+    "skipped": ("– skipped", "dim"),
+    "fail": ("✗ fail", "bad"),
+    "aborted": ("✗ aborted", "bad"),
+    "error": ("✗ error", "bad"),
+}
+COLUMNS = (("window", 8), ("role", 10), ("state", 9), ("margin", 8), ("amplitude", 10), ("tries", 6))
+NUMBERS = 3
+"""the last columns are numbers"""
+
+
+def session_lines(view: View, width: int) -> list[Line]:
+    """The whole screen."""
+    status = view.status
+    if status is None:
+        return _nothing(view)
+    return [*_step(status, width), EMPTY, *_table(status, width)]
+
+
+def _nothing(view: View) -> list[Line]:
+    return [line(Span(f"No service yet: {view.why or 'connecting …'}", "dim"))]
+
+
+def _step(status: Status, width: int) -> list[Line]:
+    step = status.step
+    if step is None:
+        told = "The run has ended." if status.phase == "ended" else "Nothing has begun."
+        keys = ": r resets the emergency stop, then g starts the run" if status.phase == "idle" else ""
+        return [line(Span(f"{told.rstrip('.')}{keys}." if keys else told, "head"))]
+    drawn = bar(step.fraction, max(width - 50, 10))
+    text = step.text or step.step
+    rows = [line(Span(row, "head")) for row in wrapped(f"{step.window}  {text}", width)] or [EMPTY]
+    rows.append(
+        line(
+            f"step {step.number}, {step.phase}  ",
+            Span(drawn, "good"),
+            f" {100 * step.fraction:3.0f} %  {_done(status)}  left {span_of_time(step.left)}",
+        )
+    )
+    return rows
+
+
+def _done(status: Status) -> str:
+    done = sum(row.state == "done" for row in status.equilibria)
+    return f"{done}/{len(status.equilibria)} windows"
+
+
+def _table(status: Status, width: int) -> list[Line]:
+    head = "  " + "".join(
+        (right if index >= len(COLUMNS) - NUMBERS else left)(name, size) for index, (name, size) in enumerate(COLUMNS)
+    )
+    rows: list[Line] = [line(Span(f"{head}  verdict", "dim"))]
+    for row in status.equilibria:
+        rows += _row(row, width)
+    return rows
+
+
+def _row(row: EquilibriumState, width: int) -> list[Line]:
+    current = row.state == "current"
+    verdict, style = MARKS.get(row.verdict, (row.verdict, ""))
+    margin: Style = "bad" if row.margin is not None and row.margin <= 0 else ""
+    amplitude = None if row.amplitude is None else millimetres(row.amplitude)
+    cells = [left(text, COLUMNS[k][1]) for k, text in enumerate((row.window, row.role, row.state))]
+    begin = line(
+        Span("▶ " if current else "  ", "head"),
+        Span("".join(cells), "head" if current else "dim" if row.state == "waiting" else ""),
+        Span(right(number(row.margin, 1, "N"), COLUMNS[3][1]), margin),
+        right(number(amplitude, 0, "mm"), COLUMNS[4][1]),
+        right(str(row.attempts or "–"), COLUMNS[5][1]),
+        "  ",
+        Span(verdict, style),
+    )
+    used = sum(len(span.text) for span in begin)
+    if not row.reason:
+        return [begin]
+    if used + 2 + len(row.reason) <= width:
+        return [(*begin, Span(f"  {row.reason}", "dim"))]
+    return [begin, *(line(Span(text, "dim")) for text in wrapped(row.reason, width, "      "))]

@@ -1,0 +1,120 @@
+"""Draws the present view on whatever is in sight: bars, one screen's board, the alarms of a dialog."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from textual.app import ComposeResult
+from textual.containers import Vertical
+from textual.screen import Screen
+from textual.widget import Widget
+from textual.widgets import ContentSwitcher, Footer, Input
+
+from fidim_lab.app.tui.foresight import Foresight
+from fidim_lab.app.tui.jobs import Jobs
+from fidim_lab.app.tui.paint import Line, greyed
+from fidim_lab.app.tui.papers import Papers, read_papers, stamp
+from fidim_lab.app.tui.screens.bars import TABS, prompt_lines, state_lines, tab_lines
+from fidim_lab.app.tui.screens.log import log_lines
+from fidim_lab.app.tui.screens.result import result_lines
+from fidim_lab.app.tui.screens.rig import rig_lines
+from fidim_lab.app.tui.screens.session import session_lines
+from fidim_lab.app.tui.screens.why import why_lines
+from fidim_lab.app.tui.screens.window import window_lines
+from fidim_lab.app.tui.view import View
+from fidim_lab.app.tui.widgets.board import Board
+
+NOTICE_FOR = 8.0
+"""s that a notice stays"""
+PAPERS_EVERY = 1.0
+"""s between two looks at the files"""
+RIG = TABS.index("Rig")
+
+
+class Stage:
+    """The widgets of the main screen, and what is drawn on them."""
+
+    def __init__(self, folder: Path | None) -> None:
+        """folder: of the run, where no service says it."""
+        self.current = 0
+        self.foresight = Foresight()
+        self.jobs = Jobs()
+        self.state = Board(id="state", grow=True)
+        self.tabs = Board(id="tabs", grow=True)
+        self.prompt = Board(id="prompt", grow=True)
+        self.filter = Input(id="filter", placeholder="words, -not these; Enter or Esc: back")
+        self.boards = [Board(id=f"board-{name.lower()}", follow=name == "Log") for name in TABS]
+        self._given = folder
+        self._notice = ("", 0.0)
+        self._papers = Papers()
+        self._stamp: tuple[object, ...] = ()
+        self._looked = -1.0
+
+    def compose(self) -> ComposeResult:
+        """State above, one of the screens, the prompt and the keys below."""
+        yield self.state
+        yield self.tabs
+        with ContentSwitcher(initial=self.boards[0].id):
+            yield from self.boards[:-1]
+            with Vertical(id="log-pane"):
+                yield self.filter
+                yield self.boards[-1]
+        yield self.prompt
+        yield Footer(compact=True)
+
+    def turn(self, screen: Screen[None], index: int) -> None:
+        """Show another part, and give it the keys."""
+        self.current = index
+        last = index == len(self.boards) - 1
+        screen.query_one(ContentSwitcher).current = "log-pane" if last else self.boards[index].id
+        self.boards[index].focus()
+
+    def tell(self, text: str, now: float) -> None:
+        """What was last said to the person at this screen."""
+        self._notice = text, now + NOTICE_FOR
+
+    def folder(self, view: View) -> Path | None:
+        """The run's folder."""
+        return self._given if view.welcome is None else Path(view.welcome.folder)
+
+    def draw(self, view: View, over: Iterable[Widget] = ()) -> None:
+        """Draw; over: boards for the alarms, of dialogs that cover the screen."""
+        width = max(self.state.size.width, 40)
+        self._look_at_papers(view)
+        if view.recording:
+            self.foresight.look(view.trace, self.folder(view))
+        notice = self._notice[0] if view.now < self._notice[1] else ""
+        state = state_lines(view, width, notice)
+        self.state.show(state)
+        self.tabs.show(tab_lines(self.current, width))
+        self.prompt.show(prompt_lines(view, width))
+        board = self.boards[self.current]
+        lines = self._lines(view, max(board.size.width - 1, 39), board.size.height)
+        live = TABS[self.current] in ("Session", "Rig", "Window")
+        board.show(greyed(lines) if live and not view.fresh else lines)
+        for covering in over:
+            if isinstance(covering, Board):
+                covering.show(state_lines(view, max(covering.size.width, 40), notice))
+
+    def _lines(self, view: View, width: int, height: int) -> list[Line]:
+        match TABS[self.current]:
+            case "Session":
+                return session_lines(view, width)
+            case "Rig":
+                return rig_lines(view, width)
+            case "Window":
+                return window_lines(view, width, height, self.foresight.found, self.foresight.doubt)
+            case "Result":
+                return result_lines(self._papers, width, self.jobs.says)
+            case "Why":
+                return why_lines(self._papers, width, self.jobs.says)
+            case _:
+                return log_lines(view, width, self.filter.value)
+
+    def _look_at_papers(self, view: View) -> None:
+        if view.now - self._looked < PAPERS_EVERY and self._looked >= 0:
+            return
+        self._looked = view.now
+        folder = self.folder(view)
+        now = (folder, *stamp(folder))
+        if now != self._stamp:
+            self._stamp, self._papers = now, read_papers(folder)

@@ -1,0 +1,179 @@
+"""What is known of the service, and how old that is. Pure: messages and times in, a frozen `View` out.
+
+`Tracker` takes what the link hears; screens draw `View`s and know nothing of sockets.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+
+from fidim_lab.app.service.commands import Message
+from fidim_lab.app.service.messages import (
+    Bye,
+    Happening,
+    History,
+    PromptClosed,
+    Question,
+    Samples,
+    Status,
+    Welcome,
+)
+
+STALE = 1.0
+"""s without a state after which what is shown is called old; the service tells ten a second"""
+EVENTS = 3000
+SAMPLES = 30_000
+
+Position = tuple[float, float, float]
+
+
+class Contact(Enum):
+    """The connection to the service."""
+
+    SEEKING = "looking for a service"
+    LIVE = "live"
+    SILENT = "silent"
+    """connected, but no state has come for a while"""
+    LOST = "lost"
+    ENDED = "ended"
+    """it said goodbye"""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One recording as it grows: only appended to, so that a view may share it."""
+
+    window: str = ""
+    attempt: int = 0
+    t: list[float] = field(default_factory=list[float])
+    """s, the service's clock"""
+    positions: list[Position | None] = field(default_factory=list[Position | None])
+    lengths: list[tuple[float | None, ...]] = field(default_factory=list[tuple[float | None, ...]])
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Everything that a screen may show."""
+
+    now: float = 0.0
+    """s, this process's monotonic clock"""
+    contact: Contact = Contact.SEEKING
+    why: str = ""
+    """of a lost or ended service"""
+    welcome: Welcome | None = None
+    status: Status | None = None
+    age: float | None = None
+    """s since the newest state came; None: none ever did"""
+    question: Question | None = None
+    asked: float = 0.0
+    """when it came, this process's clock"""
+    events: tuple[Happening, ...] = ()
+    forgotten: int = 0
+    trace: Trace = Trace()
+    recording: bool = False
+
+    @property
+    def fresh(self) -> bool:
+        """Whether what is shown is what is."""
+        return self.contact is Contact.LIVE and self.status is not None
+
+    @property
+    def commands(self) -> bool:
+        """Whether this client has the lease."""
+        return self.welcome is not None and self.status is not None and self.status.commanding == self.welcome.you
+
+
+class Tracker:
+    """Keeps what the link hears."""
+
+    def __init__(self) -> None:
+        self._contact = Contact.SEEKING
+        self._why = ""
+        self._welcome: Welcome | None = None
+        self._status: Status | None = None
+        self._status_at: float | None = None
+        self._question: Question | None = None
+        self._asked = 0.0
+        self._events: deque[Happening] = deque(maxlen=EVENTS)
+        self._shown: tuple[Happening, ...] | None = ()
+        self._forgotten = 0
+        self._trace = Trace()
+        self._recording = False
+
+    def take(self, message: Message, now: float) -> None:
+        """Take one message at this process's time."""
+        match message:
+            case Welcome():
+                self._begin(message)
+            case Status():
+                self._status, self._status_at = message, now
+                if message.prompt is None:
+                    self._question = None
+            case History():
+                self._events = deque(message.events, maxlen=EVENTS)
+                self._forgotten, self._shown = message.forgotten, None
+            case Happening():
+                self._events.append(message)
+                self._shown = None
+            case Question():
+                if self._question is None or self._question.number != message.number:
+                    self._question, self._asked = message, now
+            case PromptClosed():
+                if self._question is not None and self._question.number == message.number:
+                    self._question = None
+            case Samples():
+                self._sampled(message)
+            case Bye():
+                self._contact, self._why = Contact.ENDED, message.says
+            case _:
+                pass
+
+    def lose(self, why: str) -> None:
+        """The connection is gone; a service that said goodbye has ended, not failed."""
+        self._question = None
+        self._recording = False
+        if self._contact is Contact.ENDED:
+            return
+        self._contact = Contact.SEEKING if self._status is None else Contact.LOST
+        self._why = why
+
+    def view(self, now: float) -> View:
+        """What is known now."""
+        if self._shown is None:
+            self._shown = tuple(self._events)
+        age = None if self._status_at is None else max(now - self._status_at, 0.0)
+        silent = self._contact is Contact.LIVE and age is not None and age > STALE
+        return View(
+            now=now,
+            contact=Contact.SILENT if silent else self._contact,
+            why=self._why,
+            welcome=self._welcome,
+            status=self._status,
+            age=age,
+            question=self._question,
+            asked=self._asked,
+            events=self._shown,
+            forgotten=self._forgotten,
+            trace=self._trace,
+            recording=self._recording,
+        )
+
+    def _begin(self, welcome: Welcome) -> None:
+        """A connection: what an earlier service said of another run is not shown as this one's."""
+        if self._welcome is not None and self._welcome.folder != welcome.folder:
+            self._trace = Trace()
+        self._welcome, self._contact, self._why = welcome, Contact.LIVE, ""
+        self._status = self._status_at = self._question = None
+
+    def _sampled(self, samples: Samples) -> None:
+        self._recording = bool(samples.window)
+        if not samples.window:
+            return
+        trace = self._trace
+        clock_went_back = bool(trace.t) and samples.t and samples.t[0] < trace.t[-1]
+        if (trace.window, trace.attempt) != (samples.window, samples.attempt) or clock_went_back:
+            self._trace = trace = Trace(samples.window, samples.attempt)
+        if len(trace.t) < SAMPLES:
+            trace.t.extend(samples.t)
+            trace.positions.extend(samples.positions)
+            trace.lengths.extend(samples.lengths)
