@@ -139,7 +139,7 @@ def truth_of(world: World, name: str, seed: int | None = None) -> dict[str, obje
     """What is true in a world, for a JSON file: hidden effects with their sizes, s (m), I (m², about P), mass (kg)."""
     case: dict[str, object] = {
         "title": ", ".join(effect.id for effect in world.hidden) or "nothing left out",
-        "label": [effect.id for effect in world.hidden],
+        "label": [effect.label for effect in world.hidden],
         "par": {effect.id: dict(effect.parameters) for effect in world.hidden},
     }
     cables = [effect.cable for effect in world.hidden if effect.cable is not None]

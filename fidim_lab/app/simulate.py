@@ -26,7 +26,7 @@ from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.identification.random_plan import Trial, random_plan
 from fidim_lab.units import millimetres
 from sim_backends.mujoco_world.plant import MujocoPlant
-from sim_backends.plant.hidden import CATALOGUE, HiddenEffect
+from sim_backends.plant.hidden import KNOWN, HiddenEffect
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World
@@ -256,6 +256,6 @@ def _closing(done: Simulated, world: World, out: Path) -> Iterable[str]:
 def _says(effect: HiddenEffect) -> str:
     """An effect with its size."""
     where = "" if effect.cable is None else f" of cable {effect.cable}"
-    keys = CATALOGUE[effect.id].keys
+    keys = KNOWN[effect.id].keys
     sizes = ", ".join(f"{name} = {value:g} {keys[name].unit}" for name, value in effect.parameters)
     return f"{effect.id}{where} ({sizes})"

@@ -12,7 +12,8 @@ Every id of the catalogue is here. What is simplified:
 - cable-creep relaxes with the same time constant while its winch travels, so that every hold creeps again.
 - hand-contact: one push of the shape sin² in each window, at the main marker.
 - loose-mass: a point mass on an isotropic spring and damper, in addition to the platform's own mass.
-- unknown: a smooth force field fixed in the room (a magnet), as one example of what no effect describes.
+- unknown: a smooth force field fixed in the room (a magnet), as one example of what no effect describes; more of them
+  are in `outside`.
 """
 
 from collections.abc import Mapping
@@ -22,26 +23,11 @@ import numpy as np
 
 from fidim_lab.arrays import Vector3
 from fidim_lab.errors import SetupError
+from sim_backends.plant.kinds import Key, Kind, xyz
+from sim_backends.plant.outside import OUTSIDE
 
-
-@dataclass(frozen=True)
-class Key:
-    """One parameter of an effect."""
-
-    default: float
-    unit: str
-    says: str
-
-
-@dataclass(frozen=True)
-class Kind:
-    """What an effect may be given: its keys, and whether it belongs to one cable."""
-
-    keys: Mapping[str, Key]
-    one_cable: bool = False
-    """it takes `cable=1…n` (without it: cable 1)"""
-    any_cable: bool = False
-    """it takes `cable=1…n`, and is meant for all cables without it"""
+UNKNOWN = "unknown"
+"""what an explanation calls physics that the catalogue does not have"""
 
 
 @dataclass(frozen=True)
@@ -62,13 +48,14 @@ class HiddenEffect:
         values = dict(self.parameters)
         return np.array([values[key] for key in keys])
 
+    @property
+    def label(self) -> str:
+        """What a perfect explanation calls it: physics outside the catalogue has no name but this."""
+        return UNKNOWN if self.id in OUTSIDE else self.id
+
     def concerns(self, cable: int) -> bool:
         """Whether it acts on the cable with this 0-based index."""
         return self.cable is None or self.cable == cable + 1
-
-
-def _xyz(prefix: str, defaults: tuple[float, float, float], unit: str, says: str) -> dict[str, Key]:
-    return {prefix + axis: Key(value, unit, f"{says}, {axis}") for axis, value in zip("xyz", defaults, strict=True)}
 
 
 _ABOUT = {
@@ -105,24 +92,24 @@ CATALOGUE: Mapping[str, Kind] = {
     ),
     "cable-creep": Kind({"delta": Key(0.003, "m", "final creep"), "T": Key(5.0, "s", "time constant")}, one_cable=True),
     "cable-mass": Kind({"mu": Key(0.02, "kg/m", "linear density")}),
-    "anchor-offset": Kind(_xyz("d", (0.005, -0.004, 0.003), "m", "true minus stated entry point"), one_cable=True),
-    "attachment-offset": Kind(_xyz("d", (0.003, -0.002, 0.002), "m", "true minus stated attachment"), one_cable=True),
+    "anchor-offset": Kind(xyz("d", (0.005, -0.004, 0.003), "m", "true minus stated entry point"), one_cable=True),
+    "attachment-offset": Kind(xyz("d", (0.003, -0.002, 0.002), "m", "true minus stated attachment"), one_cable=True),
     "pulley-radius": Kind({"dr": Key(0.002, "m", "true minus stated radius")}),
     "cable-length-bias": Kind({"bias": Key(0.005, "m", "encoder reading minus true length")}, one_cable=True),
     "gravity-tilt": Kind({key: _ABOUT[key] for key in ("rx", "ry")}),
-    "marker-offset": Kind(_xyz("d", (0.004, -0.003, 0.002), "m", "true minus stated place of the main marker")),
-    "frame-misalignment": Kind({**_ABOUT, **_xyz("d", (0.002, -0.002, 0.001), "m", "shift of the measured points")}),
+    "marker-offset": Kind(xyz("d", (0.004, -0.003, 0.002), "m", "true minus stated place of the main marker")),
+    "frame-misalignment": Kind({**_ABOUT, **xyz("d", (0.002, -0.002, 0.001), "m", "shift of the measured points")}),
     "clock-rate": Kind({"rate": Key(1e-3, "1", "the cameras' clock runs faster by this ratio")}),
     "time-offset": Kind({"offset": Key(0.01, "s", "the cameras see the platform later than their stamp says")}),
-    "periodic-force": Kind({**_xyz("a", (0.1, 0.4, 0.05), "N", "amplitude at the centre of mass"), **_OSCILLATION}),
-    "constant-force": Kind(_xyz("f", (0.3, -0.4, 0.0), "N", "at the centre of mass")),
+    "periodic-force": Kind({**xyz("a", (0.1, 0.4, 0.05), "N", "amplitude at the centre of mass"), **_OSCILLATION}),
+    "constant-force": Kind(xyz("f", (0.3, -0.4, 0.0), "N", "at the centre of mass")),
     "umbilical": Kind(
         {
             "k": Key(4.0, "N/m", "spring"),
             "c": Key(0.3, "N s/m", "damper"),
             "rest": Key(0.0, "m", "length below which it is slack"),
-            **_xyz("", (0.6, 0.5, 0.3), "m", "fixed end, from the middle of the entry points"),
-            **_xyz("b", (0.0, 0.0, 0.0), "m", "platform's end, body frame"),
+            **xyz("", (0.6, 0.5, 0.3), "m", "fixed end, from the middle of the entry points"),
+            **xyz("b", (0.0, 0.0, 0.0), "m", "platform's end, body frame"),
         }
     ),
     "loose-mass": Kind(
@@ -130,13 +117,13 @@ CATALOGUE: Mapping[str, Kind] = {
             "m": Key(0.3, "kg", "loose mass"),
             "f": Key(2.6, "Hz", "its frequency on the held platform"),
             "zeta": Key(0.03, "1", "damping ratio"),
-            **_xyz("b", (0.0, 0.0, 0.15), "m", "where it is held, body frame"),
+            **xyz("b", (0.0, 0.0, 0.15), "m", "where it is held, body frame"),
         }
     ),
-    "frame-sway": Kind({**_xyz("a", (1e-3, 5e-4, 0.0), "m", "amplitude"), **_OSCILLATION}),
+    "frame-sway": Kind({**xyz("a", (1e-3, 5e-4, 0.0), "m", "amplitude"), **_OSCILLATION}),
     "hand-contact": Kind(
         {
-            **_xyz("f", (1.0, -1.5, 0.0), "N", "largest force"),
+            **xyz("f", (1.0, -1.5, 0.0), "N", "largest force"),
             "start": Key(3.0, "s", "from the start of the window"),
             "stop": Key(4.0, "s", "from the start of the window"),
             "window": Key(0.0, "1", "number of the window in the order of recording; 0: all"),
@@ -153,11 +140,14 @@ CATALOGUE: Mapping[str, Kind] = {
     "unknown": Kind(
         {
             "k": Key(-2.0, "N", "force of the field: k r/w exp(-r²/2w²)"),
-            **_xyz("", (-0.08, -0.07, -0.7), "m", "its middle, from the middle of the entry points"),
+            **xyz("", (-0.08, -0.07, -0.7), "m", "its middle, from the middle of the entry points"),
             "w": Key(0.15, "m", "its width"),
         }
     ),
 }
+
+KNOWN: Mapping[str, Kind] = {**CATALOGUE, **OUTSIDE}
+"""all that can be hidden"""
 
 
 def parse_effect(text: str, cables: int) -> HiddenEffect:
@@ -167,9 +157,9 @@ def parse_effect(text: str, cables: int) -> HiddenEffect:
         SetupError: for an id, key or value that the catalogue does not allow; the message lists what is.
     """
     name, _, rest = text.partition(":")
-    kind = CATALOGUE.get(name.strip())
+    kind = KNOWN.get(name.strip())
     if kind is None:
-        raise SetupError(f"--hide {text}: no effect is called '{name}'.", hint=f"Known: {', '.join(CATALOGUE)}.")
+        raise SetupError(f"--hide {text}: no effect is called '{name}'.", hint=f"Known: {', '.join(KNOWN)}.")
     given = dict(_pair(text, part, kind) for part in rest.split(",") if part.strip())
     cable = _cable(text, given.pop("cable", None), kind, cables)
     values = {key: given.get(key, spec.default) for key, spec in kind.keys.items()}

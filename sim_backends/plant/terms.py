@@ -5,25 +5,16 @@ catalogue to them; an id that is absent there enters somewhere else (geometry, s
 """
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
 import casadi as ca
 
 from sim_backends.plant.hidden import HiddenEffect
 from sim_backends.plant.kinematics import CableEnd, Platform, Point, oscillation
+from sim_backends.plant.outside_terms import OUTSIDE_TERMS
+from sim_backends.plant.wrench import Term, Wrench
 
 DRY_RATE = 0.01
 """rad/s within which a dry torque builds up: small against 1 rad/s, the rate of a swinging platform's joints"""
-
-
-class Wrench(NamedTuple):
-    """Force (N) and moment about G (N m), world frame."""
-
-    force: ca.SX
-    moment: ca.SX
-
-
-Term = Callable[[Platform, HiddenEffect], Wrench]
 
 
 def applied(platform: Platform) -> Wrench:
@@ -182,4 +173,5 @@ TERMS: Mapping[str, Term] = {
     "loose-mass": _loose_mass,
     "hand-contact": _hand_contact,
     "unknown": _unknown,
+    **OUTSIDE_TERMS,
 }
