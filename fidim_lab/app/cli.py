@@ -196,7 +196,7 @@ def simulate(**options: Any) -> None:
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-explanation/1".')
-@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page: what was left out, and the proof.")
+@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page with the proof.")
 @click.option("--pictures", type=FOLDER, default=None, help="With --report: also every picture as an SVG file, here.")
 @example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
 def explain(campaign: Path, json_file: Path | None, report: Path | None, pictures: Path | None) -> None:
@@ -236,8 +236,8 @@ def report(folder: Path, out: Path | None, pictures: Path | None) -> None:
 def compare(first: Path, second: Path, json_file: Path | None, report: Path | None) -> None:
     """Set two sessions side by side: run or campaign folders, or "fidim-result/1" files.
 
-    Parameters with their difference in standard deviations, windows, tensions and verdicts. Exit 1 where a difference is
-    larger than chance explains.
+    Parameters with their difference in standard deviations, windows, tensions and verdicts. Exit 1 where a difference
+    is larger than chance explains.
     """
     from fidim_lab.app.compare import compare_command
 
@@ -287,6 +287,7 @@ def simulators(**options: Any) -> None:
 @click.option("--json", "json_file", type=FILE, default=None, help="Write the design for programs (fidim-design/1).")
 @click.option("--processes", type=click.IntRange(1), default=None, help="Local processes; default one a core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Of a dask cluster, instead of local processes.")
+@click.option("--study", is_flag=True, help="C over 8–16 equilibria and 50–150 samples instead of one design.")
 @example("fidim design --robot robot.toml --starts 20 --out design")
 def design(**options: Any) -> None:
     """Find the equilibria and displacements whose free motion tells most about the body."""

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from fidim_lab.app import console
 from fidim_lab.app.design_picture import write_picture
+from fidim_lab.app.design_study import study_command
 from fidim_lab.app.spread_out import workers
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import PARAMETER_NAMES, Plan, PlannedWindow, Robot, Role
@@ -40,6 +41,7 @@ class DesignOptions:
     json_file: Path | None
     processes: int | None
     scheduler: str | None
+    study: bool = False
 
 
 def design_command(options: DesignOptions) -> int:
@@ -57,6 +59,16 @@ def design_command(options: DesignOptions) -> int:
     )
     if options.out is not None and options.out.exists() and any(options.out.iterdir()):
         raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
+    if options.study:
+        return study_command(
+            task,
+            starts=options.starts,
+            seed=options.seed,
+            out=options.out,
+            json_file=options.json_file,
+            processes=options.processes,
+            scheduler=options.scheduler,
+        )
     with console.err.status("designing") as shown, workers(options.processes, options.scheduler) as run:
         found = design(task, options.starts, options.seed, run, lambda text: shown.update(f"designing: {text}"))
     if options.json_file is not None:

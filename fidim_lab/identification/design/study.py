@@ -1,0 +1,79 @@
+"""The paper's study (§5.1): what C becomes with more equilibria and more samples of each window."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.identification.design import pool
+from fidim_lab.identification.design.motions import simulate
+from fidim_lab.identification.design.search import FOR_EACH, Map, Start, begin_at
+from fidim_lab.identification.design.task import Criterion, DesignTask
+from fidim_lab.identification.design.windows import place
+from fidim_lab.model.mechanism import Mechanism
+
+EQUILIBRIA, SAMPLES = (8, 10, 12, 14, 16), (50, 75, 100, 125, 150)
+"""the paper's ranges"""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What some starts reach with so many equilibria and samples."""
+
+    equilibria: int
+    samples: int
+    values: tuple[float, ...]
+    """C of each start; infinite where none within the limits was met"""
+    seconds: float
+    """a start, median"""
+
+    @property
+    def best(self) -> float:
+        """Of all starts."""
+        return min(self.values)
+
+
+def study(
+    task: DesignTask,
+    starts: int,
+    seed: int,
+    run: Map,
+    say: Callable[[str], None],
+    equilibria: Iterable[int] = EQUILIBRIA,
+    samples: Iterable[int] = SAMPLES,
+) -> list[Cell]:
+    """Every combination, from one pool of random windows. Starts are not polished: their spread is part of the answer.
+
+    Raises InfeasibleError where hardly any place obeys the limits.
+    """
+    sizes = [(n_e, n_s) for n_s in samples for n_e in equilibria]
+    mechanism = task.mechanism()
+    tasks = {
+        size: replace(task, equilibria=size[0], samples=size[1], criterion=Criterion.C, bodies=()) for size in sizes
+    }
+    largest = max(tasks.values(), key=lambda one: one.equilibria)
+    wanted = FOR_EACH * largest.equilibria
+    rng = np.random.default_rng([seed, 0])
+    drawn = pool.draw(mechanism, largest, wanted, rng, lambda k: say(f"{k} of {wanted} random windows"))
+    of_samples = {n_s: _resampled(mechanism, replace(largest, samples=n_s), drawn) for _, n_s in sizes}
+    todo = [Start(tasks[size], of_samples[size[1]], (seed, 1 + k)) for size in sizes for k in range(starts)]
+    found = []
+    for one in run(begin_at, todo):
+        found.append(one)
+        say(f"start {len(found)} of {len(todo)}")
+    cells = [found[k * starts : (k + 1) * starts] for k in range(len(sizes))]
+    return [
+        Cell(*size, tuple(one.value for one in some), float(np.median([one.seconds for one in some])))
+        for size, some in zip(sizes, cells, strict=True)
+    ]
+
+
+def _resampled(mechanism: Mechanism, task: DesignTask, drawn: pool.Pool) -> pool.Pool:
+    """The same windows with the tables of another number of samples."""
+    tables = []
+    for first in range(0, len(drawn.z), pool.TOGETHER):
+        some = [place(mechanism, task, z) for z in drawn.z[first : first + pool.TOGETHER]]
+        motions = simulate(mechanism, task, some + [some[0]] * (pool.TOGETHER - len(some)))
+        W = motions.regressors[: len(some), motions.sampled].reshape(len(some), -1, 10)
+        tables.append(np.swapaxes(W, 1, 2) @ W)
+    return pool.Pool(drawn.z, np.concatenate(tables))
