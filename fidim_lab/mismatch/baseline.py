@@ -11,14 +11,12 @@ import numpy as np
 from fidim_lab.data.records import Campaign, Motion, Role, Window
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.ground import Ground, ground_of, settle, short_fit, whole_ground
+from fidim_lab.mismatch.ground import NEAR, Ground, ground_of, settle, short_fit, whole_ground
 from fidim_lab.mismatch.hypotheses import Hypotheses, hypotheses
 from fidim_lab.model.mechanism import Mechanism
 
 Say = Callable[[str], None]
 
-NEAR = 3.0
-"""χ²/dof below which a motion is followed well enough for first-order statements about it"""
 HOPELESS = 100.0
 """χ²/dof of the first seconds beyond which whole windows are not tried"""
 

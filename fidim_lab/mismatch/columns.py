@@ -16,8 +16,9 @@ from jaxtyping import Float
 from fidim_lab.effects.constant_force import ConstantForce
 from fidim_lab.identification.mle.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
 from fidim_lab.identification.mle.recordings import Recording
+from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
-from fidim_lab.mismatch.stretch import is_compliant, stretch_of
+from fidim_lab.mismatch.stretch import stretch_of
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.forcing import forcing, sightings, start_gaps
 from fidim_lab.model.mechanism import Mechanism
@@ -65,13 +66,13 @@ class Scorer:
     def __init__(self, mechanism: Mechanism, tried: Hypotheses) -> None:
         self.mechanism = mechanism
         self.tried = tried
-        self._own = [h for h in tried.direct if not is_compliant(h.effect)]
+        self._own = [h for h in tried.direct if not stretches(h.effect)]
         effects = [*mechanism.effects, *(h.effect for h in self._own), ConstantForce(), _UnitPull(mechanism.n)]
         theta = np.concatenate([mechanism.theta, *(h.absent for h in self._own), np.zeros(3 + mechanism.n)])
         self._all = Mechanism(mechanism.robot, effects, theta.tolist())
         self._direct = sum(len(h.scored) for h in tried.direct)
-        self._frequencies = tuple(dict.fromkeys(_frequency(h) for h in tried.periodic))
-        self._places = _scored_places(self._own, mechanism.theta.size)
+        self._frequencies = tuple(dict.fromkeys(frequency_of(h) for h in tried.periodic))
+        self._places = scored_places(self._own, mechanism.theta.size)
         composing = range(len(theta) - 3 - mechanism.n, len(theta))
         self._maps: dict[tuple[str, int], ca.Function] = {}
         self._absent = (*(int(k) for place in self._places for k in place), *composing)
@@ -131,11 +132,11 @@ class Scorer:
         forced = by_markers[..., direct:]
         parts = [by_markers[..., :direct]]
         for h in self.tried.periodic:
-            k = 6 * self._frequencies.index(_frequency(h))
+            k = 6 * self._frequencies.index(frequency_of(h))
             part = forced[..., k : k + 6]
             if h.effect.id == FRAME_SWAY:
-                size = self.mechanism.robot.mass * (2 * np.pi * _frequency(h)) ** 2
-                part = size * part + _waves(_frequency(h), stamps)[:, np.newaxis]
+                size = self.mechanism.robot.mass * (2 * np.pi * frequency_of(h)) ** 2
+                part = size * part + waves(frequency_of(h), stamps)[:, np.newaxis]
             parts.append(part)
         return np.concatenate(parts, axis=-1)
 
@@ -153,7 +154,7 @@ class Scorer:
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
         force, pull = table[..., count - 3 - n : count - n], table[..., count - n :]
         parts = [(table[..., chosen], lengths[:, chosen], speeds[:, chosen])]
-        parts += [self._compliant(h, one, pull, shared[BODY:]) for h in self.tried.direct if is_compliant(h.effect)]
+        parts += [self._compliant(h, one, pull, shared[BODY:]) for h in self.tried.direct if stretches(h.effect)]
         parts += [_forced(f, t, force, n) for f in self._frequencies]
         further, by_lengths, by_speeds = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
         order = self._order()
@@ -172,7 +173,7 @@ class Scorer:
 
     def _order(self) -> np.ndarray:
         """From the order in which parts are computed to that of `tried.every`."""
-        compliant = np.concatenate([[is_compliant(h.effect)] * len(h.scored) for h in self.tried.direct]).astype(bool)
+        compliant = np.concatenate([[stretches(h.effect)] * len(h.scored) for h in self.tried.direct]).astype(bool)
         order = np.argsort(np.argsort(compliant, kind="stable"), kind="stable")
         return np.concatenate([order, len(order) + np.arange(6 * len(self._frequencies))]).astype(int)
 
@@ -187,7 +188,7 @@ class Scorer:
         found = self._over(sightings(self._all), len(t), *given, theta)[4]
         table = found.reshape(len(t), -1, 3, len(theta))
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
-        compliant = sum(len(h.scored) for h in self.tried.direct if is_compliant(h.effect))
+        compliant = sum(len(h.scored) for h in self.tried.direct if stretches(h.effect))
         parts = [table[..., chosen], np.zeros((*table.shape[:3], compliant))]
         direct = np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
         return table[..., : len(shared) - BODY], direct
@@ -205,7 +206,7 @@ def loose_rows(likelihood: Likelihood) -> Float[np.ndarray, " own"]:
     return 1 / np.concatenate([np.full(6, LOOSE_POSE), np.full(likelihood.own - 6, LOOSE_RATE)])
 
 
-def _scored_places(tried: list[Hypothesis], first: int) -> list[np.ndarray]:
+def scored_places(tried: list[Hypothesis], first: int) -> list[np.ndarray]:
     """Where the scored parameters of each hypothesis stand in θ."""
     places: list[np.ndarray] = []
     for h in tried:
@@ -214,12 +215,12 @@ def _scored_places(tried: list[Hypothesis], first: int) -> list[np.ndarray]:
     return places
 
 
-def _frequency(tried: Hypothesis) -> float:
+def frequency_of(tried: Hypothesis) -> float:
     """Of a periodic hypothesis, Hz: its last parameter."""
     return float(tried.absent[-1])
 
 
-def _waves(frequency: float, t: np.ndarray) -> Float[np.ndarray, "T 3 6"]:
+def waves(frequency: float, t: np.ndarray) -> Float[np.ndarray, "T 3 6"]:
     """Displacements for units of sin x y z, cos x y z."""
     phase = 2 * np.pi * frequency * t
     return np.concatenate([wave[:, np.newaxis, np.newaxis] * np.eye(3) for wave in (np.sin(phase), np.cos(phase))], -1)
@@ -227,4 +228,4 @@ def _waves(frequency: float, t: np.ndarray) -> Float[np.ndarray, "T 3 6"]:
 
 def _forced(frequency: float, t: np.ndarray, force: np.ndarray, n: int) -> tuple[np.ndarray, ...]:
     """The forcing of units of force, sin x y z, cos x y z; no influence on a window's start."""
-    return force @ _waves(frequency, t), np.zeros((n, 6)), np.zeros((n, 6))
+    return force @ waves(frequency, t), np.zeros((n, 6)), np.zeros((n, 6))

@@ -1,7 +1,7 @@
 """Fit a completed model: body, every window's start, and the parameters of the effects within their bounds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -14,10 +14,13 @@ from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.likelihood import Point
-from fidim_lab.identification.mle.recordings import prepare
-from fidim_lab.mismatch.ground import Ground, settle
+from fidim_lab.identification.mle.recordings import Recording, prepare
+from fidim_lab.identification.mle.springs import stretches
+from fidim_lab.identification.mle.start import Guess, first_guess
+from fidim_lab.mismatch.ground import NEAR, Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover
+from fidim_lab.mismatch.sprung import begins_anew, stiffest
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, derivatives, refuse_unknown
 from fidim_lab.model.sensitivity.starts import tied
@@ -144,15 +147,19 @@ def refit(
 
     donor: the fit whose body and states are the start. Bounds hold inside the fit: what would cross one is held on it.
     """
-    mechanism = _mechanism(ground, tried, starts)
+    mechanism = _mechanism(ground, donor, tried, starts)
     prior = ground.prior(
         np.concatenate([np.zeros(0), *(h.absent for h in tried)]),
         np.concatenate([np.zeros(0), *(_theta_sd(h) for h in tried)]),
     )
     low, high = _bounds(tried, context)
+    if mechanism.springs:
+        low = np.maximum(low, stiffest(mechanism))
     shared = np.concatenate([donor.values[:BODY], np.clip(mechanism.theta, low, high)])
     free = np.ones(len(shared), dtype=bool)
     states = donor.journey.optimum.point.states
+    if begins_anew(mechanism, donor) or not mechanism.springs:
+        states = replace(states, tensions=None)
     for _ in range(ROUNDS):
         start = Point(shared, tied(mechanism, shared, states, ground.likelihood.begins))
         found = settle(ground, donor, mechanism, start, prior, free)
@@ -177,7 +184,8 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     for window in windows:
         try:
             recording = prepare(window, robot)
-            prediction = held_out.predict(completed.mechanism, completed.fit.values, recording, robot.sensors)
+            guess = _guess_of_springs(completed, recording)
+            prediction = held_out.predict(completed.mechanism, completed.fit.values, recording, robot.sensors, guess)
         except RefusedError as refusal:
             refused[window.id] = str(refusal)
             continue
@@ -192,10 +200,21 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     return HeldOut(chi2, dof, float(np.sqrt(squares / max(1, count))), refused, tuple(leftovers))
 
 
-def _mechanism(ground: Ground, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray]) -> Mechanism:
+def _guess_of_springs(completed: Completed, recording: Recording) -> Guess | None:
+    """Of cables that stretch to first order, which is as good and far sooner found; None where they are no springs."""
+    made = completed.mechanism
+    if not made.springs:
+        return None
+    stretched = Mechanism(made.robot, made.effects, made.theta.tolist())
+    return first_guess(stretched, completed.fit.body, recording, completed.fit.values[BODY:])
+
+
+def _mechanism(ground: Ground, donor: Fit, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray]) -> Mechanism:
     """The model with the effects; as machine code where many and long windows repay the compiler's time."""
     base = ground.likelihood.mechanism
     effects, theta = tuple(h.effect for h in tried), np.concatenate([np.zeros(0), *starts]).tolist()
+    if any(stretches(effect) for effect in effects) and (donor.likelihood.mechanism.springs or donor.excess >= NEAR):
+        return Mechanism(base.robot, effects, theta, native=base.native, springs=True)
     plain = Mechanism(base.robot, effects, theta)
     if not (base.native and ground.whole) or derivatives(plain).n_instructions() > WORTH_BUILDING:
         return plain

@@ -18,6 +18,7 @@ from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation
 from fidim_lab.mismatch.columns import Scorer, WindowColumns
+from fidim_lab.mismatch.columns_sprung import SprungScorer
 from fidim_lab.mismatch.hypotheses import PERIODIC, PERIODIC_SIZE, Hypothesis
 
 TINY = 1e-12
@@ -67,7 +68,7 @@ class Projected:
     """of shared parameters, scored parameters and residual, the windows' own unknowns eliminated"""
 
 
-def project(scorer: Scorer, fit_: Fit, likelihood: Likelihood, simulation: Simulation) -> Projected:
+def project(scorer: Scorer | SprungScorer, fit_: Fit, likelihood: Likelihood, simulation: Simulation) -> Projected:
     """The score of all hypotheses at a simulated optimum."""
     shared = len(simulation.point.shared)
     gram: np.ndarray | None = None

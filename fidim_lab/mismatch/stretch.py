@@ -13,15 +13,9 @@ from fidim_lab.model.batch import from_rows, function, over_samples
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import Resolution, lobatto
 from fidim_lab.model.sensitivity.integrate import Trajectories
-from fidim_lab.model.slots import Effect
 
 Stretch = Float[np.ndarray, "3 N n"]
 """stretch (m), its rate and its second derivative at the nodes, for one cable each"""
-
-
-def is_compliant(effect: NamedEffect) -> bool:
-    """Whether it acts by stretching cables."""
-    return type(effect).compliance is not Effect.compliance
 
 
 def stretch_of(

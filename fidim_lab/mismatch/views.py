@@ -8,13 +8,12 @@ import numpy as np
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.baseline import NEAR
 from fidim_lab.mismatch.columns import Scorer
-from fidim_lab.mismatch.ground import SHORT, nearer
+from fidim_lab.mismatch.columns_sprung import SprungScorer
+from fidim_lab.mismatch.ground import NEAR, SHORT, nearer
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.mismatch.refit import Completed, can_refit
 from fidim_lab.mismatch.score import Projected, Score, pair_scores, project, single_scores
-from fidim_lab.mismatch.stretch import is_compliant
 from fidim_lab.mismatch.whiteness import spectrum
 
 ENOUGH = 5.0
@@ -103,9 +102,7 @@ class View:
         return score.gain - less > FEEBLE * (self.rest - less) or self.rest - score.gain < noise
 
     def _can_be_fitted(self, effect: NamedEffect) -> bool:
-        """Whether trajectories carry it; a stretch that spoils what is looked at is beyond their first order."""
-        if is_compliant(effect) and self.model.excess >= NEAR:
-            return False
+        """Whether trajectories carry it."""
         return can_refit(effect, self.model.mechanism)
 
 
@@ -116,7 +113,8 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     simulation = found.journey.optimum.simulation
     likely = _likely_frequencies(found, sorted({float(h.absent[-1]) for h in left.periodic}))
     left = replace(left, periodic=tuple(h for h in left.periodic if float(h.absent[-1]) in likely))
-    projected = project(Scorer(model.mechanism, left), found, found.likelihood, simulation)
+    scorer = SprungScorer if model.mechanism.springs else Scorer
+    projected = project(scorer(model.mechanism, left), found, found.likelihood, simulation)
     return View(model, projected, single_scores(projected, context), context)
 
 

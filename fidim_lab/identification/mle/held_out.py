@@ -12,7 +12,7 @@ from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import Journey, grow
-from fidim_lab.identification.mle.start import first_guess
+from fidim_lab.identification.mle.start import Guess, first_guess
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 
@@ -28,14 +28,16 @@ class Prediction:
     remainder: Remainder
 
 
-def predict(mechanism: Mechanism, shared: np.ndarray, recording: Recording, sensors: Sensors) -> Prediction:
+def predict(
+    mechanism: Mechanism, shared: np.ndarray, recording: Recording, sensors: Sensors, guess: Guess | None = None
+) -> Prediction:
     """Fit the initial state of one recording with the shared parameters held.
 
-    Raises RefusedError, naming the window, where its lengths contradict its markers, or where the motion cannot be
-    simulated at all.
+    guess: where to begin, found from the first samples unless given. Raises RefusedError, naming the window, where its
+    lengths contradict its markers, or where the motion cannot be simulated at all.
     """
     body = Body.from_vector(shared[:BODY])
-    guess = first_guess(mechanism, body, recording, shared[BODY:])
+    guess = first_guess(mechanism, body, recording, shared[BODY:]) if guess is None else guess
     likelihood = likelihood_of(mechanism, shared, (recording,), [guess], sensors)
     guesses = likelihood.guesses
     nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))

@@ -200,7 +200,7 @@ def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[Windo
             jacobian[: len(by_markers)] = by_markers / likelihood.noise
             lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
             jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution
-            jacobian[lengths.stop :] = _priors_by(likelihood, starts, int(w))
+            jacobian[lengths.stop :] = priors_by(likelihood, starts, int(w))
             yield WindowLinear(int(w), simulation.residuals[w].rows, jacobian[:, :own], jacobian[:, own:])
 
 
@@ -249,7 +249,7 @@ def _loose(count: int) -> Float[np.ndarray, " count"]:
     return np.concatenate([np.full(6, LOOSE_POSE), np.full(count - 6, LOOSE_RATE)])
 
 
-def _priors_by(likelihood: Likelihood, starts: Starts, w: int) -> Float[np.ndarray, "priors P"]:
+def priors_by(likelihood: Likelihood, starts: Starts, w: int) -> Float[np.ndarray, "priors P"]:
     """Derivatives of the priors' rows by [own; shared]."""
     loose = 6 + starts.free_twists.shape[2]
     columns = starts.states_by.shape[2]

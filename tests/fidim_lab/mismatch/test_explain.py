@@ -27,7 +27,7 @@ OPEN = (
     "open-anchor-moved",
     "open-periodic-force",
     "open-two-at-once",
-    pytest.param("open-elastic-cables", marks=pytest.mark.xfail(reason="named, but springs cannot be fitted yet")),
+    "open-elastic-cables",
     "open-outside-catalogue",
 )
 

@@ -1,0 +1,136 @@
+"""The columns of all hypotheses beside a fitted model whose cables are springs.
+
+As `columns`, but nothing is composed: with springs the equations of motion with every hypothesis in them are explicit,
+so `model.sensitivity` has their derivatives, by states, tensions, body and all θ alike. Only periodic forces are the
+influence of a unit of force times sin and cos. Stretch of cables that are rigid in the fitted model is left out: to be
+springs they would need states that the fit does not have.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.effects.constant_force import ConstantForce
+from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, priors_by
+from fidim_lab.identification.mle.springs import stretches
+from fidim_lab.mismatch.columns import FRAME_SWAY, WindowColumns, frequency_of, scored_places, waves
+from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
+from fidim_lab.model.batch import over_samples
+from fidim_lab.model.forcing import sightings
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity import markers
+from fidim_lab.model.sensitivity.equations import BODY, derivatives, sprung
+from fidim_lab.model.sensitivity.integrate import Trajectories, node_times
+from fidim_lab.model.sensitivity.sampling import sampled
+from fidim_lab.model.sensitivity.starts import Starts, linearised_starts
+from fidim_lab.model.sensitivity.variation import variations
+
+
+class SprungScorer:
+    """The influence of all hypotheses on one model with springs; used as `Scorer`."""
+
+    def __init__(self, mechanism: Mechanism, tried: Hypotheses) -> None:
+        self.mechanism = mechanism
+        self.tried = replace(tried, direct=tuple(h for h in tried.direct if _goes_with(mechanism, h)))
+        effects = [*mechanism.effects, *(h.effect for h in self.tried.direct)]
+        theta = np.concatenate([mechanism.theta, *(h.absent for h in self.tried.direct)])
+        self._all = Mechanism(mechanism.robot, effects, theta.tolist(), springs=True)
+        pushed = [*mechanism.effects, ConstantForce()]
+        self._pushed = Mechanism(mechanism.robot, pushed, [*mechanism.theta.tolist(), 0.0, 0.0, 0.0], springs=True)
+        self._frequencies = tuple(dict.fromkeys(frequency_of(h) for h in self.tried.periodic))
+        places = scored_places(list(self.tried.direct), mechanism.theta.size)
+        self._places = np.concatenate([*places, np.zeros(0)]).astype(int)
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Which columns belong to each of `tried.every`."""
+        ends = np.cumsum([len(h.scored) for h in self.tried.every])
+        return tuple(slice(int(end) - len(h.scored), int(end)) for h, end in zip(self.tried.every, ends, strict=True))
+
+    def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowColumns]:
+        """Every window's residual and derivatives at a simulated point, batch by batch."""
+        point = simulation.point
+        shared = np.concatenate([point.shared, self._all.theta[len(point.shared) - BODY :]])
+        starts = linearised_starts(self._all, shared, point.states, likelihood.begins)
+        for batch in simulation.batches:
+            for place, w in enumerate(batch.members):
+                one = batch.trajectories.only(place)
+                yield self._window(likelihood, simulation, starts, shared, int(w), one)
+
+    def _window(
+        self,
+        likelihood: Likelihood,
+        simulation: Simulation,
+        starts: Starts,
+        shared: np.ndarray,
+        w: int,
+        one: Trajectories,
+    ) -> WindowColumns:
+        recording, own = likelihood.recordings[w], likelihood.own
+        base = own + len(simulation.point.shared)
+        unstretched = None if starts.unstretched_by is None else starts.unstretched_by[w][np.newaxis]
+        by = variations(self._all, one, shared, starts.states_by[w][np.newaxis], unstretched=unstretched)
+        places = self.mechanism.robot.markers[: recording.markers.shape[1]]
+        use, seen = recording.seen_until(float(simulation.ends[w]))
+        index, weights = markers.hermite(one.grid.t, recording.t[use])
+        steady = markers.between(markers.varied_at_nodes(one, by, places)[0], index, weights)
+        motion = sampled(self.mechanism, simulation.point.shared, one, 0, recording.t[use])
+        stamps = (recording.begin + recording.t[use])[:, np.newaxis]
+        given = (stamps, motion.positions, motion.rotations, motion.twists, np.zeros((len(stamps), 0)), shared[BODY:])
+        sights = over_samples(sightings(self._all), len(stamps), *given)[4]
+        steady[..., own + BODY :] += sights.reshape(len(stamps), -1, 3, len(shared) - BODY)[:, : len(places)]
+        chosen = np.concatenate([np.arange(base), own + BODY + self._places])
+        waving = self._waving(simulation, w, one, places, recording.begin + recording.t[use], index, weights)
+        by_markers = np.concatenate([steady[..., chosen], waving], axis=-1)
+        known = np.isfinite(recording.lengths)
+        residual = simulation.residuals[w]
+        jacobian = np.zeros((len(residual.rows), by_markers.shape[-1]))
+        count, last = len(residual.markers), len(residual.markers) + int(known.sum())
+        jacobian[:count] = by_markers[seen] / likelihood.noise
+        jacobian[count:last, : len(chosen)] = starts.lengths_by[w][known][:, chosen] / likelihood.resolution
+        jacobian[last:, : len(chosen)] = priors_by(likelihood, starts, w)[:, chosen]
+        return WindowColumns(w, residual.rows, jacobian[:, :own], jacobian[:, own:base], jacobian[:, base:])
+
+    def _waving(
+        self,
+        simulation: Simulation,
+        w: int,
+        one: Trajectories,
+        places: Float[np.ndarray, "M 3"],
+        stamps: np.ndarray,
+        index: np.ndarray,
+        weights: np.ndarray,
+    ) -> Float[np.ndarray, "T M 3 Q"]:
+        """Columns of the periodic hypotheses."""
+        if not self._frequencies:
+            return np.zeros((len(stamps), len(places), 3, 0))
+        shared = np.concatenate([simulation.point.shared, np.zeros(3)])
+        t = node_times(one).reshape(-1, 1)
+        flat = (t, one.positions[0], one.rotations[0].reshape(-1, 9), one.twists[0])
+        constants = one.constants_at_nodes(shared).reshape(len(t), -1)
+        table = over_samples(derivatives(self._pushed), len(t), *flat, constants)[1].reshape(len(t), 6, -1)
+        force = table[..., -3:]
+        further = np.concatenate([force @ waves(f, t[:, 0]) for f in self._frequencies], axis=-1)
+        nothing = np.zeros((1, 12, len(simulation.point.shared) + further.shape[-1]))
+        still = np.zeros((1, len(sprung(self.mechanism)), len(simulation.point.shared)))
+        by = variations(self.mechanism, one, simulation.point.shared, nothing, further[np.newaxis], still)
+        nodal = markers.varied_at_nodes(one, by, places)[0]
+        forced = markers.between(nodal, index, weights)[..., len(simulation.point.shared) :]
+        parts = [np.zeros((*forced.shape[:-1], 0))]
+        for h in self.tried.periodic:
+            f = frequency_of(h)
+            k = 6 * self._frequencies.index(f)
+            part = forced[..., k : k + 6]
+            if h.effect.id == FRAME_SWAY:
+                part = self.mechanism.robot.mass * (2 * np.pi * f) ** 2 * part + waves(f, stamps)[:, np.newaxis]
+            parts.append(part)
+        return np.concatenate(parts, axis=-1)
+
+
+def _goes_with(mechanism: Mechanism, tried: Hypothesis) -> bool:
+    """Whether it stretches no cable that is rigid in the model."""
+    if not stretches(tried.effect) or len(sprung(mechanism)) == mechanism.n:
+        return True
+    return tried.effect.cable is not None and tried.effect.cable - 1 in sprung(mechanism)

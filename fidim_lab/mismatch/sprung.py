@@ -1,0 +1,86 @@
+"""Models in which cables are springs, fitted beside others to the same recordings (MODEL.md §6).
+
+Stretch that is more than a small correction moves the platform in ways that first order does not tell. So what
+stretches cables is fitted with springs wherever the motion is not followed without: from the first 0.3 s on, because
+their twelve freedoms are in none of the fits made before, and from several stiffnesses (`identification.mle.springs`).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.likelihood import Likelihood, Point
+from fidim_lab.identification.mle.normal import Prior
+from fidim_lab.identification.mle.optimise import ROUGH, optimise
+from fidim_lab.identification.mle.springs import spring_prior, starts, stretches, with_springs
+from fidim_lab.identification.mle.stages import FAR_PRIOR, HORIZONS, Journey, grow
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY, sprung
+from fidim_lab.model.sensitivity.starts import tied
+
+STIFFEST = 1e-7
+"""m/N, and 1/N for a cable of a metre: a cable stiffer than that is fitted as rigid"""
+
+
+def likelihood_with(likelihood: Likelihood, mechanism: Mechanism, shared: np.ndarray) -> Likelihood:
+    """The same recordings with another mechanism, and what is known of its springs where it has any."""
+    guesses = replace(likelihood.guesses, tensions=None)
+    prior = spring_prior(mechanism, shared, guesses, likelihood.recordings)
+    return replace(likelihood, mechanism=mechanism, guesses=guesses, springs=prior)
+
+
+def begins_anew(mechanism: Mechanism, donor: Fit) -> bool:
+    """Whether the mechanism has springs whose state the donor does not know."""
+    return mechanism.springs and sprung(mechanism) != sprung(donor.likelihood.mechanism)
+
+
+def grown(
+    likelihood: Likelihood, donor: Fit, mechanism: Mechanism, prior: Prior, free: np.ndarray
+) -> tuple[Likelihood, Journey] | None:
+    """The fit of a model with springs from first guesses, by growing horizons.
+
+    mechanism: with θ as proposed; a compliance of 0 is looked for. The prior is in force at the optimum.
+    """
+    body, guesses = donor.start.vector, replace(likelihood.guesses, tensions=None)
+    whole = max(recording.end for recording in likelihood.recordings) > HORIZONS[2] + 1e-9
+    nearby = replace(prior, sd=prior.sd / FAR_PRIOR) if whole else prior
+    tries: list[tuple[float, Likelihood, Point]] = []
+    for theta in _stiffnesses(mechanism):
+        shared = np.concatenate([body, theta])
+        made = likelihood_with(likelihood, with_springs(mechanism), shared)
+        start = Point(shared, tied(made.mechanism, shared, guesses, made.begins))
+        ends = np.minimum([recording.end for recording in made.recordings], HORIZONS[0])
+        found = optimise(made, start, ends, nearby, ROUGH, free)
+        if found is not None:
+            tries.append((found.cost, made, found.point))
+    if not tries:
+        return None
+    _, made, start = min(tries, key=lambda each: each[0])
+    journey = grow(made, start, nearby, free, HORIZONS)
+    return None if journey is None else (made, journey)
+
+
+def _stiffnesses(mechanism: Mechanism) -> list[np.ndarray]:
+    """θ as proposed where it stretches something, and with compliances that are looked for."""
+    low = stiffest(mechanism)
+    unknown = Mechanism(
+        mechanism.robot, mechanism.effects, np.where(low > 0, 0.0, mechanism.theta).tolist(), native=mechanism.native
+    )
+    proposed = [mechanism.theta] if (mechanism.theta > low).all() else []
+    return [*proposed, *starts(unknown)]
+
+
+def stiffest(mechanism: Mechanism) -> np.ndarray:
+    """Lowest θ with which the cables are springs; −∞ for what stretches none."""
+    low = [np.full(len(e.parameters), STIFFEST if stretches(e) else -np.inf) for e in mechanism.effects]
+    return np.concatenate([np.zeros(0), *low])
+
+
+def bounded(prior: Prior, mechanism: Mechanism) -> Prior:
+    """The prior with springs kept springs, as a bound within the fit."""
+    if not mechanism.springs:
+        return prior
+    free = np.full(BODY, np.inf)
+    low = stiffest(mechanism)
+    return replace(prior, low=np.concatenate([-free, low]), high=np.full(BODY + len(low), np.inf))
