@@ -17,9 +17,12 @@ from fidim_lab.mismatch.explanation import Explanation, NamedCause, write_explan
 from fidim_lab.units import millimetres
 
 
-def explain_command(campaign_folder: Path, json_file: Path | None) -> int:
+def explain_command(
+    campaign_folder: Path, json_file: Path | None, report: Path | None = None, pictures: Path | None = None
+) -> int:
     """What `fidim explain` does: explain, print, write. Returns the exit code.
 
+    `pictures`: a folder for the report's pictures as SVG files.
     Raises FileError for a wrong campaign, RefusedError where no window can be fitted.
     """
     campaign = read_campaign(campaign_folder)
@@ -34,6 +37,12 @@ def explain_command(campaign_folder: Path, json_file: Path | None) -> int:
     if json_file is not None:
         write_explanation(json_file, explanation)
     console.out.print(summary(explanation))
+    if report is not None:
+        from fidim_lab.app.report.explain_page import write_explain_page
+
+        with console.err.status("predicting held-out windows and drawing …"):
+            path = write_explain_page(campaign_folder, explanation, report, pictures)
+        console.out.print(f"Report      {path}", markup=False)
     return 0
 
 

@@ -1,18 +1,21 @@
-"""The HTML report of a run or campaign: one file that opens offline, without script.
+"""The HTML report of a run or campaign: one file that opens offline; script only turns, zooms and copies.
 
-`write` is the door; `folder`, `story`, `provenance` gather what a folder holds; `figures`, `scene` draw it (`svg`);
-`words`, `tables`, `windows` say it; `page` puts it together with page.html.jinja and page.css.
+`write` is the door; `folder`, `story`, `provenance` gather what a folder holds; `figures`, `spectra`, `scene`, `solid`
+draw it (`svg`, `drawing`); `words`, `tables`, `windows`, `copies` say it; `page` puts it together, `html` sets it.
+`explain_page` is the door to what was left out: `explanation_file`, `proof`, `proof_figures`, `explained`.
 """
 
 from pathlib import Path
 
 
-def report_command(folder: Path, out: Path | None) -> int:
+def report_command(folder: Path, out: Path | None, pictures: Path | None = None) -> int:
     """What `fidim report` does. Returns the exit code; raises FileError for a wrong folder."""
     from fidim_lab.app import console
     from fidim_lab.app.report.write import write_report
 
     with console.err.status("identifying and drawing …"):
-        path = write_report(folder, None, out)
+        path = write_report(folder, None, out, pictures)
     console.out.print(f"Report      {path}", markup=False)
+    if pictures is not None:
+        console.out.print(f"Pictures    {pictures}", markup=False)
     return 0

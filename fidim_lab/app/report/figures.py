@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from fidim_lab.app.report.svg import COLOURS, STYLES, sheet, styled, thin, to_svg
 from fidim_lab.arrays import CableSeries, Positions, Series, Vector3
@@ -37,7 +39,7 @@ def trajectory(recorded: Line, rest: Vector3 | None, model: Line | None) -> str:
         if model is not None:
             _line(axis, model.t, millimetres_of(model.values[:, k] - origin[k]), 1, "model", width=0.9)
         axis.set_ylabel(f"{name} / mm")
-    _legend(axes[0], 2)
+    legend(axes[0], 2)
     _time(axes[-1], recorded.t)
     return to_svg(figure)
 
@@ -55,14 +57,14 @@ def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Line
             _line(axes[0], missed.t, millimetres_of(missed.values[:, k]), k, f"Δ{name}")
         _zero(axes[0])
         axes[0].set_ylabel("Δ / mm")
-        _legend(axes[0], 3)
+        legend(axes[0], 3)
     if epsilon is not None:
         times, values = epsilon
         for k in range(values.shape[1]):
             _line(axes[-1], times, values[:, k], k, f"ε{k + 1}")
         _zero(axes[-1])
         axes[-1].set_ylabel("ε / (m/s²)")
-        _legend(axes[-1], values.shape[1])
+        legend(axes[-1], values.shape[1])
     _time(axes[-1], t)
     return to_svg(figure)
 
@@ -81,7 +83,7 @@ def tensions(t: Series, tension: CableSeries, limits: tuple[float, float]) -> st
         axis.axhline(high, color="black", lw=0.9, ls=":")
     axis.set_ylim(top=max(largest, low) * 1.25)
     axis.set_ylabel("tension / N")
-    _legend(axis, tension.shape[1])
+    legend(axis, tension.shape[1])
     _time(axis, t)
     return to_svg(figure)
 
@@ -124,7 +126,7 @@ def parameters(rows: Sequence[ParameterRow]) -> str:
     axis.set_ylim(-0.6, len(rows) - 0.4)
     axis.set_xticks([])
     axis.set_xlabel("±2 sd thick, ±2 spread between windows thin; each row on its own scale")
-    _legend(axis, 3)
+    legend(axis, 3)
     return to_svg(figure)
 
 
@@ -160,7 +162,7 @@ def cross_validation(bars: Sequence[Bar], sigma_W: float | None, expected: float
     tallest = max([bar.sigma_perp for bar in bars] + [v for v in (sigma_W, expected) if v is not None])
     axis.set_ylim(0.0, 1.25 * tallest)
     axis.set_ylabel("σ⊥ / (m/s²)")
-    _legend(axis, 4)
+    legend(axis, 4)
     return to_svg(figure)
 
 
@@ -214,7 +216,14 @@ def _line(axis: Axes, t: Series, values: Series, k: int, label: str, width: floa
     axis.plot(*thin(t, values), color=COLOURS[k % len(COLOURS)], ls=style, lw=width, label=label)
 
 
-def _legend(axis: Axes, columns: int) -> None:
+def plain_ticks(*axes: Axis) -> None:
+    """Numbers as they are read, on axes that are logarithmic: our text is never parsed as maths."""
+    for axis in axes:
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def legend(axis: Axes, columns: int) -> None:
     """Above the axes, where it covers nothing."""
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=columns, fontsize=8, borderaxespad=0.1)
 

@@ -1,22 +1,18 @@
-"""Puts a report together: `make_page` from what a folder holds and what was identified, `render` to HTML.
-
-Text reaches the page escaped; only our own SVG and style sheet go in as they are.
-"""
+"""Puts a report together: `make_page` from what a folder holds and what was identified; `html.render` sets it."""
 
 from dataclasses import dataclass
-from importlib.resources import files
-
-from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
 
 from fidim_lab.app.report import figures, tables, words
+from fidim_lab.app.report.copies import Copy, copies
+from fidim_lab.app.report.drawing import Drawing
+from fidim_lab.app.report.explained import ExplanationSection
 from fidim_lab.app.report.folder import Contents
 from fidim_lab.app.report.numerals import short
 from fidim_lab.app.report.paper import is_papers_robot
 from fidim_lab.app.report.scene import scene, views
-from fidim_lab.app.report.svg import distinct
+from fidim_lab.app.report.solid import Solid, solid
 from fidim_lab.app.report.tables import MARKS, Table
-from fidim_lab.app.report.windows import Drawing, WindowSection, section
+from fidim_lab.app.report.windows import WindowSection, section
 from fidim_lab.data.records import Body
 from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.validation import expected_sigma_perp
@@ -37,6 +33,9 @@ class Page:
     warnings: tuple[str, ...]
     parameters: Drawing | None
     parameter_tables: tuple[Table, ...]
+    copies: tuple[Copy, ...]
+    explanation: ExplanationSection | None
+    solid: Solid
     robot: tuple[Drawing, ...]
     cross_validation: Drawing | None
     windows_table: Table | None
@@ -48,15 +47,22 @@ class Page:
     origin: tuple[tuple[str, str], ...]
     """facts of the provenance"""
     origin_tables: tuple[Table, ...]
+    kind: str = "Free-motion identification"
 
 
-def make_page(contents: Contents, result: IdentificationResult | None, trust: str) -> Page:
+def make_page(
+    contents: Contents,
+    result: IdentificationResult | None,
+    trust: str,
+    explanation: ExplanationSection | None = None,
+) -> Page:
     """The page of a folder. `trust`: how far to trust the result, or why there is none."""
     campaign = contents.campaign
     verdicts = {} if result is None else {verdict.id: verdict for verdict in result.windows}
     mechanism = Mechanism(campaign.robot)
     body = campaign.robot.nominal if result is None else result.body
-    robot = tuple(Drawing(svg, f"The robot {seen}.") for seen, svg in views(scene(campaign, mechanism, body)))
+    drawn = scene(campaign, mechanism, body)
+    robot = tuple(Drawing(svg, f"The robot {seen}.") for seen, svg in views(drawn))
     return Page(
         title=campaign.name,
         badges=_badges(contents, result),
@@ -64,6 +70,9 @@ def make_page(contents: Contents, result: IdentificationResult | None, trust: st
         warnings=() if result is None else result.warnings,
         parameters=None if result is None else _parameters(contents, result),
         parameter_tables=() if result is None else _parameter_tables(contents, result),
+        copies=() if result is None else copies(result, campaign.robot.mass),
+        explanation=explanation,
+        solid=solid(drawn),
         robot=robot,
         cross_validation=None if result is None else _cross_validation(result),
         windows_table=None if result is None else tables.window_table(result.windows, contents.story),
@@ -77,29 +86,6 @@ def make_page(contents: Contents, result: IdentificationResult | None, trust: st
         origin=_origin(contents, result),
         origin_tables=(tables.version_table(contents), tables.file_table(contents)),
     )
-
-
-def render(page: Page) -> str:
-    """The page as one HTML file: nothing to load, no script."""
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
-    environment.filters["picture"] = _Numbered()
-    here = files("fidim_lab.app.report")
-    template = environment.from_string((here / "page.html.jinja").read_text(encoding="utf-8"))
-    style = Markup((here / "page.css").read_text(encoding="utf-8"))
-    return template.render(page=page, style=style)
-
-
-class _Numbered:
-    """Makes each picture's identifiers its own."""
-
-    def __init__(self) -> None:
-        self._count = 0
-
-    def __call__(self, drawing: Drawing) -> Markup:
-        self._count += 1
-        return Markup(distinct(drawing.svg, f"p{self._count}"))
 
 
 def _badges(contents: Contents, result: IdentificationResult | None) -> tuple[str, ...]:
@@ -133,7 +119,8 @@ def _true(contents: Contents) -> Body | None:
 
 def _parameters(contents: Contents, result: IdentificationResult) -> Drawing:
     rows = tables.parameter_rows(result, _true(contents)) + tables.gauge_rows(result, _true(contents))
-    return Drawing(figures.parameters(rows), "Identified parameters with their intervals beside what else is known.")
+    caption = "Identified parameters with their intervals beside what else is known."
+    return Drawing(figures.parameters(rows), caption, "parameters")
 
 
 def _parameter_tables(contents: Contents, result: IdentificationResult) -> tuple[Table, ...]:
@@ -170,7 +157,7 @@ def _cross_validation(result: IdentificationResult) -> Drawing | None:
     )
     if not held_out:
         caption += " No window was held out: this judges nothing that the fit has not seen."
-    return Drawing(figures.cross_validation(found, result.sigma_W, expected), caption)
+    return Drawing(figures.cross_validation(found, result.sigma_W, expected), caption, "cross-validation")
 
 
 def _timeline(contents: Contents) -> Drawing | None:
@@ -181,7 +168,9 @@ def _timeline(contents: Contents) -> Drawing | None:
     marks = [incident.t for incident in story.incidents]
     dotted = "; dotted: something went amiss" if marks else ""
     return Drawing(
-        figures.timeline(windows, KINDS, story.bouts, marks), f"What was done when, window by window{dotted}."
+        figures.timeline(windows, KINDS, story.bouts, marks),
+        f"What was done when, window by window{dotted}.",
+        "timeline",
     )
 
 

@@ -1,6 +1,6 @@
 """The robot in pictures: where the platform rests in each window, its cables, and the paths that were recorded.
 
-`scene` finds the poses; `views` draws them from above, from the side, and at a slant.
+`scene` finds the poses; `slanted` draws them as seen across a room, `views` from above, the side and the front.
 """
 
 from collections.abc import Sequence
@@ -19,6 +19,8 @@ from fidim_lab.model.mechanism import Mechanism
 
 AZIMUTH, ELEVATION = np.radians(-62.0), np.radians(24.0)
 """of the slanted view: from where it is looked at"""
+PATH_POINTS = 200
+"""of each window's path and coordinate: many paths lie over one another"""
 OFF_PATH = 0.05
 """m; a rest found farther than this from the recorded path is another equilibrium than the robot's"""
 
@@ -80,14 +82,18 @@ def _pose_from_lengths(mechanism: Mechanism, body: Body, window: Window) -> Pose
     return pose if np.linalg.norm(marker - middle) < OFF_PATH else None
 
 
-def views(drawn: Scene) -> tuple[tuple[str, str], ...]:
-    """Pictures of a scene: (what is seen, SVG)."""
+def slanted(drawn: Scene) -> str:
+    """The scene as one looks at it across a room, SVG."""
     across = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
     back = np.sin(ELEVATION)
     up = np.array([-back * np.cos(AZIMUTH), -back * np.sin(AZIMUTH), np.cos(ELEVATION)])
+    return _view(drawn, (across, up), ("", ""))
+
+
+def views(drawn: Scene) -> tuple[tuple[str, str], ...]:
+    """Pictures of a scene along its axes: (what is seen, SVG)."""
     x, y, z = np.eye(3)
     return (
-        ("at a slant", _view(drawn, (across, up), ("", ""))),
         ("from above", _view(drawn, (x, y), ("x / m", "y / m"))),
         ("from the side", _view(drawn, (x, z), ("x / m", "z / m"))),
         ("from the front", _view(drawn, (y, z), ("y / m", "z / m"))),
@@ -105,7 +111,7 @@ def _view(drawn: Scene, axes_seen: tuple[np.ndarray, np.ndarray], labels: tuple[
     for hanging in drawn.hanging:
         path = hanging.path @ projection
         t = np.arange(float(len(path)))
-        kept = np.isin(t, np.concatenate([thin(t, path[:, 0])[0], thin(t, path[:, 1])[0]]))
+        kept = np.isin(t, np.concatenate([thin(t, path[:, k], PATH_POINTS)[0] for k in (0, 1)]))
         axis.plot(*path[kept].T, color=COLOURS[1], lw=0.7)
     axis.plot(*anchors.T, "s", color="black", ms=5)
     for cable, place in enumerate(anchors, start=1):

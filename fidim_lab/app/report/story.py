@@ -126,7 +126,7 @@ def _times(entries: Sequence[Entry]) -> list[float]:
     times: list[float] = []
     shift = -entries[0].t
     for entry in entries:
-        if times and (entry.t + shift < times[-1] or entry.kind is Kind.RUN_STARTED):
+        if times and (entry.t + shift < times[-1] or entry.kind in (Kind.RUN_STARTED, Kind.CONTINUED)):
             shift = times[-1] - entry.t
         times.append(entry.t + shift)
     return times
@@ -150,7 +150,7 @@ class _Reader:
         """One line."""
         self.last = t
         match entry.kind:
-            case Kind.RUN_STARTED:
+            case Kind.RUN_STARTED | Kind.CONTINUED:
                 planned = entry.data.get("windows", ())
                 self.windows |= {str(id_): WindowStory(str(id_)) for id_ in planned if str(id_) not in self.windows}
                 self.end, self.begun = None, None
@@ -166,6 +166,10 @@ class _Reader:
                 if not entry.outcome.usable:
                     what = "guard" if entry.kind is Kind.TRIPPED else "held"
                     self.incidents.append(Incident(t, entry.window, what, entry.outcome, entry.reason))
+            case Kind.WARNED:
+                self.incidents.append(Incident(t, entry.window, "guard warned", Outcome.MARGINAL, entry.reason))
+            case Kind.PAUSED | Kind.RESUMED:
+                self.incidents.append(Incident(t, entry.window, entry.kind.value, Outcome.MARGINAL, entry.reason))
             case Kind.RUN_FINISHED:
                 self.end = entry
 

@@ -71,14 +71,14 @@ def sheet(width: float, height: float, rows: int = 1, left: float = 0.72) -> tup
     return figure, list(axes[:, 0])
 
 
-def thin(t: Series, values: Series) -> tuple[Series, Series]:
-    """At most `POINTS` samples of a line: the smallest and largest of each stretch, so that no peak is lost.
+def thin(t: Series, values: Series, most: int = POINTS) -> tuple[Series, Series]:
+    """At most so many samples of a line: the smallest and largest of each stretch, so that no peak is lost.
 
     A gap (NaN) stays a gap where a whole stretch is missing, or where it is one of the samples kept.
     """
-    if len(t) <= POINTS:
+    if len(t) <= most:
         return t, values
-    size = -(-2 * len(t) // POINTS)
+    size = -(-2 * len(t) // most)
     count = -(-len(t) // size)
     padded = np.full(count * size, np.nan)
     padded[: len(t)] = values

@@ -1,10 +1,11 @@
 """One section of the report for each recorded window: its numbers, notes, attempts and pictures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fidim_lab.app.report import figures
+from fidim_lab.app.report import figures, spectra
+from fidim_lab.app.report.drawing import Drawing
 from fidim_lab.app.report.figures import Line
 from fidim_lab.app.report.folder import Contents
 from fidim_lab.app.report.numerals import duration, short
@@ -16,14 +17,6 @@ from fidim_lab.identification.result import WindowVerdict
 from fidim_lab.identification.trajectory import Prediction
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import tensions
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """One picture, SVG not yet made distinct."""
-
-    svg: str
-    caption: str
 
 
 @dataclass(frozen=True)
@@ -112,13 +105,15 @@ def _drawings(window: Window, verdict: WindowVerdict | None, model: Model) -> li
             *([] if missed is None else ["Δ = recorded − model of the trajectory"]),
             *([] if epsilon is None else ["ε = W χ of the equations"]),
         ]
-        drawings.append(Drawing(svg, f"What the model leaves over: {', '.join(parts)}."))
+        drawings.append(Drawing(svg, f"What the model leaves over: {', '.join(parts)}.", f"{window.id}-residuals"))
+    if prediction is not None and (left := _spectrum(prediction, model[0].robot)) is not None:
+        drawings.append(replace(left, name=f"{window.id}-spectrum"))
     robot = model[0].robot
     tension = measured_tension(robot, window) or _predicted_tension(prediction, model)
     if tension is not None:
         t, values, source = tension
         svg = figures.tensions(t, values, robot.limits.tension)
-        drawings.append(Drawing(svg, f"Tensions from {source}; dotted: the limits."))
+        drawings.append(Drawing(svg, f"Tensions from {source}; dotted: the limits.", f"{window.id}-tensions"))
     return drawings
 
 
@@ -128,7 +123,18 @@ def _trajectory(window: Window, prediction: Prediction | None) -> Drawing:
     svg = figures.trajectory(Line(window.t, window.markers[:, 0]), rest, model)
     origin = "its mean" if rest is None else "rest"
     over = "" if model is None else "; dashed: the model, let go from its fitted initial state"
-    return Drawing(svg, f"Main marker from {origin}{over}.")
+    return Drawing(svg, f"Main marker from {origin}{over}.", f"{window.id}-trajectory")
+
+
+def _spectrum(prediction: Prediction, robot: Robot) -> Drawing | None:
+    """Of Δ, main marker, each axis by itself; None where too little was recorded."""
+    left = prediction.residuals[:, 0]
+    lines = [spectra.amplitudes(f"Δ{name}", prediction.t, left[:, k : k + 1]) for k, name in enumerate("xyz")]
+    known = [line for line in lines if line is not None]
+    if not known:
+        return None
+    noise = spectra.noise_level(robot.sensors.marker_noise, int(np.isfinite(left[:, 0]).sum()), 1)
+    return Drawing(spectra.picture(known, noise), "Spectrum of Δ; dotted: what marker noise alone would leave.")
 
 
 Tension = tuple[Series, CableSeries, str]

@@ -6,32 +6,63 @@ from typing import TYPE_CHECKING
 from fidim_lab.errors import FileError, RefusedError
 
 if TYPE_CHECKING:
+    from fidim_lab.app.report.explained import ExplanationSection
     from fidim_lab.app.report.folder import Contents
+    from fidim_lab.app.report.html import Rendered
     from fidim_lab.identification.result import IdentificationResult
 
 NAME = "report.html"
+EXPLANATION = "explanation.json"
 
 
-def write_report(folder: Path, result: "IdentificationResult | None" = None, out: Path | None = None) -> Path:
+def write_report(
+    folder: Path,
+    result: "IdentificationResult | None" = None,
+    out: Path | None = None,
+    pictures: Path | None = None,
+) -> Path:
     """Write the HTML report of a run, campaign or import folder, whole or not at all; returns its path.
 
     `result`: what was identified from this folder; identified here when not given, and where that is refused the report
-    says so. `out`: default FOLDER/report.html. Raises FileError where the folder cannot be read or `out` not written.
+    says so. `out`: default FOLDER/report.html. `pictures`: a folder for all pictures as SVG files. What was left out is
+    told where FOLDER/explanation.json is. Raises FileError where the folder cannot be read or `out` not written.
     """
     from fidim_lab.app.report.folder import read_folder
-    from fidim_lab.app.report.page import make_page, render
+    from fidim_lab.app.report.html import render
+    from fidim_lab.app.report.page import make_page
 
     contents = read_folder(folder)
     found, trust = _judged(folder, contents, result)
-    text = render(make_page(contents, found, trust))
-    path = folder / NAME if out is None else out
+    rendered = render("page.html.jinja", make_page(contents, found, trust, _explained(folder, contents)))
+    return write_page(rendered, folder / NAME if out is None else out, pictures)
+
+
+def write_page(rendered: "Rendered", path: Path, pictures: Path | None) -> Path:
+    """Write a page whole or not at all, and its pictures where asked for; returns its path. Raises FileError."""
+    from fidim_lab.app.report.drawing import write_pictures
+
     part = path.with_name(path.name + ".part")
     try:
-        part.write_text(text, encoding="utf-8", newline="\n")
+        part.write_text(rendered.html, encoding="utf-8", newline="\n")
         part.replace(path)
     except OSError as error:
         raise FileError(path, "", f"cannot be written: {error.strerror}") from None
+    if pictures is not None:
+        write_pictures(pictures, rendered.drawings)
     return path
+
+
+def _explained(folder: Path, contents: "Contents") -> "ExplanationSection | None":
+    """What explanation.json beside the campaign says; None where there is none."""
+    path = folder / EXPLANATION
+    if not path.exists() or not contents.campaign.windows:
+        return None
+    from fidim_lab.app.report.explained import explained
+    from fidim_lab.app.report.explanation_file import read_explanation
+    from fidim_lab.app.report.proof import proof
+
+    found = read_explanation(path)
+    return explained(found, proof(found, contents.campaign), contents.campaign.robot.sensors.marker_noise)
 
 
 def _judged(

@@ -1,0 +1,107 @@
+"""The page of `fidim compare --report`: two sessions side by side, in tables and pictures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.app.comparison import Comparison, Shift, WindowPair, limit
+from fidim_lab.app.report.drawing import Drawing
+from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks
+from fidim_lab.app.report.html import render
+from fidim_lab.app.report.numerals import decimals, fixed, short
+from fidim_lab.app.report.svg import COLOURS, sheet, styled, to_svg
+from fidim_lab.app.report.tables import Table
+from fidim_lab.app.report.write import write_page
+from fidim_lab.units import millimetres
+
+
+@dataclass(frozen=True)
+class ComparePage:
+    """Everything that the template sets, in words."""
+
+    title: str
+    badges: tuple[str, ...]
+    summary: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+    tables: tuple[Table, ...]
+    drawings: tuple[Drawing, ...]
+    kind: str = "Two sessions compared"
+
+
+def write_compare_page(found: Comparison, out: Path) -> Path:
+    """Write the page; returns its path. Raises FileError where it cannot be written."""
+    badge = "✓ the sessions agree" if found.agree else "✗ the sessions differ, or cannot be judged"
+    page = ComparePage(
+        title=f"{found.a.name} and {found.b.name}",
+        badges=(badge,),
+        summary=(("A", found.a.says), ("B", found.b.says), ("Found", found.message)),
+        warnings=found.warnings,
+        tables=_tables(found),
+        drawings=_drawings(found),
+    )
+    return write_page(render("compare.html.jinja", page), out, None)
+
+
+def _tables(found: Comparison) -> tuple[Table, ...]:
+    sessions = Table("Sessions", ("", "A", "B"), found.facts, numbers=False)
+    caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; ±: the larger of sd and spread between windows"
+    names = ("parameter", "A", "±", "B", "±", "B − A", "in sd")
+    parameters = Table(caption, names, tuple(_cells(shift) for shift in found.shifts))
+    columns = ("window", "χ²/dof A", "χ²/dof B", "rms A, mm", "rms B, mm", "σ⊥ A", "σ⊥ B")
+    windows = Table("Windows of the same name", columns, tuple(_window(pair) for pair in found.windows))
+    return (sessions, *([parameters] if found.shifts else []), *([windows] if found.windows else []))
+
+
+def _cells(shift: Shift) -> tuple[str, ...]:
+    places = decimals(millimetres(float(np.hypot(shift.sd_a, shift.sd_b))))
+    values = (shift.a, shift.sd_a, shift.b, shift.sd_b, shift.difference)
+    z = "–" if shift.z is None else f"{shift.z:+.1f}"
+    return (shift.name, *(fixed(millimetres(value), places) for value in values), z)
+
+
+def _window(pair: WindowPair) -> tuple[str, ...]:
+    a, b = ((None,) * 3 if w is None else (w.chi2_per_dof, w.rms_mm, w.sigma_perp) for w in (pair.a, pair.b))
+    return (pair.id, *(short(value) for both in zip(a, b, strict=True) for value in both))
+
+
+def _drawings(found: Comparison) -> tuple[Drawing, ...]:
+    drawings: list[Drawing] = []
+    if any(shift.z is not None for shift in found.shifts):
+        caption = f"B − A in standard deviations; dotted: ±{limit():.1f}, beyond which it is more than chance."
+        drawings.append(Drawing(_differences(found.shifts), caption, "differences"))
+    if any(one is not None and one.chi2_per_dof is not None for w in found.windows for one in (w.a, w.b)):
+        drawings.append(Drawing(_chi2(found.windows), "χ²/dof of each window; 1: nothing but noise.", "windows"))
+    return tuple(drawings)
+
+
+@styled
+def _differences(shifts: Sequence[Shift]) -> str:
+    figure, (axis,) = sheet(WIDTH, 2.4)
+    axis.bar(range(len(shifts)), [shift.z or 0.0 for shift in shifts], color=COLOURS[0], width=0.6)
+    for level in (-limit(), limit()):
+        axis.axhline(level, color="black", lw=0.8, ls=":")
+    axis.axhline(0.0, color="black", lw=0.6)
+    axis.set_yscale("symlog", linthresh=5.0)
+    plain_ticks(axis.yaxis)
+    axis.set_xticks(range(len(shifts)), [shift.name for shift in shifts])
+    axis.grid(visible=False, axis="x")
+    axis.set_ylabel("(B − A) / sd")
+    return to_svg(figure)
+
+
+@styled
+def _chi2(windows: Sequence[WindowPair]) -> str:
+    figure, (axis,) = sheet(WIDTH, 2.4)
+    for k, (label, ones) in enumerate((("A", [w.a for w in windows]), ("B", [w.b for w in windows]))):
+        known = [(x, one.chi2_per_dof) for x, one in enumerate(ones) if one is not None and one.chi2_per_dof]
+        if known:
+            axis.plot(*np.array(known).T, "os"[k], color=COLOURS[k], mfc="none" if k else COLOURS[k], label=label)
+    axis.axhline(1.0, color="black", lw=0.8, ls=":")
+    axis.set_yscale("log")
+    plain_ticks(axis.yaxis)
+    axis.set_xticks(range(len(windows)), [w.id[:12] for w in windows], rotation=90 if len(windows) > 12 else 0)
+    axis.set_ylabel("χ²/dof")
+    legend(axis, 2)
+    return to_svg(figure)

@@ -1,0 +1,97 @@
+"""The page of `fidim explain --report`: what was left out of a campaign, and the proof: `write_explain_page`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.app.report.explained import VERDICTS, ExplanationSection, explained
+from fidim_lab.app.report.explanation_file import as_file
+from fidim_lab.app.report.folder import Contents, read_folder
+from fidim_lab.app.report.html import render
+from fidim_lab.app.report.numerals import duration
+from fidim_lab.app.report.proof import proof
+from fidim_lab.app.report.scene import scene
+from fidim_lab.app.report.solid import Solid, solid
+from fidim_lab.app.report.tables import Table, file_table, version_table
+from fidim_lab.app.report.words import recorded_sentence
+from fidim_lab.app.report.write import write_page
+from fidim_lab.data.records import PARAMETER_NAMES, Body
+from fidim_lab.mismatch.explanation import Explanation
+from fidim_lab.model.mechanism import Mechanism
+
+ARROWS = 150
+
+
+@dataclass(frozen=True)
+class ExplainPage:
+    """Everything that the template sets, in words."""
+
+    title: str
+    badges: tuple[str, ...]
+    summary: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+    explanation: ExplanationSection
+    solid: Solid
+    origin: tuple[tuple[str, str], ...]
+    origin_tables: tuple[Table, ...]
+    kind: str = "What the model leaves out"
+
+
+def write_explain_page(folder: Path, explanation: Explanation, out: Path, pictures: Path | None = None) -> Path:
+    """Write what `explain` found of a campaign folder as one HTML file; returns its path.
+
+    Held-out windows are predicted anew, with the numbers that the explanation states. `pictures`: a folder for all
+    pictures as SVG files. Raises FileError where something cannot be read or written.
+    """
+    return write_page(render("explain.html.jinja", _page(read_folder(folder), explanation)), out, pictures)
+
+
+def _page(contents: Contents, explanation: Explanation) -> ExplainPage:
+    campaign, found = contents.campaign, as_file(explanation)
+    section = explained(
+        found,
+        proof(found, campaign, explanation.unknown),
+        campaign.robot.sensors.marker_noise,
+        explanation.unknown,
+    )
+    body = Body.from_vector(np.array([explanation.parameters[name].value for name in PARAMETER_NAMES]))
+    return ExplainPage(
+        title=campaign.name,
+        badges=(VERDICTS[found.verdict],),
+        summary=_summary(contents, explanation),
+        warnings=(),
+        explanation=section,
+        solid=solid(scene(campaign, Mechanism(campaign.robot), body), _arrows(explanation), _caption(explanation)),
+        origin=(("computed in", duration(explanation.seconds)),),
+        origin_tables=(version_table(contents), file_table(contents)),
+    )
+
+
+def _summary(contents: Contents, explanation: Explanation) -> tuple[tuple[str, str], ...]:
+    left_out = "; ".join(
+        cause.id if cause.cable is None else f"{cause.id} of cable {cause.cable}" for cause in explanation.effects
+    )
+    chi2, rms = explanation.chi2_per_dof, explanation.rms_mm
+    shown = "Held-out windows could not be judged."
+    if chi2.before is not None and chi2.after is not None and rms.before is not None and rms.after is not None:
+        shown = (
+            f"On windows that no fit has seen χ²/dof goes from {chi2.before:.3g} to {chi2.after:.3g}, "
+            f"and the markers are missed by {rms.after:.3g} mm rms instead of {rms.before:.3g} mm."
+        )
+    verdict = VERDICTS[explanation.verdict][2:].capitalize()
+    named = f"Left out: {left_out}." if left_out else f"{verdict}: no effect is named."
+    return (("Recorded", recorded_sentence(contents)), ("Found", named), ("Proof", shown))
+
+
+def _arrows(explanation: Explanation) -> list[tuple[np.ndarray, np.ndarray]]:
+    unknown = explanation.unknown
+    if unknown is None or unknown.field is None:
+        return []
+    few = unknown.field.thinned(ARROWS)
+    return list(zip(few.centres, few.forces, strict=True))
+
+
+def _caption(explanation: Explanation) -> str:
+    drawn = "The robot: pulleys with their cable's number, the platform at rest in each window, recorded paths"
+    return f"{drawn}; green: the force without a name." if _arrows(explanation) else f"{drawn}."

@@ -1,0 +1,136 @@
+"""What was left out and the proof, as a section of a page: tables in words, pictures of before and after."""
+
+from dataclasses import dataclass
+
+from fidim_lab.app.report import proof_figures
+from fidim_lab.app.report.drawing import Drawing
+from fidim_lab.app.report.explanation_file import BeforeTable, EffectTable, ExplanationTable
+from fidim_lab.app.report.numerals import decimals, fixed, short
+from fidim_lab.app.report.proof import Proof
+from fidim_lab.app.report.tables import Table
+from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.generic.unknown import Unknown
+from fidim_lab.units import millimetres, percent
+
+VERDICTS = {
+    Verdict.NOTHING_MISSING: "✓ nothing missing",
+    Verdict.EXPLAINED: "✓ explained",
+    Verdict.PARTLY_EXPLAINED: "~ partly explained",
+    Verdict.UNKNOWN_PHYSICS: "✗ unknown physics",
+    Verdict.SENSOR_FAULT: "✗ sensor fault",
+}
+"""a sign and words: never colour alone"""
+
+
+@dataclass(frozen=True)
+class ExplanationSection:
+    """What the template sets."""
+
+    verdict: str
+    message: str
+    next: str
+    effects: tuple[Table, ...]
+    places: tuple[str, ...]
+    unknown: tuple[str, ...]
+    field: tuple[Drawing, ...]
+    before_after: tuple[Table, ...]
+    drawings: tuple[Drawing, ...]
+    notes: tuple[str, ...]
+    tried: tuple[Table, ...]
+
+
+def explained(
+    found: ExplanationTable, shown: Proof, noise: float, unknown: Unknown | None = None
+) -> ExplanationSection:
+    """The section. `shown`: `proof` of the same explanation; noise: of a marker coordinate (m), by the robot file."""
+    field = None if unknown is None else unknown.field
+    return ExplanationSection(
+        verdict=VERDICTS[found.verdict],
+        message=found.message,
+        next=found.next_experiment or "",
+        effects=tuple(effect_table(effect) for effect in found.effects),
+        places=tuple(dict.fromkeys(place.says for place in found.where)),
+        unknown=() if unknown is None else unknown.words,
+        field=() if field is None else proof_figures.field_drawings(field),
+        before_after=(figures_table(found), shift_table(found)),
+        drawings=(proof_figures.shifts(found), *proof_figures.drawings(shown, noise)),
+        notes=shown.notes,
+        tried=(ranking_table(found), *_families(unknown), *_untested(found)),
+    )
+
+
+def effect_table(effect: EffectTable) -> Table:
+    """One effect with its sizes."""
+    alike = f"; these data cannot tell it from {', '.join(effect.equivalent_to)}" if effect.equivalent_to else ""
+    rows = [
+        (name, short(p.value), "held at its bound" if p.sd is None else f"{p.sd:.2g}", p.unit)
+        for name, p in effect.parameters.items()
+    ]
+    return Table(f"{effect.label}: {effect.says}{alike}", ("parameter", "value", "sd", "unit"), tuple(rows))
+
+
+def figures_table(found: ExplanationTable) -> Table:
+    """Held-out figures."""
+    rows = (("χ²/dof", found.held_out.chi2_per_dof), ("rms, mm", found.held_out.rms_mm))
+    cells = tuple((name, short(one.before), short(one.after), _gone(name, one)) for name, one in rows)
+    caption = "Held-out windows, only their starts being fitted. χ²/dof of 1: nothing but noise is left."
+    return Table(caption, ("figure", "before", "after", "of the excess gone"), cells)
+
+
+def _gone(name: str, one: BeforeTable) -> str:
+    """The share of χ²/dof above 1 that has gone."""
+    if not name.startswith("χ²") or one.before is None or one.after is None or one.before <= 1.0:
+        return "–"
+    return f"{percent(min(1.0, (one.before - one.after) / (one.before - 1.0))):.3g} %"
+
+
+def shift_table(found: ExplanationTable) -> Table:
+    """The body before and after, and how far it moved in sd of the fit before."""
+    rows: list[tuple[str, ...]] = []
+    for name, after in found.parameters.items():
+        before = found.parameters_before[name]
+        places = decimals(millimetres(max(after.sd, 1e-12)))
+        values = (after.nominal, before.value, after.value)
+        rows.append(
+            (
+                name,
+                *(fixed(millimetres(value), places) for value in values),
+                f"{millimetres(before.sd):.2g}",
+                f"{millimetres(after.sd):.2g}",
+                f"{(after.value - before.value) / before.sd:+.1f}" if before.sd > 0 else "–",
+            )
+        )
+    names = ("parameter", "CAD", "before", "after", "sd before", "sd after", "moved / sd before")
+    return Table("Parameters about P, per unit mass: s in mm, I in 10⁻³ m²", names, tuple(rows))
+
+
+def ranking_table(found: ExplanationTable) -> Table:
+    """Every model that was fitted, then the best that were only scored."""
+    rows = [
+        (
+            " + ".join(one.effects) or "nothing left out",
+            short(one.held_out_chi2_per_dof),
+            "✓ possible" if one.plausible else "✗ impossible",
+            one.why,
+        )
+        for one in found.ranking
+    ]
+    names = ("model", "held-out χ²/dof", "physically", "why")
+    return Table("Hypotheses, the best first", names, tuple(rows), numbers=False)
+
+
+def _families(unknown: Unknown | None) -> tuple[Table, ...]:
+    """Forces without a name that were weighed."""
+    if unknown is None:
+        return ()
+    rows = [
+        (one.label, f"{percent(one.explained):.0f} %", f"{percent(one.left_out):.0f} %", f"{one.log_evidence:.0f}")
+        for one in unknown.tried
+    ]
+    names = ("kind of wrench", "of the excess χ², fitted", "on windows left out in turn", "log-evidence")
+    return (Table("Wrenches without a name that were weighed; a negative share does harm", names, tuple(rows)),)
+
+
+def _untested(found: ExplanationTable) -> tuple[Table, ...]:
+    rows = tuple((id, "this version cannot test it") for id in found.untested)
+    return (Table("Not tested", ("effect", "why"), rows, numbers=False),) if rows else ()

@@ -1,0 +1,113 @@
+"""explanation.json, "fidim-explanation/1" (FORMAT.md), as a report reads it: `read_explanation`, `as_file`.
+
+What `fidim explain` has just found goes the same way as what a file holds: `as_file`.
+"""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from fidim_lab.data.toml_file import read_text
+from fidim_lab.errors import FileError
+from fidim_lab.mismatch.explanation import Explanation, Verdict
+
+
+class _Part(BaseModel):
+    """A later version may say more."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class EffectParameterTable(_Part):
+    """One parameter of an effect, SI."""
+
+    value: float | None
+    sd: float | None = None
+    unit: str = ""
+
+
+class EffectTable(_Part):
+    """One effect that was left out."""
+
+    id: str
+    cable: int | None = None
+    equivalent_to: tuple[str, ...] = ()
+    parameters: dict[str, EffectParameterTable] = {}
+    says: str = ""
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return self.id if self.cable is None else f"{self.id} (cable {self.cable})"
+
+
+class PlaceTable(_Part):
+    """Where it shows."""
+
+    window: str
+    t: tuple[float, float]
+    says: str
+
+
+class RankedTable(_Part):
+    """One model that was tried."""
+
+    effects: tuple[str, ...]
+    held_out_chi2_per_dof: float | None
+    plausible: bool
+    why: str = ""
+
+
+class BodyParameterTable(_Part):
+    """One of the nine."""
+
+    value: float
+    sd: float
+    nominal: float
+
+
+class BeforeTable(_Part):
+    """A figure without and with the effects."""
+
+    before: float | None
+    after: float | None
+
+
+class HeldOutTable(_Part):
+    """Of windows that no fit has seen."""
+
+    chi2_per_dof: BeforeTable
+    rms_mm: BeforeTable
+
+
+class ExplanationTable(_Part):
+    """The whole file."""
+
+    format: Literal["fidim-explanation/1"]
+    campaign: str
+    verdict: Verdict
+    effects: tuple[EffectTable, ...]
+    where: tuple[PlaceTable, ...]
+    held_out: HeldOutTable
+    ranking: tuple[RankedTable, ...]
+    parameters: dict[str, BodyParameterTable]
+    parameters_before: dict[str, BodyParameterTable]
+    next_experiment: str | None
+    message: str
+    seconds: float | None = None
+    untested: tuple[str, ...] = ()
+
+
+def as_file(explanation: Explanation) -> ExplanationTable:
+    """What was just found, as its file will say it."""
+    return ExplanationTable.model_validate(explanation.table)
+
+
+def read_explanation(path: Path) -> ExplanationTable:
+    """Read the file. Raises FileError with the key that is wrong."""
+    try:
+        return ExplanationTable.model_validate_json(read_text(path))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise FileError(path, ".".join(str(part) for part in first["loc"]), first["msg"]) from None
