@@ -14,6 +14,7 @@ from fidim_lab.identification.input_check import check
 from fidim_lab.identification.mle import identify as mle
 from fidim_lab.identification.problem import Problem, build
 from fidim_lab.identification.recipe import BEST, Recipe
+from fidim_lab.identification.refusals import bare
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.identification.slackness import slack_notes
 from fidim_lab.identification.uncertainty import jackknife_sd
@@ -121,7 +122,7 @@ def _message(outcome: Outcome, estimate: Estimate, windows: tuple[WindowVerdict,
 
 
 def _warnings(problem: Problem, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:
-    warnings = [f"Window {u.window.id} is not used: {u.reason}" for u in problem.unused]
+    warnings = [f"Window {u.window.id} is not used: {bare(u.window.id, u.reason)}" for u in problem.unused]
     warnings += _grouped_notes(windows)
     warnings += slack_notes(problem, estimate.values)
     warnings += _spread_warning(estimate)

@@ -16,6 +16,7 @@ from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.filters import FilterDesign, Kernels, convolve, design
 from fidim_lab.identification.measured import MeasuredMotion, measure
 from fidim_lab.identification.recipe import Recipe, Rows
+from fidim_lab.identification.refusals import together
 from fidim_lab.identification.surface import free_directions
 from fidim_lab.model.free_motion import free_twist_basis, marker_selector
 from fidim_lab.model.mechanism import Mechanism
@@ -212,15 +213,6 @@ def build(campaign: Campaign, recipe: Recipe, windows: Sequence[Window] | None =
         except FidimError as error:
             unused.append(UnusedWindow(window, str(error)))
     if not any(e.window.role is Role.IDENTIFY for e in used):
-        raise RefusedError(f"No window of role 'identify' can be used: {_reasons(unused)}")
+        reasons = together({one.window.id: one.reason for one in unused}) or "the campaign has none."
+        raise RefusedError(f"No window of role 'identify' can be used: {reasons}")
     return Problem(campaign, mechanism, recipe, tuple(used), tuple(unused))
-
-
-def _reasons(unused: Sequence[UnusedWindow]) -> str:
-    """Each reason once, with the windows that share it."""
-    windows: dict[str, list[str]] = {}
-    for one in unused:
-        windows.setdefault(one.reason.removeprefix(f"Window {one.window.id}").lstrip(": "), []).append(one.window.id)
-    if not windows:
-        return "the campaign has none."
-    return " ".join(f"{', '.join(ids)}: {reason}" for reason, ids in windows.items())

@@ -11,6 +11,7 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.optimise import Ending
 from fidim_lab.identification.mle.possible import distance_to_boundary
 from fidim_lab.identification.mle.stages import Journey
+from fidim_lab.identification.refusals import bare
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.units import millimetres, percent
 
@@ -99,8 +100,8 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
 
 def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:
     """Everything that a user should know before believing the numbers, one sentence each."""
-    said = [f"Window {name} is not used: {why}" for name, why in found.unused.items()]
-    said += [f"Window {window.id} is not used: {window.notes[0]}" for window in windows if _unpredicted(window)]
+    unused = dict(found.unused) | {window.id: window.notes[0] for window in windows if _unpredicted(window)}
+    said = [f"Window {name} is not used: {bare(name, why)}" for name, why in unused.items()]
     said += _grouped(windows)
     if found.start_moved:
         said.append(
@@ -124,16 +125,18 @@ def closing(result: IdentificationResult) -> str:
     size = f"s_z is good to about {millimetres(error):.2g} mm ({percent(error / lever):.2g} % of its lever)"
     held = _held_out(result.windows)
     judged = f", and held-out windows with χ²/dof of {min(held):.3g} to {max(held):.3g}" if held else ""
+    spread = result.leave_one_out is not None
+    basis = "By the spread between windows" if spread else "By the nominal sd, with too few windows to see a spread,"
     if result.outcome is Outcome.MISFIT:
         return (
             f"The model lacks something: it follows the recordings to {result.noise_ratio:.2g} times their noise"
-            f"{judged}. By the spread between windows {size}, but an error that all windows share does not show in it. "
+            f"{judged}. {basis} {size}, but an error that all windows share does not show in it. "
             "Ask fidim explain what is missing."
         )
     if any(SOMETHING in warning for warning in result.warnings):
         return (
-            f"Little is left besides noise{judged}, but more than chance: {size} by the spread between windows. Ask "
-            "fidim explain what is missing."
+            f"Little is left besides noise{judged}, but more than chance. {basis} {size}. Ask fidim explain what is "
+            "missing."
         )
     return f"The model explains the recordings to their noise{judged}: {size}."
 

@@ -24,6 +24,7 @@ from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import spring_prior, with_springs
 from fidim_lab.identification.mle.stages import FAR_PRIOR, HORIZONS, Journey, grow
 from fidim_lab.identification.mle.start import Guess, as_states, first_guess
+from fidim_lab.identification.refusals import together
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.starts import tied
@@ -239,6 +240,6 @@ def _guessed(
         recordings.append(recording)
         guesses.append(guess)
     if not recordings:
-        reasons = "; ".join(unused.values()) or "there is none"
+        reasons = together(unused) or "there is none"
         raise RefusedError(f"No window of role 'identify' can be used: {reasons}")
     return tuple(recordings), tuple(guesses), unused

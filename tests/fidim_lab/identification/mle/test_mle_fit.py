@@ -149,7 +149,7 @@ def test_windows_that_cannot_be_used_are_named(four, record):
     assert "units" in found.unused["mm"]
     assert "samples hold a marker" in found.unused["blind"]
     assert "order of the cables" in found.unused["swapped"]
-    with pytest.raises(RefusedError, match="No window of role 'identify' can be used: Window short lasts"):
+    with pytest.raises(RefusedError, match="No window of role 'identify' can be used: short: lasts"):
         fit(Mechanism(four), [short])
 
 
