@@ -28,7 +28,7 @@ class Confirm(ModalScreen[bool]):
         super().__init__()
         rows: list[Line] = [line(Span(title, "head")), ()]
         rows += [line(row) for text in says for row in wrapped(text, WIDTH)]
-        self._lines = [*rows, (), line(Span(f"[y] {yes}   [n] or Esc: no   F12: emergency stop", "key"))]
+        self._lines = [*rows, (), line(Span(f"[y] {yes}   [n] no   F12 stops", "key"))]
 
     def compose(self) -> ComposeResult:
         """A box with lines."""

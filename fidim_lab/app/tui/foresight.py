@@ -59,7 +59,11 @@ class Foresight:
 
     def look(self, trace: Trace, folder: Path | None) -> None:
         """Ask for a prediction where the recording is new, or twice as long as at the last one."""
-        if folder is None or len(trace.t) < 2 or (self._asking is not None and not self._asking.done()):
+        if folder is None or (self._asking is not None and not self._asking.done()):
+            return
+        if len(trace.t) < 2:
+            if self._process is None and folder.is_dir():
+                self._asking = asyncio.create_task(self.warm())
             return
         of, long = (trace.window, trace.attempt), trace.t[-1] - trace.t[0]
         least = 2.0 * self._asked[1] if self._asked[0] == of else FIRST
@@ -85,7 +89,8 @@ class Foresight:
                 self._process.kill()
             await self._process.wait()
 
-    async def _ask(self, of: tuple[str, int], request: str) -> None:
+    async def warm(self) -> None:
+        """Start the worker before it is needed: it takes seconds to begin."""
         if self._process is None or self._process.returncode is not None:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -98,6 +103,11 @@ class Foresight:
                 start_new_session=True,
                 env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
             )
+
+    async def _ask(self, of: tuple[str, int], request: str) -> None:
+        await self.warm()
+        if self._process is None:
+            return
         stdin, stdout = self._process.stdin, self._process.stdout
         if stdin is None or stdout is None:
             return

@@ -103,7 +103,7 @@ class Orders:
             f"Latched: {why}." if why else "Latched.",
             "Has the cause gone? Is nobody near the platform and cables?",
         )
-        if await self._person.confirms("Reset the emergency stop?", says, "reset; motion is possible after it"):
+        if await self._person.confirms("Reset the emergency stop?", says, "reset: it may move then"):
             await self._send(Reset(code=first.code), "the emergency stop is reset")
 
     async def _lease(self, *, asked: bool = False) -> bool:

@@ -20,7 +20,7 @@ from fidim_lab.app.tui.screens.rig import rig_lines
 from fidim_lab.app.tui.screens.session import session_lines
 from fidim_lab.app.tui.screens.why import why_lines
 from fidim_lab.app.tui.screens.window import window_lines
-from fidim_lab.app.tui.view import View
+from fidim_lab.app.tui.view import Trace, View
 from fidim_lab.app.tui.widgets.board import Board
 
 NOTICE_FOR = 8.0
@@ -80,8 +80,7 @@ class Stage:
         """Draw; over: boards for the alarms, of dialogs that cover the screen."""
         width = max(self.state.size.width, 40)
         self._look_at_papers(view)
-        if view.recording:
-            self.foresight.look(view.trace, self.folder(view))
+        self.foresight.look(view.trace if view.recording else Trace(), self.folder(view))
         notice = self._notice[0] if view.now < self._notice[1] else ""
         state = state_lines(view, width, notice)
         self.state.show(state)

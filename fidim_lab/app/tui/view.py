@@ -67,6 +67,8 @@ class View:
     question: Question | None = None
     asked: float = 0.0
     """when it came, this process's clock"""
+    rest: Position | None = None
+    """main marker when the prompt came, m; None where nobody here saw it come"""
     events: tuple[Happening, ...] = ()
     forgotten: int = 0
     trace: Trace = Trace()
@@ -94,6 +96,8 @@ class Tracker:
         self._status_at: float | None = None
         self._question: Question | None = None
         self._asked = 0.0
+        self._greeted = 0.0
+        self._rest: Position | None = None
         self._events: deque[Happening] = deque(maxlen=EVENTS)
         self._shown: tuple[Happening, ...] | None = ()
         self._forgotten = 0
@@ -104,7 +108,7 @@ class Tracker:
         """Take one message at this process's time."""
         match message:
             case Welcome():
-                self._begin(message)
+                self._begin(message, now)
             case Status():
                 self._status, self._status_at = message, now
                 if message.prompt is None:
@@ -118,6 +122,8 @@ class Tracker:
             case Question():
                 if self._question is None or self._question.number != message.number:
                     self._question, self._asked = message, now
+                    seen = None if self._status is None else self._status.mocap.position
+                    self._rest = seen if now - self._greeted > STALE else None
             case PromptClosed():
                 if self._question is not None and self._question.number == message.number:
                     self._question = None
@@ -152,17 +158,19 @@ class Tracker:
             age=age,
             question=self._question,
             asked=self._asked,
+            rest=self._rest,
             events=self._shown,
             forgotten=self._forgotten,
             trace=self._trace,
             recording=self._recording,
         )
 
-    def _begin(self, welcome: Welcome) -> None:
+    def _begin(self, welcome: Welcome, now: float) -> None:
         """A connection: what an earlier service said of another run is not shown as this one's."""
         if self._welcome is not None and self._welcome.folder != welcome.folder:
             self._trace = Trace()
         self._welcome, self._contact, self._why = welcome, Contact.LIVE, ""
+        self._greeted = now
         self._status = self._status_at = self._question = None
 
     def _sampled(self, samples: Samples) -> None:

@@ -1,5 +1,7 @@
 """What is on every screen: the state, alarms, the tabs, an open prompt."""
 
+from collections.abc import Sequence
+
 from fidim_lab.app.tui.keys import choice_keys
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, wrapped
 from fidim_lab.app.tui.view import Contact, View
@@ -42,13 +44,26 @@ def prompt_lines(view: View, width: int) -> list[Line]:
     about = f"{question.window}: " if question.window else ""
     rows += [line(Span(text, "head")) for text in wrapped(f"{about}{question.text}", width)[:4]]
     if question.displacement:
-        away = ", ".join(
-            f"{name} {millimetres(v):+.0f} mm" for name, v in zip("xyz", question.displacement, strict=False)
-        )
-        rows.append(line(f"displace the marker by {away} from rest"))
+        rows.append(line(f"wanted from rest  {_away(question.displacement)}", Span(_displaced(view), "good")))
     keys = "   ".join(f"[{key}] {choice}" for key, choice in choice_keys(question.choices).items())
     rows.append(line(Span(keys, "key"), Span(_default(view), "dim")))
     return rows
+
+
+def _away(metres: Sequence[float]) -> str:
+    return "  ".join(f"{name} {millimetres(v):+.0f} mm" for name, v in zip("xyz", metres, strict=False))
+
+
+def _displaced(view: View) -> str:
+    """Where the marker is now, from where it was when the prompt came: what the hand at the platform wants to know."""
+    place = None if view.status is None else view.status.mocap.position
+    if view.rest is None:
+        return ""
+    return (
+        "   NOW  marker not seen"
+        if place is None
+        else f"   NOW  {_away([a - b for a, b in zip(place, view.rest, strict=True)])}"
+    )
 
 
 def _default(view: View) -> str:

@@ -33,7 +33,8 @@ def matches(event: Happening, wanted: str) -> bool:
 def _event(event: Happening, width: int) -> list[Line]:
     style = STYLES.get(event.kind) or OUTCOMES.get(event.outcome, "")
     begin = f"{event.wall[11:19]}  {left(event.window, 6)} {left(event.kind, 15)} "
-    says = "  ".join(part for part in (event.text, event.outcome, event.reason) if part)
+    text = "" if event.kind == "step-finished" else event.text  # its beginning has said it
+    says = "  ".join(part for part in (text, event.outcome, event.reason) if part)
     rows = wrapped(says, max(width - len(begin), 20)) or [""]
     first = line(Span(begin, "dim"), Span(rows[0], style))
     return [first, *(line(Span(" " * len(begin) + text, style)) for text in rows[1:])]

@@ -7,7 +7,7 @@ from fidim_lab.units import millimetres, percent
 
 OLD = 0.5
 """s after which a device's own value is called old"""
-BAR = 14
+BAR = 12
 DRIVES: dict[str, tuple[str, Style]] = {
     "operation enabled": ("● operation enabled", "good"),
     "quick stop active": ("■ quick stop active", "warn"),
@@ -33,7 +33,7 @@ def rig_lines(view: View, width: int) -> list[Line]:
     rows: list[Line] = [line(Span(_winch_head(), "dim"))]
     for winch in status.winches:
         rows += _winch(winch, since, width)
-    return [*rows, EMPTY, *_mocap(status.mocap, since), _bus(status), EMPTY, *_guards(status.guards, width)]
+    return [*rows, EMPTY, *_mocap(status.mocap, since, width), _bus(status), EMPTY, *_guards(status.guards, width)]
 
 
 def tension_bar(tension: float | None, limits: tuple[float, float], cells: int = BAR) -> Span:
@@ -52,8 +52,8 @@ def tension_bar(tension: float | None, limits: tuple[float, float], cells: int =
 
 
 def _winch_head() -> str:
-    cells = (right("length m", 10), right("mm/s", 7), right("N", 7), left("  low … high", BAR + 3))
-    return left("winch", 9) + left("drive", 21) + "".join(cells) + right("°C", 4) + right("err mm", 8)
+    cells = (right("length m", 9), right("mm/s", 6), right("N", 7), left("  low … high", BAR + 3))
+    return left("winch", 9) + left("drive", 20) + "".join(cells) + right("°C", 4) + right("err mm", 8)
 
 
 def _winch(winch: WinchState, since: float, width: int) -> list[Line]:
@@ -64,9 +64,9 @@ def _winch(winch: WinchState, since: float, width: int) -> list[Line]:
     error = None if winch.following_error is None else millimetres(winch.following_error)
     row = line(
         left(winch.name, 9),
-        Span(left(drive, 21), style),
-        Span(right(number(winch.length, 4), 10), _length_style(winch)),
-        right(number(speed, 0), 7),
+        Span(left(drive, 20), style),
+        Span(right(number(winch.length, 4), 9), _length_style(winch)),
+        right(number(speed, 0), 6),
         right(number(winch.tension, 1), 7),
         "  ",
         tension_bar(winch.tension, winch.tension_limits),
@@ -93,7 +93,7 @@ def _length_style(winch: WinchState) -> Style:
     return "" if low <= winch.length <= high else "bad"
 
 
-def _mocap(mocap: MocapState, since: float) -> list[Line]:
+def _mocap(mocap: MocapState, since: float, width: int) -> list[Line]:
     age = None if mocap.age is None else mocap.age + since
     slow = mocap.measured_rate < 0.9 * mocap.rate
     rows: list[Line] = [
@@ -111,8 +111,7 @@ def _mocap(mocap: MocapState, since: float) -> list[Line]:
         place = f"  main marker  x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m"
         rows.append(line(Span(f"{place}  OLD" if old else place, "old" if old else "")))
     counted = ", ".join(f"{count} {name}" for name, count in mocap.counters.items())
-    if counted:
-        rows.append(line(Span(f"  frames: {counted}", "dim")))
+    rows += [line(Span(text, "dim")) for text in wrapped(f"frames: {counted}" if counted else "", width, "  ")]
     return rows
 
 

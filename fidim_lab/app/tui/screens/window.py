@@ -45,15 +45,12 @@ def residuals(trace: Trace, foreseen: Foreseen | None) -> list[float | None]:
 
 
 def _head(view: View, trace: Trace, known: Foreseen | None, doubt: str, width: int) -> Line:
-    state = "● recording" if view.recording else "○ not recording now"
-    begin = f"{trace.window}  attempt {trace.attempt}  {len(trace.t)} samples  {state}  "
+    state = "● recording" if view.recording else "○ not recording"
+    begin = f"{trace.window} #{trace.attempt}  {trace.t[-1] - trace.t[0]:.1f} s  {state}  "
     if known is None:
-        return line(Span(left(begin, len(begin)), "head"), Span(left(doubt, max(width - len(begin), 0)), "dim"))
-    return line(
-        Span(begin, "head"),
-        Span("── recorded  ", "measured"),
-        Span(f"── model ({known.body}, {known.fitted:.0f} s)", "model"),
-    )
+        return line(Span(begin, "head"), Span(left(doubt, max(width - len(begin), 0)), "dim"))
+    model = f"━ model: {known.body}, started on {known.fitted:.1f} s"
+    return line(Span(begin, "head"), Span("━ recorded  ", "measured"), Span(model, "model"))
 
 
 def _span(trace: Trace, known: Foreseen | None) -> tuple[float, float]:

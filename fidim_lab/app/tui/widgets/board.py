@@ -25,6 +25,7 @@ class Board(ScrollView, can_focus=True):
         self._lines: tuple[Line, ...] = ()
         self._follow = follow
         self._grow = grow
+        self._at_end = True
         if grow:
             self.can_focus = False
 
@@ -53,15 +54,27 @@ class Board(ScrollView, can_focus=True):
         segments = [Segment(span.text, self._style(span.style, ground)) for span in row]
         return Strip(segments).adjust_cell_length(width, ground)
 
+    def on_resize(self) -> None:
+        """A board that follows keeps its last line in sight."""
+        if self._follow and self._at_end:
+            self.scroll_end(animate=False)
+
+    def watch_scroll_y(self, old_value: float, new_value: float) -> None:
+        """Whoever scrolls up stays there; whoever comes back to the end follows again."""
+        super().watch_scroll_y(old_value, new_value)
+        if new_value < old_value:
+            self._at_end = False
+        if new_value >= self.max_scroll_y:
+            self._at_end = True
+
     def _style(self, name: str, ground: RichStyle) -> RichStyle:
         return self.get_component_rich_style(f"board--{name}") if name else ground
 
     def _resized(self) -> None:
-        at_end = self.scroll_offset.y >= self.max_scroll_y
         self.virtual_size = Size(self.size.width, len(self._lines))
         if self._grow:
             self.styles.height = len(self._lines)
             self.display = bool(self._lines)
-        if self._follow and at_end:
+        if self._follow and self._at_end:
             self.scroll_end(animate=False)
         self.refresh()
