@@ -36,7 +36,7 @@ class Session:
 
     @property
     def tension(self) -> tuple[float, float] | None:
-        """Smallest and largest measured tension over all windows, N; None where nothing measured it."""
+        """Lowest and highest tension of all windows but for single samples, N; None where nothing measured it."""
         if self.contents is None:
             return None
         return measured_range(self.contents.campaign)
@@ -59,11 +59,14 @@ class Session:
 
 
 def measured_range(campaign: Campaign) -> tuple[float, float] | None:
-    """Smallest and largest tension that motor currents or load cells show, N."""
+    """Between which tensions 98 % of the samples of motor currents or load cells lie, N: single ones are noise."""
     found = [measured_tension(campaign.robot, window) for window in campaign.windows]
     values = [one[1][np.isfinite(one[1])] for one in found if one is not None]
     together = np.concatenate(values) if values else np.zeros(0)
-    return (float(together.min()), float(together.max())) if len(together) else None
+    if not len(together):
+        return None
+    low, high = np.percentile(together, (1.0, 99.0))
+    return float(low), float(high)
 
 
 def read_session(place: Path) -> Session:

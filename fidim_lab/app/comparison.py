@@ -141,7 +141,7 @@ def _facts(a: Session, b: Session) -> tuple[tuple[str, str, str], ...]:
         ("left out", _left_out(a), _left_out(b)),
         ("windows used", _used(a), _used(b)),
         ("held-out χ²/dof, median", short(a.held_out), short(b.held_out)),
-        ("tensions, N", _tension(a), _tension(b)),
+        ("tensions, 98 % of samples, N", _tension(a), _tension(b)),
     ]
     return tuple(row for row in rows if row[1:] != ("–", "–"))
 

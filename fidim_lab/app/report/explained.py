@@ -101,7 +101,11 @@ def shift_table(found: ExplanationTable) -> Table:
             )
         )
     names = ("parameter", "CAD", "before", "after", "sd before", "sd after", "moved / sd before")
-    return Table("Parameters about P, per unit mass: s in mm, I in 10⁻³ m²", names, tuple(rows))
+    caption = (
+        "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; sd times √χ²/dof of their fit where that is above 1 "
+        "(sentences count in sd without it)."
+    )
+    return Table(caption, names, tuple(rows))
 
 
 def ranking_table(found: ExplanationTable) -> Table:

@@ -175,5 +175,5 @@ def write_folder(tmp_path_factory):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Pictures stay blank: for tests of the words, which need not wait for them."""
-    for module in ("figures", "scene"):
+    for module in ("figures", "scene", "spectra", "proof_figures", "compare_page"):
         monkeypatch.setattr(f"fidim_lab.app.report.{module}.to_svg", lambda figure: "<svg></svg>")

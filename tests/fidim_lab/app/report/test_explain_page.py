@@ -1,0 +1,165 @@
+"""What was left out and the proof: the page, the section in a report, and whether the numbers reproduce the claim."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.app.report import spectra
+from fidim_lab.app.report.explain_page import write_explain_page
+from fidim_lab.app.report.explained import explained
+from fidim_lab.app.report.explanation_file import as_file, read_explanation
+from fidim_lab.app.report.proof import proof, rms
+from fidim_lab.app.report.write import write_report
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
+from fidim_lab.effects.catalogue import by_id
+from fidim_lab.errors import FileError
+from fidim_lab.mismatch.explanation import (
+    Before,
+    BodyParameter,
+    EffectParameter,
+    Explanation,
+    NamedCause,
+    Place,
+    Ranked,
+    Verdict,
+    write_explanation,
+)
+from fidim_lab.model.dynamics import simulate_free_motion
+from fidim_lab.model.equilibria import equilibrium_at
+from fidim_lab.model.mechanism import Mechanism
+
+DRAG = 6.0
+"""N s/m: what is hidden"""
+
+
+@pytest.fixture(scope="module")
+def dragged(irma4):
+    """A held-out window of the nominal body with air drag, and one to identify from."""
+    (effect,) = by_id(irma4, "air-drag-linear")
+    mechanism = Mechanism(irma4, (effect,), [DRAG])
+    rest = equilibrium_at(mechanism, irma4.nominal, np.array([1.2, -0.2, -0.3]))
+    t = np.arange(0, 4.0, 0.01)
+    xi = mechanism.structure_matrix(rest.pose.position[None], rest.pose.rotation[None])[0]
+    free = np.linalg.svd(xi)[2][4:]  # twists that leave the lengths as they are
+    motion = simulate_free_motion(mechanism, irma4.nominal, rest.pose, 1.0 * free.sum(axis=0), t).motion
+    marker = motion.positions + motion.rotations @ irma4.marker
+    lengths = np.tile(rest.lengths, (len(t), 1))
+    rng = np.random.default_rng(5)
+    noisy = marker[:, None] + irma4.sensors.marker_noise * rng.normal(size=(len(t), 1, 3))
+    window = Window("v01", Role.VALIDATE, t, noisy, lengths=lengths, currents=None)
+    return Campaign("with drag", irma4, 100.0, (replace(window, id="i01", role=Role.IDENTIFY), window))
+
+
+@pytest.fixture
+def explanation(irma4):
+    body = {
+        name: BodyParameter(float(value), 1e-5, float(value))
+        for name, value in zip(PARAMETER_NAMES, irma4.nominal.vector, strict=True)
+    }
+    moved = {**body, "s_x": replace(body["s_x"], value=body["s_x"].value - 2e-4)}
+    cause = NamedCause(
+        "air-drag-linear", None, ("rotational-drag",), {"c": EffectParameter(DRAG, 0.01, "N s/m")}, "F = −c v"
+    )
+    return Explanation(
+        campaign="with drag", verdict=Verdict.EXPLAINED, effects=(cause,),
+        where=(Place("i01", (0.5, 2.0), "x", 1.3, 0.6, "Window i01 is off in x <most>."),),
+        chi2_per_dof=Before(41.0, 1.02), rms_mm=Before(0.66, 0.101),
+        ranking=(Ranked(("air-drag-linear",), 1.02, True, "accepted: white"),
+                 Ranked(("pulley-radius",), 38.0, False, "a pulley of 3 m")),
+        parameters=body, parameters_before=moved, next_experiment="Repeat it by night.",
+        message="Left out: air-drag-linear. Chance of a false alarm: 0 of 10000 draws.", seconds=3.0,
+        untested=("loose-mass",),
+    )  # fmt: skip
+
+
+def words_of(page):
+    return " ".join(re.sub(r"<(style|script|svg).*?</\1>|<[^>]*>", " ", page, flags=re.DOTALL).split())
+
+
+def test_the_stated_numbers_reproduce_the_improvement(dragged, explanation):
+    shown = proof(as_file(explanation), dragged)
+    (one,) = shown.windows
+    assert one.window.id == "v01"
+    assert one.after.chi2_per_dof == pytest.approx(1.0, abs=0.15)
+    assert one.before.chi2_per_dof > 5 * one.after.chi2_per_dof
+    assert rms([one.after]) == pytest.approx(dragged.robot.sensors.marker_noise, rel=0.1)
+    assert shown.notes == ()
+
+
+def test_numbers_that_do_not_hold_are_seen_not_to(dragged, explanation):
+    (cause,) = explanation.effects
+    wrong = replace(cause, parameters={"c": EffectParameter(0.2 * DRAG, 0.01, "N s/m")})
+    (one,) = proof(as_file(replace(explanation, effects=(wrong,))), dragged).windows
+    assert one.after.chi2_per_dof > 3
+
+
+def test_an_effect_that_nobody_knows_leaves_a_note(dragged, explanation):
+    (cause,) = explanation.effects
+    strange = as_file(replace(explanation, effects=(replace(cause, parameters={"zeal": cause.parameters["c"]}),)))
+    shown = proof(strange, dragged)
+    assert shown.windows[0].after is None
+    assert "no variant with the parameters zeal" in " ".join(shown.notes)
+    section = explained(strange, shown, 1e-4)
+    assert len(section.drawings) == 3
+
+
+def test_windows_with_a_hand_in_them_prove_nothing(dragged, explanation):
+    hand = NamedCause("hand-contact", None, (), {"v01 begin": EffectParameter(1.0, 0.1, "s")}, "a hand")
+    assert proof(as_file(replace(explanation, effects=(hand,))), dragged).windows == ()
+
+
+def test_the_page_says_what_was_found_and_why(dragged, explanation, write_folder, tmp_path):
+    pictures = tmp_path / "pictures"
+    path = write_explain_page(write_folder(dragged), explanation, tmp_path / "why.html", pictures)
+    page = path.read_text(encoding="utf-8")
+    words = words_of(page)
+    for said in (
+        "✓ explained", "air-drag-linear: F = −c v; these data cannot tell it from rotational-drag", "0.01 N s/m",
+        "Window i01 is off in x &lt;most&gt;.", "χ²/dof 41 1.02", "Repeat it by night.",
+        "✗ impossible a pulley of 3 m", "0 of 10000 draws", "loose-mass this version cannot test it", "SHA-256",
+    ):  # fmt: skip
+        assert said in words, said
+    assert "+20.0" in words  # s_x moved by 0.2 mm, 20 sd
+    names = sorted(one.name for one in pictures.iterdir())
+    assert names == ["01-shifts.svg", "02-spectra.svg", "03-residuals.svg", "04-robot.svg"]
+    assert all('xmlns="http://www.w3.org/2000/svg"' in one.read_text() for one in pictures.iterdir())
+    assert page.count("<svg") == 4
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folder, result_of):
+    folder = write_folder(dragged)
+    assert "What was left out" not in write_report(folder, result_of(dragged)).read_text()
+    write_explanation(folder / "explanation.json", explanation)
+    assert "Repeat it by night." in words_of(write_report(folder, result_of(dragged)).read_text())
+
+
+def test_a_wrong_file_names_the_key(explanation, tmp_path):
+    path = tmp_path / "explanation.json"
+    write_explanation(path, explanation)
+    assert read_explanation(path) == as_file(explanation)
+    path.write_text(path.read_text().replace('"explained"', '"certain"'))
+    with pytest.raises(FileError, match=r"explanation\.json: verdict"):
+        read_explanation(path)
+
+
+def test_a_sine_has_its_amplitude_and_noise_its_level():
+    t = np.arange(0, 10, 0.01)
+    found = spectra.amplitudes("x", t, 3e-3 * np.sin(2 * np.pi * 2.0 * t)[:, None])
+    k = int(np.argmax(found.amplitudes))
+    assert found.frequencies[k] == pytest.approx(2.0)
+    assert found.amplitudes[k] == pytest.approx(3e-3, rel=0.01)
+    noise = spectra.amplitudes("x", t, 1e-4 * np.random.default_rng(1).normal(size=(1000, 3)))
+    level = float(np.sqrt(np.mean(noise.amplitudes[2:] ** 2)))
+    assert level == pytest.approx(spectra.noise_level(1e-4, 1000, 3), rel=0.1)
+
+
+def test_gaps_do_not_shift_a_line_and_few_samples_have_no_spectrum():
+    t = np.arange(0, 10, 0.01)
+    values = np.sin(2 * np.pi * 3.0 * t)[:, None]
+    values[200:260] = np.nan
+    found = spectra.amplitudes("x", t, values)
+    assert found.frequencies[int(np.argmax(found.amplitudes))] == pytest.approx(3.0, abs=0.1)
+    assert spectra.amplitudes("x", t[:20], values[:20]) is None
