@@ -5,7 +5,9 @@ from typing import Literal
 
 from drivers.mocap.decoder import Decoder, Position
 from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.osc import OscDecoder
 from drivers.mocap.upright import Upright
+from drivers.mocap.vicon_datastream import ViconDataStreamDecoder
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from fidim_lab.errors import OurBugError
 
@@ -14,20 +16,28 @@ from fidim_lab.errors import OurBugError
 class DecoderDescription:
     """Which decoder, of what."""
 
-    kind: Literal["vicon-udp", "marker-text"]
+    kind: Literal["vicon-udp", "marker-text", "vicon-datastream", "osc"]
     markers: int
     objects: tuple[str, ...] = ()
-    """vicon-udp: an object for each marker; or the subject alone, where `points` are given"""
+    """vicon-udp: an object for each marker; or the subject alone, where `points` are given. Else names or addresses"""
     points: tuple[Position, ...] = ()
     """m, in the subject's frame"""
     upright: bool = False
     """turned from y up to z up"""
+    frame_address: str = "/frame"
+    """osc"""
+    unit: float = 1.0
+    """osc: m for one unit on the wire"""
 
     def make(self) -> Decoder:
         """A fresh decoder."""
         decoder: Decoder
         if self.kind == "marker-text":
             decoder = MarkerTextDecoder(self.markers)
+        elif self.kind == "vicon-datastream":
+            decoder = ViconDataStreamDecoder(self.objects)
+        elif self.kind == "osc":
+            decoder = OscDecoder(self.objects, frame_address=self.frame_address, unit=self.unit)
         elif self.points:
             decoder = ViconUdpDecoder(SubjectPoints(self.objects[0], self.points))
         else:
@@ -41,6 +51,17 @@ def describe(decoder: Decoder) -> DecoderDescription:
     inner = decoder.inner if isinstance(decoder, Upright) else decoder
     if isinstance(inner, MarkerTextDecoder):
         return DecoderDescription("marker-text", inner.markers, upright=upright)
+    if isinstance(inner, ViconDataStreamDecoder):
+        return DecoderDescription("vicon-datastream", len(inner.names), inner.names, upright=upright)
+    if isinstance(inner, OscDecoder):
+        return DecoderDescription(
+            "osc",
+            len(inner.addresses),
+            inner.addresses,
+            upright=upright,
+            frame_address=inner.frame_address,
+            unit=inner.unit,
+        )
     if isinstance(inner, ViconUdpDecoder):
         layout = inner.layout
         if isinstance(layout, SubjectPoints):

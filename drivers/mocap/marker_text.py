@@ -9,6 +9,7 @@ Lines may be torn anywhere and are put together again; empty lines and lines tha
 """
 
 import math
+from collections.abc import Sequence
 from functools import reduce
 from operator import xor
 
@@ -80,6 +81,13 @@ class MarkerTextDecoder:
         if len(fields) != self._fields:
             return _malformed(text, f"has {len(fields)} fields, not {self._fields}")
         return _frame(text, fields)
+
+
+def marker_line(number: int, positions: Sequence[Position | None]) -> bytes:
+    """The line of a frame, with its checksum; positions in m, None where occluded. Keeps every digit."""
+    fields = [",,," if place is None else f",{place[0]!r},{place[1]!r},{place[2]!r}" for place in positions]
+    body = (str(number) + "".join(fields)).encode("ascii")
+    return b"%s*%02X\n" % (body, _checksum(body))
 
 
 def _frame(text: bytes, fields: list[bytes]) -> Event:

@@ -6,9 +6,11 @@ import numpy as np
 
 from drivers.mocap.clock_fit import fit_clock
 from drivers.mocap.source import StreamMarkerSource
+from drivers.mocap.upright import Upright
+from drivers.mocap.vicon_datastream import ViconDataStreamDecoder
 from drivers.ports import Clock, MarkerFrame
 from fidim_lab.app.checks import Check, Verdict
-from fidim_lab.app.compose.real import marker_source
+from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.data.rig import RigFile
 from fidim_lab.errors import FidimError
 
@@ -40,8 +42,11 @@ class Watched:
 async def check_motion_capture(file: RigFile, clock: Clock) -> list[Check]:
     """Open the stream and watch it."""
     entry = file.motion_capture
-    wanted = f"{entry.kind} at {entry.host}:{entry.port}"
-    source = marker_source(file, clock)
+    wanted = f"{entry.kind} at {entry.place}"
+    try:
+        source = marker_source(file, clock)
+    except FidimError as error:
+        return [Check("stream", Verdict.FAILED, error.message, error.hint, wanted, DEVICE)]
     try:
         try:
             await source.start()
@@ -52,8 +57,16 @@ async def check_motion_capture(file: RigFile, clock: Clock) -> list[Check]:
     finally:
         await source.close()
     names = entry.markers or tuple(f"marker {k}" for k in range(1, len(file.robot.markers) + 1))
-    checks = [Check("stream", Verdict.OK, "comes", wanted=wanted, device=DEVICE)]
+    checks = [Check("stream", Verdict.OK, "comes", wanted=wanted, device=DEVICE), *check_own_account(source)]
     return [*checks, *check_timing(watched, entry.rate), *check_markers(watched, names)]
+
+
+def check_own_account(source: StreamMarkerSource) -> list[Check]:
+    """What the system itself says of its delay, where it does."""
+    decoder = source.decoder.inner if isinstance(source.decoder, Upright) else source.decoder
+    if not isinstance(decoder, ViconDataStreamDecoder) or decoder.latency is None:
+        return []
+    return [Check("system's own latency", Verdict.OK, f"{1e3 * decoder.latency:.1f} ms", device=DEVICE)]
 
 
 async def _watch(source: StreamMarkerSource, clock: Clock) -> Watched:

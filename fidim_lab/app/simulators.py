@@ -54,7 +54,7 @@ async def _serve(file: RigFile, options: SimulatorOptions) -> None:
     async with compose.simulated_devices(file, options.seed, options.hide, plan) as devices:
         lengths = " ".join(f"{length:.3f}" for length in devices.start)
         _say(f"{len(devices.drives)} drives on {file.bus.name}, the robot rests at lengths {lengths} m")
-        _say(f"motion capture: {file.motion_capture.kind} to {file.motion_capture.host}:{file.motion_capture.port}")
+        _say(f"motion capture: {file.motion_capture.kind}, {file.motion_capture.place}")
         if file.hand is not None:
             _say(f"hand: {file.hand.host}:{file.hand.port}")
         _say("ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K, fault K")

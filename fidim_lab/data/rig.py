@@ -132,7 +132,7 @@ class MocapEntry:
     """the server's address; for datagrams the local address that is listened at"""
     port: int
     transport: str
-    """"udp" or "tcp\""""
+    """"udp", "tcp", or "lsl", which finds its streams by itself"""
     rate: float
     """frames a second, Hz"""
     markers: tuple[str, ...]
@@ -141,6 +141,17 @@ class MocapEntry:
     """a tracked rigid body that carries the robot file's markers, instead of named markers"""
     up: str
     """axis of the motion-capture frame that points up: "z" or "y\""""
+    unit: float = 1.0
+    """m for one unit on the wire, where the format leaves it open (osc, lsl)"""
+    stream: str | None = None
+    """the name of an LSL stream"""
+    frame_address: str = "/frame"
+    """of the OSC message that carries the frame number"""
+
+    @property
+    def place(self) -> str:
+        """Where it is, for messages."""
+        return f"stream {self.stream!r}" if self.transport == "lsl" else f"{self.host}:{self.port}"
 
 
 @dataclass(frozen=True)

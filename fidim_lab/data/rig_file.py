@@ -10,12 +10,13 @@ from fidim_lab.data.rig import (
     GuardReaction,
     HandEntry,
     MocapEntry,
+    MocapKind,
     RigFile,
     StopEntry,
     TensionEntry,
     WinchEntry,
 )
-from fidim_lab.data.rig_tables import STANDARD_PORTS, GuardsTable, MocapTable, RigTable, WinchTable
+from fidim_lab.data.rig_tables import STANDARD_PORTS, UNITS, GuardsTable, MocapTable, RigTable, WinchTable
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.data.toml_file import read_toml
 from fidim_lab.errors import FileError
@@ -100,16 +101,21 @@ def _winch(path: Path, number: int, table: WinchTable) -> WinchEntry:
 
 def _motion_capture(path: Path, table: MocapTable, markers: int) -> MocapEntry:
     names = table.markers
-    if table.subject is None and names and len(names) != markers:
+    carried_by_body = table.kind is MocapKind.VICON_UDP and table.subject is not None
+    if names and len(names) != markers:
         raise FileError(
             path, "motion_capture, markers", f"{len(names)} names for the {markers} marker(s) of the robot file"
         )
-    if table.subject is None and not names:
+    if not names and not carried_by_body:
         names = tuple(f"marker{k}" for k in range(1, markers + 1))
+    if table.kind is MocapKind.VICON_DATASTREAM and table.subject is not None:
+        names = tuple(f"{table.subject}/{name}" for name in names)
     return MocapEntry(
-        **table.model_dump(exclude={"port", "markers"}),
+        **table.model_dump(exclude={"port", "markers", "transport", "unit"}),
         port=STANDARD_PORTS[table.kind] if table.port is None else table.port,
         markers=names,
+        transport=table.way,
+        unit=UNITS[table.unit],
     )
 
 

@@ -12,14 +12,24 @@ NotNegative = Annotated[float, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
 Port = Annotated[int, Field(ge=1, le=65535)]
 
-STANDARD_PORTS = {MocapKind.VICON_UDP: 51001, MocapKind.MARKER_TEXT: 51100}
-NOT_BUILT = {
-    MocapKind.VICON_DATASTREAM: "Vicon DataStream",
-    MocapKind.LSL: "Lab Streaming Layer",
-    MocapKind.QTM: "Qualisys RT",
-    MocapKind.NATNET: "OptiTrack NatNet",
-    MocapKind.OSC: "OSC",
+STANDARD_PORTS = {
+    MocapKind.VICON_UDP: 51001,
+    MocapKind.VICON_DATASTREAM: 801,
+    MocapKind.MARKER_TEXT: 51100,
+    MocapKind.OSC: 51200,
+    MocapKind.LSL: 0,
 }
+"""LSL finds its own"""
+TRANSPORTS = {
+    MocapKind.VICON_UDP: ("udp",),
+    MocapKind.VICON_DATASTREAM: ("tcp",),
+    MocapKind.MARKER_TEXT: ("udp", "tcp"),
+    MocapKind.OSC: ("udp",),
+    MocapKind.LSL: ("lsl",),
+}
+"""how each kind arrives, the usual way first"""
+UNITS = {"m": 1.0, "mm": 1e-3}
+NOT_BUILT = {MocapKind.QTM: "Qualisys RT", MocapKind.NATNET: "OptiTrack NatNet"}
 """kinds that the format knows and this version does not read"""
 
 
@@ -98,26 +108,38 @@ class MocapTable(Table):
     kind: MocapKind
     host: Name = "0.0.0.0"
     port: Port | None = None
-    transport: Literal["udp", "tcp"] = "udp"
+    transport: Literal["udp", "tcp", "lsl"] | None = None
     rate: Annotated[float, Field(ge=1, le=2000)]
     markers: tuple[Name, ...] = ()
     subject: Name | None = None
     up: Literal["z", "y"] = "z"
+    unit: Literal["m", "mm"] = "m"
+    stream: Name | None = None
+    frame_address: Annotated[str, Field(pattern="^/.")] = "/frame"
+
+    @property
+    def way(self) -> str:
+        """The transport, as given or usual."""
+        return self.transport or TRANSPORTS[self.kind][0]
 
     @model_validator(mode="after")
     def _possible(self) -> "MocapTable":
         if self.kind in NOT_BUILT:
             built = ", ".join(f'"{kind}"' for kind in STANDARD_PORTS)
             raise ValueError(f'kind: "{self.kind}" ({NOT_BUILT[self.kind]}) is not read by this version; use {built}')
-        if self.kind is MocapKind.VICON_UDP:
-            if self.transport != "udp":
-                raise ValueError(f'transport: "{self.transport}", the Vicon object stream is always "udp"')
-            if bool(self.markers) == (self.subject is not None):
-                raise ValueError("markers, subject: give one of them: objects that are markers, or the tracked body")
-        elif self.subject is not None:
-            raise ValueError("subject: lines of text carry markers only; leave it out")
-        if self.transport == "tcp" and self.host == "0.0.0.0":
+        if self.way not in TRANSPORTS[self.kind]:
+            ways = " or ".join(f'"{way}"' for way in TRANSPORTS[self.kind])
+            raise ValueError(f'transport: "{self.way}", {self.kind} is always {ways}')
+        if self.kind is MocapKind.VICON_UDP and bool(self.markers) == (self.subject is not None):
+            raise ValueError("markers, subject: give one of them: objects that are markers, or the tracked body")
+        if self.subject is not None and self.kind not in (MocapKind.VICON_UDP, MocapKind.VICON_DATASTREAM):
+            raise ValueError(f"subject: {self.kind} carries markers only; leave it out")
+        if self.way == "tcp" and self.host == "0.0.0.0":
             raise ValueError("host: is missing; over TCP it is the server's address")
+        if (self.kind is MocapKind.LSL) != (self.stream is not None):
+            raise ValueError("stream: is the name of an LSL stream, and lsl needs one")
+        if self.unit != "m" and self.kind not in (MocapKind.OSC, MocapKind.LSL):
+            raise ValueError(f"unit: {self.kind} has its own; leave it out")
         return self
 
 

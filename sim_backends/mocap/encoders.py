@@ -1,6 +1,7 @@
 r"""Motion-capture packets as a device sends them, written from the formats alone (nothing here knows the decoders).
 
 `ViconEncoder`: Tracker's UDP object stream, one object for each marker. `TextEncoder`: lines `frame,x,y,z…*hh\n`.
+`OscEncoder`: OSC bundles. Vicon's DataStream has its own module.
 """
 
 import math
@@ -96,6 +97,33 @@ class TextEncoder:
         for byte in body:
             total ^= byte
         return b"%s*%02X\n" % (body, total)
+
+
+class OscEncoder:
+    """One OSC bundle for each frame: its number, and a message for each marker that is seen."""
+
+    is_stream = False
+
+    def __init__(self, addresses: Sequence[str], *, frame_address: str = "/frame", unit: float = 1.0) -> None:
+        """An address for each marker; unit: m for one unit on the wire."""
+        self._unit = unit
+        self._heads = [_osc_text(address) + _osc_text(",ddd") for address in addresses]
+        self._frame = _osc_text(frame_address) + _osc_text(",h")
+
+    def encode(self, number: int, positions: Positions) -> bytes:
+        """One datagram; positions in m."""
+        messages = [self._frame + struct.pack(">q", number)]
+        for head, position in zip(self._heads, positions, strict=True):
+            if position is not None:
+                messages.append(head + struct.pack(">3d", *[value / self._unit for value in position]))
+        now = b"\0\0\0\0\0\0\0\1"
+        elements = b"".join(struct.pack(">i", len(message)) + message for message in messages)
+        return b"#bundle\0" + now + elements
+
+
+def _osc_text(text: str) -> bytes:
+    data = text.encode("ascii") + b"\0"
+    return data.ljust(-(-len(data) // 4) * 4, b"\0")
 
 
 class TurnedEncoder:

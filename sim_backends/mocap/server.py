@@ -67,13 +67,14 @@ class MocapServer:
     def expose(self, index: int, start: float) -> list[Piece]:
         """Take frame `index` (0, 1, …) of a stream that began at host time `start`: the pieces that will arrive."""
         since = index * self.timing.period
-        measured = self._measure(since, start + since)
+        measured = self.measure(since, start + since)
         due = self._due(start + since)
         if any(since in silence for silence in self.faults.silences):
             return []
         return self.damage.apply(due, self.encoder.encode(self.timing.first_number + index, measured))
 
-    def _measure(self, since: float, t: float) -> list[tuple[float, float, float] | None]:
+    def measure(self, since: float, t: float) -> list[tuple[float, float, float] | None]:
+        """What is seen of each marker (m) `since` s after the first frame, at host time t."""
         true = np.asarray(self.truth(t), dtype=np.float64)
         rows = (true + self.noise * self._noise_rng.standard_normal(true.shape)).tolist()
         seen: list[tuple[float, float, float] | None] = [(x, y, z) for x, y, z in rows]

@@ -13,16 +13,12 @@ from drivers.cia402.config import GENERIC_EDS, StopReactions, WinchConfig
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.winch import Cia402Winch
 from drivers.clock import LoopClock
-from drivers.mocap.decoder import Decoder
-from drivers.mocap.feeds import ByteFeed, TcpFeed, UdpFeed
-from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.upright import Upright
-from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from drivers.ports import Clock, Operator, Rig
 from drivers.remote_operator import RemoteOperator
 from fidim_lab.app.compose.loop import running
-from fidim_lab.data.rig import GuardEntry, GuardReaction, MocapKind, RigFile, WinchEntry
+from fidim_lab.app.compose.motion_capture import marker_source
+from fidim_lab.data.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
 from fidim_lab.errors import SetupError
 from procedures.settings import GuardSettings, Reaction, Settings, TensionSettings
 
@@ -133,28 +129,6 @@ def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float
         sample_age=sample_age,
         current_offset=entry.tension.offset / newton_per_ampere,
     )
-
-
-def marker_source(file: RigFile, clock: Clock) -> StreamMarkerSource:
-    """The rig's motion capture, not yet started."""
-    entry = file.motion_capture
-    feed: ByteFeed
-    if entry.transport == "tcp":
-        feed = TcpFeed(clock, entry.host, entry.port)
-    else:
-        feed = UdpFeed(clock, entry.port, entry.host)
-    decoder = _decoder(file)
-    return StreamMarkerSource(feed, Upright(decoder) if entry.up == "y" else decoder, clock, rate=entry.rate)
-
-
-def _decoder(file: RigFile) -> Decoder:
-    entry = file.motion_capture
-    if entry.kind is MocapKind.MARKER_TEXT:
-        return MarkerTextDecoder(len(file.robot.markers))
-    if entry.subject is not None:
-        points = tuple((float(x), float(y), float(z)) for x, y, z in file.robot.markers)
-        return ViconUdpDecoder(SubjectPoints(entry.subject, points))
-    return ViconUdpDecoder(MarkerObjects(entry.markers))
 
 
 async def _hand(file: RigFile, stack: contextlib.AsyncExitStack) -> Operator:

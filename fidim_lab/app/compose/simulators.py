@@ -14,20 +14,18 @@ import numpy as np
 
 from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.clock import LoopClock
-from drivers.ports import Clock
 from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.compose.simulated import GRAIN, simulated_world
+from fidim_lab.app.compose.simulated_motion_capture import MocapSender, mocap_sender
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan
-from fidim_lab.data.rig import BusEntry, MocapEntry, MocapKind, RigFile
+from fidim_lab.data.rig import BusEntry, RigFile
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.random_plan import random_plan
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.hand_server import HandServer
 from sim_backends.laboratory import DrumGeometry, Laboratory
-from sim_backends.mocap.encoders import Encoder, TextEncoder, TurnedEncoder, ViconEncoder
-from sim_backends.mocap.sockets import TcpServer, UdpSender
 from sim_backends.served_bus import ServedBus
 from sim_backends.slcan_server import SlcanServerBus
 
@@ -46,7 +44,7 @@ class SimulatedDevices:
     bus: can.BusABC
     served: ServedBus
     drives: tuple[SimulatedDrive, ...]
-    motion_capture: UdpSender | TcpServer
+    motion_capture: MocapSender
 
     async def pull(self, plug: str) -> str:
         """Pull a plug, and say so; raises SetupError for one that there is not.
@@ -99,7 +97,7 @@ async def simulated_devices(
     async with contextlib.AsyncExitStack() as stack:
         bus = _open_bus(file.bus)
         served = stack.enter_context(ServedBus(bus, drives))
-        mocap = _motion_capture(file, laboratory, clock)
+        mocap = mocap_sender(file, laboratory, clock)
         stack.push_async_callback(mocap.close)
         await mocap.start()
         if file.hand is not None:
@@ -174,22 +172,3 @@ def _open_bus(entry: BusEntry) -> can.BusABC:
         return can.Bus(entry.channel, entry.interface, **dict(entry.options))
     except (can.CanError, OSError, ValueError, TypeError) as error:
         raise SetupError(f"The CAN bus {entry.name} cannot be opened: {error}.") from error
-
-
-def _motion_capture(file: RigFile, laboratory: Laboratory, clock: Clock) -> UdpSender | TcpServer:
-    entry = file.motion_capture
-    server = laboratory.mocap_server(_encoder(entry), entry.rate)
-    if entry.transport == "tcp":
-        return TcpServer(server, clock, entry.port, entry.host)
-    host = "127.0.0.1" if entry.host == "0.0.0.0" else entry.host
-    return UdpSender(server, clock, entry.port, host)
-
-
-def _encoder(entry: MocapEntry) -> Encoder:
-    if entry.subject is not None:
-        raise SetupError(
-            f"motion_capture, subject: the simulated cameras show markers, not the body {entry.subject!r}.",
-            hint="For simulators, name markers instead.",
-        )
-    encoder = TextEncoder() if entry.kind is MocapKind.MARKER_TEXT else ViconEncoder(entry.markers)
-    return TurnedEncoder(encoder) if entry.up == "y" else encoder

@@ -1,4 +1,4 @@
-"""Other people's clients read our simulated servers. They live in whatever Python FIDIM_PEER_PYTHON names, else in ours."""
+"""Other people's clients read our simulated servers, from the Python that FIDIM_PEER_PYTHON names, else from ours."""
 
 import json
 import os
@@ -21,7 +21,8 @@ PLACE = (1.25, -0.5, 0.75)
 
 
 def need(*modules):
-    asked = subprocess.run([PYTHON, "-c", f"import {', '.join(modules)}"], capture_output=True, timeout=60, check=False)
+    command = [PYTHON, "-c", f"import {', '.join(modules)}"]
+    asked = subprocess.run(command, capture_output=True, timeout=60, check=False)
     if asked.returncode:
         pytest.skip(
             f"{PYTHON} has no {' or '.join(modules)}: pip install {' '.join(modules)}, or set FIDIM_PEER_PYTHON"

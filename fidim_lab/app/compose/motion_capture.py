@@ -1,0 +1,51 @@
+"""The motion capture that a rig file names: what reads its bytes, and where they come from. One entry for each kind."""
+
+from drivers.mocap.decoder import Decoder
+from drivers.mocap.feeds import ByteFeed, TcpFeed, UdpFeed
+from drivers.mocap.lsl_feed import LslFeed
+from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.osc import OscDecoder, address_of
+from drivers.mocap.source import StreamMarkerSource
+from drivers.mocap.upright import Upright
+from drivers.mocap.vicon_datastream import DataStreamWishes, ViconDataStreamDecoder
+from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
+from drivers.ports import Clock
+from fidim_lab.data.rig import MocapEntry, MocapKind, RigFile
+
+CONVERSATIONS = {MocapKind.VICON_DATASTREAM: DataStreamWishes}
+"""what is said to servers that wait to be asked"""
+
+
+def marker_source(file: RigFile, clock: Clock) -> StreamMarkerSource:
+    """The rig's motion capture, not yet started. Raises SetupError where a package is missing that it needs."""
+    entry = file.motion_capture
+    decoder = marker_decoder(file)
+    return StreamMarkerSource(
+        _feed(entry, clock), Upright(decoder) if entry.up == "y" else decoder, clock, rate=entry.rate
+    )
+
+
+def marker_decoder(file: RigFile) -> Decoder:
+    """What reads the bytes, in the system's own axes."""
+    entry = file.motion_capture
+    match entry.kind:
+        case MocapKind.VICON_DATASTREAM:
+            return ViconDataStreamDecoder(entry.markers)
+        case MocapKind.OSC:
+            addresses = tuple(address_of(marker) for marker in entry.markers)
+            return OscDecoder(addresses, frame_address=entry.frame_address, unit=entry.unit)
+        case MocapKind.VICON_UDP if entry.subject is not None:
+            points = tuple((float(x), float(y), float(z)) for x, y, z in file.robot.markers)
+            return ViconUdpDecoder(SubjectPoints(entry.subject, points))
+        case MocapKind.VICON_UDP:
+            return ViconUdpDecoder(MarkerObjects(entry.markers))
+        case _:  # lines of text, and the samples of LSL, which its feed makes lines of text
+            return MarkerTextDecoder(len(file.robot.markers))
+
+
+def _feed(entry: MocapEntry, clock: Clock) -> ByteFeed:
+    if entry.kind is MocapKind.LSL:
+        return LslFeed(clock, entry.stream or "", entry.markers, rate=entry.rate, unit=entry.unit)
+    if entry.transport == "tcp":
+        return TcpFeed(clock, entry.host, entry.port, conversation=CONVERSATIONS.get(entry.kind))
+    return UdpFeed(clock, entry.port, entry.host)

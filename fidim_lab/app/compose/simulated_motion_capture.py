@@ -1,0 +1,70 @@
+"""The motion capture of a rig file, simulated: the bytes of its kind, sent the way that kind sends them."""
+
+from typing import Protocol
+
+from drivers.mocap.osc import address_of
+from drivers.ports import Clock
+from fidim_lab.data.rig import MocapEntry, MocapKind, RigFile
+from fidim_lab.errors import SetupError
+from sim_backends.laboratory import Laboratory
+from sim_backends.mocap.datastream import DataStreamEncoder, DataStreamSession
+from sim_backends.mocap.encoders import Encoder, OscEncoder, TextEncoder, TurnedEncoder, ViconEncoder
+from sim_backends.mocap.lsl_sender import LslSender
+from sim_backends.mocap.sockets import PlainSession, TcpServer, UdpSender
+
+SUBJECT = "platform"
+"""what carries markers that are named without a subject"""
+SESSIONS = {MocapKind.VICON_DATASTREAM: DataStreamSession}
+
+
+class MocapSender(Protocol):
+    """A simulated system at its socket or stream."""
+
+    async def start(self) -> None:
+        """Begin to send. Raises SetupError where the address is taken."""
+        ...
+
+    async def close(self) -> None:
+        """Stop; may be called twice."""
+        ...
+
+
+def mocap_sender(file: RigFile, laboratory: Laboratory, clock: Clock) -> MocapSender:
+    """What sends the markers of a laboratory as the rig file's system would. Raises SetupError where it cannot."""
+    entry = file.motion_capture
+    server = laboratory.mocap_server(_turned(_encoder(entry), entry), entry.rate)
+    if entry.kind is MocapKind.LSL:
+        if entry.up != "z" or entry.unit != 1.0:
+            raise SetupError("motion_capture, up, unit: the simulated LSL stream has z up and metres.")
+        return LslSender(server, clock, entry.stream or "", entry.markers)
+    if entry.transport == "tcp":
+        return TcpServer(server, clock, entry.port, entry.host, SESSIONS.get(entry.kind, PlainSession))
+    host = "127.0.0.1" if entry.host == "0.0.0.0" else entry.host
+    return UdpSender(server, clock, entry.port, host)
+
+
+def _turned(encoder: Encoder, entry: MocapEntry) -> Encoder:
+    return TurnedEncoder(encoder) if entry.up == "y" else encoder
+
+
+def _encoder(entry: MocapEntry) -> Encoder:
+    match entry.kind:
+        case MocapKind.VICON_DATASTREAM:
+            parts = [name.rpartition("/") for name in entry.markers]
+            subjects = {subject or SUBJECT for subject, _, _ in parts}
+            if len(subjects) > 1:
+                found = ", ".join(sorted(subjects))
+                raise SetupError(f"motion_capture, markers: one subject is simulated, these are of {found}.")
+            return DataStreamEncoder([name for _, _, name in parts], subject=subjects.pop(), rate=entry.rate)
+        case MocapKind.OSC:
+            addresses = [address_of(marker) for marker in entry.markers]
+            return OscEncoder(addresses, frame_address=entry.frame_address, unit=entry.unit)
+        case MocapKind.VICON_UDP if entry.subject is not None:
+            raise SetupError(
+                f"motion_capture, subject: the simulated cameras show markers, not the body {entry.subject!r}.",
+                hint="For simulators, name markers instead.",
+            )
+        case MocapKind.VICON_UDP:
+            return ViconEncoder(entry.markers)
+        case _:
+            return TextEncoder()
