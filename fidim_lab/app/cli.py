@@ -244,6 +244,40 @@ def compare(first: Path, second: Path, json_file: Path | None, report: Path | No
     sys.exit(compare_command(first, second, json_file, report))
 
 
+@fidim.group(invoke_without_command=True)
+@click.pass_context
+def benchmark(context: click.Context) -> None:
+    """Prove what the tool can do, on campaigns whose truth is sealed; without a name: list the benchmarks."""
+    from fidim_lab.app import console
+    from fidim_lab.app.benchmark.command import BENCHMARKS
+
+    if context.invoked_subcommand is None:
+        for name, says in BENCHMARKS.items():
+            console.out.print(f"{name}    {says}", markup=False)
+
+
+@benchmark.command("explain")
+@click.option("--campaigns", default=12, show_default=True, type=click.IntRange(1), help="How many to seal.")
+@click.option("--only", multiple=True, type=click.IntRange(1), help="Only the campaigns with these numbers.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of everything that is drawn.")
+@click.option("--out", type=FOLDER, required=True, help="Folder of the benchmark; one that was cut off goes on.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option(
+    "--validate", "validation", default=6, show_default=True, type=click.IntRange(1, 60), help="Held-out windows."
+)
+@click.option("--cap", default=600.0, show_default=True, type=click.FloatRange(1), help="CPU seconds for a campaign.")
+@click.option("--processes", default=None, type=click.IntRange(1), help="Default: one for each core.")
+@click.option("--scheduler", default=None, metavar="ADDRESS", help="Explain on a dask cluster instead.")
+@click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
+@click.option("--page", type=FILE, default=None, help="Write the result as a page of docs.")
+@example("fidim benchmark explain --campaigns 300 --out runs/sealed")
+def benchmark_explain(**options: Any) -> None:
+    """Seal campaigns with secrets of random size in random robots, explain them blind, open and score them."""
+    from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command
+
+    sys.exit(benchmark_command(BenchmarkOptions(**options)))
+
+
 @fidim.command()
 @click.argument("rig", type=FILE)
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the true robot and all noise.")

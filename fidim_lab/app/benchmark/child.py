@@ -1,0 +1,113 @@
+"""One computation on one campaign in a process of its own, which may be stopped.
+
+A computation that hangs, eats the memory or crashes the interpreter costs one campaign, not the benchmark. The time cap
+counts CPU time, so that a busy machine is no slower judge; waiting without end is capped as well.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from time import perf_counter, process_time
+from typing import Any
+
+from fidim_lab.app.benchmark.folder import read_json, write_json
+from fidim_lab.data.campaign import read_campaign, write_campaign
+from fidim_lab.data.records import Campaign
+from fidim_lab.errors import FidimError
+
+WAITING = 6.0
+"""times the cap, plus a minute, by the clock on the wall: how long anything may take"""
+NO_LIMITS = 0.0
+
+
+class Verb(StrEnum):
+    """What a child can do."""
+
+    EXPLAIN = "explain"
+    LOUDNESS = "loudness"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of it."""
+
+    answer: dict[str, Any] | None
+    """None where there is none, and then `why`"""
+    why: str
+    cpu: float
+    """s"""
+    seconds: float
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """For a file."""
+        return {"answer": self.answer, "why": self.why, "cpu": round(self.cpu, 2), "seconds": round(self.seconds, 2)}
+
+
+def in_child(verb: Verb, campaign: Campaign, cap: float) -> Outcome:
+    """Do it to this campaign within `cap` seconds of CPU time."""
+    begin = perf_counter()
+    with tempfile.TemporaryDirectory(prefix="fidim-benchmark-") as scratch:
+        folder, out = Path(scratch) / campaign.name, Path(scratch) / "out.json"
+        write_campaign(folder, campaign)
+        command = [sys.executable, "-m", __name__, verb.value, str(folder), str(out), str(cap)]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=WAITING * cap + 60.0, check=False)
+        except subprocess.TimeoutExpired:
+            return Outcome(None, f"no answer within {WAITING * cap + 60.0:.0f} s", cap, perf_counter() - begin)
+        seconds = perf_counter() - begin
+        if out.exists():
+            said = read_json(out)
+            return Outcome(said["answer"], said["why"], said["cpu"], seconds)
+        if done.returncode < 0 or done.returncode > 128:
+            return Outcome(None, f"stopped: the {cap:.0f} s of CPU time were used up, or it crashed", cap, seconds)
+        last = (done.stderr.strip().splitlines() or ["nothing was said"])[-1]
+        return Outcome(None, f"failed with exit code {done.returncode}: {last}", cap, seconds)
+
+
+def main(arguments: list[str]) -> int:
+    """`VERB CAMPAIGN OUT CAP`: what the child runs."""
+    verb, folder, out, cap = arguments
+    _limit(float(cap))
+    campaign = read_campaign(Path(folder))
+    answer, why = None, ""
+    try:
+        answer = _explained(campaign) if Verb(verb) is Verb.EXPLAIN else _loud(campaign)
+    except FidimError as error:
+        why = f"{type(error).__name__}: {error}"
+    write_json(Path(out), Outcome(answer, why, process_time(), NO_LIMITS).table)
+    return 0
+
+
+def _explained(campaign: Campaign) -> dict[str, Any]:
+    from fidim_lab.mismatch.explain import explain
+    from fidim_lab.mismatch.explanation import write_explanation
+
+    with tempfile.TemporaryDirectory() as scratch:
+        file = Path(scratch) / "explanation.json"
+        write_explanation(file, explain(campaign))
+        return json.loads(file.read_text(encoding="utf-8"))
+
+
+def _loud(campaign: Campaign) -> dict[str, Any]:
+    from fidim_lab.app.benchmark.loudness import loudness
+
+    return vars(loudness(campaign))
+
+
+def _limit(cap: float) -> None:
+    """CPU time of this process, where the system can limit it."""
+    try:
+        import resource
+    except ImportError:  # Windows: the wall-clock cap must do
+        return
+    seconds = max(1, round(cap))
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,156 @@
+"""`fidim benchmark explain`: seal, commit, explain, open, score. What is done already is not done again."""
+
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from rich.markdown import Markdown
+
+from fidim_lab.app import console
+from fidim_lab.app.benchmark.child import Outcome, Verb, in_child
+from fidim_lab.app.benchmark.folder import (
+    BenchmarkFolder,
+    commit,
+    keep_settings,
+    opened,
+    read_json,
+    verify,
+    write_json,
+)
+from fidim_lab.app.benchmark.loudness import QUIET
+from fidim_lab.app.benchmark.seal import SealTask, recipe_of, seal
+from fidim_lab.app.benchmark.tally import Judged, Tally, judged
+from fidim_lab.app.benchmark.words import page
+from fidim_lab.app.compose.sealed import Recipe, sealed_campaign
+from fidim_lab.app.spread_out import Map, workers
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.records import Campaign
+from fidim_lab.errors import FidimError, SetupError
+
+Action = Callable[[Campaign], Outcome]
+BATCH = 32
+"""campaigns in memory at a time"""
+BENCHMARKS = {"explain": "names of physics that was left out, on sealed campaigns of the independent simulators"}
+
+
+@dataclass(frozen=True)
+class BenchmarkOptions:
+    """As on the command line."""
+
+    out: Path
+    campaigns: int
+    only: tuple[int, ...]
+    """numbers; empty: 1 to `campaigns`"""
+    seed: int
+    equilibria: int
+    validation: int
+    cap: float
+    """s of CPU time for one campaign"""
+    processes: int | None
+    scheduler: str | None
+    json_file: Path | None
+    page: Path | None
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Which campaigns."""
+        return tuple(sorted(set(self.only))) or tuple(range(1, self.campaigns + 1))
+
+    @property
+    def tasks(self) -> list[SealTask]:
+        """What to make."""
+        windows = (self.equilibria, self.validation)
+        return [SealTask(self.out, self.seed, number, windows) for number in self.numbers]
+
+    @property
+    def text(self) -> str:
+        """As it is typed, without what changes nothing of the result."""
+        which = "".join(f" --only {n}" for n in self.only) or f" --campaigns {self.campaigns}"
+        return (
+            f"fidim benchmark explain{which} --seed {self.seed} --equilibria {self.equilibria} "
+            f"--validate {self.validation} --cap {self.cap:g}"
+        )
+
+
+def benchmark_command(options: BenchmarkOptions, *, explainer: Action | None = None) -> int:
+    """Do it all, print, write; returns 0: a result is a result.
+
+    explainer: instead of `explain` in a child process. Raises SetupError for an --out that holds another benchmark,
+    RefusedError where a sealed truth was changed.
+    """
+    tally, commitment = run_benchmark(options, explainer or partial(in_child, Verb.EXPLAIN, cap=options.cap))
+    text = page(tally, options.text, commitment)
+    if options.json_file is not None:
+        write_json(options.json_file, {**tally.table, "commitment": commitment, "command": options.text})
+    if options.page is not None:
+        _write_page(options.page, text)
+    if sys.stdout.isatty():
+        console.out.print(Markdown(text))
+    else:
+        console.out.print(text, markup=False)
+    return 0
+
+
+def run_benchmark(options: BenchmarkOptions, explainer: Action) -> tuple[Tally, str]:
+    """The result, and the hash that was committed to. Goes on where an earlier call was cut off."""
+    folder, tasks = BenchmarkFolder(options.out), options.tasks
+    names = [task.name for task in tasks]
+    keep_settings(folder, {"command": options.text})
+    with workers(options.processes, None) as spread:  # sealing and opening need this machine's disk
+        _told(spread(seal, tasks), len(tasks), "sealed")
+    commitment = commit(folder, names)
+    console.out.print(f"truth sealed: SHA-256 {commitment} of {len(names)} files ({folder.commitment})", markup=False)
+    with workers(options.processes, options.scheduler) as spread:
+        _explain_all(folder, names, explainer, spread)
+    verify(folder, names)
+    with workers(options.processes, None) as spread:
+        left = [task for task in tasks if not folder.loudness(task.name).exists()]
+        _told(spread(partial(measure, cap=options.cap), left), len(left), "measured")
+    return Tally(tuple(_judged(folder, name) for name in names)), commitment
+
+
+def _explain_all(folder: BenchmarkFolder, names: list[str], explainer: Action, spread: Map) -> None:
+    """Each answer is written as it comes."""
+    left, done = [name for name in names if not folder.answer(name).exists()], 0
+    for first in range(0, len(left), BATCH):
+        batch = left[first : first + BATCH]
+        campaigns = [read_campaign(folder.campaign(name)) for name in batch]
+        for name, outcome in zip(batch, spread(explainer, campaigns), strict=True):
+            write_json(folder.answer(name), outcome.table)
+            done += 1
+            console.err.print(
+                f"explained {done}/{len(left)}: {name} in {outcome.cpu:.0f} s {outcome.why}", markup=False
+            )
+
+
+def measure(task: SealTask, cap: float) -> str:
+    """Open one campaign, measure how loud its secret is, and write that; a failure is written as well."""
+    folder = BenchmarkFolder(task.out)
+    recipe: Recipe = recipe_of(task, opened(folder, task.name))
+    try:
+        quiet, _ = sealed_campaign(recipe, noise=QUIET)
+    except FidimError as error:
+        outcome = Outcome(None, str(error), 0.0, 0.0)
+    else:
+        outcome = in_child(Verb.LOUDNESS, quiet, cap)
+    write_json(folder.loudness(task.name), outcome.table)
+    return task.name
+
+
+def _judged(folder: BenchmarkFolder, name: str) -> Judged:
+    return judged(name, opened(folder, name), read_json(folder.answer(name)), read_json(folder.loudness(name)))
+
+
+def _told(done: Iterable[str], count: int, what: str) -> None:
+    for k, name in enumerate(done):
+        console.err.print(f"{what} {k + 1}/{count}: {name}", markup=False)
+
+
+def _write_page(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SetupError(f"--page {path}: cannot be written ({error.strerror}).") from error

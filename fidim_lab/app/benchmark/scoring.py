@@ -1,0 +1,66 @@
+"""Whether an explanation is right: by name, by class, or wrong."""
+
+from enum import StrEnum
+from itertools import product
+from typing import Any
+
+EQUIVALENTS = 3
+"""so many alternatives of an effect are read; who names more names nothing"""
+
+
+class Grade(StrEnum):
+    """How an explanation is judged."""
+
+    RIGHT = "right"
+    CLASS = "class"
+    """right only through `equivalent_to`"""
+    WRONG = "wrong"
+
+    @property
+    def good(self) -> bool:
+        """Right, or right by class."""
+        return self is not Grade.WRONG
+
+
+ALONE: dict[tuple[str, ...], str] = {
+    (): "nothing-missing",
+    ("unknown",): "unknown-physics",
+    ("sensor-fault",): "sensor-fault",
+}
+"""secrets that a verdict names, without an effect"""
+
+
+def grade(explanation: dict[str, Any] | None, label: list[str], cable: int | None) -> Grade:
+    """Judge one explanation ("fidim-explanation/1" as a table; None: there is none) against what was hidden.
+
+    right: the named effects are exactly the hidden ones, with the cable where the truth gives one, or the verdict is
+    the one for nothing, something unknown or a sensor fault. class: some choice of effects and their equivalents is.
+    """
+    if explanation is None:
+        return Grade.WRONG
+    verdict, effects = explanation.get("verdict"), explanation.get("effects", [])
+    if tuple(label) in ALONE:
+        return Grade.RIGHT if verdict == ALONE[tuple(label)] and not effects else Grade.WRONG
+    if verdict not in ("explained", "partly-explained"):
+        return Grade.WRONG
+    hidden = sorted(label)
+    cable_right = cable is None or cable in {effect.get("cable") for effect in effects}
+    if verdict == "explained" and cable_right and sorted(effect["id"] for effect in effects) == hidden:
+        return Grade.RIGHT
+    choices = [[effect["id"], *effect.get("equivalent_to", [])[:EQUIVALENTS]] for effect in effects]
+    return Grade.CLASS if any(sorted(choice) == hidden for choice in product(*choices)) else Grade.WRONG
+
+
+def named(explanation: dict[str, Any] | None) -> str:
+    """What an explanation says, in a word or two, for tables."""
+    if explanation is None:
+        return "no answer"
+    effects = explanation.get("effects", [])
+    if not effects:
+        return str(explanation.get("verdict"))
+    names = " + ".join(_with_cable(effect) for effect in effects)
+    return names if explanation.get("verdict") == "explained" else f"{names} ({explanation.get('verdict')})"
+
+
+def _with_cable(effect: dict[str, Any]) -> str:
+    return effect["id"] if effect.get("cable") is None else f"{effect['id']}[{effect['cable']}]"

@@ -1,0 +1,137 @@
+"""What a benchmark found, in Markdown: the terminal shows it, and `--page` puts it into the docs."""
+
+import os
+import platform
+import subprocess
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.app.benchmark.cases import Kind
+from fidim_lab.app.benchmark.scoring import Grade
+from fidim_lab.app.benchmark.statistics import Limit
+from fidim_lab.app.benchmark.tally import BAND_NAMES, Judged, Tally
+
+
+def page(tally: Tally, command: str, commitment: str) -> str:
+    """The whole page."""
+    sections = (
+        ("By loudness", _bands(tally)),
+        ("By kind", _kinds(tally)),
+        ("False alarms and the unknown", _alarms(tally)),
+        ("Confusion", _confusion(tally)),
+        ("Detection limits", _limits(tally)),
+        ("Parameters and time", _parameters(tally)),
+        ("Not right", _failures(tally)),
+    )
+    text = "\n\n".join(f"## {title}\n{body}" for title, body in sections)
+    return (
+        f"# Measured: explain, on sealed campaigns\n\n{provenance(command)}\nTruth committed to before the first "
+        + (f"campaign was explained: SHA-256 `{commitment}`.\n\n{text}\n")
+    )
+
+
+def provenance(command: str) -> str:
+    """Who computed it, where and when."""
+    here = Path(__file__).parent
+    try:
+        git = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=here, capture_output=True, text=True)
+        commit = git.stdout.strip()
+    except OSError:
+        commit = ""
+    libraries = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "casadi"))
+    return (
+        f"`{command}`, {datetime.now(UTC).date()}, commit {commit or 'unknown'}, fidim-lab {version('fidim-lab')}, "
+        f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}, {libraries}."
+    )
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def _bands(tally: Tally) -> str:
+    """Right, class and wrong by how much χ² the secret costs."""
+    rows = [_grades(name, tally.in_band(name)) for name in BAND_NAMES if tally.in_band(name)]
+    return (
+        "Campaigns with effects of the catalogue or a sensor fault, by the excess of χ² of the model as it is\n"
+        "(expected, from a recording with a tenth of the noise; windows to identify from).\n\n"
+        + table(("χ² excess", "campaigns", "right", "by class", "wrong", "right or by class (95 %)"), rows)
+    )
+
+
+def _kinds(tally: Tally) -> str:
+    rows = [_grades(kind.value, tally.of(lambda c, k=kind: c.kind is k)) for kind in Kind]
+    return table(("hidden", "campaigns", "right", "by class", "wrong", "right or by class (95 %)"), rows)
+
+
+def _grades(name: str, campaigns: tuple[Judged, ...]) -> tuple[object, ...]:
+    counts = [sum(c.grade is grade for c in campaigns) for grade in Grade]
+    return name, len(campaigns), *counts, Tally(campaigns).share(lambda _: True)
+
+
+def _alarms(tally: Tally) -> str:
+    return (
+        f"False alarms on campaigns with nothing hidden: {tally.false_alarms} (exact 95 % interval, Clopper–Pearson). "
+        f"Outside the catalogue, and called unknown: {tally.outside}."
+    )
+
+
+def _confusion(tally: Tally) -> str:
+    rows = [(hidden, named, count) for (hidden, named), count in tally.confusion.items()]
+    return table(("hidden (at most one)", "named", "campaigns"), rows)
+
+
+def _limits(tally: Tally) -> str:
+    """The size found nine times in ten."""
+    rows = [(id, count, _limit(size), unit, _limit(mm)) for id, (count, size, mm, unit) in tally.limits().items()]
+    return (
+        "The smallest size that is found nine times in ten (logistic curve in the logarithm of the size; times or\n"
+        "divided by one standard deviation), in the effect's unit, and in mm of trajectory: rms of a marker component\n"
+        "that the model as it is cannot follow, its parameters fitted. ≤ and ≥: beyond the sizes that were tried.\n\n"
+        + table(("effect", "campaigns", "limit", "unit", "limit, mm"), rows)
+    )
+
+
+def _limit(limit: Limit | None) -> str:
+    if limit is None:
+        return "–"
+    sign = {"": "", "below": "≤ ", "above": "≥ "}[limit.beyond]
+    return sign + f"{limit.size:.2g} ×/÷ {np.sqrt(limit.high / limit.low):.2g}"
+
+
+def _parameters(tally: Tally) -> str:
+    errors, times = tally.errors(), np.array([c.cpu for c in tally.campaigns])
+    said = "No campaign with an effect was explained rightly."
+    if errors is not None:
+        said = (
+            f"Error of the nine inertial parameters, rms in their own standard deviations, where an effect was rightly "
+            f"named (median of campaigns): {errors[0]:.3g} before, {errors[1]:.3g} after."
+        )
+    if not len(times):
+        return said
+    return f"{said}\n\nCPU time of a campaign: median {np.median(times):.0f} s, longest {times.max():.0f} s."
+
+
+def _failures(tally: Tally) -> str:
+    rows = [
+        (
+            c.name,
+            "<br>".join(hidden["hide"] for hidden in c.hidden) or "nothing",
+            c.named + (f": {c.why}" if c.why else ""),
+            _number(c.chi2_excess),
+            f"{_number(c.held_out[0])} → {_number(c.held_out[1])}",
+            c.backend,
+        )
+        for c in tally.of(lambda c: not c.grade.good)
+    ]
+    return table(("campaign", "hidden", "named", "χ² excess", "held-out χ²/dof", "world"), rows)
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"

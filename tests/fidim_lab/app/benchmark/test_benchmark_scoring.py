@@ -1,0 +1,80 @@
+"""Grades of explanations: a table, and the same answers as the judges' own script where it is at hand."""
+
+import importlib.util
+import itertools
+from pathlib import Path
+
+import pytest
+
+from fidim_lab.app.benchmark.scoring import Grade, grade, named
+
+JUDGES = Path(__file__).parents[5] / "shared" / "tools" / "score.py"
+
+
+def effect(id: str, cable: int | None = None, alike: tuple[str, ...] = ()) -> dict:
+    return {"id": id, "cable": cable, "equivalent_to": list(alike)}
+
+
+def said(verdict: str, *effects: dict) -> dict:
+    return {"verdict": verdict, "effects": list(effects)}
+
+
+DRAG, FRICTION = effect("air-drag-linear"), effect("swivel-friction")
+CASES = [
+    (said("nothing-missing"), [], None, Grade.RIGHT),
+    (said("explained", DRAG), [], None, Grade.WRONG),
+    (said("unknown-physics"), [], None, Grade.WRONG),
+    (said("unknown-physics"), ["unknown"], None, Grade.RIGHT),
+    (said("partly-explained", DRAG), ["unknown"], None, Grade.WRONG),
+    (said("sensor-fault"), ["sensor-fault"], None, Grade.RIGHT),
+    (said("nothing-missing"), ["sensor-fault"], None, Grade.WRONG),
+    (said("explained", DRAG), ["air-drag-linear"], None, Grade.RIGHT),
+    (said("explained", FRICTION, DRAG), ["air-drag-linear", "swivel-friction"], None, Grade.RIGHT),
+    (said("explained", DRAG), ["air-drag-linear", "swivel-friction"], None, Grade.WRONG),
+    (said("partly-explained", DRAG), ["air-drag-linear"], None, Grade.CLASS),
+    (said("nothing-missing"), ["air-drag-linear"], None, Grade.WRONG),
+    (said("explained", effect("anchor-offset", 2)), ["anchor-offset"], 2, Grade.RIGHT),
+    (said("explained", effect("anchor-offset", 3)), ["anchor-offset"], 2, Grade.CLASS),
+    (said("explained", effect("gravity-tilt", None, ("constant-force",))), ["constant-force"], None, Grade.CLASS),
+    (said("explained", effect("a", None, ("b", "c", "d", "constant-force"))), ["constant-force"], None, Grade.WRONG),
+    (said("explained", effect("a", None, ("b",)), effect("b", None, ("a",))), ["a", "a"], None, Grade.CLASS),
+]
+
+
+@pytest.mark.parametrize(("explanation", "label", "cable", "expected"), CASES)
+def test_grade(explanation, label, cable, expected):
+    assert grade(explanation, label, cable) is expected
+
+
+def test_no_answer_is_wrong_even_where_nothing_was_hidden():
+    assert grade(None, [], None) is Grade.WRONG
+    assert named(None) == "no answer"
+
+
+def test_names_for_tables():
+    assert named(said("explained", effect("anchor-offset", 2), DRAG)) == "anchor-offset[2] + air-drag-linear"
+    assert named(said("partly-explained", DRAG)) == "air-drag-linear (partly-explained)"
+    assert named(said("unknown-physics")) == "unknown-physics"
+
+
+@pytest.mark.shared
+def test_the_judges_script_says_the_same():
+    if not JUDGES.exists():
+        pytest.skip(f"{JUDGES} is not here")
+    spec = importlib.util.spec_from_file_location("judges_score", JUDGES)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    ids = ("a", "b", "unknown", "sensor-fault")
+    verdicts = ("nothing-missing", "explained", "partly-explained", "unknown-physics", "sensor-fault")
+    labels = [list(label) for k in (0, 1, 2) for label in itertools.product(ids, repeat=k)]
+    answers = [
+        [],
+        [effect("a", 1)],
+        [effect("b", None, ("a",))],
+        [effect("b", 2, ("c", "d", "e", "a")), effect("a", 1)],
+        [effect("a", None, ("b",)), effect("b", None, ("a",))],
+    ]
+    for label, cable, verdict, effects in itertools.product(labels, (None, 1, 2), verdicts, answers):
+        explanation = said(verdict, *effects)
+        theirs = module.score(explanation, {"case": {"label": label, "cable": cable}})
+        assert grade(explanation, label, cable).value == theirs, (explanation, label, cable)
