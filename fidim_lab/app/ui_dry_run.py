@@ -8,6 +8,7 @@ import asyncio
 import subprocess
 import tempfile
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import tomli_w
@@ -34,8 +35,6 @@ BUS = {"interface": "slcan", "channel": "socket://127.0.0.1:1", "bitrate": 1_000
 EVERY_WINCH = {
     "eds": "generic",
     "counts_per_turn": 4096.0,
-    "gear_ratio": 10.0,
-    "drum_radius": 0.03,
     "rated_current": 5.0,
     "current_limit": 12.0,
     "length_limits": [0.2, 6.0],
@@ -66,7 +65,7 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
 
 
 def _spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
-    robot = read_robot(options.robot or PAPERS_ROBOT)
+    robot = with_winches(read_robot(options.robot or PAPERS_ROBOT))
     plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed)
     write_plan(papers / "plan.toml", plan)
     write_robot(papers / "robot.toml", robot)
@@ -81,9 +80,27 @@ def _spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
     )
 
 
+def with_winches(robot: Robot) -> Robot:
+    """The robot, with winches like those of the paper's where its file has none: a rehearsal needs some."""
+    if robot.winches is not None:
+        return robot
+    like = read_robot(PAPERS_ROBOT).winches or ()
+    return replace(robot, winches=like[:1] * robot.n)
+
+
 def rig_table(robot: Robot) -> dict[str, object]:
-    """A rig file for embedded simulators of this robot."""
-    winches = [{"name": f"winch {k + 1}", "node_id": k + 1, "direction": 1, "home_length": 1.5} for k in range(robot.n)]
+    """A rig file for embedded simulators of this robot, which has winches."""
+    winches = [
+        {
+            "name": f"winch {k + 1}",
+            "node_id": k + 1,
+            "direction": 1,
+            "home_length": 1.5,
+            "gear_ratio": winch.gear_ratio,
+            "drum_radius": winch.drum_radius,
+        }
+        for k, winch in enumerate(robot.winches or ())
+    ]
     return {
         "format": "fidim-rig/1",
         "name": "embedded simulators",

@@ -34,8 +34,13 @@ class TokenServer(Server):
 
     async def make_app(self) -> web.Application:
         """The aiohttp application, every route of it guarded."""
+
+        @web.middleware
+        async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+            return await self._guard(request, handler)
+
         app = await self._make_app()
-        app.middlewares.append(web.middleware(self._guard))
+        app.middlewares.append(guard)
         return app
 
     async def on_startup(self, app: web.Application) -> None:
@@ -51,8 +56,9 @@ class TokenServer(Server):
             raise web.HTTPForbidden(text="The token is missing or wrong: use the address that fidim ui --web printed.")
         if "token" not in request.query:
             return await handler(request)
-        answer = web.HTTPFound("/")  # the token does not stay in the address bar, nor in a history
-        answer.set_cookie(f"{COOKIE}", self._token, httponly=True, samesite="Strict", path="/")
+        # The token does not stay in the address bar, nor in a history.
+        answer = web.Response(status=302, headers={"Location": "/"})
+        answer.set_cookie(COOKIE, self._token, httponly=True, samesite="Strict", path="/")
         return answer
 
 

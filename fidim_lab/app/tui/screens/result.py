@@ -1,5 +1,7 @@
 """Result: the nine parameters against CAD and the last session, each window's σ⊥, and what to measure next."""
 
+import math
+
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
 from fidim_lab.app.tui.papers import Papers
 from fidim_lab.identification.result_file import ParameterTable, ResultTable
@@ -9,7 +11,7 @@ GOOD, WRONG = "converged", ("impossible-body", "lost-phase", "misfit", "not-conv
 INTERVAL = 1.96
 """standard deviations of a 95 % interval"""
 WEAK = 0.1
-"""of the value; a wider sd is "not well identified" """
+"""of what it is held against; a wider sd is "weak" """
 
 
 def result_lines(papers: Papers, width: int, job: str = "") -> list[Line]:
@@ -44,8 +46,20 @@ def _sd(found: ParameterTable) -> float | None:
 
 
 def _weak(result: ResultTable, name: str) -> bool:
-    found, sd = result.parameters[name], _sd(result.parameters[name])
-    return name in result.non_essential or (sd is not None and sd > WEAK * abs(found.value))
+    sd = _sd(result.parameters[name])
+    return name in result.non_essential or (sd is not None and sd > WEAK * _scale(result, name))
+
+
+def _scale(result: ResultTable, name: str) -> float:
+    """What an uncertainty is held against, SI: a component of s against |s|, a product of inertia against its moments.
+
+    A symmetrical platform has some that are zero, however well they are known.
+    """
+    kind, _, axes = name.partition("_")
+    if kind == "s":
+        return math.hypot(*(result.parameters[f"s_{axis}"].value for axis in "xyz"))
+    moments = [abs(result.parameters[f"I_{axis}{axis}"].value) for axis in axes]
+    return math.sqrt(math.prod(moments))
 
 
 def _parameter(name: str, found: ParameterTable, before: ParameterTable | None, *, weak: bool) -> Line:
@@ -64,7 +78,7 @@ def _parameter(name: str, found: ParameterTable, before: ParameterTable | None, 
 
 def _windows(result: ResultTable, width: int) -> list[Line]:
     """Several beside each other: id, σ⊥, rms and χ²/dof."""
-    size = 38
+    size = 39
     columns = max(width // size, 1)
     head = left("window   σ⊥ m/s²  rms mm  χ²/dof", size)
     rows: list[Line] = [line(Span(head * columns, "dim"))]
@@ -93,8 +107,7 @@ def _next(papers: Papers) -> str:
     weak = [name for name in result.parameters if _weak(result, name)]
     if not weak:
         return "nothing is missing; check with fidim validate on windows that were held out."
-    wide = {name: _sd(result.parameters[name]) or 0.0 for name in weak}
     share = ", ".join(
-        f"{name} (± {percent(wide[name] / abs(result.parameters[name].value or 1.0)):.0f} %)" for name in weak
+        f"{name} (± {percent((_sd(result.parameters[name]) or 0.0) / _scale(result, name)):.0f} %)" for name in weak
     )
     return f"weakly known: {share}. fidim design plans equilibria that move the platform in what these weigh."

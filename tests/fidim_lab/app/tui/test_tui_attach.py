@@ -1,0 +1,96 @@
+"""Which service a UI attaches to, and who may see it in a browser."""
+
+import asyncio
+import re
+
+import pytest
+import tomli_w
+from aiohttp.test_utils import TestClient, TestServer
+
+from fidim_lab.app.service.place import Place, held
+from fidim_lab.app.tui.find import Finder
+from fidim_lab.app.tui.web import COOKIE, TokenServer, command_line
+from fidim_lab.app.ui import finder_for
+from fidim_lab.app.ui_dry_run import rig_table, with_winches
+from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.robot_file import write_robot
+from fidim_lab.errors import SetupError
+
+TOKEN = "the-token"
+
+
+@pytest.fixture
+def runtime(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "fidim").mkdir(mode=0o700)
+    return tmp_path / "fidim"
+
+
+def test_the_only_service_is_found_and_of_several_the_one_of_a_folder(runtime, tmp_path):
+    assert "no service is running" in Finder().look().why
+    one, two = Place(runtime, "one"), Place(runtime, "two")
+    (tmp_path / "b").mkdir()
+    with held(one, tmp_path / "a"):
+        assert Finder().look().socket == one.socket
+        with held(two, tmp_path / "b"):
+            assert "several services" in Finder().look().why
+            assert finder_for(tmp_path / "b", None).look().socket == two.socket
+        assert "no service runs in this folder" in finder_for(tmp_path / "b", None).look().why
+
+
+def test_a_folder_and_a_rig_are_too_much_and_a_folder_must_be_one(tmp_path):
+    with pytest.raises(SetupError, match="not both"):
+        finder_for(tmp_path, tmp_path / "rig.toml")
+    with pytest.raises(SetupError, match="is no folder"):
+        finder_for(tmp_path / "absent", None)
+
+
+@pytest.mark.parametrize("ring", [3, 4])
+def test_a_dry_run_has_a_rig_file_for_any_robot(irma4, cable_ring, ring, tmp_path):
+    robot = with_winches(irma4 if ring == 4 else cable_ring(ring))
+    write_robot(tmp_path / "robot.toml", robot)
+    (tmp_path / "rig.toml").write_text(tomli_w.dumps(rig_table(robot)))
+    assert len(read_rig(tmp_path / "rig.toml").winches) == robot.n
+
+
+def _browse(*steps):
+    """Requests to the web UI, one after another; answers each with status and text."""
+
+    async def main():
+        server = TokenServer("true", 8420, TOKEN)
+        found = []
+        app = await server.make_app()
+        async with TestClient(TestServer(app)) as client:
+            for path, headers in steps:
+                headers = {"Host": "127.0.0.1:8420", **headers}
+                async with client.get(path, headers=headers, allow_redirects=False) as answer:
+                    found.append((answer.status, await answer.text(), answer.headers.get("Set-Cookie", "")))
+        return found
+
+    return asyncio.run(main())
+
+
+def test_without_the_token_nothing_is_served():
+    paths = ["/", "/ws", "/static/js/textual.js", "/?token=wrong", "/download/x"]
+    wrong = {"Cookie": f"{COOKIE}=wrong"}
+    assert [status for status, *_ in _browse(*((path, {}) for path in paths))] == [403] * len(paths)
+    assert [status for status, *_ in _browse(*((path, wrong) for path in paths))] == [403] * len(paths)
+
+
+def test_with_the_token_a_cookie_is_given_that_other_sites_cannot_use():
+    [(status, _, cookie)] = _browse((f"/?token={TOKEN}", {}))
+    assert status == 302
+    assert re.search("HttpOnly", cookie)
+    assert re.search("SameSite=Strict", cookie)
+    [(status, text, _)] = _browse(("/", {"Cookie": f"{COOKIE}={TOKEN}"}))
+    assert status == 200
+    assert "textual" in text
+
+
+def test_another_host_name_is_refused_even_with_the_token():
+    [(status, *_)] = _browse((f"/?token={TOKEN}", {"Host": "evil.example:8420"}))
+    assert status == 403
+
+
+def test_the_browser_runs_the_same_ui(tmp_path):
+    assert command_line(tmp_path, None, light=True).endswith(f" ui {tmp_path} --light")
