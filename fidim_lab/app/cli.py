@@ -437,6 +437,21 @@ def stop(rig: Path | None, reason: str) -> None:
     sys.exit(stop_command(rig, reason))
 
 
+@fidim.command("tension-calibrate")
+@click.argument("campaign", type=FOLDER)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-tension-calibration/1".')
+@example("fidim tension-calibrate runs/poses")
+def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
+    """Gain, offset and friction band of each winch from the rests of CAMPAIGN, as lines for the rig file.
+
+    Motor currents are fitted on the tensions that statics give for the held cable lengths; mass and geometry are taken
+    from the robot file. Exit 1 where the tensions differ too little to tell.
+    """
+    from fidim_lab.app.tension_calibrate import tension_calibrate_command
+
+    sys.exit(tension_calibrate_command(campaign, json_file))
+
+
 @fidim.command()
 @click.argument("folder", type=FOLDER)
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-verification/1".')
