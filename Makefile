@@ -28,6 +28,8 @@ check: install
 # The long ones: whole campaigns, real processes, Monte Carlo.
 bench: install
 	$(BIN)/python -m pytest -m slow --durations=0
+	rm -rf build/sealed
+	$(BIN)/fidim benchmark explain --campaigns 6 --equilibria 6 --validate 3 --out build/sealed
 
 # The lock names versions and hashes, never an index; needs uv (pip install uv).
 lock:

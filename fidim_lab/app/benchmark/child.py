@@ -66,7 +66,7 @@ def in_child(verb: Verb, campaign: Campaign, cap: float) -> Outcome:
         if done.returncode < 0 or done.returncode > 128:
             return Outcome(None, f"stopped: the {cap:.0f} s of CPU time were used up, or it crashed", cap, seconds)
         last = (done.stderr.strip().splitlines() or ["nothing was said"])[-1]
-        return Outcome(None, f"failed with exit code {done.returncode}: {last}", cap, seconds)
+        return Outcome(None, f"failed with exit code {done.returncode}: {last}", min(cap, seconds), seconds)
 
 
 def main(arguments: list[str]) -> int:
