@@ -63,7 +63,7 @@ def _page(contents: Contents, explanation: Explanation) -> ExplainPage:
         warnings=(),
         explanation=section,
         solid=solid(scene(campaign, Mechanism(campaign.robot), body), _arrows(explanation), _caption(explanation)),
-        origin=(("computed in", duration(explanation.seconds)),),
+        origin=(("computed in", duration(explanation.seconds)), *contents.provenance.manifest),
         origin_tables=(version_table(contents), file_table(contents)),
     )
 

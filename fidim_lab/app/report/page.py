@@ -83,7 +83,7 @@ def make_page(
         timeline=_timeline(contents),
         incidents=None if contents.story is None else tables.incident_table(contents.story),
         imported=None if contents.imported is None else tables.import_table(contents.imported),
-        origin=_origin(contents, result),
+        origin=(*_origin(contents, result), *contents.provenance.manifest),
         origin_tables=(tables.version_table(contents), tables.file_table(contents)),
     )
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from fidim_lab.app.manifest import MANIFEST, read_manifest
+from fidim_lab.app.verify import verify
 from fidim_lab.errors import FileError
 
 LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "pydantic", "canopen", "python-can", "matplotlib", "jinja2")
@@ -35,11 +37,14 @@ class Provenance:
     versions: tuple[tuple[str, str], ...]
     """name, version; fidim-lab and Python first"""
     files: tuple[SourceFile, ...]
+    manifest: tuple[tuple[str, str], ...] = ()
+    """what manifest.json says of them: a fact and its words; empty without one"""
 
 
 def provenance(folder: Path) -> Provenance:
     """Versions, and all files of a folder but derived and hidden ones. Raises FileError where one cannot be read."""
     return Provenance(
+        manifest=_manifest(folder),
         versions=(
             ("fidim-lab", _version("fidim-lab")),
             (platform.python_implementation(), platform.python_version()),
@@ -47,6 +52,19 @@ def provenance(folder: Path) -> Provenance:
         ),
         files=tuple(_source(folder, path) for path in sorted(folder.rglob("*")) if _is_source(folder, path)),
     )
+
+
+def _manifest(folder: Path) -> tuple[tuple[str, str], ...]:
+    """Whether the files are those of the run, and what recorded it."""
+    if not (folder / MANIFEST).exists():
+        return ()
+    found = verify(folder)
+    missing, extra = (f"{name} is missing" for name in found.missing), (f"{name} is new" for name in found.extra)
+    differing = [*found.changed, *missing, *extra]
+    said = f"✓ all {found.checked} files are as when the run ended" if found.intact else f"✗ {'; '.join(differing)}"
+    recorded = read_manifest(folder).software
+    commit = "" if recorded.commit is None else f", fidim-lab {recorded.commit}"
+    return (("against manifest.json", said), ("recorded with", f"{recorded.python}{commit}"))
 
 
 def _is_source(folder: Path, path: Path) -> bool:

@@ -1,11 +1,18 @@
 """Parts of the report: where the platform hangs, digits, columns, sentences, checksums."""
 
+import csv
 import hashlib
+import io
+import tomllib
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from fidim_lab.app.manifest import write_manifest
+from fidim_lab.app.report.copies import copies
+from fidim_lab.app.report.drawing import Drawing, write_pictures
 from fidim_lab.app.report.figures import ParameterRow
 from fidim_lab.app.report.numerals import decimals, duration, fixed, interval, size
 from fidim_lab.app.report.paper import is_papers_robot
@@ -15,6 +22,7 @@ from fidim_lab.app.report.tables import parameter_table
 from fidim_lab.app.report.windows import measured_tension
 from fidim_lab.app.report.words import found_sentence, truth_sentence
 from fidim_lab.data.records import Winch
+from fidim_lab.errors import FileError
 from fidim_lab.model.mechanism import Mechanism
 
 
@@ -136,3 +144,40 @@ def test_files_have_their_checksums_and_what_is_derived_is_left_out(tmp_path):
     versions = dict(provenance(tmp_path).versions)
     assert versions["numpy"] == np.__version__
     assert {"fidim-lab", "casadi"} <= set(versions)
+
+
+def test_the_manifest_is_held_against_the_files(tmp_path):
+    assert provenance(tmp_path).manifest == ()
+    (tmp_path / "a.csv").write_text("t,x\n")
+    write_manifest(tmp_path)
+    (intact, recorded) = provenance(tmp_path).manifest
+    assert intact == ("against manifest.json", "✓ all 1 files are as when the run ended")
+    assert recorded[1].startswith("CPython 3")
+    (tmp_path / "a.csv").write_text("t,y\n")
+    (tmp_path / "b.csv").write_text("")
+    said = provenance(tmp_path).manifest[0][1]
+    assert said == "✗ a.csv (4 bytes, other ones); b.csv is new"
+
+
+def test_pictures_become_files_of_their_own(tmp_path):
+    drawings = [Drawing("<svg viewBox='0 0 1 1'></svg>", "Tensions; dotted: …"), Drawing("<svg ></svg>", "x", "i01/ü")]
+    paths = write_pictures(tmp_path / "pictures", drawings)
+    assert [path.name for path in paths] == ["01-tensions-dotted.svg", "02-i01.svg"]
+    assert ElementTree.parse(paths[0]).getroot().tag == "{http://www.w3.org/2000/svg}svg"
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot be written"):
+        write_pictures(tmp_path / "file", drawings)
+
+
+def test_values_to_copy_can_be_read_back(campaign, result_of):
+    result = result_of(campaign)
+    texts = {copy.name.split(":")[0].split(",")[0]: copy.text for copy in copies(result, 11.0)}
+    assert tomllib.loads(texts["TOML"])["parameters"]["s_z"]["value"] == 0.1932
+    rows = list(csv.DictReader(io.StringIO(texts["CSV"])))
+    assert [row["parameter"] for row in rows] == list(result.parameters)
+    assert float(rows[2]["value"]) == 0.1932
+    inertial = ElementTree.fromstring(texts["URDF inertial"]).find(".//inertial")
+    assert float(inertial.find("mass").get("value")) == 11.0
+    known: dict[str, object] = {}
+    exec(texts["Python"], known)
+    np.testing.assert_allclose(known["s"], result.body.com)
