@@ -18,7 +18,9 @@ from fidim_lab.identification import rigid
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.integrate import States
+from fidim_lab.model.sensitivity.measurement import Measurement
 from fidim_lab.model.sensitivity.starts import Starts, linearised_starts, tied
 
 OPENING = (0.1, 5)
@@ -54,10 +56,12 @@ class Guess:
 
 @dataclass(frozen=True, eq=False)
 class _Opening:
-    """Where the markers are at the begin and how fast they move, (M, 3); NaN for a marker that is not seen."""
+    """Where the markers really are at the begin and how fast they move, (M, 3); NaN for a marker that is not seen."""
 
     places: np.ndarray
     speeds: np.ndarray
+    on_body: np.ndarray
+    """where they sit on the body (M, 3), m"""
 
 
 def first_guess(
@@ -68,13 +72,13 @@ def first_guess(
     Raises RefusedError where lengths and markers contradict each other.
     """
     shared = np.concatenate([body.vector, mechanism.theta if theta is None else theta])
-    opening = _opening(recording)
+    opening = _opening(mechanism, recording, shared)
     poses = _poses(mechanism, body, recording, opening)
-    best = _best([_refined(mechanism, shared, recording, opening, pose) for pose in poses])
-    if _misfit(mechanism, best, opening) > DOUBTFUL:
-        turned = [_refined(mechanism, shared, recording, opening, pose) for pose in _turned(poses[-1])]
-        best = min(best, _best(turned), key=lambda pose: _misfit(mechanism, pose, opening))
-    misfit = _misfit(mechanism, best, opening)
+    best = _best(_refined(mechanism, shared, recording, opening, poses))
+    if _misfit(best, opening) > DOUBTFUL:
+        turned = _refined(mechanism, shared, recording, opening, _turned(poses[-1]))
+        best = min(best, _best(turned), key=lambda pose: _misfit(pose, opening))
+    misfit = _misfit(best, opening)
     if not misfit < CONTRADICTION:
         raise RefusedError(
             f"Window {recording.window.id}: no pose has these cable lengths and its markers within "
@@ -93,8 +97,8 @@ def as_states(guesses: Sequence[Guess]) -> States:
     )
 
 
-def _opening(recording: Recording) -> _Opening:
-    """A parabola through the first samples of every coordinate."""
+def _opening(mechanism: Mechanism, recording: Recording, shared: np.ndarray) -> _Opening:
+    """A parabola through the first samples of every coordinate, without what the cameras add."""
     seconds, samples = OPENING
     places, speeds = (np.full(recording.markers.shape[1:], np.nan) for _ in range(2))
     for m, axis in np.ndindex(places.shape):
@@ -104,13 +108,15 @@ def _opening(recording: Recording) -> _Opening:
             continue
         fitted = np.polynomial.Polynomial.fit(recording.t[use], recording.markers[use, m, axis], 2)
         places[m, axis], speeds[m, axis] = fitted(0.0), fitted.deriv()(0.0)
-    return _Opening(places, speeds)
+    measurement = Measurement(mechanism, shared[BODY:])
+    real, by_point = measurement.true_points(places, recording.begin)
+    on_body = measurement.places(mechanism.robot.markers[: len(places)])
+    return _Opening(real, np.linalg.solve(by_point, speeds[..., np.newaxis])[..., 0], on_body)
 
 
 def _poses(mechanism: Mechanism, body: Body, recording: Recording, opening: _Opening) -> list[Pose]:
     """Where to search from; the likeliest first."""
-    robot = mechanism.robot
-    body_markers = robot.markers[: len(opening.places)]
+    body_markers = opening.on_body
     offsets = opening.places - body_markers
     seen = np.asarray(np.isfinite(offsets).all(axis=1))
     if not seen.any():
@@ -142,70 +148,94 @@ def _best(found: list[tuple[Pose, float]]) -> Pose:
 
 
 def _refined(
-    mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, begin: Pose
-) -> tuple[Pose, float]:
-    """Damped Gauss–Newton on markers and lengths; the pose and what is left, the way from the begin included."""
-    pose, cost = begin, np.inf
-    damping = 1e-6
-    residual, jacobian = _pose_residual(mechanism, shared, recording, opening, begin, pose)
-    cost = float(residual @ residual)
+    mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, begins: Sequence[Pose]
+) -> list[tuple[Pose, float]]:
+    """Damped Gauss–Newton on markers and lengths from each of some poses, all at once; what is left with each pose.
+
+    What is left includes the way from the begin.
+    """
+    begin = _Poses(np.array([pose.position for pose in begins]), np.array([pose.rotation for pose in begins]))
+    now = begin
+    residual, jacobian = _pose_residuals(mechanism, shared, recording, opening, begin, now)
+    cost = (residual**2).sum(axis=1)
+    damping, going = np.full(len(cost), 1e-6), np.ones(len(cost), dtype=bool)
     for _ in range(ROUNDS):
-        normal = jacobian.T @ jacobian
-        step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), jacobian.T @ residual)
-        step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
-        there = Pose(pose.position + step[:3], pose.rotation @ Rotation.from_rotvec(step[3:]).as_matrix())
-        trial = _pose_residual(mechanism, shared, recording, opening, begin, there)
-        now = float(trial[0] @ trial[0])
-        if now < cost:
-            settled = now > cost * (1 - 1e-9)
-            pose, cost, (residual, jacobian) = there, now, trial
-            damping /= 10
-            if settled:
-                break
-        else:
-            damping = max(10 * damping, 1e-6)
-    return pose, cost
+        normal = np.swapaxes(jacobian, 1, 2) @ jacobian
+        size = np.diagonal(normal, axis1=1, axis2=2)
+        damped = normal + damping[:, np.newaxis, np.newaxis] * size[:, np.newaxis] * np.eye(6)
+        steps = -np.linalg.solve(damped, np.einsum("kri,kr->ki", jacobian, residual)[..., np.newaxis])[..., 0]
+        steps *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(steps).max(axis=1, keepdims=True), 1e-12))
+        there = now.moved(steps)
+        trial = _pose_residuals(mechanism, shared, recording, opening, begin, there)
+        then = (trial[0] ** 2).sum(axis=1)
+        better = going & (then < cost)
+        settled = better & (then > cost * (1 - 1e-9))
+        damping = np.where(better, damping / 10, np.maximum(10 * damping, 1e-6))
+        now, cost = there.where(better, now), np.where(better, then, cost)
+        residual = np.where(better[:, np.newaxis], trial[0], residual)
+        jacobian = np.where(better[:, np.newaxis, np.newaxis], trial[1], jacobian)
+        going &= ~settled
+        if not going.any():
+            break
+    return [(Pose(p, R), float(c)) for p, R, c in zip(now.positions, now.rotations, cost, strict=True)]
 
 
-def _at_rest(mechanism: Mechanism, shared: np.ndarray, pose: Pose, begin: float) -> tuple[States, Starts]:
-    """One window's start at rest, springs as quiet as they can be."""
-    clock = np.array([begin])
-    at = tied(mechanism, shared, States(pose.position[np.newaxis], pose.rotation[np.newaxis], np.zeros((1, 6))), clock)
-    at = replace(at, twists=np.zeros((1, 6)))
-    return at, linearised_starts(mechanism, shared, at, clock)
+@dataclass(frozen=True, eq=False)
+class _Poses:
+    positions: Float[np.ndarray, "K 3"]
+    rotations: Float[np.ndarray, "K 3 3"]
+
+    def moved(self, steps: Float[np.ndarray, "K 6"]) -> "_Poses":
+        turns = Rotation.from_rotvec(steps[:, 3:]).as_matrix()
+        return _Poses(self.positions + steps[:, :3], self.rotations @ turns)
+
+    def where(self, chosen: np.ndarray, other: "_Poses") -> "_Poses":
+        """These where chosen, else the other's."""
+        positions = np.where(chosen[:, np.newaxis], self.positions, other.positions)
+        return _Poses(positions, np.where(chosen[:, np.newaxis, np.newaxis], self.rotations, other.rotations))
 
 
-def _pose_residual(
-    mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, begin: Pose, pose: Pose
-) -> tuple[np.ndarray, np.ndarray]:
-    starts = _at_rest(mechanism, shared, pose, recording.begin)[1]
-    body_markers = mechanism.robot.markers[: len(opening.places)]
-    arms = body_markers @ pose.rotation.T
-    seen = np.isfinite(opening.places)
-    by_marker = np.zeros((*opening.places.shape, 6))
+def _at_rest(mechanism: Mechanism, shared: np.ndarray, at: _Poses, begin: float) -> tuple[States, Starts]:
+    """Starts at rest, springs as quiet as they can be."""
+    clock, still = np.full(len(at.positions), begin), np.zeros((len(at.positions), 6))
+    states = tied(mechanism, shared, States(at.positions, at.rotations, still), clock)
+    states = replace(states, twists=still)
+    return states, linearised_starts(mechanism, shared, states, clock)
+
+
+def _pose_residuals(
+    mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, begin: _Poses, at: _Poses
+) -> tuple[Float[np.ndarray, "K rows"], Float[np.ndarray, "K rows 6"]]:
+    starts = _at_rest(mechanism, shared, at, recording.begin)[1]
+    body_markers = opening.on_body
+    count, seen = len(at.positions), np.isfinite(opening.places)
+    arms = body_markers @ np.swapaxes(at.rotations, 1, 2)
+    by_marker = np.zeros((count, *opening.places.shape, 6))
     by_marker[..., :3] = np.eye(3)
-    by_marker[..., 3:] = -pose.rotation @ _skew(body_markers)
+    by_marker[..., 3:] = -at.rotations[:, np.newaxis] @ _skew(body_markers)
     known = np.isfinite(recording.lengths)
-    turn = Rotation.from_matrix(begin.rotation.T @ pose.rotation).as_rotvec()
+    turn = Rotation.from_matrix(np.swapaxes(begin.rotations, 1, 2) @ at.rotations).as_rotvec()
     residual = [
-        (pose.position + arms - opening.places)[seen] / MARKER,
-        (starts.lengths[0] - recording.lengths)[known] / LENGTH,
-        np.concatenate([pose.position - begin.position, turn]) / AWAY,
+        (at.positions[:, np.newaxis] + arms - opening.places)[:, seen] / MARKER,
+        (starts.lengths - recording.lengths)[:, known] / LENGTH,
+        np.concatenate([at.positions - begin.positions, turn], axis=1) / AWAY,
     ]
-    jacobian = [by_marker[seen] / MARKER, starts.lengths_by[0][known, :6] / LENGTH, np.eye(6) / AWAY]
-    return np.concatenate(residual), np.vstack(jacobian)
+    away = np.broadcast_to(np.eye(6) / AWAY, (count, 6, 6))
+    jacobian = [by_marker[:, seen] / MARKER, starts.lengths_by[:, known, :6] / LENGTH, away]
+    return np.concatenate(residual, axis=1), np.concatenate(jacobian, axis=1)
 
 
-def _misfit(mechanism: Mechanism, pose: Pose, opening: _Opening) -> float:
-    arms = mechanism.robot.markers[: len(opening.places)] @ pose.rotation.T
+def _misfit(pose: Pose, opening: _Opening) -> float:
+    arms = opening.on_body @ pose.rotation.T
     return float(np.nanmax(np.abs(pose.position + arms - opening.places)))
 
 
 def _twist(mechanism: Mechanism, shared: np.ndarray, recording: Recording, opening: _Opening, pose: Pose) -> np.ndarray:
     """The free twist that moves the markers as they move, small where they do not tell."""
-    at, starts = _at_rest(mechanism, shared, pose, recording.begin)
+    only = _Poses(pose.position[np.newaxis], pose.rotation[np.newaxis])
+    at, starts = _at_rest(mechanism, shared, only, recording.begin)
     free = starts.free_twists[0]
-    arms = mechanism.robot.markers[: len(opening.places)] @ pose.rotation.T
+    arms = opening.on_body @ pose.rotation.T
     moves = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -_skew(arms)], axis=-1)
     seen = np.isfinite(opening.speeds)
     rows = [(moves @ free)[seen] / SPEED, np.eye(free.shape[1]) / REST]
