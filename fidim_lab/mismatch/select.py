@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import Hypothesis
@@ -100,7 +101,7 @@ class _Search:
             seen = self._view(best)
             if seen.unfitted is not None:
                 break
-            fresh = [m for score in seen.additions(MOST_TERMS - len(best.tried)) if (m := self._added(best, score))]
+            fresh = self._fitted(best, seen.additions(MOST_TERMS - len(best.tried)))
             self.passing += fresh
             further = _most_convincing(best, fresh)
             if further is best:
@@ -113,6 +114,18 @@ class _Search:
         near = [m for m in self.passing if m is not best and evidence(best, m, scale) < CLOSE]
         near.sort(key=lambda m: evidence(best, m, scale))
         return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
+
+    def _fitted(self, best: Completed, scores: Sequence[Score]) -> list[Completed]:
+        """Models with these additions; once one leaves only noise, what costs more than its equals is not fitted."""
+        fresh: list[Completed] = []
+        for score in scores:
+            costly = len(score.tried) > 1 or any(stretches(h.effect) for h in score.tried)
+            if costly and any(whiteness(model.leftovers).is_white for model in fresh):
+                continue
+            found = self._added(best, score)
+            if found is not None:
+                fresh.append(found)
+        return fresh
 
     def _best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
         """Models of the first seconds fitted to whole windows, and the best of them."""

@@ -22,6 +22,9 @@ def with_unknown(explanation: Explanation, named: Completed, campaign: Campaign,
     """
     if explanation.verdict not in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return explanation
+    if named.mechanism.springs:
+        said = "What is left beside elastic cables was scored, but no wrench without a name was fitted to it."
+        return replace(explanation, message=f"{explanation.message} {said}")
     say("modelling what has no name")
     try:
         found = model_unknown(_whole(named, campaign.of_role(Role.IDENTIFY)), campaign.of_role(Role.VALIDATE))
