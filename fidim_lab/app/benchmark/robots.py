@@ -1,7 +1,7 @@
 """Robots for the benchmark: relatives of the paper's, none like it, so that nothing is tuned to one.
 
-Size, weight, places of drums and attachments, body, markers, noise and frame rate are drawn; the room is turned about
-the vertical; encoders and motor currents are not always recorded.
+Size, weight, places of drums and attachments, body, markers, noise and frame rate are drawn; room and platform are
+turned together about the vertical, so that no axis is the paper's; encoders and motor currents are not always recorded.
 """
 
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ def random_setup(paper: Robot, rng: np.random.Generator) -> Setup:
         paper,
         cables=tuple(_cable(cable, rng, scale, spread, turn) for cable in paper.cables),
         mass=weight * paper.mass,
-        nominal=_body(paper.nominal, rng, spread),
+        nominal=_body(paper.nominal, rng, spread, turn),
         marker=rng.normal(0.0, 0.03, 3),
         extra_markers=tuple(rng.uniform(-0.25, 0.25, 3) * spread for _ in range(int(rng.integers(0, 4)))),
         limits=Limits((weight * paper.limits.tension[0], weight * paper.limits.tension[1])),
@@ -55,8 +55,8 @@ def about_vertical(angle: float) -> Matrix3:
 def _cable(cable: Cable, rng: np.random.Generator, scale: float, spread: float, turn: Matrix3) -> Cable:
     """One drum and its attachment, scaled, moved by some per cent, turned with the room."""
     return Cable(
-        d=turn @ (scale * cable.d + rng.normal(0.0, 0.06 * scale, 3)),
-        a=spread * cable.a + rng.normal(0.0, 0.02 * spread, 3),
+        d=turn @ (scale * cable.d + rng.normal(0.0, 0.04 * scale, 3)),
+        a=turn @ (spread * cable.a + rng.normal(0.0, 0.012 * spread, 3)),
         radius=cable.radius * float(rng.uniform(0.6, 1.8)),
         x=turn @ cable.x,
         y=turn @ cable.y,
@@ -64,9 +64,9 @@ def _cable(cable: Cable, rng: np.random.Generator, scale: float, spread: float, 
     )
 
 
-def _body(paper: Body, rng: np.random.Generator, spread: float) -> Body:
+def _body(paper: Body, rng: np.random.Generator, spread: float, turn: Matrix3) -> Body:
     """Centre of mass and inertia about P of a body `spread` times as large, its moments about G changed one by one."""
-    com: Vector3 = spread * paper.com + rng.normal(0.0, [5e-3, 5e-3, 0.02], 3)
+    com: Vector3 = turn @ (spread * paper.com + rng.normal(0.0, [5e-3, 5e-3, 0.012], 3))
     moments = spread**2 * np.diag(paper.inertia_about_com) * rng.uniform(0.85, 1.2, 3)
-    about_p = np.diag(moments) + (com @ com) * np.eye(3) - np.outer(com, com)
+    about_p = turn @ np.diag(moments) @ turn.T + (com @ com) * np.eye(3) - np.outer(com, com)
     return Body(com=com, inertia=about_p[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])

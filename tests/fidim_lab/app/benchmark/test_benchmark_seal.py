@@ -10,7 +10,7 @@ import pytest
 from fidim_lab.app.benchmark.child import Outcome, Verb, in_child
 from fidim_lab.app.benchmark.seal import MUJOCO_SHARE, SealTask, recipe_of, recipes
 from fidim_lab.app.compose.sealed import MUJOCO, NATIVE
-from fidim_lab.data.robot_file import write_robot
+from fidim_lab.data.robot_file import read_robot, write_robot
 from sim_backends.mujoco_world.forces import SUPPORTED
 
 TASKS = [SealTask(Path("nowhere"), 7, number, (6, 3)) for number in range(1, 41)]
@@ -61,7 +61,7 @@ def test_what_goes_to_a_cluster_can_travel(tiny):
 
 
 @pytest.mark.slow
-def test_a_louder_secret_is_louder_and_nothing_is_silent():
+def test_a_louder_secret_is_louder_and_nothing_is_silent(irma4_file):
     """χ² excess grows with the square of a faint effect; without one it is nought."""
     from dataclasses import replace
 
@@ -69,7 +69,7 @@ def test_a_louder_secret_is_louder_and_nothing_is_silent():
     from fidim_lab.app.compose.sealed import sealed_campaign
 
     base = next(recipe for recipe, case in recipes(TASKS[0]) if recipe.backend == NATIVE)
-    base = replace(base, windows=(3, 1))
+    base = replace(base, robot=read_robot(irma4_file), windows=(3, 1))
     excess = []
     for hide in ((), ("air-drag-linear:c=0.02",), ("air-drag-linear:c=0.04",)):
         campaign, _ = sealed_campaign(replace(base, hide=hide), noise=QUIET)
