@@ -53,6 +53,16 @@ class WinchSample:
     target_reached: bool
     fault: str = ""
     """in words, empty without one"""
+    following_error: float | None = None
+    """m of cable by which the motor is off the place that its drive wants; None where it does not tell"""
+    temperature: float | None = None
+    """of the drive, °C; None where it does not tell"""
+    heartbeat_age: float | None = None
+    """s since the drive's heartbeat when this was asked for; None before the first, or without heartbeats"""
+    emergencies: int = 0
+    """emergency messages of the drive so far"""
+    lost: int = 0
+    """bus cycles so far that brought no whole sample"""
 
 
 class Winch(Protocol):

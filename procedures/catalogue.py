@@ -4,42 +4,24 @@ A Python file is a procedure when it has a generator function `procedure(lab)`: 
 """
 
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import cast
 
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import SetupError
-from procedures.identify import Route, identify
-from procedures.limits import Statics, Workspace, check_moves, find_route, nominal_statics, way_points
-from procedures.listing import Outline
+from procedures.experiment import Experiment, Lab, Make, checked_experiment
+from procedures.identify import identify
+from procedures.limits import Statics
 from procedures.resumption import Resumption
-from procedures.run import Experiment
-from procedures.run_folder import check_window_ids
 from procedures.settings import Settings
-from procedures.steps import Procedure, Steps
+from procedures.steps import Steps
 from procedures.tension_check import tension_check
 
 CROSS_VALIDATION = 22
 """windows of the paper's Fig. 3"""
-
-
-@dataclass(frozen=True, eq=False)
-class Lab:
-    """What a procedure is made of: the plan's windows that are left, the robot, the settings, and safe ways."""
-
-    plan: Plan
-    robot: Robot
-    settings: Settings
-    route: Route
-    attempts: Mapping[str, int]
-    """recordings that an earlier process made, by window"""
-
-
-Make = Callable[[Lab], Steps]
 
 
 def _identify(lab: Lab) -> Steps:
@@ -91,25 +73,10 @@ def experiment(
 
     Raises SetupError for an unknown name or a file that is no procedure, InfeasibleError where it leaves the limits.
     """
-    settings = settings or Settings()
     entry = _entry(name)
-    check_window_ids([window.id for window in plan.windows])
-    workspace = Workspace(robot, statics or nominal_statics(robot), settings.motion.length_limits)
-    via = lru_cache(partial(way_points, robot, plan))
     if entry.role is not None:
         plan = replace(plan, windows=tuple(replace(window, role=entry.role) for window in plan.windows))
-    left = plan if resumption is None else resumption.left_of(plan)
-    lab = Lab(
-        left,
-        robot,
-        settings,
-        lambda start, goal: find_route(workspace, start, goal, via),
-        resumption.attempts if resumption else {},
-    )
-    procedure: Procedure = partial(entry.make, lab)
-    check_moves(Outline(procedure).steps, robot, workspace)
-    roles = {window.id: window.role for window in plan.windows}
-    return Experiment(plan.name, robot, procedure, roles, workspace, settings)
+    return checked_experiment(entry.make, plan, robot, settings, statics, resumption)
 
 
 def _entry(name: str) -> Entry:

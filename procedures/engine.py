@@ -17,13 +17,15 @@ from procedures.guards import Guard, Observation, Reaction, Trip, watch
 from procedures.handlers import Handler
 from procedures.interruption import Aborted, Interruption, result_or_word
 from procedures.journal import Journal, Kind
+from procedures.journal_data import step_data
 from procedures.ledger import Ledger
 from procedures.listing import Outline
-from procedures.outcomes import Measurement, Outcome
+from procedures.outcomes import Outcome
 from procedures.pace import Pace
+from procedures.pulse import Pulse
 from procedures.settings import GuardSettings
 from procedures.stand import Stand
-from procedures.steps import AfterPause, Enable, Phase, Procedure, Result, Step, Stop
+from procedures.steps import AfterPause, CheckWindow, Enable, Phase, Procedure, Record, Result, Step, Stop
 from procedures.teardown import quick_stop
 
 PROGRESS_PERIOD = 0.1
@@ -38,32 +40,6 @@ class Ending:
 
     outcome: Outcome
     reason: str = ""
-
-
-class Pulse:
-    """What the running step is, for guards and listeners: the engine's only changing state."""
-
-    def __init__(self) -> None:
-        self.step: Step | None = None
-        self.number = 0
-        self.left = 0.0
-        """estimated s, at the begin of the step"""
-        self.told = -1.0
-        """when progress was last told"""
-        self.touched = False
-        """whether any command may have reached a winch"""
-        self.trip: Trip | None = None
-        """latched: no step begins after it"""
-        self.paused = False
-        self.begun = 0.0
-        """when the step began"""
-
-    @property
-    def phase(self) -> Phase:
-        """What the robot may be doing. Whoever pauses a run goes to the robot and may stand before a camera."""
-        if self.paused:
-            return Phase.HANDLING
-        return self.step.phase if self.step else Phase.PREPARING
 
 
 class Engine:
@@ -171,6 +147,7 @@ class Engine:
             else:
                 result = await result_or_word(handler(stand, step), self._control)
             if isinstance(result, Result):
+                result = self._spoiled(step, result)
                 self._pace.learn(step, self._rig.clock.now() - self.pulse.begun)
                 self._end(step, result)
                 return result
@@ -180,6 +157,12 @@ class Engine:
                 await interruption.carry_out(step, result)
             except Intervention as word:
                 return word
+
+    def _spoiled(self, step: Step, result: Result) -> Result:
+        """A window that a guard has spoiled is rejected, whatever its check found."""
+        if not isinstance(step, CheckWindow) or (says := self.pulse.spoiled.pop(step.window, "")) == "":
+            return result
+        return replace(result, outcome=Outcome.FAIL, reason="; ".join(filter(None, (says, result.reason))))
 
     def _begin(self, step: Step) -> None:
         pulse = self.pulse
@@ -196,20 +179,13 @@ class Engine:
         self._publish(StepStarted(self._rig.clock.now(), pulse.number, step, left))
 
     def _end(self, step: Step, result: Result) -> None:
-        data: dict[str, Any] = {}
-        if result.measurements:
-            data["measurements"] = [_measurement_data(m) for m in result.measurements]
-        if result.values:
-            data["values"] = [round(value, 6) for value in result.values]
-        if result.answer:
-            data["answer"] = result.answer
         self._journal.write(
             Kind.STEP_FINISHED,
             step=type(step).__name__,
             window=step.window,
             outcome=result.outcome,
             reason=result.reason,
-            data=data,
+            data=step_data(result.measurements, result.values, result.answer),
         )
         now = self._rig.clock.now()
         self._publish(
@@ -247,7 +223,12 @@ class Engine:
 
     def _react(self, trip: Trip) -> None:
         """In the cycle of the trip: latch, and stop all winches where the guard asks for it (else they are held)."""
-        if trip.reaction is Reaction.WARN:
+        if trip.reaction is Reaction.REJECT_WINDOW:
+            step = self.pulse.step
+            if not isinstance(step, Record) or step.window in self.pulse.spoiled:
+                return
+            self.pulse.spoiled[step.window] = f"the {trip.guard} guard: {trip.says}"
+        if trip.reaction in (Reaction.WARN, Reaction.REJECT_WINDOW):
             self._journal.write(Kind.WARNED, sync=False, text=trip.guard, reason=trip.says)
             self._publish(Warned(trip.t, trip))
             return
@@ -273,14 +254,3 @@ async def _end_all(*tasks: "asyncio.Future[Any]") -> None:
     for task in done:
         if not task.cancelled():
             task.exception()  # seen: what counts has been raised already
-
-
-def _measurement_data(measurement: Measurement) -> dict[str, Any]:
-    """As JSON has it: no infinities, no NaN."""
-    data: dict[str, Any] = {"name": measurement.name, "outcome": measurement.outcome.value}
-    if measurement.outcome is not Outcome.UNSET and measurement.value is not None:
-        data["value"] = float(f"{measurement.value:.6g}")
-    if measurement.unit:
-        data["unit"] = measurement.unit
-    limits = {"low": measurement.low, "high": measurement.high}
-    return data | {name: value for name, value in limits.items() if abs(value) != float("inf")}

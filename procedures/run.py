@@ -7,46 +7,34 @@ before the first command raises; after it, every end (done, refused, fault, Ctrl
 import asyncio
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import lru_cache, partial
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from drivers.ports import Rig
-from fidim_lab.data.records import Plan, Robot, Role
+from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
 from procedures.control import Control
 from procedures.engine import Ending, Engine
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
-from procedures.guards import Guard, Reaction, standard_guards
+from procedures.experiment import Experiment, Lab, checked_experiment
+from procedures.guards import Guard, Reaction
 from procedures.handlers import HANDLERS, Handler
 from procedures.identify import identify
 from procedures.journal import FORMAT, Journal, Kind, WallTime
 from procedures.ledger import Ledger
-from procedures.limits import Statics, Workspace, check_moves, find_route, nominal_statics, way_points
+from procedures.limits import Statics, check_moves
 from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.recorder import Recorder, WriteBytes
 from procedures.report import RunReport
 from procedures.resumption import Resumption
-from procedures.run_folder import RunFolder, check_window_ids
+from procedures.robot_guards import standard_guards
+from procedures.run_folder import RunFolder
 from procedures.settings import Settings
 from procedures.stand import Stand
-from procedures.steps import Lengths, Procedure, Step
+from procedures.steps import Step, Steps
 from procedures.teardown import UNTOUCHED, Held, deferred_interrupts, hold_robot
 from procedures.timing import uninterrupted
-
-
-@dataclass(frozen=True, eq=False)
-class Experiment:
-    """What is to be run on which robot."""
-
-    name: str
-    robot: Robot
-    procedure: Procedure
-    roles: Mapping[str, Role]
-    """of the planned windows, in order"""
-    workspace: Workspace
-    settings: Settings
 
 
 def identification(
@@ -56,26 +44,12 @@ def identification(
     statics: Statics | None = None,
     resumption: Resumption | None = None,
 ) -> Experiment:
-    """The identification protocol for a plan, its limits checked (some seconds; the robot is not needed).
+    """The identification protocol for a plan, checked; raises as `checked_experiment`."""
 
-    statics: tensions at rest; by the nominal model unless given. resumption: what an earlier process has done of it.
-    Raises InfeasibleError naming window, cable, value and
-    what is allowed where the plan, or every way between two of its equilibria, leaves the limits; SetupError for a
-    window that cannot be a file.
-    """
-    settings = settings or Settings()
-    check_window_ids([window.id for window in plan.windows])
-    workspace = Workspace(robot, statics or nominal_statics(robot), settings.motion.length_limits)
-    via = lru_cache(partial(way_points, robot, plan))
+    def make(lab: Lab) -> Steps:
+        return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts)
 
-    def route(start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
-        return find_route(workspace, start, goal, via)
-
-    left = plan if resumption is None else resumption.left_of(plan)
-    procedure = partial(identify, left, robot, settings, route, resumption.attempts if resumption else None)
-    check_moves(Outline(procedure).steps, robot, workspace)
-    roles = {window.id: window.role for window in plan.windows}
-    return Experiment(plan.name, robot, procedure, roles, workspace, settings)
+    return checked_experiment(make, plan, robot, settings, statics, resumption)
 
 
 async def run_procedure(

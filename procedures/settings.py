@@ -90,7 +90,7 @@ class Reaction(StrEnum):
     """stop on the ramp and hold with power on"""
     QUICK_STOP = "quick stop"
     REJECT_WINDOW = "reject window"
-    """nothing at once: the check of the window rejects it, and it is recorded again"""
+    """nothing at once: the window that is being recorded is rejected when it is checked, and recorded again"""
     WARN = "warn"
     """the run goes on, and everybody is told once"""
 
@@ -115,6 +115,18 @@ class GuardSettings:
     """s for which the main marker may be lost or frozen"""
     slip: float = 5e-3
     """m by which an encoder may leave its place while a window is recorded"""
+    following_error: float = 0.015
+    """m of cable by which a motor may be off the place that its drive wants: under the drive's own window"""
+    following_error_for: float = 1.0
+    """s: it is asked for twice a second"""
+    temperature: float = 75.0
+    """°C of a drive: most derate or trip at 80 to 90"""
+    temperature_hysteresis: float = 5.0
+    """K"""
+    temperature_age: float = 30.0
+    """s after which a temperature that was told before is missed"""
+    bus_lost: int = 25
+    """bus cycles in a second that may bring no sample: a tenth at 250 Hz"""
     loop_late: float = 0.25
     """s between two looks: drives that hear no more of their host for so long stop by themselves"""
     disk_spare: float = 200e6

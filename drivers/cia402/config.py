@@ -51,6 +51,15 @@ class StopReactions:
 
 
 @dataclass(frozen=True)
+class TemperatureObject:
+    """Where a drive family keeps its temperature: a vendor object, and °C for one digit of it."""
+
+    index: int
+    sub: int = 0
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
 class WinchConfig:
     """One CANopen winch: node, drum, limits; SI units.
 
@@ -105,6 +114,8 @@ class WinchConfig:
     """N m; compared with object 6076, None: not"""
     sample_age: float | None = None
     """s after which a sample is not believed any more; None: ten SYNC periods, at least 0.05 s"""
+    temperature: TemperatureObject | None = None
+    """where the drive family keeps its temperature; None: not asked for"""
     current_offset: float = 0.0
     """A added to what the drive says, from a calibration against known tensions"""
 

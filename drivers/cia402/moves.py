@@ -1,6 +1,9 @@
 """One move and one sample of a winch, between cable (m, A) and drive (counts, per mille). Pure."""
 
+from dataclasses import dataclass
+
 from drivers.cia402.config import WinchConfig
+from drivers.cia402.health import NOTHING_TOLD, Health
 from drivers.cia402.pdo import DriveValues
 from drivers.cia402.scale import LengthScale
 from drivers.cia402.settings import Setting
@@ -34,13 +37,27 @@ def profile(config: WinchConfig, speed: float, acceleration: float) -> tuple[Set
     )
 
 
+@dataclass(frozen=True)
+class Beside:
+    """What is known of a drive besides its PDOs."""
+
+    fault: str = ""
+    """in words"""
+    health: Health = NOTHING_TOLD
+    heartbeat_age: float | None = None
+    """s"""
+    emergencies: int = 0
+    lost: int = 0
+
+
 def make_sample(
-    values: DriveValues, config: WinchConfig, scale: LengthScale, state: DriveState, fault: str
+    values: DriveValues, config: WinchConfig, scale: LengthScale, state: DriveState, beside: Beside
 ) -> WinchSample:
     """What the port says of one bus cycle.
 
     A positive motor current of the drive turns towards rising counts; ours is positive where the winch pulls.
     """
+    lag = beside.health.following_error
     return WinchSample(
         t=values.t,
         state=state,
@@ -48,5 +65,10 @@ def make_sample(
         velocity=scale.velocity(values.velocity),
         current=config.rated_current * (-config.direction * values.current) / 1000.0 + config.current_offset,
         target_reached=bool(values.statusword & TARGET_REACHED),
-        fault=fault,
+        fault=beside.fault,
+        following_error=None if lag is None else scale.velocity(lag),
+        temperature=beside.health.temperature,
+        heartbeat_age=beside.heartbeat_age,
+        emergencies=beside.emergencies,
+        lost=beside.lost,
     )

@@ -45,6 +45,7 @@ class NodeCounters:
     malformed: int = 0
     """heartbeats and emergencies that were none"""
     refused_controlwords: int = 0
+    emergencies: int = 0
     unasked: int = 0
     """TPDOs before our first SYNC: somebody else produces SYNC, or a TPDO is sent on its own"""
 
@@ -101,6 +102,7 @@ class NodeLink:
             self.counters.malformed += 1
             return
         self.emergencies.append(emergency)
+        self.counters.emergencies += 1
         if not emergency.cleared and self.latched is None:
             self.latched = emergency
 

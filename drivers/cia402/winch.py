@@ -7,9 +7,10 @@ overtake whatever is in progress: a move that was waiting ends with an error and
 from drivers.cia402.bringup import bring_up
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.drive import Drive
+from drivers.cia402.health import HealthPoll
 from drivers.cia402.machine import Command, state_of
 from drivers.cia402.master import CanopenMaster
-from drivers.cia402.moves import make_sample, profile, refuse_beyond_limits
+from drivers.cia402.moves import Beside, make_sample, profile, refuse_beyond_limits
 from drivers.cia402.node import NodeLink
 from drivers.cia402.scale import LengthScale
 from drivers.cia402.settings import Check
@@ -34,6 +35,7 @@ class Cia402Winch:
         self._drive = Drive(config, master)
         self._ramp = config.max_acceleration
         self._prepared: tuple[float, float] | None = None
+        self._health = HealthPoll(self.link, master.clock, config.temperature)
 
     @property
     def name(self) -> str:
@@ -147,4 +149,16 @@ class Cia402Winch:
         if values is None:
             return None
         state = DriveState.UNKNOWN if self._drive.stale(values) else state_of(values.statusword)
-        return make_sample(values, self.config, self._scale, state, self._drive.fault())
+        heartbeat, counters = self.link.heartbeat, self.link.counters
+        beside = Beside(
+            self._drive.fault(),
+            self._health.believed(),
+            None if heartbeat is None else max(self._master.clock.now() - heartbeat.t, 0.0),
+            counters.emergencies,
+            counters.lost,
+        )
+        return make_sample(values, self.config, self._scale, state, beside)
+
+    async def watch_health(self) -> None:
+        """Ask the drive what its PDOs do not carry, for ever: a task beside `CanopenMaster.run()`."""
+        await self._health.run()

@@ -23,7 +23,7 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.result_file import write_result
 from procedures.events import Event, RunFinished
-from procedures.guards import LogGuard
+from procedures.robot_guards import LogGuard
 from procedures.report import RunReport
 from procedures.run import Experiment, identification, run_procedure
 from procedures.run_folder import require_new

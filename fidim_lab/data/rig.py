@@ -60,6 +60,16 @@ class TensionEntry:
 
 
 @dataclass(frozen=True)
+class TemperatureEntry:
+    """The vendor object in which a drive family keeps its temperature."""
+
+    index: int
+    sub: int = 0
+    scale: float = 1.0
+    """°C for one digit"""
+
+
+@dataclass(frozen=True)
 class WinchEntry:
     """One CANopen winch."""
 
@@ -107,6 +117,8 @@ class WinchEntry:
     vendor_id: int | None
     product_code: int | None
     serial_number: int | None
+    temperature: TemperatureEntry | None
+    """None: the drive is not asked"""
     tension: TensionEntry
     stop: StopEntry
 

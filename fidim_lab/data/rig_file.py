@@ -13,6 +13,7 @@ from fidim_lab.data.rig import (
     MocapKind,
     RigFile,
     StopEntry,
+    TemperatureEntry,
     TensionEntry,
     WinchEntry,
 )
@@ -94,9 +95,10 @@ def _winch(path: Path, number: int, table: WinchTable) -> WinchEntry:
             raise FileError(
                 path, f"winch {number}, eds", f'{table.eds!r}: no such file; "{GENERIC}" is the built-in one'
             )
-    values = table.model_dump(exclude={"eds", "tension", "stop"})
+    values = table.model_dump(exclude={"eds", "temperature", "tension", "stop"})
     tension, stop = TensionEntry(**table.tension.model_dump()), StopEntry(**table.stop.model_dump())
-    return WinchEntry(**values, eds=eds, tension=tension, stop=stop)
+    temperature = None if table.temperature is None else TemperatureEntry(**table.temperature.model_dump())
+    return WinchEntry(**values, eds=eds, temperature=temperature, tension=tension, stop=stop)
 
 
 def _motion_capture(path: Path, table: MocapTable, markers: int) -> MocapEntry:

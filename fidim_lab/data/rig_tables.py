@@ -17,6 +17,7 @@ STANDARD_PORTS = {
     MocapKind.VICON_DATASTREAM: 801,
     MocapKind.MARKER_TEXT: 51100,
     MocapKind.OSC: 51200,
+    MocapKind.QTM: 22223,
     MocapKind.LSL: 0,
 }
 """LSL finds its own"""
@@ -25,11 +26,12 @@ TRANSPORTS = {
     MocapKind.VICON_DATASTREAM: ("tcp",),
     MocapKind.MARKER_TEXT: ("udp", "tcp"),
     MocapKind.OSC: ("udp",),
+    MocapKind.QTM: ("tcp",),
     MocapKind.LSL: ("lsl",),
 }
 """how each kind arrives, the usual way first"""
 UNITS = {"m": 1.0, "mm": 1e-3}
-NOT_BUILT = {MocapKind.QTM: "Qualisys RT", MocapKind.NATNET: "OptiTrack NatNet"}
+NOT_BUILT = {MocapKind.NATNET: "OptiTrack NatNet"}
 """kinds that the format knows and this version does not read"""
 
 
@@ -51,6 +53,14 @@ class TensionTable(Table):
     gain: Positive | None = None
     offset: float = 0.0
     friction: NotNegative | None = None
+
+
+class TemperatureTable(Table):
+    """`temperature` of a winch: a vendor object."""
+
+    index: Annotated[int, Field(ge=0x2000, le=0xFFFF)]
+    sub: Annotated[int, Field(ge=0, le=255)] = 0
+    scale: Positive = 1.0
 
 
 class StopTable(Table):
@@ -91,6 +101,7 @@ class WinchTable(Table):
     vendor_id: Annotated[int, Field(ge=0)] | None = None
     product_code: Annotated[int, Field(ge=0)] | None = None
     serial_number: Annotated[int, Field(ge=0)] | None = None
+    temperature: TemperatureTable | None = None
     tension: TensionTable = TensionTable()
     stop: StopTable = StopTable()
 
@@ -187,6 +198,30 @@ class SlipGuardTable(Table):
     allowed: Positive = 5e-3
 
 
+class FollowingErrorGuardTable(Table):
+    """`[guards.following_error]`: as a part of the winch's own window, beyond which its drive faults."""
+
+    reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
+    part: Annotated[float, Field(gt=0, le=1)] = 0.75
+    lasting: Annotated[float, Field(ge=0, le=10)] = 1.0
+
+
+class TemperatureGuardTable(Table):
+    """`[guards.temperature]` of the drives, °C, where they tell it."""
+
+    reaction: Literal["hold", "warn"] = "hold"
+    limit: Annotated[float, Field(gt=0, le=150)] = 75.0
+    hysteresis: NotNegative = 5.0
+    age: Annotated[float, Field(gt=0, le=600)] = 30.0
+
+
+class BusErrorsGuardTable(Table):
+    """`[guards.bus_errors]`: bus cycles in a second that brought no whole sample of a winch."""
+
+    reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "warn"
+    lost: Annotated[int, Field(ge=0, le=500)] = 25
+
+
 class HostLoopGuardTable(Table):
     """`[guards.host_loop]`: this computer came late."""
 
@@ -218,6 +253,9 @@ class GuardsTable(Table):
     tension: TensionGuardTable = TensionGuardTable()
     marker: MarkerGuardTable = MarkerGuardTable()
     slip: SlipGuardTable = SlipGuardTable()
+    following_error: FollowingErrorGuardTable = FollowingErrorGuardTable()
+    temperature: TemperatureGuardTable = TemperatureGuardTable()
+    bus_errors: BusErrorsGuardTable = BusErrorsGuardTable()
     host_loop: HostLoopGuardTable = HostLoopGuardTable()
     disk: DiskGuardTable = DiskGuardTable()
     clock_step: ClockStepGuardTable = ClockStepGuardTable()

@@ -24,7 +24,8 @@ from fidim_lab.data.mcap_file import read_mcap
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from fidim_lab.errors import FidimError
 from procedures.events import Event, RunFinished, StepStarted, Tripped
-from procedures.guards import LogGuard, Trip
+from procedures.guards import Trip
+from procedures.robot_guards import LogGuard
 from procedures.journal import Entry, Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.report import RunReport

@@ -4,7 +4,7 @@
 runs what uses them, on a clock that jumps or waits. `simulated_devices` serves a rig file's devices to other processes.
 """
 
-from fidim_lab.app.compose.embedded import Ports, embedded_devices, rehearsal_file
+from fidim_lab.app.compose.embedded import Ports, embedded_devices, patient_settings, rehearsal_file
 from fidim_lab.app.compose.loop import STOP_SIGNALS, run_loop
 from fidim_lab.app.compose.real import RealRig, real_rig, rig_settings
 from fidim_lab.app.compose.simulated import (
@@ -23,14 +23,15 @@ from fidim_lab.app.compose.simulators import SimulatedDevices, simulated_devices
 __all__ = [
     "MARKER_RATE",
     "STOP_SIGNALS",
-    "Ports",
     "SYNC_RATE",
+    "Ports",
     "RealRig",
     "SimulatedDevices",
     "SimulatedRig",
     "World",
     "embedded_devices",
     "length_limits",
+    "patient_settings",
     "real_rig",
     "rehearsal_file",
     "rig_settings",

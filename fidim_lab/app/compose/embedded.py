@@ -18,6 +18,7 @@ from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan
 from fidim_lab.data.rig import BusEntry, GuardEntry, HandEntry, MocapEntry, MocapKind, RigFile, WinchEntry
 from fidim_lab.errors import HardwareError
+from procedures.settings import Settings
 
 HOST = "127.0.0.1"
 COMMAND = "from fidim_lab.app.cli import main; main()"
@@ -31,6 +32,8 @@ SYNC_RATE = 100.0
 """Hz at most"""
 PATIENCE = 3.0
 """s that everything may be late: simulators, service and screens share one computer, which may be busy"""
+GAP, COMPLETE = 0.5, 0.9
+"""s without a marker position, and part of the samples that must be there, for the same reason"""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,16 @@ def rehearsal_file(file: RigFile, ports: Ports) -> RigFile:
         motion_capture=_motion_capture(file, ports.motion_capture),
         guards={name: _patient_guard(name, guard) for name, guard in file.guards.items()},
         hand=HandEntry(HOST, ports.hand),
+    )
+
+
+def patient_settings(settings: Settings) -> Settings:
+    """For a rehearsal: what shares a busy computer comes late, and is not held against it. Limits stay as they are."""
+    return replace(
+        settings,
+        motion=replace(settings.motion, together=max(settings.motion.together, PATIENCE)),
+        record=replace(settings.record, longest_gap=max(settings.record.longest_gap, GAP), complete=COMPLETE),
+        hold=replace(settings.hold, timeout=max(settings.hold.timeout, 2.0 * PATIENCE)),
     )
 
 

@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import GENERIC_EDS, StopReactions, WinchConfig
+from drivers.cia402.config import GENERIC_EDS, StopReactions, TemperatureObject, WinchConfig
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.winch import Cia402Winch
 from drivers.clock import LoopClock
@@ -62,6 +62,8 @@ async def real_rig(file: RigFile, operator: Operator | None = None) -> AsyncGene
         markers = marker_source(file, clock)
         answering = operator or await _hand(file, stack)
         await running(stack, master.run())
+        for winch in winches:
+            await running(stack, winch.watch_health())
         stack.push_async_callback(markers.close)
         await markers.start()
         yield RealRig(Rig(clock, winches, markers, answering), transport, master, winches, markers)
@@ -128,7 +130,13 @@ def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float
         rated_torque=entry.rated_torque,
         sample_age=sample_age,
         current_offset=entry.tension.offset / newton_per_ampere,
+        temperature=_temperature(entry),
     )
+
+
+def _temperature(entry: WinchEntry) -> TemperatureObject | None:
+    asked = entry.temperature
+    return None if asked is None else TemperatureObject(asked.index, asked.sub, asked.scale)
 
 
 async def _hand(file: RigFile, stack: contextlib.AsyncExitStack) -> Operator:
@@ -153,7 +161,8 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
         together=max(base.motion.together, min(file.guards["stale_winch"].thresholds["age"], LONGEST_TOGETHER)),
     )
     tension = replace(base.tension, tolerance=_tolerance(file, base.tension))
-    return replace(base, motion=motion, tension=tension, guard=_guard_settings(file.guards, base.guard))
+    window = min(winch.following_error for winch in file.winches)
+    return replace(base, motion=motion, tension=tension, guard=_guard_settings(file.guards, base.guard, window))
 
 
 def _tolerance(file: RigFile, tension: TensionSettings) -> float:
@@ -163,8 +172,10 @@ def _tolerance(file: RigFile, tension: TensionSettings) -> float:
     return max(known) / file.robot.limits.tension[0] if len(known) == len(bands) else tension.tolerance
 
 
-def _guard_settings(guards: Mapping[str, GuardEntry], base: GuardSettings) -> GuardSettings:
+def _guard_settings(guards: Mapping[str, GuardEntry], base: GuardSettings, window: float) -> GuardSettings:
+    """window: the drives' own for the following error, m."""
     stale, tension = guards["stale_winch"].thresholds, guards["tension"].thresholds
+    following, heat = guards["following_error"].thresholds, guards["temperature"].thresholds
     return replace(
         base,
         sample_age=stale["age"],
@@ -174,6 +185,12 @@ def _guard_settings(guards: Mapping[str, GuardEntry], base: GuardSettings) -> Gu
         tension_for=tension["lasting"],
         marker_for=guards["marker"].thresholds["lasting"],
         slip=guards["slip"].thresholds["allowed"],
+        following_error=following["part"] * window,
+        following_error_for=following["lasting"],
+        temperature=heat["limit"],
+        temperature_hysteresis=heat["hysteresis"],
+        temperature_age=heat["age"],
+        bus_lost=round(guards["bus_errors"].thresholds["lost"]),
         loop_late=guards["host_loop"].thresholds["late"],
         disk_spare=guards["disk"].thresholds["spare"],
         reactions={name.replace("_", " "): REACTIONS[entry.reaction] for name, entry in guards.items()},

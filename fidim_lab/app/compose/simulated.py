@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanTransport
-from drivers.cia402.config import WinchConfig
+from drivers.cia402.config import TemperatureObject, WinchConfig
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.winch import Cia402Winch
 from drivers.clock import LoopClock
@@ -126,6 +126,8 @@ async def simulated_rig(
         winches = tuple(Cia402Winch(config, master) for config in configs)
         markers = StreamMarkerSource(feed, ViconUdpDecoder(MarkerObjects(names)), clock, rate=MARKER_RATE)
         await running(stack, master.run())
+        for winch in winches:
+            await running(stack, winch.watch_health())
         if isinstance(transport, InProcessBus):
             await running(stack, _live(transport, clock))
         await markers.start()
@@ -165,11 +167,14 @@ def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory) -> tuple[Wi
             length_limits=reach,
             direction=drum.direction,
             home_length=drum.home_length,
+            temperature=TEMPERATURE,
         )
         for cable, (winch, drum, reach) in enumerate(zip(winches, laboratory.drums, length_limits(plan), strict=True))
     )
 
 
+TEMPERATURE = TemperatureObject(0x2210, scale=0.1)
+"""of the generic EDS"""
 RATED_CURRENT = 5.0
 """A, object 6075 of the generic EDS"""
 

@@ -26,12 +26,14 @@ from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import FidimError
 from procedures.catalogue import experiment
-from procedures.guards import Guard, LogGuard
+from procedures.guards import Guard
 from procedures.handlers import HANDLERS
 from procedures.host_guards import host_guards
 from procedures.report import RunReport, WindowRow
 from procedures.resumption import Resumption, read_resumption
+from procedures.robot_guards import LogGuard
 from procedures.run import Experiment, run_procedure
+from procedures.settings import Settings
 from procedures.steps import MoveTo
 
 PLAN = "plan.toml"
@@ -61,9 +63,7 @@ def prepare(spec: RunSpec) -> Work:
         resumption = read_resumption(spec.out, {window.id: window.role for window in plan.windows})
         if spec.accept_place:
             resumption = replace(resumption, place=None)
-    made = experiment(
-        spec.procedure, plan, file.robot, overridden(compose.rig_settings(file), spec.settings), resumption=resumption
-    )
+    made = experiment(spec.procedure, plan, file.robot, _settings(spec, file), resumption=resumption)
     return Work(spec, file, plan, made, resumption)
 
 
@@ -153,6 +153,11 @@ def _write_papers(work: Work) -> None:
     shutil.copyfile(work.spec.rig, work.spec.out / RIG)
     write_plan(work.spec.out / PLAN, work.plan)
     write_spec(work.spec.out, work.spec)
+
+
+def _settings(spec: RunSpec, file: RigFile) -> Settings:
+    settings = compose.rig_settings(file)
+    return overridden(compose.patient_settings(settings) if spec.embedded else settings, spec.settings)
 
 
 def main(arguments: Sequence[str]) -> int:

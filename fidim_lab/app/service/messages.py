@@ -86,6 +86,12 @@ class WinchState(Message):
     """°C, where the drive reports it"""
     following_error: float | None = None
     """m, where the drive reports it"""
+    heartbeat_age: float | None = None
+    """s since the drive's heartbeat"""
+    emergencies: int = 0
+    """emergency messages of the drive so far"""
+    lost: int = 0
+    """bus cycles so far that brought no sample"""
     age: float | None = None
     """s since the sample; None: never reported"""
     length_limits: tuple[float, float] | None = None

@@ -28,8 +28,9 @@ from fidim_lab.app.service.status import Gauges, Watcher
 from fidim_lab.errors import FidimError
 from procedures.control import Control
 from procedures.events import Event, Prompted
-from procedures.guards import Guard, standard_guards
+from procedures.guards import Guard
 from procedures.report import RunReport, WindowRow
+from procedures.robot_guards import standard_guards
 from procedures.run import Experiment
 from procedures.teardown import quick_stop
 

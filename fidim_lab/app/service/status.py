@@ -219,6 +219,11 @@ class Gauges:
                 "length": round(sample.length, 6),
                 "speed": round(sample.velocity, 6),
                 "tension": round(self._factors[index] * sample.current, 3),
+                "temperature": sample.temperature,
+                "following_error": None if sample.following_error is None else round(sample.following_error, 6),
+                "heartbeat_age": None if sample.heartbeat_age is None else round(sample.heartbeat_age, 4),
+                "emergencies": sample.emergencies,
+                "lost": sample.lost,
                 "age": round(max(now - sample.t, 0.0), 4),
             }
         )

@@ -19,7 +19,7 @@ from fidim_lab.app.mocap_doctor import Watched, check_markers, check_timing
 from fidim_lab.app.rig_doctor import check_guards, check_tensions
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import DeviceError, RefusedError
-from procedures.guards import standard_guards
+from procedures.robot_guards import standard_guards
 from procedures.settings import Reaction
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.node import SimulatedDrive

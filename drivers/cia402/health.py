@@ -1,0 +1,78 @@
+"""What a drive says of itself besides its PDOs: following error (60F4) and temperature, asked by SDO twice a second.
+
+By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive lets these objects be mapped. An object
+that the drive refuses is not asked for again; what has not been answered lately is unknown.
+"""
+
+from dataclasses import dataclass, replace
+
+from drivers.cia402.config import TemperatureObject
+from drivers.cia402.node import NodeLink
+from drivers.cia402.sdo import SdoRefusedError
+from drivers.ports import Clock
+from fidim_lab.errors import DeviceError
+
+FOLLOWING_ERROR = 0x60F4
+PERIOD = 0.5
+"""s between two rounds"""
+BELIEVED = 5.0
+"""periods for which an answer counts"""
+
+
+@dataclass(frozen=True)
+class Health:
+    """The newest answers; None: not told."""
+
+    t: float = float("-inf")
+    """monotonic s"""
+    following_error: int | None = None
+    """counts"""
+    temperature: float | None = None
+    """°C"""
+
+
+NOTHING_TOLD = Health()
+
+
+class HealthPoll:
+    """Asks one drive. `run` is a task beside the control loop; without it nothing is ever told."""
+
+    def __init__(self, link: NodeLink, clock: Clock, temperature: TemperatureObject | None) -> None:
+        self._link = link
+        self._clock = clock
+        self._temperature = temperature if temperature and link.sdo.knows(temperature.index, temperature.sub) else None
+        self._follows = link.sdo.knows(FOLLOWING_ERROR)
+        self._newest = NOTHING_TOLD
+
+    def believed(self) -> Health:
+        """The newest answers, or an empty value where they are too old."""
+        fresh = self._clock.now() - self._newest.t <= BELIEVED * PERIOD
+        return self._newest if fresh else NOTHING_TOLD
+
+    async def run(self) -> None:
+        """Ask for ever. A drive that does not answer is asked again; why not, others find out."""
+        while self._follows or self._temperature is not None:
+            await self._clock.sleep(PERIOD)
+            if self._link.brought_up:
+                try:
+                    await self._round()
+                except DeviceError:
+                    continue
+
+    async def _round(self) -> None:
+        found = Health(t=self._clock.now())
+        if self._follows:
+            lag = await self._number(FOLLOWING_ERROR, 0)
+            self._follows = lag is not None
+            found = replace(found, following_error=lag)
+        if (where := self._temperature) is not None:
+            digits = await self._number(where.index, where.sub)
+            self._temperature = where if digits is not None else None
+            found = replace(found, temperature=None if digits is None else where.scale * digits)
+        self._newest = found
+
+    async def _number(self, index: int, sub: int) -> int | None:
+        try:
+            return await self._link.sdo.read(index, sub)
+        except SdoRefusedError:
+            return None

@@ -1,0 +1,71 @@
+"""What is to be run on which robot, checked: `checked_experiment` makes one of a plan and a generator of steps."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+from fidim_lab.data.records import Plan, Robot, Role
+from procedures.identify import Route
+from procedures.limits import Statics, Workspace, check_moves, find_route, nominal_statics, way_points
+from procedures.listing import Outline
+from procedures.resumption import Resumption
+from procedures.run_folder import check_window_ids
+from procedures.settings import Settings
+from procedures.steps import Lengths, Procedure, Steps
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What is to be run on which robot."""
+
+    name: str
+    robot: Robot
+    procedure: Procedure
+    roles: Mapping[str, Role]
+    """of the planned windows, in order"""
+    workspace: Workspace
+    settings: Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Lab:
+    """What a procedure is made of: the plan's windows that are left, the robot, the settings, and safe ways."""
+
+    plan: Plan
+    robot: Robot
+    settings: Settings
+    route: Route
+    attempts: Mapping[str, int]
+    """recordings that an earlier process made, by window"""
+
+
+Make = Callable[[Lab], Steps]
+
+
+def checked_experiment(
+    make: Make,
+    plan: Plan,
+    robot: Robot,
+    settings: Settings | None = None,
+    statics: Statics | None = None,
+    resumption: Resumption | None = None,
+) -> Experiment:
+    """The steps that `make` yields for a plan, their limits checked (some seconds; the robot is not needed).
+
+    statics: tensions at rest; by the nominal model unless given. resumption: what an earlier process has done of it.
+    Raises InfeasibleError naming window, cable, value and what is allowed where the plan, or every way between two of
+    its equilibria, leaves the limits; SetupError for a window that cannot be a file.
+    """
+    settings = settings or Settings()
+    check_window_ids([window.id for window in plan.windows])
+    workspace = Workspace(robot, statics or nominal_statics(robot), settings.motion.length_limits)
+    via = lru_cache(partial(way_points, robot, plan))
+
+    def route(start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
+        return find_route(workspace, start, goal, via)
+
+    left = plan if resumption is None else resumption.left_of(plan)
+    procedure: Procedure = partial(make, Lab(left, robot, settings, route, resumption.attempts if resumption else {}))
+    check_moves(Outline(procedure).steps, robot, workspace)
+    roles = {window.id: window.role for window in plan.windows}
+    return Experiment(plan.name, robot, procedure, roles, workspace, settings)
