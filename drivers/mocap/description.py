@@ -6,6 +6,7 @@ from typing import Literal
 from drivers.mocap.decoder import Decoder, Position
 from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.osc import OscDecoder
+from drivers.mocap.qtm import QtmDecoder
 from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_datastream import ViconDataStreamDecoder
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
@@ -16,7 +17,7 @@ from fidim_lab.errors import OurBugError
 class DecoderDescription:
     """Which decoder, of what."""
 
-    kind: Literal["vicon-udp", "marker-text", "vicon-datastream", "osc"]
+    kind: Literal["vicon-udp", "marker-text", "vicon-datastream", "qtm", "osc"]
     markers: int
     objects: tuple[str, ...] = ()
     """vicon-udp: an object for each marker; or the subject alone, where `points` are given. Else names or addresses"""
@@ -36,6 +37,8 @@ class DecoderDescription:
             decoder = MarkerTextDecoder(self.markers)
         elif self.kind == "vicon-datastream":
             decoder = ViconDataStreamDecoder(self.objects)
+        elif self.kind == "qtm":
+            decoder = QtmDecoder(self.objects)
         elif self.kind == "osc":
             decoder = OscDecoder(self.objects, frame_address=self.frame_address, unit=self.unit)
         elif self.points:
@@ -53,6 +56,8 @@ def describe(decoder: Decoder) -> DecoderDescription:
         return DecoderDescription("marker-text", inner.markers, upright=upright)
     if isinstance(inner, ViconDataStreamDecoder):
         return DecoderDescription("vicon-datastream", len(inner.names), inner.names, upright=upright)
+    if isinstance(inner, QtmDecoder):
+        return DecoderDescription("qtm", len(inner.names), inner.names, upright=upright)
     if isinstance(inner, OscDecoder):
         return DecoderDescription(
             "osc",

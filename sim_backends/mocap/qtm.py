@@ -33,21 +33,20 @@ class QtmSession:
     Not simulated: components other than labelled 3D, UDP streams, control of QTM, byte order big endian.
     """
 
-    def __init__(self, labels: Sequence[str], rate: float) -> None:
-        """Marker names, and frames a second (Hz)."""
+    def __init__(self, labels: Sequence[str]) -> None:
+        """Marker names."""
         named = "".join(f"<Label><Name>{name}</Name><RGBColor>255</RGBColor></Label>" for name in labels)
         self._parameters = (
             f"<QTM_Parameters_Ver_1.19><The_3D><AxisUpwards>+Z</AxisUpwards><Labels>{len(labels)}</Labels>{named}"
             f"</The_3D></QTM_Parameters_Ver_1.19>"
         )
-        self._rate = rate
         self._streaming = False
         self._rest = b""
 
     @staticmethod
-    def maker(labels: Sequence[str], rate: float) -> Callable[[], "QtmSession"]:
+    def maker(labels: Sequence[str]) -> Callable[[], "QtmSession"]:
         """A session for each client."""
-        return lambda: QtmSession(labels, rate)
+        return lambda: QtmSession(labels)
 
     def greeting(self) -> bytes:
         """The server's first words."""

@@ -1,10 +1,13 @@
 """The motion capture that a rig file names: what reads its bytes, and where they come from. One entry for each kind."""
 
+from collections.abc import Callable, Mapping
+
 from drivers.mocap.decoder import Decoder
-from drivers.mocap.feeds import ByteFeed, TcpFeed, UdpFeed
+from drivers.mocap.feeds import ByteFeed, Conversation, TcpFeed, UdpFeed
 from drivers.mocap.lsl_feed import LslFeed
 from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.osc import OscDecoder, address_of
+from drivers.mocap.qtm import QtmDecoder, QtmRequests
 from drivers.mocap.source import StreamMarkerSource
 from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_datastream import DataStreamWishes, ViconDataStreamDecoder
@@ -12,7 +15,10 @@ from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecode
 from drivers.ports import Clock
 from fidim_lab.data.rig import MocapEntry, MocapKind, RigFile
 
-CONVERSATIONS = {MocapKind.VICON_DATASTREAM: DataStreamWishes}
+CONVERSATIONS: Mapping[MocapKind, Callable[[], Conversation]] = {
+    MocapKind.VICON_DATASTREAM: DataStreamWishes,
+    MocapKind.QTM: QtmRequests,
+}
 """what is said to servers that wait to be asked"""
 
 
@@ -31,6 +37,8 @@ def marker_decoder(file: RigFile) -> Decoder:
     match entry.kind:
         case MocapKind.VICON_DATASTREAM:
             return ViconDataStreamDecoder(entry.markers)
+        case MocapKind.QTM:
+            return QtmDecoder(entry.markers)
         case MocapKind.OSC:
             addresses = tuple(address_of(marker) for marker in entry.markers)
             return OscDecoder(addresses, frame_address=entry.frame_address, unit=entry.unit)

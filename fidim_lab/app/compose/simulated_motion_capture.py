@@ -1,5 +1,6 @@
 """The motion capture of a rig file, simulated: the bytes of its kind, sent the way that kind sends them."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 from drivers.mocap.osc import address_of
@@ -10,11 +11,11 @@ from sim_backends.laboratory import Laboratory
 from sim_backends.mocap.datastream import DataStreamEncoder, DataStreamSession
 from sim_backends.mocap.encoders import Encoder, OscEncoder, TextEncoder, TurnedEncoder, ViconEncoder
 from sim_backends.mocap.lsl_sender import LslSender
-from sim_backends.mocap.sockets import PlainSession, TcpServer, UdpSender
+from sim_backends.mocap.qtm import QtmEncoder, QtmSession
+from sim_backends.mocap.sockets import PlainSession, Session, TcpServer, UdpSender
 
 SUBJECT = "platform"
 """what carries markers that are named without a subject"""
-SESSIONS = {MocapKind.VICON_DATASTREAM: DataStreamSession}
 
 
 class MocapSender(Protocol):
@@ -38,9 +39,19 @@ def mocap_sender(file: RigFile, laboratory: Laboratory, clock: Clock) -> MocapSe
             raise SetupError("motion_capture, up, unit: the simulated LSL stream has z up and metres.")
         return LslSender(server, clock, entry.stream or "", entry.markers)
     if entry.transport == "tcp":
-        return TcpServer(server, clock, entry.port, entry.host, SESSIONS.get(entry.kind, PlainSession))
+        return TcpServer(server, clock, entry.port, entry.host, _session(entry))
     host = "127.0.0.1" if entry.host == "0.0.0.0" else entry.host
     return UdpSender(server, clock, entry.port, host)
+
+
+def _session(entry: MocapEntry) -> Callable[[], Session]:
+    match entry.kind:
+        case MocapKind.VICON_DATASTREAM:
+            return DataStreamSession
+        case MocapKind.QTM:
+            return QtmSession.maker(entry.markers)
+        case _:
+            return PlainSession
 
 
 def _turned(encoder: Encoder, entry: MocapEntry) -> Encoder:
@@ -56,6 +67,8 @@ def _encoder(entry: MocapEntry) -> Encoder:
                 found = ", ".join(sorted(subjects))
                 raise SetupError(f"motion_capture, markers: one subject is simulated, these are of {found}.")
             return DataStreamEncoder([name for _, _, name in parts], subject=subjects.pop(), rate=entry.rate)
+        case MocapKind.QTM:
+            return QtmEncoder(entry.rate)
         case MocapKind.OSC:
             addresses = [address_of(marker) for marker in entry.markers]
             return OscEncoder(addresses, frame_address=entry.frame_address, unit=entry.unit)

@@ -66,7 +66,7 @@ def test_what_is_no_frame_is_said(case):
 
 
 def test_a_client_asks_once_and_is_answered():
-    session, client = QtmSession(["a", "b"], 100.0), QtmRequests()
+    session, client = QtmSession(["a", "b"]), QtmRequests()
     frame = QtmEncoder().encode(5, [(1.0, 2.0, 3.0), None])
     assert session.pass_on(frame) == b""
     assert client.receive(session.greeting()) == REQUESTS

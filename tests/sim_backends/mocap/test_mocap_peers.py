@@ -96,5 +96,5 @@ def test_the_vendors_client_reads_our_datastream_at_the_sent_pose():
 
 def test_qualisys_own_client_reads_our_server_at_the_sent_place():
     need("qtm_rt")
-    found = read_by(READ_QUALISYS, serving(QtmEncoder()), QtmSession.maker(["main"], 100.0))
+    found = read_by(READ_QUALISYS, serving(QtmEncoder()), QtmSession.maker(["main"]))
     assert found == {"main": pytest.approx(PLACE)}

@@ -23,6 +23,7 @@ KINDS = {
     "vicon-udp": 'kind = "vicon-udp"\nhost = "127.0.0.1"\nmarkers = ["a"]',
     "vicon-datastream": 'kind = "vicon-datastream"\nhost = "127.0.0.1"\nsubject = "body"\nmarkers = ["a"]',
     "datastream, y up": 'kind = "vicon-datastream"\nhost = "127.0.0.1"\nmarkers = ["a"]\nup = "y"',
+    "qtm": 'kind = "qtm"\nhost = "127.0.0.1"\nmarkers = ["a"]',
     "osc": 'kind = "osc"\nhost = "127.0.0.1"\nunit = "mm"\nframe_address = "/f"\nmarkers = ["a"]',
     "lines over tcp": 'kind = "marker-text"\nhost = "127.0.0.1"\ntransport = "tcp"',
     "lines over udp": 'kind = "marker-text"\nhost = "127.0.0.1"',
