@@ -28,6 +28,9 @@ RATE = 100.0
 DIFFERENCE = 1e-5
 """m: step of the difference quotients of A and D, whose derivatives are of second order"""
 
+NOTHING = 1e-14
+"""of the largest eigenvalue: information that is rounding"""
+
 Information = Float[np.ndarray, "W 9 9"]
 
 
@@ -51,12 +54,11 @@ def information(
     rows = (weights[:, np.newaxis, np.newaxis, np.newaxis] * seen).reshape(count, -1, seen.shape[-1])
     lengths = starts.lengths_by / task.robot.sensors.encoder_resolution
     both = np.concatenate([rows, lengths], axis=1)
-    full = np.swapaxes(both, 1, 2) @ both
-    own = full.shape[1] - BODY
-    across = full[:, :own, own:]
-    return (
-        full[:, own:, own:] - np.swapaxes(across, 1, 2) @ np.linalg.pinv(full[:, :own, :own], hermitian=True) @ across
-    )
+    # by orthogonal elimination of the window's own unknowns: never negative, as a difference of squares can be
+    own = both.shape[2] - BODY
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))  # the stubs take it for a pair
+    left = triangle[:, own:, own:]
+    return np.swapaxes(left, 1, 2) @ left
 
 
 def predicted_sd(total: Float[np.ndarray, "9 9"]) -> Float[np.ndarray, "9"]:
@@ -67,10 +69,11 @@ def predicted_sd(total: Float[np.ndarray, "9 9"]) -> Float[np.ndarray, "9"]:
 def judged(task: DesignTask, sums: Float[np.ndarray, "K 9 9"]) -> Float[np.ndarray, " K"]:
     """Criterion A or D of K sums of information: a typical sd, in parts of what a parameter may plausibly be off."""
     scale = scales(task.robot.nominal)
-    covariances = np.linalg.pinv(sums * np.outer(scale, scale), hermitian=True)
+    values = np.linalg.eigvalsh(sums * np.outer(scale, scale))
+    values = np.maximum(values, NOTHING * values[:, -1:])  # what is not seen at all has a variance, only a huge one
     if task.criterion is Criterion.A:
-        return np.sqrt(np.trace(covariances, axis1=1, axis2=2) / BODY)
-    return np.exp(np.linalg.slogdet(covariances)[1] / (2 * BODY))
+        return np.sqrt(np.mean(1 / values, axis=1))
+    return np.exp(-np.mean(np.log(values), axis=1) / 2)
 
 
 def precision(mechanism: Mechanism, sensitive: Sensitive) -> Cost:

@@ -75,7 +75,10 @@ def evaluate(
     if not np.isfinite(motions.regressors).all() or not np.isfinite(motions.tensions).all():
         raise InfeasibleError("The free motion of a window breaks down.")
     sensitive = Sensitive.of(mechanism, motions)
-    return Evaluation(placed, objective(mechanism, sensitive), linearised(mechanism, sensitive))
+    worth, limits = objective(mechanism, sensitive), linearised(mechanism, sensitive)
+    if not (np.isfinite(worth.gradient).all() and np.isfinite(limits.by).all()):
+        raise InfeasibleError("The derivatives of a window's motion break down.")
+    return Evaluation(placed, worth, limits)
 
 
 def refine(
