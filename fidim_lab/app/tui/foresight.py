@@ -1,6 +1,6 @@
 """The model's prediction of a recording that has just begun, from a process of its own: the screen never waits.
 
-`Foresight` asks `foresee` (a worker, started at the first recording) each time the recording has doubled.
+`Foresight` asks `foresee` (a worker, started at the first recording) twice in a recording.
 """
 
 import asyncio
@@ -18,6 +18,8 @@ from fidim_lab.app.tui.view import Position, Trace
 
 FIRST = 2.0
 """s of recording with which a prediction is tried first"""
+MOST = 4.0
+"""s that are fitted at most: with a body that is not quite right (CAD) longer stretches lose the phase"""
 LINE = 1 << 24
 """bytes of an answer at most"""
 
@@ -58,7 +60,7 @@ class Foresight:
         self._asked: tuple[tuple[str, int], float] = (("", 0), 0.0)
 
     def look(self, trace: Trace, folder: Path | None) -> None:
-        """Ask for a prediction where the recording is new, or twice as long as at the last one."""
+        """Ask for a prediction where the recording is new, and once more when enough of it is there."""
         if folder is None or (self._asking is not None and not self._asking.done()):
             return
         if len(trace.t) < 2:
@@ -66,8 +68,8 @@ class Foresight:
                 self._asking = asyncio.create_task(self.warm())
             return
         of, long = (trace.window, trace.attempt), trace.t[-1] - trace.t[0]
-        least = 2.0 * self._asked[1] if self._asked[0] == of else FIRST
-        if long < least:
+        before = self._asked[1] if self._asked[0] == of else 0.0
+        if before >= MOST or long < (MOST if before else FIRST):
             return
         self._asked = of, long
         request = {

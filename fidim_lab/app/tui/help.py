@@ -26,8 +26,8 @@ ABOUT = {
     "temperature and following error where the drive reports them. A value that is too old is greyed and says its age. "
     "Guards that have tripped or warn come first, with the reason.",
     "Window": "The main marker's x, y, z as it is recorded. After two seconds the model (CAD, or this run's result) is "
-    "fitted to the initial state and runs ahead; Δ is the distance of what is recorded from what was predicted. The "
-    "prediction is made anew each time the recording has doubled.",
+    "fitted to the initial state and runs ahead; Δ is the distance of what is recorded from what was predicted. It "
+    "is fitted once more after four seconds, and not to more: Δ is to show what the body does not explain.",
     "Result": "The nine parameters with 95 % intervals, against CAD (in standard deviations; ! beyond 3) and the last "
     "session beside this run's folder; each window's σ⊥, rms and χ²/dof; what to measure next.",
     "Why": "What fidim explain found: verdict, named effects with their parameters, where they show, what else was "

@@ -27,7 +27,9 @@ NOTICE_FOR = 8.0
 """s that a notice stays"""
 PAPERS_EVERY = 1.0
 """s between two looks at the files"""
-RIG = TABS.index("Rig")
+CURVES_EVERY = 0.3
+"""s between two drawings of the curves: they are long, and nobody reads them faster"""
+WINDOW = TABS.index("Window")
 
 
 class Stage:
@@ -48,6 +50,7 @@ class Stage:
         self._papers = Papers()
         self._stamp: tuple[object, ...] = ()
         self._looked = -1.0
+        self._drawn = -1.0
 
     def compose(self) -> ComposeResult:
         """State above, one of the screens, the prompt and the keys below."""
@@ -64,6 +67,7 @@ class Stage:
     def turn(self, screen: Screen[None], index: int) -> None:
         """Show another part, and give it the keys."""
         self.current = index
+        self._drawn = -1.0
         last = index == len(self.boards) - 1
         screen.query_one(ContentSwitcher).current = "log-pane" if last else self.boards[index].id
         self.boards[index].focus()
@@ -84,15 +88,18 @@ class Stage:
         notice = self._notice[0] if view.now < self._notice[1] else ""
         state = state_lines(view, width, notice)
         self.state.show(state)
+        for covering in over:
+            if isinstance(covering, Board):
+                covering.show(state_lines(view, max(covering.size.width, 40), notice))
         self.tabs.show(tab_lines(self.current, width))
         self.prompt.show(prompt_lines(view, width))
+        if self.current == WINDOW and view.fresh and view.now - self._drawn < CURVES_EVERY:
+            return
+        self._drawn = view.now
         board = self.boards[self.current]
         lines = self._lines(view, max(board.size.width - 1, 39), board.size.height)
         live = TABS[self.current] in ("Session", "Rig", "Window")
         board.show(greyed(lines) if live and not view.fresh else lines)
-        for covering in over:
-            if isinstance(covering, Board):
-                covering.show(state_lines(view, max(covering.size.width, 40), notice))
 
     def _lines(self, view: View, width: int, height: int) -> list[Line]:
         match TABS[self.current]:

@@ -51,7 +51,7 @@ def prompt_lines(view: View, width: int) -> list[Line]:
 
 
 def _away(metres: Sequence[float]) -> str:
-    return "  ".join(f"{name} {millimetres(v):+.0f} mm" for name, v in zip("xyz", metres, strict=False))
+    return "  ".join(f"{name} {round(millimetres(v)):+d} mm" for name, v in zip("xyz", metres, strict=False))
 
 
 def _displaced(view: View) -> str:

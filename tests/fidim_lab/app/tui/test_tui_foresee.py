@@ -1,6 +1,7 @@
 """The prediction of a recording, made by the worker from what a recording of a known body has shown so far."""
 
 import asyncio
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from drivers.clock import LoopClock
 from fidim_lab.app.tui.foresee import answer
 from fidim_lab.app.tui.foresight import Foresight
 from fidim_lab.app.tui.view import Trace
+from fidim_lab.data.records import Body
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.model.dynamics import consistent_twist, simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths
@@ -69,13 +71,30 @@ def test_a_recording_that_no_model_follows_gets_a_reason(irma4, trace, tmp_path)
     assert found["doubt"]
 
 
+def test_a_body_that_is_not_quite_right_still_gives_a_prediction_whose_error_grows(irma4, path, tmp_path):
+    write_robot(tmp_path / "robot.toml", replace(irma4, nominal=Body.from_vector(1.15 * irma4.nominal.vector)))
+    times, marker = path
+    found = answer(
+        {
+            "folder": str(tmp_path),
+            "window": "i01",
+            "t": [100.0 + float(t) for t in times],
+            "positions": marker.tolist(),
+            "lengths": [tuple(LENGTHS)] * len(times),
+        }
+    )
+    error, motion = _error(path, found["t"], found["positions"])
+    assert found["fitted"] <= 4.0
+    assert error > 0.1 * motion
+
+
 def test_a_folder_without_robot_file_gets_a_reason(trace, tmp_path):
     found = answer({"folder": str(tmp_path), "window": "i01", "t": [0.0], "positions": [None], "lengths": [[]]})
     assert "robot.toml" in found["doubt"]
 
 
 @pytest.mark.slow
-def test_the_worker_is_asked_again_when_the_recording_has_doubled(irma4, path, trace, tmp_path):
+def test_the_worker_is_asked_when_there_is_enough_to_fit(irma4, path, trace, tmp_path):
     write_robot(tmp_path / "robot.toml", irma4)
 
     async def look() -> list[float]:
@@ -97,4 +116,4 @@ def test_the_worker_is_asked_again_when_the_recording_has_doubled(irma4, path, t
 
     nothing_yet, then = asyncio.run(look())
     assert nothing_yet == 0.0
-    assert then == pytest.approx(2.49, abs=0.02)
+    assert then == pytest.approx(2.49, abs=0.6)
