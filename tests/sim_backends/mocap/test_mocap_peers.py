@@ -25,9 +25,8 @@ def need(*modules):
     command = [PYTHON, "-c", f"import {', '.join(modules)}"]
     asked = subprocess.run(command, capture_output=True, timeout=60, check=False)
     if asked.returncode:
-        pytest.skip(
-            f"{PYTHON} has no {' or '.join(modules)}: pip install {' '.join(modules)}, or set FIDIM_PEER_PYTHON"
-        )
+        missing = " or ".join(modules).replace("_", "-")
+        pytest.skip(f"{PYTHON} has no {missing}: install it there, or set FIDIM_PEER_PYTHON to a Python that has it")
 
 
 READ_VICON = """
