@@ -25,6 +25,7 @@ _POWERED = (
     DriveState.QUICK_STOP_ACTIVE,
     DriveState.FAULT_REACTION,
 )
+HAS_POWER = "the drive has power already"
 _COMMUNICATION = tuple(range(0x1400, 0x1404)) + tuple(range(0x1800, 0x1804))
 
 
@@ -79,7 +80,7 @@ async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
     if state in _POWERED:
         raise DeviceError(
             config.device,
-            f"the drive has power already ({state}).",
+            f"{HAS_POWER} ({state}).",
             hint="Another program may be driving it, or one has left it. Secure the load, then: fidim power-off RIG.",
         )
 

@@ -23,8 +23,8 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.result_file import write_result
 from procedures.events import Event, RunFinished
-from procedures.robot_guards import LogGuard
 from procedures.report import RunReport
+from procedures.robot_guards import LogGuard
 from procedures.run import Experiment, identification, run_procedure
 from procedures.run_folder import require_new
 from procedures.settings import MotionSettings, Settings

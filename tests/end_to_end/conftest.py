@@ -25,10 +25,10 @@ from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from fidim_lab.errors import FidimError
 from procedures.events import Event, RunFinished, StepStarted, Tripped
 from procedures.guards import Trip
-from procedures.robot_guards import LogGuard
 from procedures.journal import Entry, Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.report import RunReport
+from procedures.robot_guards import LogGuard
 from procedures.run import Experiment, identification, run_procedure
 from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
 from procedures.timing import uninterrupted

@@ -247,3 +247,35 @@ def test_a_window_after_a_small_jump_of_an_encoder_is_not_taken_for_good_either(
     assert verdicts[1].startswith("encoder error of cable 2 is 0.004 m")
     assert report.exit_code == 1
     assert not report.accepted
+
+
+# what drives say of themselves --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("step", ["Settle", "Record"])
+def test_a_hot_drive_ends_the_run_held(rehearsal, step):
+    rehearsal.at(step, lambda stage: stage.drive(2).od.fix(0x2210, 0, 905), after=STEPS[step])
+    ended = rehearsal.run()
+    report = ended.check()
+    assert "The temperature guard stopped the run" in report.reason
+    assert "winch 2 has 90 °C, at most 75 °C is allowed" in report.reason
+    assert report.exit_code == 3
+    assert ended.trip.t - ended.planted[0] < 0.6  # it is asked for twice a second
+    check_kept(ended, step)
+
+
+def test_a_flood_of_emergencies_is_a_fault_and_holds_up_nothing(rehearsal):
+    """A thousand EMCY frames in one cycle: the first is latched, all are counted, the stop comes in time."""
+
+    def flood(stage):
+        for k in range(1000):
+            stage.bus.inject(0x80 + 2, bytes([k % 256, 0x42, 0x01, 0, 0, 0, 0, 0]))
+
+    rehearsal.at("Record", flood, after=0.5)
+    ended = rehearsal.run()
+    report = ended.check()
+    assert "The drive guard stopped the run" in report.reason
+    assert "winch 2 reports a fault" in report.reason
+    assert ended.trip.t - ended.planted[0] < 0.1
+    check_quick_stop(ended)
+    check_kept(ended, "Record")

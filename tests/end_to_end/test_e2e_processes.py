@@ -95,6 +95,8 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     text = RIG.read_text(encoding="utf-8")
     for old, new in zip((20100, 20101, 20102), ports, strict=True):
         text = text.replace(str(old), str(new))
+    text = text.replace("heartbeat = 0.3 ", "heartbeat = 1.0 ")  # simulators on a busy machine miss three of 0.3 s
+    assert "heartbeat = 1.0" in text
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
     (tmp_path / "runtime").mkdir(mode=0o700)
@@ -121,6 +123,10 @@ def test_a_killed_service_leaves_drives_that_stop_and_its_run_goes_on(bench):
     until(run, "i02  move to")
     os.kill(bench.service(), signal.SIGKILL)
     assert run.wait(30) == 3
+    refused, _ = (early := bench.start("resume", bench.folder / "run")).communicate(timeout=120)
+    assert early.returncode == 3
+    assert "the drive has power already" in refused
+    assert f"fidim power-off {bench.rig}" in refused
     off = bench.start("power-off", bench.rig)
     off.communicate("y\n", timeout=60)
     resumed = bench.start("resume", bench.folder / "run")
