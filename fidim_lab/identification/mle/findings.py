@@ -13,6 +13,7 @@ from fidim_lab.identification.mle.possible import distance_to_boundary
 from fidim_lab.identification.mle.stages import Journey
 from fidim_lab.identification.refusals import bare
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.model.sensitivity.equations import EASE
 from fidim_lab.units import millimetres, percent
 
 MISFIT = 1.5
@@ -26,6 +27,8 @@ MOST_LOST = 0.5
 OPTIMISM = 3.0
 """a spread so many times the nominal sd is worth a warning"""
 SOMETHING = "Something is missing from it"
+SLACK_SEEN = 0.01
+"""s for which a cable must hang slack to be named"""
 CONTRADICTION_MM = 2.0
 """mm between markers and lengths at the start of a window that are worth a warning"""
 
@@ -72,7 +75,7 @@ def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) ->
         return Outcome.IMPOSSIBLE_BODY
     if len(found.journey.lost) > MOST_LOST * len(found.remainders):
         return Outcome.LOST_PHASE
-    if found.ending is not Ending.CONVERGED:
+    if not found.ending.settled:
         return Outcome.NOT_CONVERGED
     held = _held_out(windows)
     held_excess = float(np.mean(held)) / found.noise_ratio**2 if held else 0.0
@@ -91,7 +94,7 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     ]
     if eigenvalue > 0:
         parts.append(f"It is {min(in_sd, 9999):.3g} nominal sd away from bodies that cannot.")
-    if ended is Outcome.NOT_CONVERGED:
+    if ended is Outcome.NOT_CONVERGED or found.ending is Ending.EDGE:
         parts.append(found.ending.value)
     if loose := doubtful(found, figures):
         parts.append(f"Not well identified: {', '.join(loose)}.")
@@ -151,13 +154,25 @@ def window_notes(found: Fit, w: int) -> tuple[str, ...]:
 
 
 def journey_notes(journey: Journey, w: int) -> tuple[str, ...]:
-    """What happened to one recording on the way to full length."""
+    """What happened to one recording on the way to full length, and which of its springs hung slack at the end."""
     if w in journey.slack:
         t, cable = journey.slack[w]
         return (f"cable {cable} goes slack {t:.2f} s after its begin; what follows is not used",)
     if w in journey.lost:
         return (f"the simulated motion loses its phase; only the first {journey.ends[w]:.2g} s are used",)
-    return ()
+    return _slack_springs(journey, w)
+
+
+def _slack_springs(journey: Journey, w: int) -> tuple[str, ...]:
+    """One note on elastic cables that the simulated motion lets hang slack for a while."""
+    simulation = journey.optimum.simulation
+    trajectories, place = simulation.trajectory_of(w)
+    within = trajectories.grid.t <= simulation.ends[w]
+    t, tensions = trajectories.grid.t[within], trajectories.tensions[place][within]
+    spacing = np.gradient(t) if len(t) > 1 else np.zeros(len(t))
+    slack = [(k + 1, float(spacing[tensions[:, k] < EASE].sum())) for k in range(tensions.shape[1])]
+    said = [f"cable {cable} for {seconds:.2f} s" for cable, seconds in slack if seconds >= SLACK_SEEN]
+    return (f"elastic cables hang slack in the simulated motion: {', '.join(said)}",) if said else ()
 
 
 def _held_out(windows: tuple[WindowVerdict, ...]) -> list[float]:

@@ -22,7 +22,7 @@ from fidim_lab.identification.mle.optimise import ROUGH, Ending, optimise
 from fidim_lab.identification.mle.possible import nearest_possible, scales
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import spring_prior, with_springs
-from fidim_lab.identification.mle.stages import FAR_PRIOR, HORIZONS, Journey, grow
+from fidim_lab.identification.mle.stages import EARLY, FAR_PRIOR, HORIZONS, Journey, grow
 from fidim_lab.identification.mle.start import Guess, as_states, first_guess
 from fidim_lab.identification.refusals import together
 from fidim_lab.model.mechanism import Mechanism
@@ -142,7 +142,7 @@ def fit(
     plausible = np.concatenate([scales(body), spread_of_theta])
     begun = _begun(mechanism, body, windows, plausible)
     likelihood, shared, guesses = begun.likelihood, begun.shared, begun.guesses
-    prior = Prior(mean=shared, sd=plausible)
+    prior = Prior(mean=shared, sd=plausible, firm=BODY)
     if bounds is not None:
         unbounded = np.full(BODY, np.inf)
         prior = replace(prior, low=np.concatenate([-unbounded, bounds[0]]), high=np.concatenate([unbounded, bounds[1]]))
@@ -162,7 +162,7 @@ def fit(
         unused=begun.unused,
         misfits=tuple(guess.misfit for guess in guesses),
         remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(likelihood.recordings))),
-        prior=replace(prior, sd=plausible * FAR_PRIOR),
+        prior=prior.loosened(1.0 if float(journey.ends.max()) < EARLY else FAR_PRIOR),
         plausible=plausible,
         names=(*PARAMETER_NAMES, *(_name(p) for effect in mechanism.effects for p in effect.parameters)),
     )

@@ -70,7 +70,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         sigma_W=None if side is None else side.estimate.sigma_W,
         C=None if side is None else side.estimate.C,
         windows=windows,
-        warnings=(*(() if soft is None else (soft.sentence,)), *findings.warnings(found, figures, windows)),
+        warnings=(*(() if soft is None else soft.sentences), *findings.warnings(found, figures, windows)),
         seconds=perf_counter() - begin,
         noise_ratio=float(np.sqrt(found.excess)),
         covariance=figures.covariance,

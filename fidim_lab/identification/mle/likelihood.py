@@ -25,7 +25,14 @@ from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
 from fidim_lab.model.sensitivity.integrate import States, Trajectories, integrate
 from fidim_lab.model.sensitivity.measurement import Measurement
-from fidim_lab.model.sensitivity.starts import Starts, linearised_starts, moved, own_count, quiet_springs
+from fidim_lab.model.sensitivity.starts import (
+    Starts,
+    linearised_starts,
+    moved,
+    own_count,
+    quiet_springs,
+    yielding_encoders,
+)
 from fidim_lab.model.sensitivity.variation import variations
 
 LOOSE_POSE = 1.0
@@ -34,8 +41,6 @@ LOOSE_RATE = 10.0
 """m/s and rad/s, from rest"""
 BATCH = 12
 """windows integrated together, if they have one or two markers; fewer with more"""
-
-
 STIFFEST = 2 * np.pi * 300
 """rad/s: springs that oscillate faster are not simulated; cables as stiff as that are rigid"""
 
@@ -240,7 +245,8 @@ def _residual(
         priors = np.concatenate([priors, off, starts.rates[w] / known_springs.rate_sd[w]])
     return WindowResidual(
         markers=(predicted - recording.markers[use])[seen] / likelihood.noise,
-        lengths=(starts.lengths[w] - recording.lengths)[known] / likelihood.resolution,
+        lengths=(starts.lengths[w] - recording.read(yielding_encoders(likelihood.mechanism)))[known]
+        / likelihood.resolution,
         loose=priors,
     )
 

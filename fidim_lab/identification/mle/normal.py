@@ -6,7 +6,7 @@ them: `reduced`. Steps, covariance, bootstrap and jackknife all work on tables a
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -33,6 +33,14 @@ class Prior:
     low: Float[np.ndarray, " shared"] | None = None
     """hard bounds that no fit crosses; None: none"""
     high: Float[np.ndarray, " shared"] | None = None
+    firm: int | None = None
+    """entries from here on are meant as they are, those before only help to find the way; None: no entry is firm"""
+
+    def loosened(self, factor: float) -> "Prior":
+        """With standard deviations so many times as large, but for the firm ones."""
+        if self.firm is None:
+            return replace(self, sd=factor * self.sd)
+        return replace(self, sd=np.concatenate([factor * self.sd[: self.firm], self.sd[self.firm :]]))
 
     def rows(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "shared s"]:
         """[J r] of the prior at a point."""

@@ -28,9 +28,18 @@ class Ending(Enum):
     """Why the iteration ended."""
 
     CONVERGED = "No step promises a better fit."
+    EDGE = (
+        "It ended on an edge of the model, a cable that gets slack or dry friction that turns: what the derivatives "
+        "still promise (under a tenth of the misfit) no step keeps."
+    )
     STUCK = "No step, however short, gives a better fit, though the derivatives promise one."
     EXHAUSTED = "The fit was still getting better after the most iterations allowed."
     IMPOSSIBLE = "The motion cannot be simulated from the start: no such body, or a singular pose."
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing better is near."""
+        return self in (Ending.CONVERGED, Ending.EDGE)
 
 
 @dataclass(frozen=True)
@@ -95,7 +104,7 @@ def optimise(
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
         if rounds == effort.rounds:
             edged = _on_an_edge(likelihood, promise, cost)
-            return Optimum(simulation, tables, cost, Ending.CONVERGED if edged else Ending.EXHAUSTED, rounds)
+            return Optimum(simulation, tables, cost, Ending.EDGE if edged else Ending.EXHAUSTED, rounds)
         while True:
             wanted = step(tables, likelihood.own, rows, damping, free, room)
             shared = stretch * wanted.shared if room is None else np.clip(stretch * wanted.shared, *room)
@@ -105,7 +114,7 @@ def optimise(
                 break
             damping, stretch = max(4 * damping, 1e-6), min(stretch, 1.0)
             if damping > DAMPING[1]:
-                ending = Ending.CONVERGED if _on_an_edge(likelihood, promise, cost) else Ending.STUCK
+                ending = Ending.EDGE if _on_an_edge(likelihood, promise, cost) else Ending.STUCK
                 return Optimum(simulation, tables, cost, ending, rounds)
         gain = (cost - there[1]) / (cost - wanted.predicted)
         damping = _relaxed(damping, gain / _foretold(stretch))

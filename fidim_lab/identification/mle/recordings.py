@@ -3,6 +3,7 @@
 Any sampling and any gaps: a missing coordinate gives no residual, nothing is interpolated.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ SHORTEST = 0.3
 """s; less does not show an initial velocity"""
 FEWEST = 8
 """samples"""
+OPENING = 0.1
+"""s, of the readings that say where an encoder began"""
 FARTHEST = 20.0
 """times the robot's own size that a marker may be away from its middle: beyond, units or frames are mixed up"""
 
@@ -33,11 +36,22 @@ class Recording:
     """m; NaN where missing"""
     lengths: PerCable
     """m, mean of the encoder over the window; NaN for a cable without one"""
+    first_lengths: PerCable
+    """m, of the encoder at `begin`: what counts where it turns with the cable's tension"""
 
     @property
     def end(self) -> float:
         """Time of the last sample, s since `begin`."""
         return float(self.t[-1])
+
+    def read(self, yielding: Sequence[int]) -> PerCable:
+        """What the encoders say of the start, m: their means, but first readings of those that turn with the tension.
+
+        yielding: indices (0-based) of these. Their means would be those of a tension that swings all the while.
+        """
+        lengths = self.lengths.copy()
+        lengths[list(yielding)] = self.first_lengths[list(yielding)]
+        return lengths
 
     def seen_until(self, end: float) -> tuple[Bool[np.ndarray, " T"], Bool[np.ndarray, "K M 3"]]:
         """Which samples lie within the first `end` seconds, and which of their coordinates are there."""
@@ -60,6 +74,7 @@ def prepare(window: Window, robot: Robot) -> Recording:
         t=t,
         markers=window.markers[rows],
         lengths=_encoder_means(window, robot.n),
+        first_lengths=_encoder_at(window, robot.n, float(window.t[rows[0]])),
     )
 
 
@@ -69,6 +84,20 @@ def _encoder_means(window: Window, cables: int) -> PerCable:
         known = np.isfinite(window.lengths).any(axis=0)
         means[known] = np.nanmean(window.lengths[:, known], axis=0)
     return means
+
+
+def _encoder_at(window: Window, cables: int, begin: float) -> PerCable:
+    """By a line through the first readings; the mean where there are too few."""
+    found = _encoder_means(window, cables)
+    if window.lengths is None:
+        return found
+    early = (window.t >= begin) & (window.t <= begin + OPENING)
+    for k in range(cables):
+        known = early & np.isfinite(window.lengths[:, k])
+        if known.sum() >= 3:
+            line = np.polynomial.Polynomial.fit(window.t[known] - begin, window.lengths[known, k], 1)
+            found[k] = float(line(0.0))
+    return found
 
 
 def _refuse_far(window: Window, robot: Robot) -> None:

@@ -2,39 +2,55 @@
 
 Stretch decides how such a platform moves, so every cable is a spring; and its slow rotation meets whatever rubs. Terms
 that any such robot has are fitted along with the body, within what is physically possible: one compliance for all
-cables, friction at the attachments, drag about each body axis, the encoders' zeros. They are there so that the body
-does not carry them; which of them is real, `fidim explain` asks.
+cables, friction at the attachments, drag about each body axis, the encoders' zeros, and the frames of cameras and
+markers (`frames`). They are there so that the body does not carry them; which of them is real, `fidim explain` asks.
+How soft cables are, statics says where it can (`stretch`): the motion hardly does.
 
-Fits count a share of the motion as noise (`SHARE`): otherwise model error, taken for information, outweighs every prior
-and bends tensions and zeros beyond belief. Where little more than the stated noise is left, that is used after all.
+What such a model misses even at its best is no white noise: it is common to all markers of the body and stays the same
+for a good part of an oscillation. Fits count that share of the motion as noise, as large as makes its information true
+(`working_noise`); otherwise model error outweighs every prior and bends tensions, zeros and frames beyond belief. Where
+little more than the stated noise is left, that is used after all. Such fits have several optima: they begin from
+several sizes of what dissipates, and the best is kept. Touched ends of windows are left out (`touched`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
-from fidim_lab.data.records import Campaign, Role, Sensors, Window
+from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
 from fidim_lab.effects.attachment_friction import AttachmentFriction
 from fidim_lab.effects.cable_elasticity import CableStiffness
 from fidim_lab.effects.cable_length_bias import CableLengthBias
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.effects.rotational_drag import RotationalDragPerAxis
+from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.frames import REGISTERED, free_frames
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.recordings import prepare
+from fidim_lab.identification.mle.touched import untouched
+from fidim_lab.identification.stretch import Stretch, seen_stretch
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 
 SOFTNESS = (2e-5, 2e-6)
-"""m/N of a cable, and how far that is trusted: motion alone tells it to no better than a factor 2 (REAL.md §3.3)"""
+"""m/N of a cable where no load cell tells it, and how far that is trusted: motion alone tells it to a factor of 2"""
 ZERO = 5e-3
 """m, of an encoder's zero"""
 POSSIBLE = 0.5
 """of the largest possible friction or drag: standard deviation about none"""
+BEGINNINGS = (0.1, 0.3, 0.03)
+"""of that: sizes of everything that dissipates at which a fit begins"""
 SHARE = 0.05
 """of the markers' motion (rms) that such a model misses even at its best"""
+LASTING = 0.15
+"""s, for which that stays about the same: a sixth of an oscillation of 1 Hz"""
+RIGID = 6
+"""numbers that all markers of a rigid body hold at one time"""
 ALL_NOISE = 2.0
 """times the stated noise: a fit that leaves less has found the physics"""
 LOWEST = 1e-6
@@ -50,6 +66,12 @@ class SoftFit:
     working: Sensors
     """with the noise that fits were made with"""
     effects: tuple[NamedEffect, ...]
+    stretch: Stretch | None
+    """what statics says of the cables; None where there are no load cells"""
+    costs: tuple[float, ...]
+    """sums of squares reached from `BEGINNINGS`, in their order; infinite where a beginning led nowhere"""
+    cut: tuple[str, ...]
+    """a sentence for each end of a window that was left out"""
 
     def predict(self, window: Window) -> held_out.Prediction:
         """A window that was not fitted. Raises RefusedError as `held_out.predict`."""
@@ -59,52 +81,124 @@ class SoftFit:
         return replace(seen, remainder=_restated(seen.remainder, self.working.marker_noise / likelihood.noise))
 
     @property
-    def sentence(self) -> str:
-        """What was fitted beside the body."""
+    def sentences(self) -> tuple[str, ...]:
+        """What was fitted beside the body, how its start was found, and what was left out."""
         softness, viscous, dry, *drag = self.found.values[BODY : BODY + 6]
+        source = "assumed: without load cells none tells"
+        if self.stretch is not None and self.stretch.clear:
+            lag = f"which lag by {1e3 * self.stretch.delay:.0f} ms"
+            source = f"{1e6 * self.stretch.softness:.0f} by statics of lengths and load cells, {lag}"
+        frames = ", frames of cameras and markers" if len(self.effects) > 3 + self.found.likelihood.mechanism.n else ""
+        best = min(self.costs)
+        alike = sum(cost < SAME * best for cost in self.costs)
         return (
-            f"Cables were fitted as springs ({1e6 * softness:.0f} µm/N) with friction at the attachments "
+            f"Cables were fitted as springs ({1e6 * softness:.0f} µm/N, {source}) with friction at the attachments "
             f"({dry:.2g} N m dry, {viscous:.2g} N m s viscous for each cable), drag about the body's axes "
-            f"({', '.join(f'{value:.2g}' for value in drag)} N m s) and free encoder zeros; these terms take up what "
-            "dissipates, they do not prove where."
+            f"({', '.join(f'{value:.2g}' for value in drag)} N m s), free encoder zeros{frames}; these terms take up "
+            f"what dissipates, they do not prove where. {alike} of {len(self.costs)} beginnings led to this optimum.",
+            *self.cut,
         )
+
+
+SAME = 1.05
+"""times the lowest sum of squares, up to which beginnings led to one optimum"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is fitted, and how far it is known beforehand."""
+
+    robot: Robot
+    effects: tuple[NamedEffect, ...]
+    softness: float
+    sd: Float[np.ndarray, " theta"]
+    low: Float[np.ndarray, " theta"]
+    high: Float[np.ndarray, " theta"]
+    native: bool
+
+    @staticmethod
+    def of(robot: Robot, windows: Sequence[Window], stretch: Stretch | None, native: bool) -> "_Task":
+        zeros = tuple(CableLengthBias(cable=number) for number in range(1, robot.n + 1))
+        frames = free_frames(robot, windows)
+        effects = (CableStiffness(), AttachmentFriction(), RotationalDragPerAxis(), *zeros, *frames)
+        bounds = zip(*(effect.bounds(Context.of(robot)) for effect in effects), strict=True)
+        low, high = (np.concatenate(side) for side in bounds)
+        low[0] = LOWEST
+        softness, known = SOFTNESS
+        if stretch is not None and stretch.clear:
+            softness, known = stretch.softness, stretch.sd
+        of_frames = sum(len(frame.parameters) for frame in frames)
+        sd = np.concatenate([[known], POSSIBLE * high[1:6], np.full(robot.n, ZERO), np.full(of_frames, REGISTERED)])
+        return _Task(robot, effects, softness, sd, low, high, native)
+
+    def fit(self, windows: Sequence[Window], sensors: Sensors, beginning: float) -> Fit:
+        """From one beginning. Raises RefusedError as `fit`."""
+        theta = np.concatenate([[self.softness], beginning * self.sd[1:6], np.zeros(len(self.sd) - 6)])
+        robot = replace(self.robot, sensors=sensors)
+        mechanism = Mechanism(robot, self.effects, theta.tolist(), native=self.native)
+        return fit(mechanism, windows, theta_sd=self.sd, bounds=(self.low, self.high))
 
 
 def fit_soft(campaign: Campaign, *, native: bool = False) -> SoftFit:
     """Fit the `identify` windows with elastic cables. Raises RefusedError as `fit`."""
-    robot = campaign.robot
-    zeros = tuple(CableLengthBias(cable=number) for number in range(1, robot.n + 1))
-    effects = (CableStiffness(), AttachmentFriction(), RotationalDragPerAxis(), *zeros)
-    low, high = (np.concatenate(side) for side in zip(*(e.bounds(Context.of(robot)) for e in effects), strict=True))
-    low[0] = LOWEST
-    scale = POSSIBLE * high[1:6]
-    sd = np.concatenate([[SOFTNESS[1]], scale, np.full(robot.n, ZERO)])
-    theta = np.concatenate([[SOFTNESS[0]], 0.1 * scale, np.zeros(robot.n)])
-    windows = campaign.of_role(Role.IDENTIFY)
-
-    def once(sensors: Sensors) -> Fit:
-        seen = Mechanism(replace(robot, sensors=sensors), effects, theta.tolist(), native=native)
-        return fit(seen, windows, theta_sd=sd, bounds=(low, high))
-
-    share = SHARE * float(np.sqrt(np.mean([_motion(window) ** 2 for window in windows])))
-    working = replace(robot.sensors, marker_noise=max(share, robot.sensors.marker_noise))
-    found = once(working)
-    left = float(np.sqrt(np.mean([each.rms**2 for each in found.remainders])))
-    if left < ALL_NOISE * robot.sensors.marker_noise < working.marker_noise:
+    robot, windows = campaign.robot, list(campaign.of_role(Role.IDENTIFY))
+    stretch = seen_stretch(robot, windows)
+    task = _Task.of(robot, windows, stretch, native)
+    working = replace(robot.sensors, marker_noise=working_noise(robot, windows))
+    first = task.fit(windows, working, BEGINNINGS[0])
+    left = {r.window.id: x for r, x in zip(first.likelihood.recordings, first.remainders, strict=True)}
+    windows = [window for window in windows if window.id in left]
+    kept, cut = untouched(windows, [left[window.id] for window in windows], ALL_NOISE * robot.sensors.marker_noise)
+    fits = [first if not cut else _tried(task, kept, working, BEGINNINGS[0])]
+    if _rms(first) < ALL_NOISE * robot.sensors.marker_noise < working.marker_noise:
         working = robot.sensors
-        found = once(working)
-    likelihood = replace(found.likelihood, noise=robot.sensors.marker_noise)
-    ratio = working.marker_noise / robot.sensors.marker_noise
+        fits = [_tried(task, kept, working, BEGINNINGS[0])]
+    else:
+        fits += [_tried(task, kept, working, beginning) for beginning in BEGINNINGS[1:]]
+    costs = tuple(np.inf if found is None else found.journey.optimum.cost for found in fits)
+    found = fits[int(np.argmin(costs))]
+    if found is None:
+        raise RefusedError("No beginning led to a motion on elastic cables that can be simulated.")
+    found = replace(found, unused=first.unused | found.unused)
+    return SoftFit(_by_stated_noise(found, robot.sensors), working, task.effects, stretch, costs, tuple(cut))
+
+
+def working_noise(robot: Robot, windows: Sequence[Window]) -> float:
+    """m, for a coordinate: the share of the motion that is missed, made larger by how often it is counted.
+
+    It is the same for `LASTING` seconds, and all coordinates of a rigid body's markers hold `RIGID` numbers.
+    """
+    rms = float(np.sqrt(np.mean([_motion(window) ** 2 for window in windows])))
+    rate = float(np.median([1 / np.median(np.diff(window.t)) for window in windows]))
+    coordinates = float(np.median([window.markers[0].size for window in windows]))
+    counted = max(1.0, rate * LASTING) * max(1.0, coordinates / RIGID)
+    return max(SHARE * rms * float(np.sqrt(counted)), robot.sensors.marker_noise)
+
+
+def _tried(task: _Task, windows: Sequence[Window], sensors: Sensors, beginning: float) -> Fit | None:
+    try:
+        return task.fit(windows, sensors, beginning)
+    except RefusedError:
+        return None
+
+
+def _by_stated_noise(found: Fit, sensors: Sensors) -> Fit:
+    """With residuals whitened by the stated noise."""
+    ratio = found.likelihood.noise / sensors.marker_noise
     simulation = found.journey.optimum.simulation
     remainders = tuple(
         _restated(remainder(found.likelihood, simulation, w), ratio) for w in range(len(found.remainders))
     )
-    return SoftFit(replace(found, likelihood=likelihood, remainders=remainders), working, effects)
+    return replace(found, likelihood=replace(found.likelihood, noise=sensors.marker_noise), remainders=remainders)
 
 
 def _restated(left: Remainder, ratio: float) -> Remainder:
     """By the stated noise instead of one that is `ratio` times as large."""
     return replace(left, chi2=left.chi2 * ratio**2)
+
+
+def _rms(found: Fit) -> float:
+    return float(np.sqrt(np.mean([each.rms**2 for each in found.remainders])))
 
 
 def _motion(window: Window) -> float:

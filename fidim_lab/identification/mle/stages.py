@@ -71,7 +71,7 @@ class _Way:
 
     def optimise(self, start: Point, horizon: float, effort: Effort) -> Optimum | None:
         factor = 1.0 if horizon < EARLY else FAR_PRIOR
-        prior = replace(self.prior, sd=self.prior.sd * factor)
+        prior = self.prior.loosened(factor)
         return optimise(self.likelihood, start, self.ends(horizon), prior, effort, self.free)
 
 

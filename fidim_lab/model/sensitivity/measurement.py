@@ -24,6 +24,8 @@ from fidim_lab.model.slots import Effect, PlatformState
 SLOTS = ("marker", "seen", "true_time")
 SHIFT = 1e-4
 """s, over which velocities are differences"""
+INVERSIONS = 6
+"""fixed-point steps from a reported to a real point: each gains a factor of the (small) turn"""
 
 
 def measures(effect: Effect) -> bool:
@@ -96,6 +98,18 @@ class Measurement:
             + velocity[..., np.newaxis] * by_theta[:, np.newaxis, np.newaxis]
         )
         return columns
+
+    def true_points(self, seen: Float[np.ndarray, "M 3"], time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Where points reported at a time (s since the window's begin) really were (M, 3), m.
+
+        And the matrices (M, 3, 3) that turn a real velocity into a reported one.
+        """
+        points = seen
+        if self.plain:
+            return points, np.broadcast_to(np.eye(3), (len(seen), 3, 3))
+        for _ in range(INVERSIONS):
+            points = points - (self._sights(points[np.newaxis], np.array([time]))[0][0] - seen)
+        return points, self._sights(points[np.newaxis], np.array([time]))[1][0]
 
     def _times(self, stamps: Series) -> tuple[Series, Float[np.ndarray, "T theta"]]:
         """True times since the recording's first sample, and their derivatives by θ."""

@@ -84,6 +84,18 @@ def moved(
     return tied(mechanism, shared, changed, begins)
 
 
+def yielding_encoders(mechanism: Mechanism) -> tuple[int, ...]:
+    """Indices (0-based) of the cables whose encoders turn with their tension."""
+
+    def build(made: Mechanism) -> tuple[int, ...]:
+        symbols = Symbols.of(made)
+        cables = made.cables_at(symbols.position, symbols.rotation, symbols.theta)
+        seen = seen_compliances_at(made, cables, symbols.theta)
+        return tuple(k for k in range(made.n) if not seen[k].is_zero())
+
+    return mechanism.compiled("sensitivity: yielding encoders", build)
+
+
 def linearised_starts(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> Starts:
     """Lengths, free twists and derivatives at tied states."""
     found = _quantities(mechanism, shared, states, begins)

@@ -1,12 +1,18 @@
 """First guesses where the platform hangs turned far away from its rest at these lengths."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from fidim_lab.data.records import Role, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.effects.cable_elasticity import CableStiffness
+from fidim_lab.effects.winch_hold_compliance import WinchHoldCompliance
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.start import first_guess
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.starts import yielding_encoders
 
 LENGTHS = (1.64678, 1.21362, 1.44352, 1.7968)
 # the first eighth of a second of a window of the independent simulator, m; from its rest the search finds another pose,
@@ -35,3 +41,15 @@ def test_the_pose_that_fits_is_found_though_the_way_from_rest_leads_to_another()
     window = Window("i02", Role.IDENTIFY, t, markers, np.tile(LENGTHS, (len(t), 1)), None, np.array(PATH[0]))
     guess = first_guess(Mechanism(robot), robot.nominal, prepare(window, robot))
     assert guess.misfit < 1e-3
+
+
+def test_an_encoder_that_turns_with_the_tension_is_read_at_the_start(four, record):
+    window = record(four, 1)[0]
+    swinging = window.lengths + 1e-3 * np.cos(3 * window.t)[:, None]
+    recording = prepare(replace(window, lengths=swinging), four)
+    read = recording.read((2,))
+    assert read[2] == pytest.approx(swinging[0, 2], abs=1e-4)
+    np.testing.assert_allclose(np.delete(read, 2), np.delete(recording.lengths, 2))
+    assert abs(recording.lengths[2] - swinging[0, 2]) > 5e-4
+    assert yielding_encoders(Mechanism(four, (WinchHoldCompliance(cable=3),))) == (2,)
+    assert yielding_encoders(Mechanism(four, (CableStiffness(),))) == ()
