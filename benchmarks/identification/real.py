@@ -53,8 +53,8 @@ def trajectory(campaign: Campaign) -> Answer:
 
 
 ESTIMATORS: dict[str, Callable[[Campaign], Answer]] = {
-    "tls, as the paper": lambda c: Answer(total_least_squares.estimate_ls(build(c, PAPER)).body),
-    "tls": lambda c: Answer(total_least_squares.estimate_ls(build(c, BEST)).body),
+    "tls, as the paper": lambda c: Answer(total_least_squares.estimate(build(c, PAPER)).body),
+    "tls": lambda c: Answer(total_least_squares.estimate(build(c, BEST)).body),
     "ls": lambda c: Answer(least_squares.estimate_ls(build(c, BEST)).body),
     "iv": lambda c: Answer(least_squares.estimate_iv(build(c, BEST)).body),
     "mle, elastic cables": trajectory,
