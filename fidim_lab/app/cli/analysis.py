@@ -1,0 +1,213 @@
+"""Commands that compute: identify, explain, design and what proves them.
+
+Modules are imported when their command runs: `fidim --help` stays quick.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
+
+
+@fidim.command()
+@click.argument("campaign", type=FOLDER)
+@click.option("--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where it cannot work.")
+@click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")
+@click.option("--payload", type=FOLDER, default=None, help="Second campaign, with a known payload: finds the mass.")
+@click.option("--mass", type=float, default=None, metavar="KG", help="Of the payload.")
+@click.option("--mass-sd", type=click.FloatRange(0), default=0.0, metavar="KG", help="Its standard deviation.")
+@click.option("--at", default=None, metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
+@click.option("--at-sd", type=click.FloatRange(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
+@click.option(
+    "--pose-from",
+    "poses",
+    type=click.Choice(["mocap", "swivel", "both"]),
+    default="mocap",
+    show_default=True,
+    help="Markers; lengths, swivel angles s1… and inclination incl_x…; or all of them, weighted.",
+)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-result/1".')
+@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML report.")
+@example(
+    "fidim identify runs/dry-run-1 --json result.json\n"
+    "      fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05"
+)
+def identify(
+    campaign: Path,
+    method: str | None,
+    paper: bool,
+    payload: Path | None,
+    mass: float | None,
+    mass_sd: float,
+    at: str | None,
+    at_sd: float,
+    poses: str,
+    json_file: Path | None,
+    report: Path | None,
+) -> None:
+    """Find the platform's inertial parameters from the recorded free motion in CAMPAIGN."""
+    from fidim_lab.app.identify import identify_command
+    from fidim_lab.app.payload import parse_payload, payload_command
+    from fidim_lab.identification.pose_sources import PoseSource
+
+    if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
+        source = PoseSource(poses)
+        sys.exit(identify_command(campaign, method, json_file, report, paper=paper, poses=source))
+    if poses != PoseSource.MOCAP:
+        raise click.UsageError("--pose-from does not go with --payload.")
+    sys.exit(payload_command(campaign, known, method, json_file, report, paper=paper))
+
+
+@fidim.command()
+@click.argument("campaign", type=FOLDER)
+@click.option("--parameters", type=FILE, required=True, help='A "fidim-result/1" file, as identify --json writes it.')
+@click.option("--all", "everything", is_flag=True, help="Judge the windows of role 'identify' too.")
+@click.option("--paper", is_flag=True, help="The σ_W in the result file is that of identify --paper.")
+@click.option(
+    "--limit", type=click.FloatRange(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof."
+)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-validation/1".')
+@example("fidim validate runs/dry-run-2 --parameters result.json")
+def validate(**options: Any) -> None:
+    """Check whether identified parameters predict the held-out windows of CAMPAIGN; exit 1 where they do not.
+
+    Only each window's initial state is fitted. A window is predicted when χ²/dof of its trajectory is at most the
+    limit; σ⊥ (Eq. 50) is shown beside σ_W, and decides (at most twice its expected value) for a window without lengths.
+    """
+    from fidim_lab.app.validate import ValidateOptions, validate_command
+
+    sys.exit(validate_command(ValidateOptions(**options)))
+
+
+@fidim.command()
+@click.option("--seed", default=1, show_default=True, help="Of places and noise.")
+@click.option(
+    "--noise",
+    type=click.FloatRange(0, min_open=True),
+    default=1e-4,
+    show_default=True,
+    metavar="M",
+    help="Standard deviation of a marker coordinate; the paper states ±0.2 mm.",
+)
+@click.option(
+    "--validate", "validation", default=22, show_default=True, type=click.IntRange(1, 60), help="Windows of Fig. 3."
+)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-reproduction/1".')
+@example("fidim reproduce --json reproduction.json")
+def reproduce(**options: Any) -> None:
+    """Simulate the paper's experiment and set its Eq. 46, 47, 49 and Fig. 3 beside ours, with what differs and why."""
+    from fidim_lab.app.reproduce.command import ReproduceOptions, reproduce_command
+
+    sys.exit(reproduce_command(ReproduceOptions(**options)))
+
+
+@fidim.command()
+@click.option("--robot", type=FILE, required=True, help="Robot file.")
+@click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
+@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@click.option("--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True)
+@click.option(
+    "--noise", type=click.FloatRange(0), default=None, help="Marker noise, m; default that of the robot file."
+)
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option(
+    "--validate", "validation", default=6, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
+)
+@click.option("--plan", type=FILE, default=None, help="Windows to record as they are, of fidim design; no random ones.")
+@example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
+def simulate(**options: Any) -> None:
+    """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""
+    from fidim_lab.app.simulate import SimulateOptions, simulate_command
+
+    sys.exit(simulate_command(SimulateOptions(**options)))
+
+
+@fidim.command()
+@click.argument("campaign", type=FOLDER)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-explanation/1".')
+@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page with the proof.")
+@click.option("--pictures", type=FOLDER, default=None, help="With --report: also every picture as an SVG file, here.")
+@example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
+def explain(campaign: Path, json_file: Path | None, report: Path | None, pictures: Path | None) -> None:
+    """Name the physics that the model leaves out of CAMPAIGN, and show it on held-out windows.
+
+    Every effect of the catalogue is tested; those that matter are fitted with the inertial parameters and accepted only
+    where windows that no fit has seen are predicted better.
+    """
+    from fidim_lab.app.explain import explain_command
+
+    if pictures is not None and report is None:
+        raise click.UsageError("--pictures goes with --report.")
+    sys.exit(explain_command(campaign, json_file, report, pictures))
+
+
+@fidim.group(invoke_without_command=True)
+@click.pass_context
+@example("fidim benchmark")
+def benchmark(context: click.Context) -> None:
+    """Prove what the tool can do, on campaigns whose truth is sealed; without a name: list the benchmarks."""
+    from fidim_lab.app import console
+    from fidim_lab.app.benchmark.command import BENCHMARKS
+
+    if context.invoked_subcommand is None:
+        for name, says in BENCHMARKS.items():
+            console.out.print(f"{name}    {says}", markup=False)
+
+
+@benchmark.command("explain")
+@click.option("--campaigns", default=12, show_default=True, type=click.IntRange(1), help="How many to seal.")
+@click.option("--only", multiple=True, type=click.IntRange(1), help="Only the campaigns with these numbers.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of everything that is drawn.")
+@click.option("--out", type=FOLDER, required=True, help="Folder of the benchmark; one that was cut off goes on.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option(
+    "--validate", "validation", default=6, show_default=True, type=click.IntRange(1, 60), help="Held-out windows."
+)
+@click.option("--cap", default=600.0, show_default=True, type=click.FloatRange(1), help="CPU seconds for a campaign.")
+@click.option("--processes", default=None, type=click.IntRange(1), help="Default: one for each core.")
+@click.option("--scheduler", default=None, metavar="ADDRESS", help="Explain on a dask cluster instead.")
+@click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
+@click.option("--page", type=FILE, default=None, help="Write the result as a page of docs.")
+@example("fidim benchmark explain --campaigns 300 --out runs/sealed")
+def benchmark_explain(**options: Any) -> None:
+    """Seal campaigns with secrets of random size in random robots, explain them blind, open and score them."""
+    from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command
+
+    sys.exit(benchmark_command(BenchmarkOptions(**options)))
+
+
+@fidim.command()
+@click.option("--robot", type=FILE, default=None, help="Robot file; default the paper's four-cable robot.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option("--samples", default=100, show_default=True, type=click.IntRange(1, 1000), help="Of each window, in W.")
+@click.option("--starts", default=8, show_default=True, type=click.IntRange(1, 10_000))
+@click.option(
+    "--criterion",
+    type=click.Choice(["C", "A", "D"]),
+    default="C",
+    show_default=True,
+    help="C: the paper's Eq. 40; A, D: mean and volume of the variances that maximum likelihood will reach.",
+)
+@click.option(
+    "--robust",
+    default=0,
+    show_default=True,
+    type=click.IntRange(0, 50),
+    help="Bodies 5 % off CAD to average A or D over.",
+)
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
+@click.option("--out", type=FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
+@click.option("--json", "json_file", type=FILE, default=None, help="Write the design for programs (fidim-design/1).")
+@click.option("--processes", type=click.IntRange(1), default=None, help="Local processes; default one a core.")
+@click.option("--scheduler", default=None, metavar="ADDRESS", help="Of a dask cluster, instead of local processes.")
+@click.option("--study", is_flag=True, help="C over 8–16 equilibria and 50–150 samples instead of one design.")
+@example("fidim design --robot robot.toml --starts 20 --out design")
+def design(**options: Any) -> None:
+    """Find the equilibria and displacements whose free motion tells most about the body."""
+    from fidim_lab.app.design import DesignOptions, design_command
+
+    sys.exit(design_command(DesignOptions(**options)))

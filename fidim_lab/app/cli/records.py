@@ -1,0 +1,102 @@
+"""Commands for what a session leaves: import, report, compare, check, export, play back.
+
+Modules are imported when their command runs: `fidim --help` stays quick.
+"""
+
+import sys
+from pathlib import Path
+
+import click
+
+from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
+
+
+@fidim.command("import")
+@click.argument("kind")
+@click.argument("sources", nargs=-1, required=True, type=FOLDER)
+@click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
+@click.option("--json", "json_file", type=FILE, default=None, help="Write what was found for programs.")
+@example("fidim import irma4u recordings/irma4u --out real")
+def import_(kind: str, sources: tuple[Path, ...], out: Path, json_file: Path | None) -> None:
+    """Turn another lab's recording of KIND into a campaign folder."""
+    from fidim_lab.app.import_recording import import_command
+
+    sys.exit(import_command(kind, list(sources), out, json_file))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--out", type=FILE, default=None, help="HTML file; default FOLDER/report.html.")
+@click.option("--pictures", type=FOLDER, default=None, help="Also write every picture as an SVG file into this folder.")
+@example("fidim report runs/dry-run-1 --pictures runs/dry-run-1/export/pictures")
+def report(folder: Path, out: Path | None, pictures: Path | None) -> None:
+    """Write the HTML report of a run or campaign FOLDER: one file that opens offline.
+
+    An explanation.json in FOLDER, as fidim explain --json writes it, becomes a section of its own.
+    """
+    from fidim_lab.app.report import report_command
+
+    sys.exit(report_command(folder, out, pictures))
+
+
+@fidim.command()
+@click.argument("first", type=click.Path(path_type=Path))
+@click.argument("second", type=click.Path(path_type=Path))
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-comparison/1".')
+@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page.")
+@example("fidim compare runs/monday runs/tuesday --report compare.html")
+def compare(first: Path, second: Path, json_file: Path | None, report: Path | None) -> None:
+    """Set two sessions side by side: run or campaign folders, or "fidim-result/1" files.
+
+    Parameters with their difference in standard deviations, windows, tensions and verdicts. Exit 1 where a difference
+    is larger than chance explains.
+    """
+    from fidim_lab.app.compare import compare_command
+
+    sys.exit(compare_command(first, second, json_file, report))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-verification/1".')
+@example("fidim verify runs/dry-run-1")
+def verify(folder: Path, json_file: Path | None) -> None:
+    """Check every file of a run FOLDER against its manifest: exit 1 where one is changed, missing or extra."""
+    from fidim_lab.app.verify import verify_command
+
+    sys.exit(verify_command(folder, json_file))
+
+
+@fidim.command()
+@click.argument("source", type=FOLDER)
+@click.option(
+    "--to",
+    "kind",
+    required=True,
+    type=click.Choice(["csv", "parquet", "mat", "mcap", "urdf", "mjcf", "python", "toml"]),
+    help="csv, parquet, mat, mcap for a campaign; urdf, mjcf, python, toml for a result.",
+)
+@click.option("--out", type=FOLDER, default=None, help="File or folder to write; it must not exist yet.")
+@click.option("--mass", type=click.FloatRange(0, min_open=True), default=None, metavar="KG", help="urdf, mjcf need it.")
+@click.option("--unfinished", is_flag=True, help="Also what is left of broken-off windows, in a folder of its own.")
+@example("fidim export runs/dry-run-1 --to parquet\n      fidim export result.json --to mjcf --mass 11.98")
+def export(source: Path, kind: str, out: Path | None, mass: float | None, unfinished: bool) -> None:
+    """Export a campaign folder, or the parameters of a "fidim-result/1" file, for other programs."""
+    from fidim_lab.app.export import export_command
+
+    sys.exit(export_command(source, kind, out, mass, unfinished=unfinished))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--speed", type=click.FloatRange(0), default=0.0, metavar="X", help="Times real time; 0: at once.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-replay/1".')
+@example("fidim replay runs/dry-run-1")
+def replay(folder: Path, speed: float, json_file: Path | None) -> None:
+    """Play the raw bytes of a run FOLDER back through the drivers, and compare with what was recorded.
+
+    Exit 1 at the first difference: the drivers now read the same bytes in another way.
+    """
+    from fidim_lab.app.replay import replay_command
+
+    sys.exit(replay_command(folder, speed, json_file))

@@ -1,0 +1,54 @@
+"""The `fidim` group itself, and what all its commands share."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+FOLDER = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+def example(text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Close a command's help with an example that can be typed."""
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        command.__doc__ = f"{command.__doc__}\n\n    \b\n    Example:\n      {text}\n    "
+        return command
+
+    return add
+
+
+HEADINGS = {
+    "session": "At a robot, or at simulated devices",
+    "analysis": "Compute",
+    "records": "With what a session leaves",
+}
+"""module of this package → how `fidim --help` calls its commands"""
+WIDEST = 200
+
+
+class Sections(click.Group):
+    """Commands listed under the heading of their module."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """As click does it, in sections."""
+        for module, heading in HEADINGS.items():
+            found = [(name, one) for name, one in sorted(self.commands.items()) if _module(one) == module]
+            with formatter.section(heading):
+                formatter.write_dl([(name, one.get_short_help_str(WIDEST)) for name, one in found])
+
+
+def _module(command: click.Command) -> str:
+    return "" if command.callback is None else command.callback.__module__.rpartition(".")[2]
+
+
+@click.group(cls=Sections, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="fidim-lab", prog_name="fidim")
+def fidim() -> None:
+    """Free-motion experiments on cable-suspended robots: acquire, identify, explain.
+
+    Exit codes: 0 done; 1 done, and the answer is a refusal or a failed check; 2 wrong use or bad input; 3 hardware or a
+    guard stopped it; 130 interrupted. Any command takes --debug, which shows where an error came from.
+    """

@@ -1,0 +1,175 @@
+"""Commands of a session at the robot, real or simulated.
+
+Modules are imported when their command runs: `fidim --help` stays quick.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
+
+
+@fidim.command("dry-run")
+@click.option("--out", type=FOLDER, default=None, help="Run folder; default runs/dry-run-SEED, numbered if it exists.")
+@click.option(
+    "--seed", default=1, show_default=True, type=click.IntRange(0), help="Same seed, same windows, byte for byte."
+)
+@click.option("--robot", type=FILE, default=None, help="Robot file; default the paper's four-cable robot.")
+@click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
+@click.option(
+    "--validate", "validation", default=3, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
+)
+@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@click.option("--real-time", is_flag=True, help="Real python-can bus, real UDP sockets, real seconds.")
+@click.option("--ui", is_flag=True, help="In real time, from the terminal UI: started, answered, stopped by keys.")
+@click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
+@example("fidim dry-run --seed 7 --hide air-drag-linear:c=0.4")
+def dry_run(**options: Any) -> None:
+    """Rehearse the whole experiment on the embedded simulators, through the drivers' real bytes."""
+    from fidim_lab.app.dry_run import DryRunOptions, run_dry_run
+
+    sys.exit(run_dry_run(DryRunOptions(**options)))
+
+
+@fidim.command("run")
+@click.argument("plan", type=FILE)
+@click.option("--rig", type=FILE, required=True, help="Rig file.")
+@click.option("--out", type=FOLDER, default=None, help="Run folder; default runs/PLAN, numbered if it exists.")
+@click.option("--procedure", default="identify", show_default=True, help="Built-in procedure for a plan.")
+@click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
+@click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of an embedded world.")
+@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in an embedded world.")
+@click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=NUMBER", help="Change a setting of the procedure.")
+@click.option("--unattended", is_flag=True, help="Refuse to start where a prompt has no stated answer.")
+@click.option(
+    "--answer", "answers", multiple=True, metavar="KIND=CHOICE[@S]", help="Answer a kind of prompt, after S s."
+)
+@click.option("--max-hours", type=click.FloatRange(0, min_open=True), default=None, help="End, held, after so long.")
+@click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="No window begins between them.")
+@click.option("--on-finish", default="", metavar="COMMAND", help="Run after a run that ended well.")
+@click.option("--on-fault", default="", metavar="COMMAND", help="Run after a run that did not.")
+@click.option("--stay", is_flag=True, help="The service goes on after the run, for other clients.")
+@click.option("--tcp", type=click.IntRange(0, 65535), default=None, help="Also listen at 127.0.0.1, with a token.")
+@example("fidim run plan.toml --rig examples/rigs/simulated.toml --embedded")
+def run_(**options: Any) -> None:
+    """Run PLAN on a rig: a service in its own process owns the robot, this terminal watches and answers prompts.
+
+    Ctrl-C aborts, with the robot held. The terminal may be closed: the run goes on, and prompts wait for a client.
+    """
+    from fidim_lab.app.run import RunOptions, run_command
+
+    sys.exit(run_command(RunOptions(**options)))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER, required=False)
+@click.option("--rig", type=FILE, default=None, help="Attach to the service of this rig.")
+@click.option("--light", is_flag=True, help="Dark on light.")
+@click.option("--web", is_flag=True, help="In a browser on this computer, behind a token.")
+@click.option("--port", default=8420, show_default=True, type=click.IntRange(1024, 65535), help="Of --web.")
+@example("fidim ui runs/plan")
+def ui(**options: Any) -> None:
+    """Attach the terminal UI to a running service: that of FOLDER's run, of a rig, or the only one there is.
+
+    It may be closed and attached again at any time; the run goes on. F12 is the emergency stop, on every screen.
+    """
+    from fidim_lab.app.ui import UiOptions, ui_command
+
+    sys.exit(ui_command(UiOptions(**options)))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--accept-place", is_flag=True, help="Go on from wherever the robot is: you have looked, or homed it.")
+@example("fidim resume runs/plan")
+def resume(folder: Path, accept_place: bool) -> None:
+    """Go on with the run in FOLDER after a crash, a kill, a power cut or an abort.
+
+    Windows that have their verdict stay; the open one is recorded again. Nothing moves where the robot is not where the
+    journal left it.
+    """
+    from fidim_lab.app.resume import resume_command
+
+    sys.exit(resume_command(folder, accept_place=accept_place))
+
+
+@fidim.command()
+@click.option("--rig", type=FILE, default=None, help="Only the service of this rig; default all of yours.")
+@click.option("--reason", default="", help="For the journal.")
+@example("fidim stop")
+def stop(rig: Path | None, reason: str) -> None:
+    """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button."""
+    from fidim_lab.app.stop import stop_command
+
+    sys.exit(stop_command(rig, reason))
+
+
+@fidim.command()
+@click.argument("rig", type=FILE)
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the true robot and all noise.")
+@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@click.option("--plan", type=FILE, default=None, help="Begin at rest at the first lengths of this plan.")
+@click.option("--ports", default=None, metavar="BUS,MOCAP,HAND", help="Of 127.0.0.1, instead of what the rig names.")
+@click.option("--until-input-ends", is_flag=True, hidden=True)
+@example("fidim simulators examples/rigs/simulated.toml")
+def simulators(**options: Any) -> None:
+    """Simulate the devices of the RIG file for other processes, in real time, until Ctrl-C.
+
+    Drives on its bus, motion capture at its socket, and a hand that answers prompts. A line typed here pulls a plug:
+    bus, mocap, drive K (loses power), fault K.
+    """
+    from fidim_lab.app.simulators import SimulatorOptions, simulators_command
+
+    sys.exit(simulators_command(SimulatorOptions(**options)))
+
+
+@fidim.command("power-off")
+@click.argument("rig", type=FILE)
+@click.option("--yes", is_flag=True, help="The load is secured; do not ask.")
+@click.option(
+    "--acknowledge", "acknowledged_by", default=None, metavar="NAME", help="Reset faults; NAME saw the cause."
+)
+@example("fidim power-off rig.toml")
+def power_off(**options: Any) -> None:
+    """Take the power from all drives of the RIG file, as after a run whose program has ended.
+
+    Drives that lost their host hold the load in quick stop, and no other session takes them over until this is done.
+    """
+    from fidim_lab.app.power_off import PowerOffOptions, power_off_command
+
+    sys.exit(power_off_command(PowerOffOptions(**options)))
+
+
+@fidim.command()
+@click.option("--robot", type=FILE, default=None, help="Also check this robot file for plausibility.")
+@click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-doctor/1".')
+@example("fidim doctor --rig rig.toml")
+def doctor(robot: Path | None, rig: Path | None, json_file: Path | None) -> None:
+    """Check installation, buses, sockets, clock and disk, and say what to do where one fails.
+
+    With --rig also each drive against the rig file (wanted, found), motion capture, guards and the robot file: exit 1
+    where a check failed, 3 where something cannot be reached.
+    """
+    from fidim_lab.app.doctor import doctor_command
+
+    sys.exit(doctor_command(robot, json_file, rig))
+
+
+@fidim.command("tension-calibrate")
+@click.argument("campaign", type=FOLDER)
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-tension-calibration/1".')
+@example("fidim tension-calibrate runs/poses")
+def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
+    """Gain, offset and friction band of each winch from the rests of CAMPAIGN, as lines for the rig file.
+
+    Motor currents are fitted on the tensions that statics give for the held cable lengths; mass and geometry are taken
+    from the robot file. Exit 1 where the tensions differ too little to tell.
+    """
+    from fidim_lab.app.tension_calibrate import tension_calibrate_command
+
+    sys.exit(tension_calibrate_command(campaign, json_file))
