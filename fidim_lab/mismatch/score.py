@@ -219,6 +219,7 @@ def bounded(curvature: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: 
     theta = _solve(curvature, gradient)
     if (theta >= low).all() and (theta <= high).all():
         return theta
+    high = np.maximum(high, low + TINY)  # no room at all, where no tension makes any friction possible
     scale = np.sqrt(np.maximum(np.diag(curvature), TINY))
     values, vectors = np.linalg.eigh(curvature / np.outer(scale, scale))
     root = np.sqrt(np.maximum(values, TINY))
