@@ -114,6 +114,7 @@ def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -
     said += [
         f"The data do not determine {combination}: it stays where CAD has it."
         for combination in found.open_combinations
+        if combination.weights[0][0] in PARAMETER_NAMES  # what is fitted beside the body may stay open: it has priors
     ]
     said += _misfit_warnings(found, windows)
     said += _spread_warnings(figures)

@@ -86,7 +86,7 @@ class SoftFit:
         softness, viscous, dry, *drag = self.found.values[BODY : BODY + 6]
         source = "assumed: without load cells none tells"
         if self.stretch is not None and self.stretch.clear:
-            lag = f"which lag by {1e3 * self.stretch.delay:.0f} ms"
+            lag = f"which {'lag' if self.stretch.delay >= 0 else 'lead'} by {1e3 * abs(self.stretch.delay):.0f} ms"
             source = f"{1e6 * self.stretch.softness:.0f} by statics of lengths and load cells, {lag}"
         frames = ", frames of cameras and markers" if len(self.effects) > 3 + self.found.likelihood.mechanism.n else ""
         best = min(self.costs)
