@@ -11,11 +11,12 @@ from dataclasses import replace
 from time import perf_counter
 
 from fidim_lab.data.records import Campaign
+from fidim_lab.identification.choice import soft_mode
 from fidim_lab.mismatch.aftermath import with_cleaning
 from fidim_lab.mismatch.audit import audit
 from fidim_lab.mismatch.baseline import fit_baseline
 from fidim_lab.mismatch.clean import clean
-from fidim_lab.mismatch.explanation import Explanation
+from fidim_lab.mismatch.explanation import Explanation, Verdict
 from fidim_lab.mismatch.select import select
 from fidim_lab.mismatch.telling import tell
 from fidim_lab.mismatch.unnamed import with_unknown
@@ -40,4 +41,16 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     judged = judge(found)
     told = tell(baseline, found, judged, perf_counter() - begin)
     whole = with_unknown(told, judged.named.model, audited.campaign, say)
+    whole = _with_soft_mode(whole, audited.campaign)
     return with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)
+
+
+def _with_soft_mode(told: Explanation, campaign: Campaign) -> Explanation:
+    """Said first, where something stays unexplained: cables that hold one direction hardly at all are not rigid."""
+    soft = soft_mode(campaign) if told.verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED) else None
+    if soft is None:
+        return told
+    advice = f"The cables hold one direction hardly at all ({soft}). Rigid cables, on which this search stands, are "
+    advice += "the wrong model of this robot: `fidim identify` fits elastic ones with what dissipates rotation, and "
+    advice += "its remainder is the one to look at."
+    return replace(told, message=f"{advice} {told.message}")

@@ -197,7 +197,8 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
         chi2, dof = chi2 + found.chi2, dof + found.dof
         squares, count = squares + found.rms**2 * seen, count + seen
         leftovers.append(_leftover(window.id, found, likelihood.noise, likelihood.own))
-    return HeldOut(chi2, dof, float(np.sqrt(squares / max(1, count))), refused, tuple(leftovers))
+    rms = float(np.sqrt(squares / count)) if count else float("nan")
+    return HeldOut(chi2, dof, rms, refused, tuple(leftovers))
 
 
 def _guess_of_springs(completed: Completed, recording: Recording) -> Guess | None:
