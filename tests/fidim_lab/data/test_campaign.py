@@ -41,7 +41,11 @@ def test_round_trip(campaign: Campaign, tmp_path: Path) -> None:
         ('role = "validate"', 'role = "test"', "window 2, role"),
         ('id = "w1"', 'id = "w0"', "window 2, id: 'w0' is there twice"),
         ('file = "windows/w1.csv"', 'file = "windows/w9.csv"', "w9.csv: no such file"),
-        ('file = "windows/w1.csv"', 'file = "windows/w1.txt"', "window w1, file: 'windows/w1.txt' is not a .csv or .mcap"),
+        (
+            'file = "windows/w1.csv"',
+            'file = "windows/w1.txt"',
+            "window w1, file: 'windows/w1.txt' is not a .csv or .mcap",
+        ),
         ('robot = "robot.toml"', 'robot = "none.toml"', "none.toml: no such file"),
     ],
 )
