@@ -103,8 +103,8 @@ def optimise(
         if promise < min(_negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
         if rounds == effort.rounds:
-            edged = _on_an_edge(likelihood, promise, cost)
-            return Optimum(simulation, tables, cost, Ending.EDGE if edged else Ending.EXHAUSTED, rounds)
+            ending = _edge(likelihood, simulation, promise, cost) or Ending.EXHAUSTED
+            return Optimum(simulation, tables, cost, ending, rounds)
         while True:
             wanted = step(tables, likelihood.own, rows, damping, free, room)
             shared = stretch * wanted.shared if room is None else np.clip(stretch * wanted.shared, *room)
@@ -114,7 +114,7 @@ def optimise(
                 break
             damping, stretch = max(4 * damping, 1e-6), min(stretch, 1.0)
             if damping > DAMPING[1]:
-                ending = Ending.EDGE if _on_an_edge(likelihood, promise, cost) else Ending.STUCK
+                ending = _edge(likelihood, simulation, promise, cost) or Ending.STUCK
                 return Optimum(simulation, tables, cost, ending, rounds)
         gain = (cost - there[1]) / (cost - wanted.predicted)
         damping = _relaxed(damping, gain / _foretold(stretch))
@@ -122,8 +122,11 @@ def optimise(
         now, rounds = there, rounds + 1
 
 
-def _on_an_edge(likelihood: Likelihood, promise: float, cost: float) -> bool:
-    return likelihood.springs is not None and promise < EDGE * cost
+def _edge(likelihood: Likelihood, simulation: Simulation, promise: float, cost: float) -> Ending | None:
+    """What a promise that no step keeps means with springs: less than a standard deviation is nothing, more an edge."""
+    if likelihood.springs is None or promise >= EDGE * cost:
+        return None
+    return Ending.CONVERGED if promise < max(1.0, cost / _residuals(simulation)) else Ending.EDGE
 
 
 def _negligible(effort: Effort, misfit: float) -> float:
