@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import click
 import pytest
 
 from fidim_lab.app import cli
@@ -45,6 +46,9 @@ def test_commands_and_their_options_exist(page):
     for line in page.read_text(encoding="utf-8").splitlines():
         for name, rest in re.findall(r"(?:^ {4}|`)fidim ([a-z][a-z-]+)([^`#|]*)", line):
             assert name in cli.fidim.commands, f"{page.name}: {line}"
-            known = {option for one in cli.fidim.commands[name].params for option in (*one.opts, *one.secondary_opts)}
+            command = cli.fidim.commands[name]
+            if isinstance(command, click.Group) and rest.split():
+                command = command.commands[rest.split()[0]]
+            known = {option for one in command.params for option in (*one.opts, *one.secondary_opts)}
             used = set(re.findall(r"(?<!\S)\[?(--[a-z][a-z-]*)", rest))
             assert used <= known | {"--help", "--debug"}, f"{page.name}: {line.strip()}"

@@ -303,9 +303,11 @@ def test_result_and_why_look_as_they_were_approved(tmp_path):
 
 
 def test_a_file_that_cannot_be_read_is_said(tmp_path):
-    (tmp_path / "result.json").write_text("{}")
-    (tmp_path / "explanation.json").write_text("[")
-    papers = read_papers(tmp_path)
+    folder = tmp_path / "run"  # alone in its folder: sessions beside it would be read too
+    folder.mkdir()
+    (folder / "result.json").write_text("{}")
+    (folder / "explanation.json").write_text("[")
+    papers = read_papers(folder)
     assert len(papers.problems) == 2
     assert "result.json" in text_of(result_lines(papers, 79))
     assert "explanation.json" in text_of(why_lines(papers, 79))
