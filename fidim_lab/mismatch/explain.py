@@ -3,7 +3,8 @@
 A pipeline of stages, each of which hands one frozen value to the next:
 
     campaign → Cleaned (`clean`) → Baseline (`baseline`) → Cleaned (`audit`), and then a Baseline again
-             → Selection (`select`) → Judged (`verdict`) → Explanation (`telling`, `unnamed`), as recorded (`aftermath`)
+             → Selection (`select`) → Cleaned (`restored`), and where that changed once more Baseline and Selection
+             → Judged (`verdict`) → Explanation (`telling`, `unnamed`), as recorded (`aftermath`)
 """
 
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from fidim_lab.mismatch.audit import audit
 from fidim_lab.mismatch.baseline import fit_baseline
 from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.explanation import Explanation, Verdict
+from fidim_lab.mismatch.restored import restored
 from fidim_lab.mismatch.select import select
 from fidim_lab.mismatch.telling import tell
 from fidim_lab.mismatch.unnamed import with_unknown
@@ -38,6 +40,11 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     if audited is not cleaned:
         baseline = fit_baseline(audited.campaign, native=native, say=say)
     found = select(baseline, say)
+    kept = restored(cleaned, audited, found.best.model, say)
+    if kept is not audited:
+        audited = kept
+        baseline = fit_baseline(audited.campaign, native=native, say=say)
+        found = select(baseline, say)
     judged = judge(found)
     told = tell(baseline, found, judged, perf_counter() - begin)
     whole = with_unknown(told, judged.named.model, audited.campaign, say)

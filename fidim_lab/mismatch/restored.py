@@ -1,0 +1,79 @@
+"""Cuts of the audit that the completed model does not need: taken back, once physics is named.
+
+The audit looks with the model as it is. Where that one is wrong, most of all in its geometry, a stretch of motion or a
+sample can stand out that the completed model follows like any other: then it was no hand, no stumble, no spike.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fidim_lab.data.records import Campaign, Window
+from fidim_lab.mismatch.audit import OFF
+from fidim_lab.mismatch.clean import Cleaned
+from fidim_lab.mismatch.contacts import Contact, without
+from fidim_lab.mismatch.finding import Finding
+from fidim_lab.mismatch.refit import Completed, predict
+from fidim_lab.mismatch.whiteness import whiteness
+
+Say = Callable[[str], None]
+
+
+def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = lambda _: None) -> Cleaned:
+    """What stays cut out by the completed model; `audited` itself where all of it does, or where nothing is named.
+
+    cleaned, audited: before and after the audit. Windows are predicted whole, only their starts fitted; a cut is
+    needless where what is left is white without it.
+    """
+    before = set(cleaned.faults)
+    found = [fault for fault in audited.faults if fault not in before]
+    if not model.tried or not (found or audited.contacts):
+        return audited
+    windows: list[Window] = []
+    contacts: list[Contact] = []
+    faults: list[Finding] = []
+    for window in cleaned.campaign.windows:
+        hands = [contact for contact in audited.contacts if contact.window == window.id]
+        ours = [fault for fault in found if fault.window is not None and _of(fault.window, window)]
+        if not (hands or ours) or _follows(model, [window]):
+            windows.append(window)
+            continue
+        needed = hands if ours else _needed(cleaned.campaign, window, hands, model)
+        contacts += needed
+        faults += ours
+        as_audited = [one for one in audited.campaign.windows if _of(one.id, window)]
+        windows += as_audited if len(needed) == len(hands) else _cut(cleaned.campaign, window, needed)
+    if (len(contacts), len(faults)) == (len(audited.contacts), len(found)):
+        return audited
+    say("some of what was cut out follows the completed model: it is put back")
+    campaign = replace(audited.campaign, windows=tuple(windows))
+    return replace(audited, campaign=campaign, contacts=tuple(contacts), faults=(*cleaned.faults, *faults))
+
+
+def _needed(campaign: Campaign, window: Window, hands: Sequence[Contact], model: Completed) -> list[Contact]:
+    """The contacts of a window without which it is not followed, each tried beside the others."""
+    needed = list(hands)
+    for contact in hands if len(hands) > 1 else ():
+        others = [other for other in needed if other is not contact]
+        if _follows(model, _cut(campaign, window, others)):
+            needed = others
+    return needed
+
+
+def _cut(campaign: Campaign, window: Window, contacts: Sequence[Contact]) -> list[Window]:
+    return list(without(replace(campaign, windows=(window,)), contacts).windows)
+
+
+def _of(id: str, window: Window) -> bool:
+    """Whether a window with this id is the window or a part of it."""
+    return id == window.id or id.startswith(f"{window.id}, part ")
+
+
+def _follows(model: Completed, windows: Sequence[Window]) -> bool:
+    """Whether all of these windows are predicted up to white noise, without any sample far off."""
+    held = predict(model, windows)
+    if held.refused or not held.leftovers:
+        return False
+    largest = max(float(np.nanmax(np.abs(one.values))) for one in held.leftovers)
+    return largest < OFF and whiteness(held.leftovers).is_white
