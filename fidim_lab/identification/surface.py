@@ -23,6 +23,8 @@ MAX_TURN = 0.3
 """rad in one Gauss–Newton step"""
 TOLERANCE = 1e-9
 """m and rad"""
+ASTRAY, PASSES = 10.0, 6
+"""times the median misfit beyond which a sample has ended in another valley; how often such are begun anew"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,11 @@ class SurfacePoses:
     """rms of marker − model over the marker coordinates of a sample, m"""
     settled: Mask
     """False where the pose was not found"""
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """All of it, each with the sample as its first index."""
+        return self.positions, self.rotations, self.misfit, self.settled
 
 
 def marker_jacobian(rotations: Rotations, body_markers: Float[np.ndarray, "M 3"]) -> Jacobian:
@@ -58,11 +65,36 @@ def poses(
 ) -> SurfacePoses:
     """The pose of every sample: nearest to its markers, with the held lengths (m).
 
-    Gauss–Newton from `start`'s rotation. Where it does not settle (the markers hardly see one of the free motions)
-    `settled` is False and the pose is not to be used. Raises InfeasibleError when it settles nowhere: the lengths do
-    not fit these markers at all.
+    Gauss–Newton from `start`'s rotation; samples that end in another valley begin again beside a neighbour. Where it
+    does not settle (the markers hardly see one of the free motions) `settled` is False and the pose is not to be used.
+    Raises InfeasibleError when it settles nowhere: the lengths do not fit these markers at all.
     """
-    R = np.tile(start.rotation, (len(markers), 1, 1))
+    found = _descended(mechanism, lengths, body_markers, markers, np.tile(start.rotation, (len(markers), 1, 1)))
+    if not found.settled.any():
+        raise InfeasibleError(
+            "No pose fits both the held lengths and the markers.",
+            hint="Check cable order, lengths and marker position in the robot file.",
+        )
+    for _ in range(PASSES):
+        astray = ~found.settled | (found.misfit > ASTRAY * np.median(found.misfit))
+        sure = np.flatnonzero(~astray)
+        if not astray.any() or len(sure) == 0:
+            break
+        rows = np.flatnonzero(astray)
+        nearest = sure[np.abs(rows[:, np.newaxis] - sure).argmin(axis=1)]
+        again = _descended(mechanism, lengths, body_markers, markers[rows], found.rotations[nearest])
+        if not (better := again.settled & (again.misfit < 0.5 * found.misfit[rows])).any():
+            break
+        for old, new in zip(found.arrays, again.arrays, strict=True):
+            old[rows[better]] = new[better]
+    return found
+
+
+def _descended(
+    mechanism: Mechanism, lengths: PerCable, body_markers: np.ndarray, markers: np.ndarray, begins: Rotations
+) -> SurfacePoses:
+    """Gauss–Newton of each sample from a rotation of its own, its markers in the middle of their places."""
+    R = begins.copy()
     p = (markers - np.einsum("nij,mj->nmi", R, body_markers)).mean(axis=1)
     open_ = np.arange(len(markers))
     for _ in range(MAX_STEPS):
@@ -72,11 +104,6 @@ def poses(
         open_ = open_[np.abs(step).max(axis=1) > TOLERANCE]
         if len(open_) == 0:
             break
-    if len(open_) == len(markers):
-        raise InfeasibleError(
-            "No pose fits both the held lengths and the markers.",
-            hint="Check cable order, lengths and marker position in the robot file.",
-        )
     settled = np.ones(len(markers), dtype=bool)
     settled[open_] = False
     rest = markers - p[:, None] - np.einsum("nij,mj->nmi", R, body_markers)
