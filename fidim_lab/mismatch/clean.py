@@ -10,13 +10,22 @@ the cleaned campaign leaves (`cleaned_up`, in `aftermath`).
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fidim_lab.data.records import Campaign
+import numpy as np
+
+from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.mismatch.clock_check import even_grid
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.finding import Finding
+from fidim_lab.mismatch.neighbours import noise_of
 from fidim_lab.mismatch.screening import Screening, screen
 
 Say = Callable[[str], None]
+
+MOVES = 1.5
+"""times their noise by fourth differences, up to which markers do not move: 1 is noise alone"""
+FEWEST = 5
+"""samples, without which fourth differences say nothing"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +71,8 @@ def clean(campaign: Campaign, *, say: Say = lambda _: None) -> Cleaned:
     """Take out what samples and kinematics alone show to be wrong.
 
     Raises RefusedError where markers and lengths contradict the robot file grossly and a simple mistake explains it
-    (swapped cables, other units, a mirrored or turned frame): nothing that is fitted then means anything.
+    (swapped cables, other units, a mirrored or turned frame), or where no marker moves beyond its noise: nothing that
+    is fitted then means anything.
     """
     say("looking at samples and kinematics")
     seen = screen(campaign)
@@ -72,6 +82,34 @@ def clean(campaign: Campaign, *, say: Say = lambda _: None) -> Cleaned:
         if others:
             hint += " Nearly as good: " + "; ".join(other.says.split(":")[0] for other in others) + "."
         raise RefusedError(f"The robot file and the recording do not belong together. {best.says}", hint=hint)
+    _refuse_stillness(seen.campaign)
     for fault in seen.faults[:3]:
         say(fault.says)
     return Cleaned(seen.campaign, seen, seen.faults)
+
+
+def _refuse_stillness(campaign: Campaign) -> None:
+    """Raise RefusedError where no window of role `identify` shows more motion than scatter."""
+    windows = campaign.of_role(Role.IDENTIFY)
+    ratios = {window.id: ratio for window in windows if (ratio := _motion_over_noise(window)) is not None}
+    if not ratios or max(ratios.values()) > MOVES or len(ratios) < len(windows):
+        return
+    best = max(ratios, key=lambda id: ratios[id])
+    raise RefusedError(
+        f"Nothing swings in the {len(windows)} windows of role identify: markers move at most {ratios[best]:.2g} times "
+        f"their own scatter from sample to sample (window {best}); more than {MOVES:g} times is needed.",
+        hint="Record windows in which the platform swings freely, and check that the markers are those of this rig.",
+    )
+
+
+def _motion_over_noise(window: Window) -> float | None:
+    """rms of all marker coordinates about their means over their noise by fourth differences; None if unknown."""
+    if len(window.t) <= FEWEST:
+        return None
+    columns = even_grid(window.t).spread(window.markers.reshape(len(window.t), -1))
+    noise = noise_of(columns)
+    seen = np.isfinite(noise) & np.isfinite(columns).any(axis=0)
+    if not seen.any():
+        return None
+    moves = np.nanvar(columns[:, seen], axis=0)
+    return float(np.sqrt(moves.sum() / max(float((noise[seen] ** 2).sum()), 1e-300)))

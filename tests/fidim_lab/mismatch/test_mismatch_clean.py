@@ -111,6 +111,20 @@ def test_a_robot_file_with_swapped_cables_is_refused_with_that_reason(recorded) 
         clean(swapped)
 
 
+@pytest.mark.parametrize("scatter", [1e-4, 0.01])
+def test_markers_that_only_scatter_are_refused(recorded, scatter: float) -> None:
+    """Noise about one place, as small as declared and far larger; one window that swings is enough to go on."""
+    campaign = recorded()
+    rng = np.random.default_rng(5)
+    still = tuple(
+        replace(window, markers=window.markers.mean(axis=0) + rng.normal(0.0, scatter, window.markers.shape))
+        for window in campaign.windows
+    )
+    with pytest.raises(RefusedError, match="Nothing swings"):
+        clean(replace(campaign, windows=still))
+    assert clean(replace(campaign, windows=(campaign.windows[0], *still[1:]))).campaign.windows
+
+
 def explanation(verdict: Verdict) -> Explanation:
     return Explanation("c", verdict, (), (), Before(1, 1), Before(1, 1), (), {}, {}, None, "As said.", 1.0)
 
