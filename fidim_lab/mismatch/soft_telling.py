@@ -25,7 +25,7 @@ from fidim_lab.mismatch.views import ENOUGH
 NO_WORSE = 1.1
 """times the held-out rms without a term, up to which it is not predicted worse with it"""
 ALIKE = 1.25
-"""times the held-out rms, up to which friction elsewhere predicts as well: by so much windows differ among themselves"""
+"""times the held-out rms, up to which friction elsewhere predicts as well: windows differ by as much"""
 AT_BOUND = 0.99
 """of the largest possible size: beyond, more is asked for than can be"""
 
@@ -47,6 +47,8 @@ def soft_answer(told: Explanation, compared: Compared, robot: Robot, softness: s
         told,
         verdict=Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED,
         effects=tuple(_cause(compared, effect) for effect in named),
+        where=(),  # the places of `told` are those that rigid cables miss
+        unknown=None,
         chi2_per_dof=Before(without.chi2_per_dof, whole.chi2_per_dof),
         rms_mm=Before(1e3 * without.held_out, 1e3 * whole.held_out),
         ranking=_ranking(compared),
