@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fidim_lab.mismatch.generic.stored import unknown_table
 from fidim_lab.mismatch.generic.unknown import Unknown
 
 
@@ -126,12 +127,13 @@ class Explanation:
             "message": self.message,
             "seconds": round(self.seconds, 2),
             "untested": list(self.untested),
+            "unknown": None if self.unknown is None else unknown_table(self.unknown),
         }
 
 
 def write_explanation(path: Path, explanation: Explanation) -> None:
     """Write the file; numbers that are not finite become null."""
-    path.write_text(json.dumps(_finite(explanation.table), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(finite(explanation.table), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def _effect(cause: NamedCause) -> dict[str, Any]:
@@ -148,11 +150,12 @@ def _place(place: Place) -> dict[str, Any]:
     return {**vars(place), "t": list(place.t)}
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """The same with null in the place of numbers that are none: JSON has no NaN."""
     if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
+        return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_finite(entry) for entry in value]
+        return [finite(entry) for entry in value]
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return value

@@ -159,9 +159,10 @@ def _shift(found: Selection, named: Candidate) -> str:
     """How far the body moved when the effects were added."""
     base, done = found.baseline.model.fit, named.model.fit
     moved = done.values[:9] - base.values[:9]
-    k = int(np.argmax(np.abs(moved) / base.sd[:9]))
+    sds = np.abs(moved) / (base.sd[:9] * np.sqrt(max(1.0, base.excess)))
+    k = int(np.argmax(sds))
     com = 1e3 * float(np.linalg.norm(moved[:3]))
     return (
         f"The centre of mass moved by {com:.3g} mm; most in its own sd moved {PARAMETER_NAMES[k]}, "
-        f"by {abs(moved[k]) / base.sd[k]:.0f} sd of the fit without them."
+        f"by {sds[k]:.3g} sd of the fit without them."
     )

@@ -53,7 +53,6 @@ def _page(contents: Contents, explanation: Explanation) -> ExplainPage:
         found,
         proof(found, campaign, explanation.unknown),
         campaign.robot.sensors.marker_noise,
-        explanation.unknown,
     )
     body = Body.from_vector(np.array([explanation.parameters[name].value for name in PARAMETER_NAMES]))
     return ExplainPage(

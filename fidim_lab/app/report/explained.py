@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 from fidim_lab.app.report import proof_figures
 from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.explanation_file import BeforeTable, EffectTable, ExplanationTable
+from fidim_lab.app.report.explanation_file import BeforeTable, EffectTable, ExplanationTable, FamilyTable, UnknownTable
 from fidim_lab.app.report.numerals import decimals, fixed, short
 from fidim_lab.app.report.proof import Proof
 from fidim_lab.app.report.tables import Table
 from fidim_lab.mismatch.explanation import Verdict
-from fidim_lab.mismatch.generic.unknown import Unknown
 from fidim_lab.units import millimetres, percent
 
 VERDICTS = {
@@ -39,10 +38,9 @@ class ExplanationSection:
     tried: tuple[Table, ...]
 
 
-def explained(
-    found: ExplanationTable, shown: Proof, noise: float, unknown: Unknown | None = None
-) -> ExplanationSection:
+def explained(found: ExplanationTable, shown: Proof, noise: float) -> ExplanationSection:
     """The section. `shown`: `proof` of the same explanation; noise: of a marker coordinate (m), by the robot file."""
+    unknown = found.unknown
     field = None if unknown is None else unknown.field
     return ExplanationSection(
         verdict=VERDICTS[found.verdict],
@@ -51,7 +49,7 @@ def explained(
         effects=tuple(effect_table(effect) for effect in found.effects),
         places=tuple(dict.fromkeys(place.says for place in found.where)),
         unknown=() if unknown is None else unknown.words,
-        field=() if field is None else proof_figures.field_drawings(field),
+        field=() if field is None else proof_figures.field_drawings(field.field),
         before_after=(figures_table(found), shift_table(found)),
         drawings=(proof_figures.shifts(found), *proof_figures.drawings(shown, noise)),
         notes=shown.notes,
@@ -102,8 +100,7 @@ def shift_table(found: ExplanationTable) -> Table:
         )
     names = ("parameter", "CAD", "before", "after", "sd before", "sd after", "moved / sd before")
     caption = (
-        "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; sd times √χ²/dof of their fit where that is above 1 "
-        "(sentences count in sd without it)."
+        "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; sd times √χ²/dof of their fit where that is above 1."
     )
     return Table(caption, names, tuple(rows))
 
@@ -123,16 +120,18 @@ def ranking_table(found: ExplanationTable) -> Table:
     return Table("Hypotheses, the best first", names, tuple(rows), numbers=False)
 
 
-def _families(unknown: Unknown | None) -> tuple[Table, ...]:
+def _families(unknown: UnknownTable | None) -> tuple[Table, ...]:
     """Forces without a name that were weighed."""
-    if unknown is None:
+    if unknown is None or not unknown.tried:
         return ()
-    rows = [
-        (one.label, f"{percent(one.explained):.0f} %", f"{percent(one.left_out):.0f} %", f"{one.log_evidence:.0f}")
-        for one in unknown.tried
-    ]
+    rows = [(one.label, *_weighed(one)) for one in unknown.tried]
     names = ("kind of wrench", "of the excess χ², fitted", "on windows left out in turn", "log-evidence")
     return (Table("Wrenches without a name that were weighed; a negative share does harm", names, tuple(rows)),)
+
+
+def _weighed(one: FamilyTable) -> tuple[str, str, str]:
+    fitted, left_out = ("–" if x is None else f"{percent(x):.0f} %" for x in (one.explained, one.left_out))
+    return fitted, left_out, "–" if one.log_evidence is None else f"{one.log_evidence:.0f}"
 
 
 def _untested(found: ExplanationTable) -> tuple[Table, ...]:

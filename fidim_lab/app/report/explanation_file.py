@@ -6,11 +6,15 @@ What `fidim explain` has just found goes the same way as what a file holds: `as_
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import FileError
-from fidim_lab.mismatch.explanation import Explanation, Verdict
+from fidim_lab.mismatch.explanation import Explanation, Verdict, finite
+from fidim_lab.mismatch.generic.field import Field
+
+Triple = tuple[float, float, float]
 
 
 class _Part(BaseModel):
@@ -81,6 +85,42 @@ class HeldOutTable(_Part):
     rms_mm: BeforeTable
 
 
+class FamilyTable(_Part):
+    """One kind of wrench without a name that was weighed."""
+
+    label: str
+    explained: float | None
+    left_out: float | None
+    log_evidence: float | None
+
+
+class FieldTable(_Part):
+    """Samples of the wrench along the motion, SI, world frame."""
+
+    windows: tuple[str, ...]
+    t: list[float]
+    places: list[Triple]
+    centres: list[Triple]
+    velocities: list[Triple]
+    spins: list[Triple]
+    forces: list[Triple]
+    torques: list[Triple]
+
+    @property
+    def field(self) -> Field:
+        """For pictures."""
+        names = ("t", "places", "centres", "velocities", "spins", "forces", "torques")
+        return Field(self.windows, *(np.array(getattr(self, name), dtype=float) for name in names))
+
+
+class UnknownTable(_Part):
+    """The model of what has no name."""
+
+    words: tuple[str, ...]
+    tried: tuple[FamilyTable, ...] = ()
+    field: FieldTable | None = None
+
+
 class ExplanationTable(_Part):
     """The whole file."""
 
@@ -97,11 +137,12 @@ class ExplanationTable(_Part):
     message: str
     seconds: float | None = None
     untested: tuple[str, ...] = ()
+    unknown: UnknownTable | None = None
 
 
 def as_file(explanation: Explanation) -> ExplanationTable:
     """What was just found, as its file will say it."""
-    return ExplanationTable.model_validate(explanation.table)
+    return ExplanationTable.model_validate(finite(explanation.table))
 
 
 def read_explanation(path: Path) -> ExplanationTable:

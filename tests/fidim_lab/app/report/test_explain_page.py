@@ -11,10 +11,12 @@ from fidim_lab.app.report.explain_page import write_explain_page
 from fidim_lab.app.report.explained import explained
 from fidim_lab.app.report.explanation_file import as_file, read_explanation
 from fidim_lab.app.report.proof import proof, rms
+from fidim_lab.app.report.proof_figures import field_drawings
 from fidim_lab.app.report.write import write_report
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.errors import FileError
+from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.explanation import (
     Before,
     BodyParameter,
@@ -26,6 +28,10 @@ from fidim_lab.mismatch.explanation import (
     Verdict,
     write_explanation,
 )
+from fidim_lab.mismatch.generic.family import Dependence
+from fidim_lab.mismatch.generic.field import Field
+from fidim_lab.mismatch.generic.joint import HeldOutFigures
+from fidim_lab.mismatch.generic.unknown import FamilyTried, Term, Unknown
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -163,3 +169,45 @@ def test_gaps_do_not_shift_a_line_and_few_samples_have_no_spectrum():
     found = spectra.amplitudes("x", t, values)
     assert found.frequencies[int(np.argmax(found.amplitudes))] == pytest.approx(3.0, abs=0.1)
     assert spectra.amplitudes("x", t[:20], values[:20]) is None
+
+
+@pytest.fixture
+def unknown():
+    """A wrench without a name that pushes along x, ever harder, with everything that a report tells of it."""
+    count = 2000
+    columns = np.outer(np.linspace(0.0, 1.0, count), [1.0, 0.5, 0.0])
+    field = Field(
+        ("i01",) * count, np.linspace(0.0, 4.0, count), columns, columns + 0.1, columns, columns, 3 * columns,
+        np.zeros((count, 3)),
+    )  # fmt: skip
+    term = Term("force by place", Dependence.POSITION, None, None, (0.0, 0.0, 0.0), ("It pushes towards x.",), True)
+    before, after = HeldOutFigures(4000.0, 1000, 1e-3), HeldOutFigures(1100.0, 1000, 1e-4)
+    tried = (FamilyTried("force by place", 0.93, 0.9, 812.0), FamilyTried("force by time", 0.1, float("nan"), 2.0))
+    return Unknown(
+        (term,), 0.93, before, after, term.words, field, (), tried, fit=Fit.__new__(Fit), seconds=1.0
+    )  # fmt: skip
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_reports_section_tells_of_what_has_no_name_from_the_file(
+    dragged, explanation, unknown, write_folder, result_of
+):
+    folder = write_folder(dragged)
+    whole = replace(explanation, verdict=Verdict.UNKNOWN_PHYSICS, effects=(), unknown=unknown)
+    write_explanation(folder / "explanation.json", whole)
+    words = words_of(write_report(folder, result_of(dragged)).read_text())
+    for said in ("It pushes towards x.", "force by place 93 % 90 % 812", "force by time 10 % – 2"):
+        assert said in words, said
+
+
+def test_the_wrench_along_the_motion_is_drawn_as_it_was_stored(explanation, unknown, tmp_path):
+    path = tmp_path / "explanation.json"
+    write_explanation(path, replace(explanation, unknown=unknown))
+    found = read_explanation(path).unknown.field.field
+    assert 400 <= len(found.t) <= 600  # enough for a picture, few enough for a file
+    thinned = unknown.field.thinned(600)
+    for name in ("t", "places", "centres", "velocities", "spins", "forces", "torques"):
+        np.testing.assert_allclose(getattr(found, name), getattr(thinned, name), atol=1e-4 * 4)
+    assert found.windows == thinned.windows
+    longest = re.findall(r"longest arrow is ([\d.]+) N", " ".join(d.caption for d in field_drawings(found)))
+    assert float(longest[0]) == pytest.approx(3 * np.sqrt(1.25), rel=0.02)
