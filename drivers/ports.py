@@ -142,10 +142,86 @@ class MarkerSource(Protocol):
         ...
 
 
+class ReleaseState(StrEnum):
+    """What a release device does with the platform."""
+
+    HOLDS = "holds"
+    RELEASED = "released"
+    UNKNOWN = "unknown"
+    """it has not said so lately"""
+
+
+class Release(Protocol):
+    """A device that holds the displaced platform and lets it go on command. Commands raise DeviceError."""
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        ...
+
+    @property
+    def state(self) -> ReleaseState:
+        """As it said last; UNKNOWN where that is too long ago."""
+        ...
+
+    @property
+    def fault(self) -> str:
+        """What went wrong while it held, in words; latched, empty without one."""
+        ...
+
+    async def hold(self) -> None:
+        """Take hold; returns once the device has confirmed it."""
+        ...
+
+    async def release(self) -> None:
+        """Let go; returns once the device has confirmed it."""
+        ...
+
+
+@dataclass(frozen=True)
+class GaugeReading:
+    """What a measuring device said in one line."""
+
+    t: float
+    """monotonic s of arrival"""
+    values: tuple[float, ...]
+    """SI, one for each of the gauge's columns"""
+
+
+class Gauge(Protocol):
+    """A measuring device beside winches and motion capture: load cells, an inclinometer."""
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        ...
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of a recorded window: f1 … fn (N, tension of that cable by load cell), tilt_x, tilt_y (rad)."""
+        ...
+
+    @property
+    def age(self) -> float:
+        """s after which a reading is unknown."""
+        ...
+
+    @property
+    def uncertainty(self) -> float:
+        """Standard deviation of one reading's error, SI."""
+        ...
+
+    def latest(self) -> GaugeReading | None:
+        """The newest reading, None before the first; look at its time before believing it."""
+        ...
+
+
 class PromptKind(StrEnum):
     """What is asked of whoever stands at the robot."""
 
     DISPLACE_AND_RELEASE = "displace-and-release"
+    HANG_IN = "hang-in"
+    """displace, and let the release device take hold"""
     STEADY = "steady"
     CONFIRM = "confirm"
 
@@ -158,7 +234,7 @@ class Prompt:
     text: str
     choices: tuple[str, ...] = ("done", "skip", "abort")
     displacement: tuple[float, ...] = field(default=())
-    """wanted displacement of the main marker's x, y from rest, m (DISPLACE_AND_RELEASE)"""
+    """wanted displacement of the main marker's x, y from rest, m (DISPLACE_AND_RELEASE, HANG_IN)"""
 
 
 class Operator(Protocol):
@@ -177,3 +253,5 @@ class Rig:
     winches: tuple[Winch, ...]
     markers: MarkerSource
     operator: Operator
+    release: Release | None = None
+    gauges: tuple[Gauge, ...] = ()

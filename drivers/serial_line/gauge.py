@@ -1,0 +1,124 @@
+"""`LineGauge`: a measuring device that sends lines of text, by itself or when asked (load cells, inclinometers)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drivers.ports import Clock, GaugeReading
+from drivers.serial_line.lines import LineSplitter
+from drivers.serial_line.port import SerialPort
+from drivers.serial_line.template import LineTemplate
+from fidim_lab.errors import DeviceError, SetupError
+
+LOOK = 0.1
+"""s between two looks at the port of a device that sends by itself"""
+
+
+@dataclass(frozen=True)
+class GaugeConfig:
+    """What the rig file says of a measuring device."""
+
+    name: str
+    """for messages: "load cells /dev/ttyUSB1\""""
+    url: str
+    baud: int
+    pattern: str
+    """of a line, see `LineTemplate`"""
+    columns: Mapping[str, str]
+    """the name of each number in the pattern → the column of a recorded window that it fills"""
+    scale: float
+    """SI units for one unit on the wire"""
+    offset: float = 0.0
+    """SI, added after scaling"""
+    age: float = 0.5
+    """s after which a reading is unknown"""
+    uncertainty: float = 0.0
+    """SI, standard deviation of one reading's error"""
+    ask: bytes = b""
+    """what makes the device send one line; empty where it sends by itself"""
+    period: float = LOOK
+    """s between two questions"""
+
+
+@dataclass
+class GaugeCounters:
+    """What came, and what of it was of no use."""
+
+    lines: int = 0
+    malformed: int = 0
+    """lines that do not look like the pattern, and pieces that are no line"""
+    unplugged: int = 0
+
+
+class LineGauge:
+    """`Gauge` port on a serial line. `run` keeps it connected and asks; make it on a running loop."""
+
+    def __init__(self, config: GaugeConfig, clock: Clock) -> None:
+        """Raises SetupError for a pattern that is none, or that does not name the columns' numbers."""
+        self.config = config
+        self.counters = GaugeCounters()
+        self.columns = tuple(config.columns.values())
+        self._template = LineTemplate(config.pattern)
+        if set(self._template.names) != set(config.columns):
+            wanted = ", ".join(f"{{{name}}}" for name in config.columns)
+            raise SetupError(f"{config.name}: pattern {config.pattern!r} must name {wanted}, and no other number.")
+        self._clock = clock
+        self._splitter = LineSplitter(skip_first=not config.ask)
+        self._latest: GaugeReading | None = None
+        self._port = SerialPort(config.url, config.baud, clock, config.name, self._received, self._changed)
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return self.config.name
+
+    @property
+    def age(self) -> float:
+        """s after which a reading is unknown."""
+        return self.config.age
+
+    @property
+    def uncertainty(self) -> float:
+        """Standard deviation of one reading's error, SI."""
+        return self.config.uncertainty
+
+    @property
+    def problem(self) -> str:
+        """Why it is not connected; empty where it is."""
+        return self._port.problem
+
+    def latest(self) -> GaugeReading | None:
+        """The newest reading, None before the first; look at its time before believing it."""
+        return self._latest
+
+    async def run(self) -> None:
+        """Keep it connected, and ask where it wants to be asked; never returns. Raises SetupError for a bad URL."""
+        try:
+            while True:
+                await self._port.keep_open()
+                if self.config.ask and self._port.connected:
+                    try:
+                        self._port.write(self.config.ask)
+                    except DeviceError:
+                        continue  # the port knows why, and is opened again
+                await self._clock.sleep(self.config.period)
+        finally:
+            self._port.close()
+
+    def _changed(self, connected: bool) -> None:
+        if connected:
+            self._splitter.restart()
+        else:
+            self.counters.unplugged += 1
+
+    def _received(self, data: bytes, t: float) -> None:
+        before = self._splitter.malformed
+        lines = self._splitter.feed(data)
+        self.counters.malformed += self._splitter.malformed - before
+        for line in lines:
+            self.counters.lines += 1
+            numbers = self._template.read(line)
+            if numbers is None:
+                self.counters.malformed += 1
+                continue
+            scale, offset = self.config.scale, self.config.offset
+            self._latest = GaugeReading(t, tuple(scale * numbers[name] + offset for name in self.config.columns))
