@@ -46,7 +46,7 @@ async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -
     checks += await _map_pdos(link)
     checks.append(await _choose_mode(master, link, config))
     _refuse(config, checks)
-    await _start(master, link, config)
+    await start_sampling(master, link, config)
     return tuple(checks)
 
 
@@ -152,8 +152,8 @@ async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfi
     return Check("6061:0", "mode of operation", mode_name(wanted), mode_name(found), ok=found == wanted)
 
 
-async def _start(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> None:
-    """Operational, and the first whole sample there."""
+async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> None:
+    """Have the node operational, and its first whole sample; power is not touched. Raises DeviceError."""
     asked = master.clock.now()
     link.send_nmt(NmtCommand.START)
     await _await_nmt(master, link, config, NmtState.OPERATIONAL, asked)

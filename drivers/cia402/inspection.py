@@ -123,8 +123,10 @@ async def _pdo(sdo: SdoChannel, pdo: PdoMap, node_id: int) -> Inspected:
 
 
 async def _interpolation(sdo: SdoChannel) -> Inspected:
-    mantissa, exponent = await sdo.read(0x60C2, 1), await sdo.read(0x60C2, 2)
-    found = f"{mantissa * 10.0**exponent * 1e3:g} ms"
+    try:
+        found = f"{await sdo.read(0x60C2, 1) * 10.0 ** await sdo.read(0x60C2, 2) * 1e3:g} ms"
+    except SdoRefusedError as error:  # only for people to know
+        found = error.reason
     return Inspected("60C2", "interpolation period", "any (profile position mode)", found, Standing.HOLDS)
 
 

@@ -14,6 +14,7 @@ from drivers.cia402.moves import Beside, make_sample, profile, refuse_beyond_lim
 from drivers.cia402.node import NodeLink
 from drivers.cia402.scale import LengthScale
 from drivers.cia402.settings import Check
+from drivers.cia402.takeover import take_over
 from drivers.cia402.words import controlword
 from drivers.ports import DriveState, WinchSample
 from fidim_lab.errors import DeviceError, RefusedError
@@ -25,12 +26,16 @@ _STANDSTILL = 0.005
 class Cia402Winch:
     """One winch. Make it before `CanopenMaster.run()` starts; configure, enable and move while that runs."""
 
-    def __init__(self, config: WinchConfig, master: CanopenMaster) -> None:
-        """Registers the node with the master. Raises SetupError (see `CanopenMaster.add_node`)."""
+    def __init__(self, config: WinchConfig, master: CanopenMaster, *, takes_over: bool = False) -> None:
+        """Registers the node with the master. Raises SetupError (see `CanopenMaster.add_node`).
+
+        takes_over: a drive that an earlier host has left holding its load is not refused, and keeps holding it.
+        """
         self.config = config
         self.checks: tuple[Check, ...] = ()
         """of the last bring-up that succeeded: wanted and found"""
         self._master = master
+        self._configure = take_over if takes_over else bring_up
         self._scale: LengthScale = config.scale
         self._drive = Drive(config, master)
         self._ramp = config.max_acceleration
@@ -48,13 +53,14 @@ class Cia402Winch:
         return self._drive.link
 
     async def configure(self) -> None:
-        """Identity, limits, stop reactions, PDO mapping: written, read back; the drive stays without power.
+        """Identity, limits, stop reactions, PDO mapping: written, read back; power is never given.
 
-        `CanopenMaster.run()` must be running. Raises DeviceError naming every object that does not hold.
+        `CanopenMaster.run()` must be running. Raises DeviceError naming every object that does not hold, or where the
+        drive has power (unless this winch takes over).
         """
         self._drive.begin()
         self._prepared = None
-        self.checks = await bring_up(self._master, self.link, self.config)
+        self.checks = await self._configure(self._master, self.link, self.config)
 
     async def enable(self) -> None:
         """Power on, standing: the drive is enabled halted, then takes the present position as its set-point.

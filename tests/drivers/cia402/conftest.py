@@ -25,7 +25,7 @@ _STATUS = {"disabled": 0x40, "ready": 0x21, "on": 0x23, "enabled": 0x27, "quick 
 
 def _objects() -> dict[tuple[int, int], tuple[int, int]]:
     """(index, sub) → (value, bytes)"""
-    objects = {(0x1000, 0): (0x20192, 4), (0x1005, 0): (0x80, 4), (0x1016, 1): (0, 4), (0x1017, 0): (0, 2)}
+    objects = {(0x1000, 0): (0x20192, 4), (0x1001, 0): (0, 1), (0x1005, 0): (0x80, 4), (0x1016, 1): (0, 4), (0x1017, 0): (0, 2)}
     objects |= {(0x1018, sub): (value, 4) for sub, value in ((1, 77), (2, 88), (3, 1), (4, 99))}
     objects |= {(0x1029, 1): (0, 1), (0x6502, 0): (1, 4), (0x6075, 0): (4000, 4)}
     objects |= {(index, 0): (0, 2) for index in (0x6007, 0x605A, 0x605D, 0x605E, 0x6066, 0x6072, 0x6073)}

@@ -1,0 +1,112 @@
+"""Taking over drives that an earlier host has left with power: killed, crashed, or just gone.
+
+The load hangs on such drives, so nothing here lets go of it: a drive that still runs is stopped on its quick-stop ramp,
+one that holds is compared with the rig file, object by object, and keeps holding. What would have to be written first
+is refused: that takes a person, who secures the load and takes the power away (`without_power`).
+
+`take_over` stands for `bring_up` when a run goes on; `refuse_other_master` comes before either.
+"""
+
+from collections import Counter
+
+from drivers.canbus.transport import CanFrame, CanTransport
+from drivers.cia402.bringup import bring_up, start_sampling
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.inspection import Inspected, Standing, inspect
+from drivers.cia402.machine import Command, state_of
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.node import NodeLink
+from drivers.cia402.settings import Check
+from drivers.cia402.words import Mode, controlword, mode_name
+from drivers.ports import Clock, DriveState
+from fidim_lab.errors import BusError, DeviceError
+
+NOT_TAKEN_OVER = "it holds the load, but not as the rig file wants it"
+_LOOK = 0.01
+"""s between two questions by SDO"""
+_STANDSTILL = 0.005
+"""of the highest speed"""
+_JUDGED_ELSEWHERE = ("6041:0", "1001:0")
+"""state and error register: what they are is why we are here"""
+_OF_THE_LAST_MOVE = ("6083:0", "6084:0")
+"""ramps that each move sets anew, so that they are not as bring-up wrote them"""
+_MOVES = (DriveState.OPERATION_ENABLED, DriveState.FAULT_REACTION)
+
+
+async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> tuple[Check, ...]:
+    """What `bring_up` establishes, for a drive in whatever state; a load that it holds is held all the while.
+
+    `master.run()` must be running. A drive without power (also one whose 605A takes it away after a quick stop) is
+    brought up as ever. Raises DeviceError naming every object that differs, or as `bring_up`.
+    """
+    link.forget()
+    state = await _stop(master.clock, link, config)
+    if state is not DriveState.QUICK_STOP_ACTIVE:
+        return await bring_up(master, link, config)
+    checks = [_check(found) for found in await inspect(link, config, master.host_id) if _counts(found)]
+    mode = await link.sdo.read(0x6061)
+    profile = Mode.PROFILE_POSITION
+    checks.append(Check("6061:0", "mode of operation", mode_name(profile), mode_name(mode), ok=mode == profile))
+    if wrong := [str(check) for check in checks if not check.ok]:
+        raise DeviceError(
+            config.device,
+            f"{NOT_TAKEN_OVER}: " + "; ".join(wrong) + ".",
+            hint="Secure the load, then: fidim power-off RIG.",
+        )
+    await start_sampling(master, link, config)
+    return tuple(checks)
+
+
+async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState:
+    """At rest, in whichever state without a motion that is. Raises DeviceError where it does not come to one."""
+    state = state_of(await link.sdo.read(0x6041))
+    if state is DriveState.OPERATION_ENABLED:
+        link.send_controlword(controlword(Command.QUICK_STOP), 0)
+    elif state is DriveState.SWITCHED_ON:  # on its way to be enabled: the motor does not hold anything yet
+        link.send_controlword(controlword(Command.DISABLE_VOLTAGE), 0)
+    scale = config.scale
+    slowest = _STANDSTILL * scale.magnitude(config.max_speed)
+    deadline = clock.now() + config.step_timeout + config.max_speed / config.quick_stop_deceleration
+    while True:
+        state, speed = state_of(await link.sdo.read(0x6041)), abs(await link.sdo.read(0x606C))
+        leaves = state is DriveState.QUICK_STOP_ACTIVE and not config.stop.holds_in_quick_stop
+        if not leaves and state not in (*_MOVES, DriveState.SWITCHED_ON) and speed <= slowest:
+            return state
+        if clock.now() >= deadline:
+            found = f"{state}, {scale.velocity(round(speed)):+.3f} m/s"
+            raise DeviceError(config.device, f"was left running and does not stop: {found}.", hint="Stop it by hand.")
+        await clock.sleep(_LOOK)
+
+
+def _counts(found: Inspected) -> bool:
+    return found.object not in _JUDGED_ELSEWHERE
+
+
+def _check(found: Inspected) -> Check:
+    written = found.standing is Standing.TO_BE_WRITTEN and found.object in _OF_THE_LAST_MOVE
+    return Check(found.object, found.meaning, found.wanted, found.found, ok=written or found.standing is Standing.HOLDS)
+
+
+async def refuse_other_master(transport: CanTransport, clock: Clock, host_id: int, seconds: float) -> None:
+    """Listen for `seconds`, before a word of our own, for somebody who drives this bus already.
+
+    Raises BusError where SYNC, NMT commands or the host's own heartbeat are heard: two masters undo each other's
+    stops, and each keeps the other's drives from missing its heartbeat.
+    """
+    names = {0x000: "NMT commands", 0x080: "SYNC", 0x700 + host_id: f"heartbeats of node {host_id}, the host's"}
+    heard: Counter[str] = Counter()
+
+    def hear(frame: CanFrame) -> None:
+        if listening and frame.id in names:
+            heard[names[frame.id]] += 1
+
+    listening = True
+    transport.subscribe(hear)
+    await clock.sleep(seconds)
+    listening = False
+    if heard:
+        said = ", ".join(f"{count} {what}" for what, count in heard.items())
+        raise BusError(
+            f"Another master is on this bus: {said} within {seconds:g} s.",
+            hint="Stop the other program (fidim stop, on the computer where it runs), or unplug it.",
+        )
