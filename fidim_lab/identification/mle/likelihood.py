@@ -6,7 +6,8 @@ integrated in batches of similar length, so that memory does not grow with their
 The rows of one window: marker coordinates in order of time, marker, axis; known cable lengths; and priors on the
 window's own unknowns. Those on pose and twist are so loose that they say nothing where anything else does. Cables that
 are springs add two rows each: their tension at the start is about that of rigid cables (or the measured one), and they
-stretch no faster than goes with an oscillation of that size. Without, a few markers could not tell them at all.
+stretch no faster than goes with an oscillation of that size. Without, a few markers could not tell them at all. States
+that effects have of their own add one row each: they begin about where their effect says.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,6 +32,7 @@ from fidim_lab.model.sensitivity.starts import (
     moved,
     own_count,
     quiet_springs,
+    spreads,
     yielding_encoders,
 )
 from fidim_lab.model.sensitivity.variation import variations
@@ -73,7 +75,7 @@ class Likelihood:
 
     @property
     def own(self) -> int:
-        """Unknowns of each window: pose (6), λ rates; with springs their tensions, and as many more rates."""
+        """Unknowns of each window: pose (6), λ rates; with springs their tensions, and as many more rates; ξ."""
         return own_count(self.mechanism)
 
     @property
@@ -103,7 +105,7 @@ class WindowResidual:
     markers: Float[np.ndarray, " K"]
     lengths: Float[np.ndarray, " m"]
     loose: Float[np.ndarray, " priors"]
-    """pose and free rates; then, with springs, their tensions and rates of stretch"""
+    """pose and free rates; then, with springs, their tensions and rates of stretch; then effects' own states"""
 
     @property
     def rows(self) -> Float[np.ndarray, " rows"]:
@@ -170,7 +172,8 @@ def simulate(
     for members, grid in _batches(likelihood, measurement, ends, fine):
         states = _chosen(point.states, members)
         begins, unstretched = likelihood.begins[members], _of(starts.unstretched, members)
-        trajectories = integrate(likelihood.mechanism, point.shared, states, grid, begins, unstretched)
+        extra = _of(starts.extra, members)
+        trajectories = integrate(likelihood.mechanism, point.shared, states, grid, begins, unstretched, extra)
         batches.append(_Batch(members, trajectories))
         nodal = markers.at_nodes(trajectories, measurement.places(_body_markers(likelihood, members)))
         for place, w in enumerate(members):
@@ -243,6 +246,9 @@ def _residual(
         known_springs = likelihood.springs
         off = (at.tensions[w] - known_springs.tensions[w]) / known_springs.tension_sd[w]
         priors = np.concatenate([priors, off, starts.rates[w] / known_springs.rate_sd[w]])
+    if starts.extra is not None:
+        astray = np.zeros(starts.extra.shape[1]) if at.astray is None else at.astray[w]
+        priors = np.concatenate([priors, astray / spreads(likelihood.mechanism)])
     return WindowResidual(
         markers=(predicted - recording.markers[use])[seen] / likelihood.noise,
         lengths=(starts.lengths[w] - recording.read(yielding_encoders(likelihood.mechanism)))[known]
@@ -258,14 +264,16 @@ def _loose(count: int) -> Float[np.ndarray, " count"]:
 def priors_by(likelihood: Likelihood, starts: Starts, w: int) -> Float[np.ndarray, "priors P"]:
     """Derivatives of the priors' rows by [own; shared]."""
     loose = 6 + starts.free_twists.shape[2]
-    columns = starts.states_by.shape[2]
-    table = np.zeros((loose, columns))
-    table[:, :loose] = np.diag(1 / _loose(loose))
-    if likelihood.springs is None or starts.rates_by is None:
-        return table
-    tensions = np.zeros_like(starts.rates_by[w])
-    tensions[:, loose : likelihood.own] = np.diag(1 / likelihood.springs.tension_sd[w])
-    return np.vstack([table, tensions, starts.rates_by[w] / likelihood.springs.rate_sd[w][:, np.newaxis]])
+    columns, spread = starts.states_by.shape[2], spreads(likelihood.mechanism)
+    own = np.zeros((likelihood.own, columns))
+    own[:, : likelihood.own] = np.eye(likelihood.own)
+    last = likelihood.own - len(spread)
+    parts = [own[:loose] / _loose(loose)[:, np.newaxis]]
+    if likelihood.springs is not None and starts.rates_by is not None:
+        parts.append(own[loose:last] / likelihood.springs.tension_sd[w][:, np.newaxis])
+        parts.append(starts.rates_by[w] / likelihood.springs.rate_sd[w][:, np.newaxis])
+    parts.append(own[last:] / spread[:, np.newaxis])
+    return np.vstack(parts)
 
 
 def _fine_enough(likelihood: Likelihood, point: Point, resolution: Resolution) -> Resolution | None:
@@ -300,4 +308,5 @@ def _body_markers(likelihood: Likelihood, members: Sequence[int] | np.ndarray) -
 
 def _chosen(states: States, members: np.ndarray) -> States:
     tensions = _of(states.tensions, members)
-    return States(states.positions[members], states.rotations[members], states.twists[members], tensions)
+    astray = _of(states.astray, members)
+    return States(states.positions[members], states.rotations[members], states.twists[members], tensions, astray)

@@ -3,15 +3,15 @@
 Explicit (block elimination), and differentiated through the implicit residual r(x, χ, y) = 0, y = [v̇; τ]:
 dy = −K⁻¹ ∂r with K factorised once. In CasADi's virtual machine, four cables: about 7 µs, 40 µs with all derivatives.
 
-Both functions take, per sample, time (s since the window's start), position (3), rotation (9, row by row), twist (6),
-constants ([unstretched lengths of the springs; body 9; θ], the last two being `shared`).
+Both functions take, per sample, time (s since the window's start), position (3), rotation (9, row by row), moving (6 +
+E: the twist and the E states that effects have of their own), constants ([unstretched lengths of the springs; body 9;
+θ], the last two being `shared`).
 
 Effects may use the slots for geometry, lengths, drift, wrench, kinetic energy and compliance. Stretch is of first order
 (`model.equations`): exact in the motion and in its derivatives by θ, while its share of the derivatives by the state,
 (frequency of motion / frequency of stretch)² of the rest, is left out: a Gauss–Newton step is a little off, its optimum
 is not. Mechanism(…, springs=True) makes the stretched cables springs instead (`model.elastic`): all exact, more
-freedoms, nodes as near to each other as the stiffest cable asks for. States of their own are not
-carried (`refuse_unknown`); what cameras see is `measurement`'s.
+freedoms, nodes as near to each other as the stiffest cable asks for. What cameras see is `measurement`'s.
 """
 
 from collections.abc import Sequence
@@ -27,6 +27,7 @@ from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import built
 from fidim_lab.model.sensitivity.elimination import Elimination
+from fidim_lab.model.slots import Effect
 
 BODY = 9
 """entries of `shared` before θ"""
@@ -51,12 +52,15 @@ def sprung(mechanism: Mechanism) -> tuple[int, ...]:
 
 
 def slopes(mechanism: Mechanism) -> ca.Function:
-    """(time, position, rotation, twist, constants) → [v̇; τ] (6 + n): m/s², rad/s², N/kg. With CasADi's derivatives."""
+    """(time, position, rotation, moving, constants) → [v̇; ξ̇; τ] (6 + E + n), with CasADi's derivatives.
+
+    In m/s², rad/s², the units of effects' own states in 1/s, N/kg.
+    """
     return mechanism.compiled("sensitivity: slopes", _compile_slopes)
 
 
 def derivatives(mechanism: Mechanism) -> ca.Function:
-    """The same inputs → [v̇; τ], and d v̇ / d[δp; δφ; δv; δω; constants] row by row (6 × (12 + constants)).
+    """The same inputs → [v̇; ξ̇; τ], and d[v̇; ξ̇] / d[δp; δφ; δv; δω; δξ; constants] row by row.
 
     Made once for each mechanism; machine code for a native one.
     """
@@ -105,9 +109,14 @@ class Sample:
 
     @property
     def inputs(self) -> list[ca.SX]:
-        """time, position, rotation row by row, twist, constants."""
+        """time, position, rotation row by row, [twist; effects' own states], constants."""
         symbols = self.equations.symbols
-        return [symbols.time, symbols.position, symbols.flat, symbols.twist, self.constants]
+        return [symbols.time, symbols.position, symbols.flat, self.moving, self.constants]
+
+    @property
+    def moving(self) -> ca.SX:
+        """[v; ω; ξ]: what has a rate of its own."""
+        return ca.vertcat(self.equations.symbols.twist, self.equations.symbols.extra)
 
     @property
     def structure(self) -> ca.SX:
@@ -134,11 +143,11 @@ class Sample:
         return self.equations.solve(self.solver) if self.first_order else self.solver(self.wrench, self.pull)
 
     def outputs(self, solution: ca.SX) -> ca.SX:
-        """[v̇; τ of all cables] of a solution."""
+        """[v̇; ξ̇; τ of all cables] of a solution."""
         tensions = ca.SX.zeros(self.equations.structure.size1())
         tensions[list(self.sprung)] = self.pulled
         tensions[list(self.held)] = solution[6:]
-        return ca.vertcat(solution[:6], tensions)
+        return ca.vertcat(solution[:6], self.equations.extra_rates, tensions)
 
     def residual(self, solution: ca.SX) -> ca.SX:
         """[(M + A) v̇ + Ξᵀ τ − f; Ξ v̇ − c], zero for the solution."""
@@ -155,11 +164,11 @@ def entries(column: ca.SX, chosen: Sequence[int]) -> ca.SX:
 
 
 def refuse_unknown(mechanism: Mechanism) -> None:
-    """Raise OurBugError for an effect that uses a slot which trajectories with derivatives do not carry (yet)."""
+    """Raise OurBugError for what trajectories with derivatives do not carry (yet): cameras that see an extra state."""
     for effect in mechanism.effects:
-        if effect.extra_states:
+        if effect.extra_states and type(effect).seen is not Effect.seen:
             raise OurBugError(
-                f"{type(effect).__name__}: trajectories with derivatives do not know its slot extra_states.",
+                f"{type(effect).__name__}: trajectories with derivatives do not show its extra states to the cameras.",
                 hint="Simulate it with model.dynamics, or score it with model.forcing.",
             )
 
@@ -192,17 +201,22 @@ def _compile_derivatives(mechanism: Mechanism) -> ca.Function:
     symbols = sample.equations.symbols
     solution, unknown = sample.solve(), ca.SX.sym("y", 6 + len(sample.held))
     # one sweep for all columns: the entries of the rotation first, then the three directions in which it can turn
-    at = ca.vertcat(symbols.position, symbols.flat, symbols.twist, sample.constants)
+    at = ca.vertcat(symbols.position, symbols.flat, sample.moving, sample.constants)
     jacobian = ca.jacobian(sample.residual(unknown), at)
     if sample.first_order:
         bend = sample.equations.stretch(sample.solver)[2]
         jacobian[6:, -symbols.theta.numel() :] -= ca.jacobian(bend, symbols.theta)
-    by_rotation = jacobian[:, 3:12] @ turned(symbols.flat)
-    by_state = ca.horzcat(jacobian[:, :3], by_rotation, jacobian[:, 12:])
-    change = ca.substitute(by_state, unknown, solution)
-    moved = sample.solver(-change[:6, :], -change[6:, :])
-    outputs = [sample.outputs(solution), rows(moved[:6, :])]
+    change = ca.substitute(_by_directions(symbols, jacobian), unknown, solution)
+    moved = sample.solver(-change[:6, :], -change[6:, :])[:6, :]
+    if symbols.extra.numel():
+        moved = ca.vertcat(moved, _by_directions(symbols, ca.jacobian(sample.equations.extra_rates, at)))
+    outputs = [sample.outputs(solution), rows(moved)]
     return function("slope_derivatives", sample.inputs, _shortened(sample, outputs))
+
+
+def _by_directions(symbols: Symbols, jacobian: ca.SX) -> ca.SX:
+    """Nine columns by the entries of the rotation made into three by the directions in which it can turn."""
+    return ca.horzcat(jacobian[:, :3], jacobian[:, 3:12] @ turned(symbols.flat), jacobian[:, 12:])
 
 
 def _shortened(sample: Sample, outputs: list[ca.SX]) -> list[ca.SX]:

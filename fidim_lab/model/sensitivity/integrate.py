@@ -38,6 +38,8 @@ class States:
     """[ṗ; ω], world frame; Ξ v = 0 for cables that are no springs"""
     tensions: Float[np.ndarray, "W springs"] | None = None
     """of the springs by their stretch alone, N/kg; None: not known yet (`starts.tied`)"""
+    astray: Float[np.ndarray, "W extra"] | None = None
+    """how far effects' own states are from where they usually begin (`Effect.extra_start`); None: nowhere"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +57,27 @@ class Trajectories:
     """per unit mass, N/kg; negative where the model has lost its validity"""
     unstretched: Float[np.ndarray, "W springs"] | None = None
     """lengths of the springs, m; None where there are none"""
+    extra: Float[np.ndarray, "W N extra"] | None = None
+    """effects' own states; None where there are none"""
 
     def only(self, window: int) -> "Trajectories":
         """One of the windows alone."""
         k = slice(window, window + 1)
         state = (self.positions[k], self.rotations[k], self.twists[k])
         unstretched = None if self.unstretched is None else self.unstretched[k]
-        return Trajectories(self.grid, self.begins[k], *state, self.accelerations[k], self.tensions[k], unstretched)
+        extra = None if self.extra is None else self.extra[k]
+        forces = (self.accelerations[k], self.tensions[k])
+        return Trajectories(self.grid, self.begins[k], *state, *forces, unstretched, extra)
+
+    @property
+    def own_states(self) -> Float[np.ndarray, "W N extra"]:
+        """Effects' own states, none where there are none."""
+        return np.zeros((*self.positions.shape[:2], 0)) if self.extra is None else self.extra
+
+    @property
+    def moving(self) -> Float[np.ndarray, "W N moving"]:
+        """[v; ω; ξ]."""
+        return self.twists if self.extra is None else np.concatenate([self.twists, self.extra], axis=-1)
 
     def constants(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "W constants"]:
         """What the equations of motion take as constant in each window: unstretched lengths and shared parameters."""
@@ -99,10 +115,12 @@ def integrate(
     grid: Grid,
     begins: Float[np.ndarray, " W"],
     unstretched: Float[np.ndarray, "W springs"] | None = None,
+    extra: Float[np.ndarray, "W extra"] | None = None,
 ) -> Trajectories:
     """The motions of all windows. `begins` matters only to effects that depend on time.
 
-    unstretched: of the mechanism's springs (`starts.linearised_starts`), m. Cables are not watched here: see
+    unstretched: of the mechanism's springs, m; extra: effects' own states at the begins (`starts.linearised_starts`
+    gives both). Cables are not watched here: see
     `Trajectories.first_slack`. Never raises for the physics: NaN instead.
     """
     count, nodes, t = len(states.positions), grid.nodes, grid.t
@@ -113,21 +131,23 @@ def integrate(
     timing = np.empty((count, nodes, 2))
     timing[..., 0] = begins[:, np.newaxis] + t
     timing[..., 1] = np.append(np.diff(t), 0.0)  # the last step goes nowhere: it gives the last node's accelerations
-    first = np.concatenate([states.positions, states.rotations.reshape(count, 9), states.twists], axis=1)
+    own = np.zeros((count, 0)) if extra is None else extra
+    first = np.concatenate([states.positions, states.rotations.reshape(count, 9), states.twists, own], axis=1)
     lengths = np.zeros((count, 0)) if unstretched is None else unstretched
     constants = np.concatenate([lengths, np.broadcast_to(shared, (count, len(shared)))], axis=1)
     after, outputs = evaluate(loop, first, timing, np.repeat(constants, nodes, axis=0))
-    at = np.concatenate([first[:, np.newaxis], after.reshape(count, nodes, 18)[:, :-1]], axis=1)
+    at = np.concatenate([first[:, np.newaxis], after.reshape(count, nodes, -1)[:, :-1]], axis=1)
     outputs = outputs.reshape(count, nodes, -1)
     return Trajectories(
         grid=grid,
         begins=begins,
         positions=at[..., :3],
         rotations=at[..., 3:12].reshape(count, nodes, 3, 3),
-        twists=at[..., 12:],
+        twists=at[..., 12:18],
         accelerations=outputs[..., :6],
-        tensions=outputs[..., 6:],
+        tensions=outputs[..., 6 + own.shape[1] :],
         unstretched=unstretched,
+        extra=None if extra is None else at[..., 18:],
     )
 
 
@@ -151,7 +171,8 @@ def _compose_step(mechanism: Mechanism) -> ca.Function:
     gibbs, spin, flat = ca.SX.sym("gibbs", 3), ca.SX.sym("spin", 3), ca.SX.sym("flat", 9)
     turned = rows(rotation_from_gibbs(gibbs) @ from_rows(flat, 3, 3))
     turn = function("turn", [gibbs, spin, flat], [turned, gibbs_rate(gibbs, spin)])
-    state, timing = ca.MX.sym("state", 18), ca.MX.sym("timing", 2)
+    own = slopes(mechanism).numel_in(3)  # [v; ω; ξ]
+    state, timing = ca.MX.sym("state", 12 + own), ca.MX.sym("timing", 2)
     constants = ca.MX.sym("constants", slopes(mechanism).numel_in(4))
     time, h, reference = timing[0], timing[1], state[3:12]
     start = ca.vertcat(state[:3], ca.MX.zeros(3), state[12:])
@@ -159,38 +180,39 @@ def _compose_step(mechanism: Mechanism) -> ca.Function:
     outputs: list[ca.MX] = []
     for node, coefficients in zip(NODES, COEFFICIENTS, strict=True):
         terms = [float(c) * slope for c, slope in zip(coefficients, found, strict=False) if c != 0]
-        at = start + h * sum(terms, ca.MX.zeros(12))
-        rotation, rate = turn(at[3:6], at[9:], reference)
+        at = start + h * sum(terms, ca.MX.zeros(6 + own))
+        rotation, rate = turn(at[3:6], at[9:12], reference)
         output = solve(time + float(node) * h, at[:3], rotation, at[6:], constants)
         outputs.append(output)
-        found.append(ca.vertcat(at[6:9], rate, output[:6]))
-    end = start + h * sum((float(c) * slope for c, slope in zip(WEIGHTS, found, strict=True)), ca.MX.zeros(12))
-    after = ca.vertcat(end[:3], turn(end[3:6], end[9:], reference)[0], end[6:])
+        found.append(ca.vertcat(at[6:9], rate, output[:own]))
+    end = start + h * sum((float(c) * slope for c, slope in zip(WEIGHTS, found, strict=True)), ca.MX.zeros(6 + own))
+    after = ca.vertcat(end[:3], turn(end[3:6], end[9:12], reference)[0], end[6:])
     return ca.Function("eighth_order_step", [state, timing, constants], [after, outputs[0]])
 
 
 def _compile_step(mechanism: Mechanism) -> ca.Function:
-    """(state 18, [t, h], constants) → (state at t + h, [v̇; τ] at t); the state is [p; R row by row; v; ω]."""
+    """(state 18 + E, [t, h], constants) → (state at t + h, [v̇; ξ̇; τ] at t); the state is [p; R row by row; v; ω; ξ]."""
     solve = slopes(mechanism)
-    state, timing = ca.SX.sym("state", 18), ca.SX.sym("timing", 2)
+    own = solve.numel_in(3)  # [v; ω; ξ]
+    state, timing = ca.SX.sym("state", 12 + own), ca.SX.sym("timing", 2)
     constants = ca.SX.sym("constants", solve.numel_in(4))
     time, h = timing[0], timing[1]
     reference = from_rows(state[3:12], 3, 3)
-    start = ca.vertcat(state[:3], ca.SX.zeros(3), state[12:])  # [p; g; v; ω]
+    start = ca.vertcat(state[:3], ca.SX.zeros(3), state[12:])  # [p; g; v; ω; ξ]
     found: list[ca.SX] = []
     outputs: list[ca.SX] = []
     for node, coefficients in zip(NODES, COEFFICIENTS, strict=True):
-        at = start + h * _combined(coefficients, found)
+        at = start + h * _combined(coefficients, found, 6 + own)
         rotation = rotation_from_gibbs(at[3:6]) @ reference
         output = solve(time + float(node) * h, at[:3], rows(rotation), at[6:], constants)
         outputs.append(output)
-        found.append(ca.vertcat(at[6:9], gibbs_rate(at[3:6], at[9:]), output[:6]))
-    end = start + h * _combined(WEIGHTS, found)
+        found.append(ca.vertcat(at[6:9], gibbs_rate(at[3:6], at[9:12]), output[:own]))
+    end = start + h * _combined(WEIGHTS, found, 6 + own)
     after = ca.vertcat(end[:3], rows(rotation_from_gibbs(end[3:6]) @ reference), end[6:])
     return function("eighth_order_step", [state, timing, constants], [after, outputs[0]])
 
 
-def _combined(coefficients: np.ndarray, found: list[ca.SX]) -> ca.SX:
+def _combined(coefficients: np.ndarray, found: list[ca.SX], size: int) -> ca.SX:
     """Σ c_i k_i over the stages so far; zeros of the tableau cost nothing."""
     terms = (float(c) * slope for c, slope in zip(coefficients, found, strict=False) if c != 0)
-    return sum(terms, ca.SX.zeros(12))
+    return sum(terms, ca.SX.zeros(size))

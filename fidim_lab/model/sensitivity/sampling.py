@@ -1,6 +1,8 @@
 """One of the trajectories at times of one's own choice, as a `Motion`."""
 
 import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
 
 from fidim_lab.arrays import Series
 from fidim_lab.data.records import Motion
@@ -26,9 +28,17 @@ def sampled(mechanism: Mechanism, shared: np.ndarray, trajectories: Trajectories
     rotations = rotations @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(rotations, 1, 2) @ rotations)  # polar, one Newton step
     twists = _cubic(trajectories, window, index, times)
     clock = trajectories.begins[window] + times
-    sample = (clock[:, np.newaxis], positions, rotations, twists, trajectories.constants(shared)[window])
+    moving = np.concatenate([twists, own_states(trajectories, window, times)], axis=1)
+    sample = (clock[:, np.newaxis], positions, rotations, moving, trajectories.constants(shared)[window])
     found = over_samples(slopes(mechanism), len(times), *sample)[0]
     return Motion(t=times, positions=positions, rotations=rotations, twists=twists, accelerations=found[:, :6])
+
+
+def own_states(trajectories: Trajectories, window: int, times: Series) -> Float[np.ndarray, "T extra"]:
+    """Effects' own states of one window at `times`, by cubic splines through the nodes."""
+    if trajectories.extra is None:
+        return np.zeros((len(times), 0))
+    return CubicSpline(trajectories.grid.t, trajectories.extra[window])(times)
 
 
 def _cubic(trajectories: Trajectories, window: int, index: np.ndarray, times: Series) -> np.ndarray:

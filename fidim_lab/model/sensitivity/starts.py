@@ -1,9 +1,10 @@
 """Initial states that obey the locked cables, Ξ v = l̇ (0 but for effects), and what they and the lengths depend on.
 
-A window's own unknowns are [δp; δφ; δu; δτ]: a change of pose, rates along the free twists at that pose (λ with rigid
-cables), and the tensions of the cables that are springs. Ξ is tied to the pose, so the twist follows it: v(pose) is
-the projection of the old twist on the new free twists. A spring's unstretched length follows pose and tension,
-l₀ = l − κ τ, so that a change of stiffness leaves a quiet start quiet.
+A window's own unknowns are [δp; δφ; δu; δτ; δξ]: a change of pose, rates along the free twists at that pose (λ with
+rigid cables), the tensions of the cables that are springs, and how far astray the states are that effects have of their
+own: they begin where their effect says, ξ = start(pose, twist, θ) + astray. Ξ is tied to the pose, so the twist follows
+it: v(pose) is the projection of the old twist on the new free twists. A spring's unstretched length follows pose and
+tension, l₀ = l − κ τ, so that a change of stiffness leaves a quiet start quiet.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.model.batch import evaluate, function, over_samples, rows
-from fidim_lab.model.contributions import seen_compliances_at
+from fidim_lab.model.contributions import extra_count, extra_start_at, seen_compliances_at
 from fidim_lab.model.equations import Symbols
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import Sample, entries, sprung, turned
@@ -34,9 +35,9 @@ class Starts:
     lengths: Float[np.ndarray, "W n"]
     """m, as an encoder without error would read them"""
     lengths_by: Float[np.ndarray, "W n P"]
-    """by [δp; δφ; δu; δτ; shared]"""
-    states_by: Float[np.ndarray, "W 12 P"]
-    """[δp; δφ; δv; δω] by the same columns"""
+    """by [δp; δφ; δu; δτ; δξ; shared]"""
+    states_by: Float[np.ndarray, "W 6+m P"]
+    """[δp; δφ; δv; δω; δξ] by the same columns"""
     free_twists: Float[np.ndarray, "W 6 free"]
     """N: orthonormal, Ξ N = 0 for the cables that are held"""
     unstretched: Float[np.ndarray, "W springs"] | None = None
@@ -45,11 +46,18 @@ class Starts:
     rates: Float[np.ndarray, "W springs"] | None = None
     """of the springs' stretch, m/s"""
     rates_by: Float[np.ndarray, "W springs P"] | None = None
+    extra: Float[np.ndarray, "W extra"] | None = None
+    """effects' own states; None where there are none"""
 
 
 def own_count(mechanism: Mechanism) -> int:
-    """Unknowns of each window: pose (6), free rates, tensions of springs."""
-    return 6 + mechanism.freedoms + 2 * len(sprung(mechanism))
+    """Unknowns of each window: pose (6), free rates, tensions of springs, effects' own states."""
+    return 6 + mechanism.freedoms + 2 * len(sprung(mechanism)) + extra_count(mechanism)
+
+
+def spreads(mechanism: Mechanism) -> Float[np.ndarray, " extra"]:
+    """How far astray effects' own states may well begin: standard deviations before any data."""
+    return np.array([state.spread for effect in mechanism.effects for state in effect.extra_states])
 
 
 def tied(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> States:
@@ -72,14 +80,16 @@ def moved(
     steps: Float[np.ndarray, "W own"],
     begins: Begins,
 ) -> States:
-    """States after a step [δp; δφ; δu; δτ] of each window's own unknowns, for the (new) shared parameters."""
+    """States after a step [δp; δφ; δu; δτ; δξ] of each window's own unknowns, for the (new) shared parameters."""
     last = 6 + starts.free_twists.shape[2]
+    springs = last + len(sprung(mechanism))
     rates = (starts.free_twists @ steps[:, 6:last, np.newaxis])[..., 0]
     changed = States(
         positions=states.positions + steps[:, :3],
         rotations=states.rotations @ Rotation.from_rotvec(steps[:, 3:6]).as_matrix(),
         twists=states.twists + rates,
-        tensions=None if states.tensions is None else states.tensions + steps[:, last:],
+        tensions=None if states.tensions is None else states.tensions + steps[:, last:springs],
+        astray=_astray(mechanism, states) + steps[:, springs:],
     )
     return tied(mechanism, shared, changed, begins)
 
@@ -99,29 +109,35 @@ def yielding_encoders(mechanism: Mechanism) -> tuple[int, ...]:
 def linearised_starts(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> Starts:
     """Lengths, free twists and derivatives at tied states."""
     found = _quantities(mechanism, shared, states, begins)
-    count, springs = len(found.lengths), found.unstretched.shape[1]
+    count, springs, extra = len(found.lengths), found.unstretched.shape[1], found.extra.shape[1]
     free, back = _free_twists(found.structure), _pinv(found.structure)
     own = 6 + free.shape[2]
-    by = np.zeros((count, 12, own + springs + len(shared)))
+    last = own + springs + extra
+    by = np.zeros((count, 12 + extra, last + len(shared)))
     by[:, :6, :6] = np.eye(6)
-    by[:, 6:, :6] = -back @ found.speeds_by[..., :6]
-    by[:, 6:, 6:own] = free
-    by[:, 6:, own + springs :] = -back @ found.speeds_by[..., 6:]
+    by[:, 6:12, :6] = -back @ found.speeds_by[..., :6]
+    by[:, 6:12, 6:own] = free
+    by[:, 6:12, last:] = -back @ found.speeds_by[..., 6:]
+    by[:, 12:] = found.extra_by[..., 6:12] @ by[:, 6:12]
+    by[:, 12:, :6] += found.extra_by[..., :6]
+    by[:, 12:, own + springs : last] += np.eye(extra)
+    by[:, 12:, last:] += found.extra_by[..., 12:]
     plain = Starts(
         lengths=found.lengths,
-        lengths_by=_beside_rates(found.lengths_by, own - 6),
+        lengths_by=_among(found.lengths_by, own - 6, springs, extra),
         states_by=by,
         free_twists=free,
+        extra=found.extra if extra else None,
     )
     if not springs:
         return plain
-    rates_by = found.rates_by_twist @ by[:, 6:]
+    rates_by = found.rates_by_twist @ by[:, 6:12]
     rates_by[..., :6] += found.rates_by[..., :6]
-    rates_by[..., own + springs :] += found.rates_by[..., 6:]
+    rates_by[..., last:] += found.rates_by[..., 6:]
     return replace(
         plain,
         unstretched=found.unstretched,
-        unstretched_by=_beside_rates(found.unstretched_by, own - 6),
+        unstretched_by=_among(found.unstretched_by, own - 6, springs, extra),
         rates=found.rates,
         rates_by=rates_by,
     )
@@ -175,6 +191,9 @@ class _Quantities:
     rates: Float[np.ndarray, "W springs"]
     rates_by: Float[np.ndarray, "W springs 6+shared"]
     rates_by_twist: Float[np.ndarray, "W springs 6"]
+    extra: Float[np.ndarray, "W extra"]
+    extra_by: Float[np.ndarray, "W extra 12+shared"]
+    """by [δp; δφ], twist, shared"""
 
 
 def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> _Quantities:
@@ -189,16 +208,23 @@ def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins
         states.twists,
         np.broadcast_to(shared, (count, len(shared))),
         np.zeros((count, 0)) if states.tensions is None else states.tensions,
+        _astray(mechanism, states),
     )
-    wide, narrow = 6 + springs + len(shared), 6 + len(shared)
+    wide, narrow, extra = 6 + springs + len(shared), 6 + len(shared), extra_count(mechanism)
     shapes = [(n,), (n, wide), (held, 6), (held,), (held, narrow), (springs,), (springs, wide)]
-    shapes += [(springs,), (springs, narrow), (springs, 6)]
+    shapes += [(springs,), (springs, narrow), (springs, 6), (extra,), (extra, 6 + narrow)]
     return _Quantities(*(x.reshape(count, *shape) for x, shape in zip(found, shapes, strict=True)))
 
 
-def _beside_rates(by: np.ndarray, rates: int) -> np.ndarray:
-    """Columns [δp; δφ; δτ; shared] made into [δp; δφ; δu; δτ; shared]."""
-    return np.concatenate([by[..., :6], np.zeros((*by.shape[:-1], rates)), by[..., 6:]], axis=-1)
+def _astray(mechanism: Mechanism, states: States) -> Float[np.ndarray, "W extra"]:
+    return np.zeros((len(states.positions), extra_count(mechanism))) if states.astray is None else states.astray
+
+
+def _among(by: np.ndarray, rates: int, springs: int, extra: int) -> np.ndarray:
+    """Columns [δp; δφ; δτ; shared] made into [δp; δφ; δu; δτ; δξ; shared]."""
+    pose, tensions, shared = np.split(by, [6, 6 + springs], axis=-1)
+    none = np.zeros((*by.shape[:-1], rates + extra))
+    return np.concatenate([pose, none[..., :rates], tensions, none[..., rates:], shared], axis=-1)
 
 
 def _free_twists(structure: Float[np.ndarray, "W held 6"]) -> Float[np.ndarray, "W 6 free"]:
@@ -236,8 +262,14 @@ def _compile_starts(mechanism: Mechanism) -> ca.Function:
     outputs = [lengths, lengths_by, equations.structure[held, :], entries(speeds, held), speeds_by[held, :]]
     outputs += [unstretched, unstretched_by]
     outputs += [entries(speeds, springs), speeds_by[springs, :], equations.structure[springs, :]]
-    inputs = [*sample.inputs[:4], sample.shared, tensions]
-    return function("starts", inputs, [rows(output) for output in outputs])
+    astray = ca.SX.sym("astray", symbols.extra.numel())
+    extra = extra_start_at(mechanism, equations.state, symbols.theta) + astray
+    by_rest = ca.jacobian(extra, ca.vertcat(symbols.twist, sample.shared))
+    outputs += [extra, ca.horzcat(_by_pose(symbols, extra), by_rest)]
+    # what else depends on effects' own states (stretch) does so hardly: no derivative of it is carried
+    outputs = ca.substitute([rows(output) for output in outputs], [symbols.extra], [extra])
+    inputs = [*sample.inputs[:3], symbols.twist, sample.shared, tensions, astray]
+    return function("starts", inputs, outputs)
 
 
 def _constraint(sample: Sample) -> tuple[ca.SX, ca.SX]:
@@ -257,8 +289,11 @@ def _by_pose(symbols: Symbols, expression: ca.SX) -> ca.SX:
 def _compile_quiet(mechanism: Mechanism) -> ca.Function:
     """(time, position, rotation, twist, shared) → Ξ M⁻¹ f − c, Ξ M⁻¹ Ξᵀ row by row, κ."""
     sample = Sample.of(mechanism, springs=False)
-    equations = sample.equations
+    equations, symbols = sample.equations, sample.equations.symbols
     free = ca.solve(equations.mass, ca.horzcat(equations.wrench, equations.structure.T))
     spread = equations.structure @ free[:, 1:]
     pull = equations.structure @ free[:, 0] - equations.pull
-    return function("quiet_springs", sample.inputs, [pull, rows(spread), equations.compliance])
+    extra = extra_start_at(mechanism, equations.state, symbols.theta)
+    pull, spread, compliance = ca.substitute([pull, spread, equations.compliance], [symbols.extra], [extra])
+    inputs = [*sample.inputs[:3], symbols.twist, sample.constants]
+    return function("quiet_springs", inputs, [pull, rows(spread), compliance])

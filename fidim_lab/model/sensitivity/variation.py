@@ -1,7 +1,8 @@
 """How trajectories depend on their initial states and on the shared parameters: the variational equation, collocated.
 
-δp and δφ follow from δv and δω by quadrature alone (δφ̇ = Rᵀ δω), so only the six of δν = [δv; δω] at each node are
-unknown: one linear solve of 6 k for each block. One evaluation of the derivatives a node, however many columns.
+δp and δφ follow from δv and δω by quadrature alone (δφ̇ = Rᵀ δω), so only the m = 6 + E of δν = [δv; δω; δξ] at each
+node are unknown (ξ: the E states that effects have of their own): one linear solve of m k for each block. One
+evaluation of the derivatives a node, however many columns.
 """
 
 from dataclasses import dataclass, replace
@@ -24,35 +25,37 @@ class Variations:
     twists: Float[np.ndarray, "W N 6 P"]
     """[δv; δω]"""
     accelerations: Float[np.ndarray, "W N 6 P"]
+    extra: Float[np.ndarray, "W N extra P"]
+    """of effects' own states"""
 
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
     """δν̇ = by_pose δq + by_twist δν + by_shared δχ at all nodes; δq̇ = [δv; Rᵀ δω]."""
 
-    by_pose: Float[np.ndarray, "W N 6 6"]
-    by_twist: Float[np.ndarray, "W N 6 6"]
-    forcing: Float[np.ndarray, "W N 6 shared"]
+    by_pose: Float[np.ndarray, "W N m 6"]
+    by_moving: Float[np.ndarray, "W N m m"]
+    forcing: Float[np.ndarray, "W N m shared"]
     turn: Float[np.ndarray, "W N 3 3"]
     """Rᵀ"""
 
     def block(self, first: int, last: int) -> "_Linear":
         chosen = np.s_[:, first : last + 1]
-        return _Linear(self.by_pose[chosen], self.by_twist[chosen], self.forcing[chosen], self.turn[chosen])
+        return _Linear(self.by_pose[chosen], self.by_moving[chosen], self.forcing[chosen], self.turn[chosen])
 
-    def pose_rates(self, twists: Float[np.ndarray, "W K 6 P"]) -> Float[np.ndarray, "W K 6 P"]:
-        return np.concatenate([twists[..., :3, :], self.turn @ twists[..., 3:, :]], axis=-2)
+    def pose_rates(self, moving: Float[np.ndarray, "W K m P"]) -> Float[np.ndarray, "W K 6 P"]:
+        return np.concatenate([moving[..., :3, :], self.turn @ moving[..., 3:6, :]], axis=-2)
 
 
 def variations(
     mechanism: Mechanism,
     trajectories: Trajectories,
     shared: Float[np.ndarray, " shared"],
-    starts: Float[np.ndarray, "W 12 P"],
+    starts: Float[np.ndarray, "W 6+m P"],
     further: Float[np.ndarray, "W N 6 Q"] | None = None,
     unstretched: Float[np.ndarray, "W springs P"] | None = None,
 ) -> Variations:
-    """Carry the derivatives of the initial states, [δp; δφ; δv; δω] by P columns, along the trajectories.
+    """Carry the derivatives of the initial states, [δp; δφ; δv; δω; δξ] by P columns, along the trajectories.
 
     The last columns of the P are the shared parameters, and get their part of the motion here. `further`: what Q more
     parameters, whose columns follow those, add to v̇ at the nodes (`model.forcing`). unstretched: derivatives of the
@@ -60,19 +63,22 @@ def variations(
     """
     linear = _linearised(mechanism, trajectories, shared, unstretched)
     if further is not None:
-        linear = replace(linear, forcing=np.concatenate([linear.forcing, further], axis=-1))
+        forced = np.zeros((*further.shape[:2], linear.forcing.shape[2], further.shape[3]))
+        forced[:, :, :6] = further
+        linear = replace(linear, forcing=np.concatenate([linear.forcing, forced], axis=-1))
     count, nodes = trajectories.positions.shape[:2]
-    poses, twists = (np.empty((count, nodes, 6, starts.shape[2])) for _ in range(2))
-    poses[:, 0], twists[:, 0] = starts[:, :6], starts[:, 6:]
+    poses = np.empty((count, nodes, 6, starts.shape[2]))
+    moving = np.empty((count, nodes, starts.shape[1] - 6, starts.shape[2]))
+    poses[:, 0], moving[:, 0] = starts[:, :6], starts[:, 6:]
     quadrature, k = trajectories.grid.quadrature, trajectories.grid.resolution.intervals
     for first in range(0, nodes - 1, k):
         chosen = np.s_[:, first + 1 : first + k + 1]
-        poses[chosen], twists[chosen] = _across(
-            linear.block(first, first + k), quadrature, poses[:, first], twists[:, first]
+        poses[chosen], moving[chosen] = _across(
+            linear.block(first, first + k), quadrature, poses[:, first], moving[:, first]
         )
-    accelerations = linear.by_pose @ poses + linear.by_twist @ twists
-    accelerations[..., -linear.forcing.shape[-1] :] += linear.forcing
-    return Variations(poses=poses, twists=twists, accelerations=accelerations)
+    accelerations = linear.by_pose[:, :, :6] @ poses + linear.by_moving[:, :, :6] @ moving
+    accelerations[..., -linear.forcing.shape[-1] :] += linear.forcing[:, :, :6]
+    return Variations(poses=poses, twists=moving[:, :, :6], accelerations=accelerations, extra=moving[:, :, 6:])
 
 
 def _linearised(
@@ -85,20 +91,21 @@ def _linearised(
         node_times(trajectories),
         trajectories.positions,
         trajectories.rotations,
-        trajectories.twists,
+        trajectories.moving,
         trajectories.constants_at_nodes(shared),
     )
-    table = flat.reshape(count, nodes, 6, -1)
-    forcing = table[..., 12:]
+    m = trajectories.moving.shape[-1]
+    table = flat.reshape(count, nodes, m, -1)
+    forcing = table[..., 6 + m :]
     if unstretched is not None:
         springs, columns = unstretched.shape[1:]
         own = columns - len(shared)
-        by_lengths = table[..., 12 : 12 + springs] @ unstretched[:, np.newaxis]
-        by_lengths[..., own:] += table[..., 12 + springs :]
+        by_lengths = forcing[..., :springs] @ unstretched[:, np.newaxis]
+        by_lengths[..., own:] += forcing[..., springs:]
         forcing = by_lengths
     return _Linear(
         by_pose=table[..., :6],
-        by_twist=table[..., 6:12],
+        by_moving=table[..., 6 : 6 + m],
         forcing=forcing,
         turn=np.swapaxes(trajectories.rotations, -1, -2),
     )
@@ -108,28 +115,29 @@ def _across(
     linear: _Linear,
     quadrature: Float[np.ndarray, "k+1 k+1"],
     pose: Float[np.ndarray, "W 6 P"],
-    twist: Float[np.ndarray, "W 6 P"],
-) -> tuple[Float[np.ndarray, "W k 6 P"], Float[np.ndarray, "W k 6 P"]]:
-    """Poses and twists at the nodes 1…k of a block from those at its first node.
+    moving: Float[np.ndarray, "W m P"],
+) -> tuple[Float[np.ndarray, "W k 6 P"], Float[np.ndarray, "W k m P"]]:
+    """Poses and ν = [twist; ξ] at the nodes 1…k of a block from those at its first node.
 
     ν_i = ν_0 + Σ_j Q_ij (D_j q_j + E_j ν_j + b_j) and q_j = q_0 + Σ_l Q_jl T_l ν_l, hence (1 − H) ν = right-hand side
     with H_il = Σ_j Q_ij Q_jl D_j T_l + Q_il E_l.
     """
     count, points = linear.turn.shape[:2]
-    k, later = points - 1, quadrature[1:]
+    k, later, m = points - 1, quadrature[1:], moving.shape[1]
     twice = later[:, np.newaxis, :] * quadrature.T  # (i, l, j): Q_ij Q_jl
-    by_pose = twice.reshape(k * points, points) @ linear.by_pose.reshape(count, points, 36)
-    by_pose = by_pose.reshape(count, k, points, 6, 6)
+    by_pose = twice.reshape(k * points, points) @ linear.by_pose.reshape(count, points, 6 * m)
+    by_pose = by_pose.reshape(count, k, points, m, 6)
     turned = by_pose[..., 3:] @ linear.turn[:, np.newaxis]
-    feedback = np.concatenate([by_pose[..., :3], turned], axis=-1)  # H
-    feedback += later[:, :, np.newaxis, np.newaxis] * linear.by_twist[:, np.newaxis]
+    feedback = later[:, :, np.newaxis, np.newaxis] * linear.by_moving[:, np.newaxis]  # H
+    feedback[..., :3] += by_pose[..., :3]
+    feedback[..., 3:6] += turned
     source = linear.by_pose @ pose[:, np.newaxis]
     source[..., -linear.forcing.shape[-1] :] += linear.forcing
     right = np.tensordot(source, later, axes=(1, 1)).transpose(0, 3, 1, 2)
-    right += twist[:, np.newaxis] + feedback[:, :, 0] @ twist[:, np.newaxis]
-    system = np.eye(6 * k) - feedback[:, :, 1:].transpose(0, 1, 3, 2, 4).reshape(count, 6 * k, 6 * k)
+    right += moving[:, np.newaxis] + feedback[:, :, 0] @ moving[:, np.newaxis]
+    system = np.eye(m * k) - feedback[:, :, 1:].transpose(0, 1, 3, 2, 4).reshape(count, m * k, m * k)
     columns = pose.shape[-1]
-    twists = np.linalg.solve(system, right.reshape(count, 6 * k, columns)).reshape(count, k, 6, columns)
-    rates = linear.pose_rates(np.concatenate([twist[:, np.newaxis], twists], axis=1))
+    found = np.linalg.solve(system, right.reshape(count, m * k, columns)).reshape(count, k, m, columns)
+    rates = linear.pose_rates(np.concatenate([moving[:, np.newaxis], found], axis=1))
     moved = np.tensordot(rates, later, axes=(1, 1)).transpose(0, 3, 1, 2)
-    return pose[:, np.newaxis] + moved, twists
+    return pose[:, np.newaxis] + moved, found

@@ -164,10 +164,13 @@ class Sloshing(Effect):
     parameters = ("size",)
     extra_states = (ExtraState("level", "m", 0.01),)
 
+    def seen(self, point, state, theta):
+        return point + state.extra[0]
 
-def test_slots_that_are_not_carried_are_refused(paper):
+
+def test_extra_states_that_cameras_see_are_refused(paper):
     _, shared, states = started(paper.robot)
-    with pytest.raises(OurBugError, match=r"Sloshing: .* slot extra_states"):
+    with pytest.raises(OurBugError, match=r"Sloshing: .* to the cameras"):
         integrate(
             Mechanism(paper.robot, (Sloshing(),)), np.append(shared, 0), states, Grid.covering(0.1, QUICK), BEGINS
         )
