@@ -2,8 +2,9 @@
 
 From CAD values 20 % off a 10 s window is thirty cycles long and has many optima; its first 0.3 s have one. After every
 horizon the fit is looked at: a window whose end the simulation misses by the size of the motion has lost its phase,
-and the way there is taken again in smaller strides; one that is lost even so is used only as far as it was found. A
-window in which a cable goes slack ends there: the model says nothing of what follows.
+and the way there is taken again in smaller strides; one that is lost even so is used only as far as it was found, and
+is tried again when the others have shown the parameters. A window in which a cable goes slack ends there: the model
+says nothing of what follows.
 """
 
 from dataclasses import dataclass, replace
@@ -65,9 +66,13 @@ class _Way:
     limits: Float[np.ndarray, " W"]
     slack: dict[int, tuple[float, int]]
     lost: tuple[int, ...] = ()
+    whole: tuple[int, ...] = ()
+    """recordings that are used to their limit whatever the horizon"""
 
     def ends(self, horizon: float) -> Float[np.ndarray, " W"]:
-        return np.minimum(self.limits, horizon)
+        ends = np.minimum(self.limits, horizon)
+        ends[list(self.whole)] = self.limits[list(self.whole)]
+        return ends
 
     def optimise(self, start: Point, horizon: float, effort: Effort) -> Optimum | None:
         factor = 1.0 if horizon < EARLY else FAR_PRIOR
@@ -84,19 +89,40 @@ def grow(
 ) -> Journey | None:
     """The optimum at full length, reached by growing horizons; None where not even the first can be simulated."""
     limits = np.array([recording.end for recording in likelihood.recordings])
-    way = _Way(likelihood, prior, free, limits, {})
-    stops = stages(float(limits.max()), horizons)
+    way, optimum = _grown(_Way(likelihood, prior, free, limits, {}), start, horizons)
+    if optimum is None:
+        return None
+    if 0 < len(way.lost) < len(limits):
+        way, optimum = _found_again(way, optimum, limits, horizons)
+    return Journey(optimum, way.ends(np.inf), way.slack, way.lost)
+
+
+def _found_again(
+    way: _Way, optimum: Optimum, recorded: Float[np.ndarray, " W"], horizons: tuple[float, ...]
+) -> tuple[_Way, Optimum]:
+    """Lost windows grown once more, now that the others have shown the parameters; the better of both ways."""
+    lost = np.isin(np.arange(len(recorded)), way.lost)
+    kept = tuple(int(w) for w in np.flatnonzero(~lost))
+    slack = {w: when for w, when in way.slack.items() if not lost[w]}
+    again = replace(way, limits=np.where(lost, recorded, way.limits), slack=slack, lost=(), whole=kept)
+    again, found = _grown(again, optimum.point, horizons)
+    if found is None or len(again.lost) >= len(way.lost):
+        return way, optimum
+    return again, found
+
+
+def _grown(way: _Way, start: Point, horizons: tuple[float, ...]) -> tuple[_Way, Optimum | None]:
+    """From the shortest horizon to the end; None where one of them cannot be simulated."""
+    stops = stages(float(way.limits.max()), horizons)
     before, point, optimum = 0.0, start, None
     for stop in stops:
         last = stop == stops[-1]
         effort = FINAL if last else ROUGH if before == 0 else ON_THE_WAY
         way, found = _advance(way, point, before, stop, effort)
         if found is None:
-            return None
+            return way, None
         optimum, point, before = found, found.point, stop
-    if optimum is None:
-        return None
-    return Journey(optimum, way.ends(np.inf), way.slack, way.lost)
+    return way, optimum
 
 
 def stages(longest: float, horizons: tuple[float, ...] = HORIZONS) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Body, Role, Window
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle import held_out, spread
+from fidim_lab.identification.mle import held_out, spread, stages
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.optimise import Ending
 from fidim_lab.identification.mle.recordings import prepare
@@ -75,6 +75,24 @@ def test_forty_per_cent_wrong_starts_reach_the_same_optimum(signs, four, record,
     found = fit(Mechanism(four), record(four, 3), start=start)
     assert found.ending is Ending.CONVERGED
     assert np.all(np.abs(found.values - from_cad.values) < 0.05 * from_cad.sd)
+
+
+def test_a_window_lost_on_the_way_is_found_once_the_others_have_shown_the_parameters(
+    four, record, from_cad, monkeypatch
+):
+    really = stages._is_lost  # noqa: SLF001
+
+    def lost_as_long_as_the_body_is_vague(likelihood, simulation, w):
+        vague = simulation.ends[1:].max() < likelihood.recordings[1].end
+        return (w == 0 and vague) or really(likelihood, simulation, w)
+
+    monkeypatch.setattr(stages, "_is_lost", lost_as_long_as_the_body_is_vague)
+    found = fit(Mechanism(four), record(four, 3))
+    assert not found.journey.lost
+    assert np.array_equal(found.journey.ends, from_cad.journey.ends)
+    assert np.all(np.abs(found.values - from_cad.values) < 0.05 * from_cad.sd)
+    monkeypatch.setattr(stages, "_is_lost", lambda likelihood, simulation, w: w == 0)
+    assert fit(Mechanism(four), record(four, 3)).journey.lost == (0,)
 
 
 def test_a_start_that_cannot_move_is_moved(four, record, truth):
