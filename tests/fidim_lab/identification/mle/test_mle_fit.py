@@ -80,7 +80,7 @@ def test_forty_per_cent_wrong_starts_reach_the_same_optimum(signs, four, record,
 def test_a_window_lost_on_the_way_is_found_once_the_others_have_shown_the_parameters(
     four, record, from_cad, monkeypatch
 ):
-    really = stages._is_lost  # noqa: SLF001
+    really = stages._is_lost
 
     def lost_as_long_as_the_body_is_vague(likelihood, simulation, w):
         vague = simulation.ends[1:].max() < likelihood.recordings[1].end
