@@ -40,12 +40,10 @@ class LooseMass(NamedEffect):
             start=2.5,
             scan=(0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.1, 2.4, 2.8, 3.2, 3.8, 4.5, 6.0),
         ),
-        Parameter("zeta", "1", "damping ratio", scale=0.05, low=0.0, high=1.0, start=0.05, scan=(0.03, 0.2)),
+        Parameter("zeta", "1", "damping ratio", scale=0.05, low=0.0, high=1.0, start=0.05, scan=(0.05,)),
         Parameter("bx", "m", "where it is held, body frame", scale=0.05, low=-0.5, high=0.5, start=0.0, scan=(0.0,)),
         Parameter("by", "m", "where it is held, body frame", scale=0.05, low=-0.5, high=0.5, start=0.0, scan=(0.0,)),
-        Parameter(
-            "bz", "m", "where it is held, body frame", scale=0.05, low=-0.5, high=0.5, start=0.1, scan=(0.0, 0.2)
-        ),
+        Parameter("bz", "m", "where it is held, body frame", scale=0.05, low=-0.5, high=0.5, start=0.1, scan=(0.1,)),
     )
     extra_states: ClassVar[tuple[ExtraState, ...]] = (
         *(ExtraState(f"q{axis}", "m", spread=0.01) for axis in "xyz"),

@@ -1,9 +1,10 @@
 """How every hypothesis would move what was recorded, to first order: columns beside those of a fit.
 
 All hypotheses ride on one motion. The variational equation of the fitted model is solved once more with a forcing
-column for each scored parameter (`model.forcing`); what acts on the cameras is added directly. Compliant cables and
-periodic forces are not differentiated but composed: the influence of a unit of cable acceleration times the second
-derivative of κ τ along the motion (`stretch`), that of a unit of force times sin and cos.
+column for each scored parameter (`model.forcing`); what acts on the cameras is added directly. Compliant cables,
+loose masses and periodic forces are not differentiated but composed: the influence of a unit of cable acceleration
+times the second derivative of κ τ along the motion (`stretch`), that of a unit of force and torque times what a mass
+that swings along pulls (`resonance`), that of a unit of force times sin and cos.
 """
 
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from fidim_lab.identification.mle.likelihood import LOOSE_POSE, LOOSE_RATE, Like
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
+from fidim_lab.mismatch.resonance import UnitTorque, pull_of, swings
 from fidim_lab.mismatch.stretch import stretch_of
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.forcing import forcing, sightings, start_gaps
@@ -25,7 +27,8 @@ from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.integrate import Trajectories
-from fidim_lab.model.sensitivity.sampling import sampled
+from fidim_lab.model.sensitivity.sampling import own_states, sampled
+from fidim_lab.model.sensitivity.starts import spreads
 from fidim_lab.model.sensitivity.variation import variations
 from fidim_lab.model.slots import Effect
 
@@ -66,14 +69,15 @@ class Scorer:
     def __init__(self, mechanism: Mechanism, tried: Hypotheses) -> None:
         self.mechanism = mechanism
         self.tried = tried
-        self._own = [h for h in tried.direct if not stretches(h.effect)]
-        effects = [*mechanism.effects, *(h.effect for h in self._own), ConstantForce(), _UnitPull(mechanism.n)]
-        theta = np.concatenate([mechanism.theta, *(h.absent for h in self._own), np.zeros(3 + mechanism.n)])
+        self._own = [h for h in tried.direct if _composition(h) == 0]
+        units = (ConstantForce(), UnitTorque(), _UnitPull(mechanism.n))
+        effects = [*mechanism.effects, *(h.effect for h in self._own), *units]
+        theta = np.concatenate([mechanism.theta, *(h.absent for h in self._own), np.zeros(6 + mechanism.n)])
         self._all = Mechanism(mechanism.robot, effects, theta.tolist())
         self._direct = sum(len(h.scored) for h in tried.direct)
         self._frequencies = tuple(dict.fromkeys(frequency_of(h) for h in tried.periodic))
         self._places = scored_places(self._own, mechanism.theta.size)
-        composing = range(len(theta) - 3 - mechanism.n, len(theta))
+        composing = range(len(theta) - 6 - mechanism.n, len(theta))
         self._maps: dict[tuple[str, int], ca.Function] = {}
         self._absent = (*(int(k) for place in self._places for k in place), *composing)
 
@@ -94,7 +98,10 @@ class Scorer:
         recording, own = likelihood.recordings[w], likelihood.own
         shared = simulation.point.shared
         moving = self._moving(simulation, w, one)
-        starts = np.concatenate([simulation.starts.states_by[w], moving.states_by], axis=1)
+        begin = simulation.starts.states_by[w]
+        added = np.zeros((len(begin), moving.states_by.shape[1]))
+        added[:12] = moving.states_by
+        starts = np.concatenate([begin, added], axis=1)
         by = variations(self.mechanism, one, shared, starts[np.newaxis], moving.further[np.newaxis])
         places = self.mechanism.robot.markers[: recording.markers.shape[1]]
         nodal = markers.varied_at_nodes(one, by, places)[0]
@@ -144,7 +151,7 @@ class Scorer:
         shared = simulation.point.shared
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         t = one.begins[0] + one.grid.t
-        sample = (one.positions[0], one.rotations[0], one.twists[0], np.zeros((len(t), 0)))
+        sample = (one.positions[0], one.rotations[0], one.twists[0], one.own_states[0])
         found = self._over(forcing(self._all, self._absent), len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
         table = found[0].reshape(len(t), 6 + self.mechanism.n, -1)[:, :6]
         first = (x[:1] for x in (t[:, np.newaxis], *sample))
@@ -152,9 +159,10 @@ class Scorer:
         n, count = self.mechanism.n, len(self._all.theta)
         lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
-        force, pull = table[..., count - 3 - n : count - n], table[..., count - n :]
+        force, torque, pull = np.split(table[..., count - 6 - n :], [3, 6], axis=-1)
         parts = [(table[..., chosen], lengths[:, chosen], speeds[:, chosen])]
         parts += [self._compliant(h, one, pull, shared[BODY:]) for h in self.tried.direct if stretches(h.effect)]
+        parts += [self._swinging(h, one, force, torque, shared[:3]) for h in self.tried.direct if swings(h)]
         parts += [_forced(f, t, force, n) for f in self._frequencies]
         further, by_lengths, by_speeds = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
         order = self._order()
@@ -171,10 +179,18 @@ class Scorer:
         further = np.einsum("kij,kj->ki", pull, bend)[..., np.newaxis]
         return further, -seen * stretch[0][:, np.newaxis], -rate[0][:, np.newaxis]
 
+    def _swinging(
+        self, tried: Hypothesis, one: Trajectories, force: np.ndarray, torque: np.ndarray, com: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        pulls, turns = pull_of(tried, one, com, self.mechanism.robot.gravity)
+        further = np.einsum("kij,kj->ki", force, pulls) + np.einsum("kij,kj->ki", torque, turns)
+        nothing = np.zeros((self.mechanism.n, 1))
+        return further[..., np.newaxis], nothing, nothing
+
     def _order(self) -> np.ndarray:
         """From the order in which parts are computed to that of `tried.every`."""
-        compliant = np.concatenate([[stretches(h.effect)] * len(h.scored) for h in self.tried.direct]).astype(bool)
-        order = np.argsort(np.argsort(compliant, kind="stable"), kind="stable")
+        kinds = np.concatenate([[_composition(h)] * len(h.scored) for h in self.tried.direct])
+        order = np.argsort(np.argsort(kinds, kind="stable"), kind="stable")
         return np.concatenate([order, len(order) + np.arange(6 * len(self._frequencies))]).astype(int)
 
     def _seen(
@@ -184,12 +200,11 @@ class Scorer:
         motion = sampled(self.mechanism, shared, one, 0, t)
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         stamps = (recording.begin + t)[:, np.newaxis]
-        given = (stamps, motion.positions, motion.rotations, motion.twists, np.zeros((len(t), 0)))
+        given = (stamps, motion.positions, motion.rotations, motion.twists, own_states(one, 0, t))
         found = self._over(sightings(self._all), len(t), *given, theta)[4]
         table = found.reshape(len(t), -1, 3, len(theta))
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
-        compliant = sum(len(h.scored) for h in self.tried.direct if stretches(h.effect))
-        parts = [table[..., chosen], np.zeros((*table.shape[:3], compliant))]
+        parts = [table[..., chosen], np.zeros((*table.shape[:3], self._direct - len(chosen)))]
         direct = np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
         return table[..., : len(shared) - BODY], direct
 
@@ -203,7 +218,14 @@ class _Moving:
 
 def loose_rows(likelihood: Likelihood) -> Float[np.ndarray, " own"]:
     """Derivatives of the loose priors' rows by a window's own unknowns."""
-    return 1 / np.concatenate([np.full(6, LOOSE_POSE), np.full(likelihood.own - 6, LOOSE_RATE)])
+    spread = spreads(likelihood.mechanism)
+    rates = np.full(likelihood.own - 6 - len(spread), LOOSE_RATE)
+    return 1 / np.concatenate([np.full(6, LOOSE_POSE), rates, spread])
+
+
+def _composition(tried: Hypothesis) -> int:
+    """How its columns come about, in the order in which they are computed: by its slots, stretch, or swinging."""
+    return 1 if stretches(tried.effect) else 2 if swings(tried) else 0
 
 
 def scored_places(tried: list[Hypothesis], first: int) -> list[np.ndarray]:

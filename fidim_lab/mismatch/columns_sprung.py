@@ -17,13 +17,14 @@ from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, prio
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.columns import FRAME_SWAY, WindowColumns, frequency_of, scored_places, waves
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
+from fidim_lab.mismatch.resonance import swings
 from fidim_lab.model.batch import over_samples
 from fidim_lab.model.forcing import sightings
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY, derivatives, sprung
 from fidim_lab.model.sensitivity.integrate import Trajectories, node_times
-from fidim_lab.model.sensitivity.sampling import sampled
+from fidim_lab.model.sensitivity.sampling import own_states, sampled
 from fidim_lab.model.sensitivity.starts import Starts, linearised_starts
 from fidim_lab.model.sensitivity.variation import variations
 
@@ -78,7 +79,8 @@ class SprungScorer:
         steady = markers.between(markers.varied_at_nodes(one, by, places)[0], index, weights)
         motion = sampled(self.mechanism, simulation.point.shared, one, 0, recording.t[use])
         stamps = (recording.begin + recording.t[use])[:, np.newaxis]
-        given = (stamps, motion.positions, motion.rotations, motion.twists, np.zeros((len(stamps), 0)), shared[BODY:])
+        states = own_states(one, 0, recording.t[use])
+        given = (stamps, motion.positions, motion.rotations, motion.twists, states, shared[BODY:])
         sights = over_samples(sightings(self._all), len(stamps), *given)[4]
         steady[..., own + BODY :] += sights.reshape(len(stamps), -1, 3, len(shared) - BODY)[:, : len(places)]
         chosen = np.concatenate([np.arange(base), own + BODY + self._places])
@@ -108,12 +110,12 @@ class SprungScorer:
             return np.zeros((len(stamps), len(places), 3, 0))
         shared = np.concatenate([simulation.point.shared, np.zeros(3)])
         t = node_times(one).reshape(-1, 1)
-        flat = (t, one.positions[0], one.rotations[0].reshape(-1, 9), one.twists[0])
+        flat = (t, one.positions[0], one.rotations[0].reshape(-1, 9), one.moving[0])
         constants = one.constants_at_nodes(shared).reshape(len(t), -1)
-        table = over_samples(derivatives(self._pushed), len(t), *flat, constants)[1].reshape(len(t), 6, -1)
-        force = table[..., -3:]
+        table = over_samples(derivatives(self._pushed), len(t), *flat, constants)[1]
+        force = table.reshape(len(t), one.moving.shape[-1], -1)[:, :6, -3:]
         further = np.concatenate([force @ waves(f, t[:, 0]) for f in self._frequencies], axis=-1)
-        nothing = np.zeros((1, 12, len(simulation.point.shared) + further.shape[-1]))
+        nothing = np.zeros((1, 6 + one.moving.shape[-1], len(simulation.point.shared) + further.shape[-1]))
         still = np.zeros((1, len(sprung(self.mechanism)), len(simulation.point.shared)))
         by = variations(self.mechanism, one, simulation.point.shared, nothing, further[np.newaxis], still)
         nodal = markers.varied_at_nodes(one, by, places)[0]
@@ -130,7 +132,9 @@ class SprungScorer:
 
 
 def _goes_with(mechanism: Mechanism, tried: Hypothesis) -> bool:
-    """Whether it stretches no cable that is rigid in the model."""
+    """Whether it stretches no cable that is rigid in the model, and has no states of its own."""
+    if swings(tried):
+        return False
     if not stretches(tried.effect) or len(sprung(mechanism)) == mechanism.n:
         return True
     return tried.effect.cable is not None and tried.effect.cable - 1 in sprung(mechanism)

@@ -21,6 +21,8 @@ PERIODIC_SIZE = 6
 """parameters of a periodic hypothesis that have a score: sin and cos in x, y, z"""
 GAUGES = ("time-offset",)
 """free motion does not see it: every window's start takes it up"""
+MOST_SCANNED = 20
+"""scan points of one effect"""
 BROAD = 10.0
 """times a parameter's scale: standard deviation of what is expected of it before any data"""
 
@@ -90,8 +92,8 @@ def hypotheses(robot: Robot) -> Hypotheses:
 
 
 def _can_be_scored(effect: NamedEffect) -> bool:
-    """Effects with states of their own need these along the motion; a hose with a rest length has many scan points."""
-    return not effect.extra_states and effect.id not in (*PERIODIC, *GAUGES) and len(effect.scan_points) <= 10
+    """A hose with a rest length has too many scan points."""
+    return effect.id not in (*PERIODIC, *GAUGES) and len(effect.scan_points) <= MOST_SCANNED
 
 
 def _at_scan_points(effect: NamedEffect) -> Iterable[Hypothesis]:

@@ -19,6 +19,8 @@ FEWEST = 8
 """samples"""
 OPENING = 0.1
 """s, of the readings that say where an encoder began"""
+PARABOLA = 2
+"""degree of the course through them"""
 FARTHEST = 20.0
 """times the robot's own size that a marker may be away from its middle: beyond, units or frames are mixed up"""
 
@@ -87,16 +89,20 @@ def _encoder_means(window: Window, cables: int) -> PerCable:
 
 
 def _encoder_at(window: Window, cables: int, begin: float) -> PerCable:
-    """By a line through the first readings; the mean where there are too few."""
+    """By a parabola through the first readings; the mean where there are too few.
+
+    A body let go from rest has tensions that change with the square of time: a line would be off by l̈ `OPENING`²/12,
+    three resolutions of an encoder where the winch yields by a third of a millimetre.
+    """
     found = _encoder_means(window, cables)
     if window.lengths is None:
         return found
     early = (window.t >= begin) & (window.t <= begin + OPENING)
     for k in range(cables):
         known = early & np.isfinite(window.lengths[:, k])
-        if known.sum() >= 3:
-            line = np.polynomial.Polynomial.fit(window.t[known] - begin, window.lengths[known, k], 1)
-            found[k] = float(line(0.0))
+        if known.sum() > PARABOLA:
+            course = np.polynomial.Polynomial.fit(window.t[known] - begin, window.lengths[known, k], PARABOLA)
+            found[k] = float(course(0.0))
     return found
 
 

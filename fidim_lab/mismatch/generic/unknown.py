@@ -115,11 +115,12 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     base: the best model that has names, with rigid cables, fitted to whole windows. validate: windows of role
     `validate`; only their starts are fitted, and nothing is chosen by them.
     Source: Álvarez, Luengo, Lawrence 2009 (latent forces); evidence: see `evidence`.
-    Raises RefusedError where cables of the base are springs: then the free directions of acceleration are all six.
+    Raises RefusedError where cables of the base are springs (then the free directions of acceleration are all six), or
+    effects of it have states of their own.
     """
     begin = process_time()
     if base.likelihood.own != 6 + base.likelihood.mechanism.freedoms:
-        raise RefusedError("An unknown force is modelled on rigid cables only, and this model's cables are springs.")
+        raise RefusedError("An unknown force is modelled on rigid cables alone; this model has springs or own states.")
     before = judged(base, validate)
     now, latents, chosen, ranking = base, [], [], ()
     for _ in range(TERMS):

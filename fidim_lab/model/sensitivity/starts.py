@@ -63,13 +63,14 @@ def spreads(mechanism: Mechanism) -> Float[np.ndarray, " extra"]:
 def tied(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> States:
     """The same poses with the nearest twists at which the held cables do as they must: v − Ξ⁺ (Ξ v − l̇).
 
-    Springs whose tension is not known yet get that of `quiet_springs`.
+    Springs whose tension is not known yet get that of `quiet_springs`; states of effects that the mechanism did not
+    have before begin where their effect says.
     """
     if sprung(mechanism) and states.tensions is None:
         states = replace(states, tensions=quiet_springs(mechanism, shared, states, begins).tensions)
     found = _quantities(mechanism, shared, states, begins)
     off = _pinv(found.structure) @ found.speeds[..., np.newaxis]
-    return replace(states, twists=states.twists - off[..., 0])
+    return replace(states, twists=states.twists - off[..., 0], astray=_astray(mechanism, states))
 
 
 def moved(
@@ -217,7 +218,9 @@ def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins
 
 
 def _astray(mechanism: Mechanism, states: States) -> Float[np.ndarray, "W extra"]:
-    return np.zeros((len(states.positions), extra_count(mechanism))) if states.astray is None else states.astray
+    """None, or those of another mechanism: nowhere."""
+    shape = (len(states.positions), extra_count(mechanism))
+    return np.zeros(shape) if states.astray is None or states.astray.shape != shape else states.astray
 
 
 def _among(by: np.ndarray, rates: int, springs: int, extra: int) -> np.ndarray:

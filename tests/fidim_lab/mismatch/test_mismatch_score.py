@@ -27,8 +27,11 @@ CHECKED = (
     "cable-creep (cable 3)",
     "cable-length-bias (cable 1)",
     "cable-mass",
+    "loose-mass",
 )
 """one for each way in which an effect enters"""
+SCANNED = {"cable-creep": 4.0, "loose-mass": 2.4}
+"""of those with scan points, the one that is checked"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +69,18 @@ def test_columns_are_derivatives(dragged: Case) -> None:
     window = next(c for c in scorer.columns(case.found.likelihood, simulation) if c.window == 0)
     checked = 0
     for h, place in zip(tried.every, scorer.slices, strict=True):
-        if h.label not in CHECKED or h.absent[-1] not in (0.0, 4.0):
+        if h.label not in CHECKED or SCANNED.get(h.effect.id, 0.0) not in h.absent:
             continue
         for k, column in zip(h.scored, range(place.start, place.stop), strict=True):
             step = 1e-3 * h.effect.parameters[k].scale
             ends = [_residual(case, h.effect, h.absent, k, sign * step) for sign in (1, -1)]
             numeric = (ends[0] - ends[1]) / (2 * step)
             exact = window.by_scored[:, column]
+            numeric = numeric[: len(exact)]  # what follows are priors on states that the base does not have
             scale = np.abs(numeric).max()
             assert np.abs(exact - numeric).max() < 2e-3 * scale, h.label
             checked += 1
-    assert checked == 8
+    assert checked == 9
 
 
 def _residual(case: Case, effect: object, absent: np.ndarray, k: int, change: float) -> np.ndarray:

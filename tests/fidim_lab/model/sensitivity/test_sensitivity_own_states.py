@@ -1,4 +1,4 @@
-"""Trajectories of effects with states of their own: a loose mass against the other integrator and finite differences."""
+"""Trajectories of effects with states of their own: against the other integrator, and finite differences."""
 
 import numpy as np
 import pytest
