@@ -5,6 +5,7 @@ To the first seconds of each window always; to the whole windows where the model
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.ground import NEAR, Ground, ground_of, settle, short_fit, whole_ground
 from fidim_lab.mismatch.hypotheses import Hypotheses, hypotheses
+from fidim_lab.mismatch.refit import Completed, HeldOut, predict
 from fidim_lab.model.mechanism import Mechanism
 
 Say = Callable[[str], None]
@@ -50,6 +52,16 @@ class Baseline:
     def held_out(self) -> tuple[Window, ...]:
         """Windows that no fit may see."""
         return self.campaign.of_role(Role.VALIDATE)
+
+    @property
+    def as_it_is(self) -> Completed:
+        """The model without any effect."""
+        return Completed((), self.fit, self.whole is not None)
+
+    @cached_property
+    def predicted(self) -> HeldOut:
+        """The held-out windows by the model without any effect."""
+        return predict(self.as_it_is, self.held_out)
 
 
 def fit_baseline(campaign: Campaign, *, native: bool, say: Say) -> Baseline:

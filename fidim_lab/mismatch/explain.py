@@ -40,7 +40,7 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     begin = perf_counter()
     cleaned = clean(campaign, say=say)
     baseline = fit_baseline(cleaned.campaign, native=native, say=say)
-    audited = audit(cleaned, baseline.fit, say=say)
+    audited = audit(cleaned, baseline, say=say)
     if audited is not cleaned:
         baseline = fit_baseline(audited.campaign, native=native, say=say)
     found = select(baseline, say)

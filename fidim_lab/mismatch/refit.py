@@ -44,6 +44,8 @@ class HeldOut:
     refused: dict[str, str]
     """window → why it could not be predicted"""
     leftovers: tuple[Leftover, ...] = ()
+    of_window: dict[str, float] = field(default_factory=dict[str, float])
+    """χ²/dof of each, lengths included"""
 
     @property
     def chi2_per_dof(self) -> float:
@@ -179,6 +181,7 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     """Held-out windows with the shared parameters of a completed model."""
     chi2, dof, squares, count = 0.0, 0, 0.0, 0
     refused: dict[str, str] = {}
+    of_window: dict[str, float] = {}
     leftovers: list[Leftover] = []
     robot, likelihood = completed.mechanism.robot, completed.fit.likelihood
     for window in windows:
@@ -196,9 +199,10 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
         seen = int(np.isfinite(found.residuals).sum())
         chi2, dof = chi2 + found.chi2, dof + found.dof
         squares, count = squares + found.rms**2 * seen, count + seen
+        of_window[window.id] = found.chi2_per_dof
         leftovers.append(_leftover(window.id, found, likelihood.noise, likelihood.own))
     rms = float(np.sqrt(squares / count)) if count else float("nan")
-    return HeldOut(chi2, dof, rms, refused, tuple(leftovers))
+    return HeldOut(chi2, dof, rms, refused, tuple(leftovers), of_window)
 
 
 def _guess_of_springs(completed: Completed, recording: Recording) -> Guess | None:

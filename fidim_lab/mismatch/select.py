@@ -79,7 +79,7 @@ class _Search:
     def run(self) -> Selection:
         """First seconds where needed, then whole windows."""
         start = self.start
-        baseline = self._judged(Completed((), start.fit, start.whole is not None))
+        baseline = _candidate(start.as_it_is, start.predicted)
         self.say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
         best = baseline
         if not start.follows:
@@ -199,8 +199,11 @@ class _Search:
         return self.start.whole_ground if model.whole else self.start.short_ground
 
     def _judged(self, model: Completed) -> Candidate:
-        held = predict(model, self.start.held_out)
-        return Candidate(model, held, whiteness((*model.leftovers, *held.leftovers)))
+        return _candidate(model, predict(model, self.start.held_out))
+
+
+def _candidate(model: Completed, held: HeldOut) -> Candidate:
+    return Candidate(model, held, whiteness((*model.leftovers, *held.leftovers)))
 
 
 def _rank(candidate: Candidate) -> float:

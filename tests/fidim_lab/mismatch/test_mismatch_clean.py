@@ -5,17 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.data.records import Campaign, Robot, Role
+from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.aftermath import with_cleaning
 from fidim_lab.mismatch.audit import audit
+from fidim_lab.mismatch.baseline import fit_baseline
 from fidim_lab.mismatch.clean import Cleaned, clean
 from fidim_lab.mismatch.contacts import Contact, without
 from fidim_lab.mismatch.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.finding import Finding, Kind
-from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign
@@ -34,8 +33,7 @@ def recorded(irma4: Robot):
 
 def audited(campaign: Campaign) -> tuple[Cleaned, Cleaned]:
     cleaned = clean(campaign)
-    found = fit(Mechanism(campaign.robot), cleaned.campaign.of_role(Role.IDENTIFY))
-    return cleaned, audit(cleaned, found)
+    return cleaned, audit(cleaned, fit_baseline(cleaned.campaign, native=True, say=lambda _: None))
 
 
 def test_a_null_is_left_alone(recorded) -> None:
@@ -62,6 +60,13 @@ def test_a_hand_is_found_with_its_window_and_times(recorded, force: str) -> None
 
 
 @pytest.mark.slow
+def test_a_hand_on_a_held_out_window_alone_is_found(recorded) -> None:
+    _, after = audited(recorded("hand-contact:fx=1,fy=-1.5,start=3,stop=4,window=3"))
+    assert [contact.window for contact in after.contacts] == ["v01"]
+    assert not after.faults
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "hidden",
     [
@@ -80,14 +85,16 @@ def test_physics_is_no_hand_and_no_fault(recorded, hidden: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_slipped_encoder_of_one_window_is_named(recorded) -> None:
+@pytest.mark.parametrize("slipped", ["i02", "v01"])
+def test_a_slipped_encoder_of_one_window_is_named(recorded, slipped: str) -> None:
     campaign = recorded(seed=23)
     windows = list(campaign.windows)
-    lengths = windows[1].lengths.copy()
+    k = [window.id for window in windows].index(slipped)
+    lengths = windows[k].lengths.copy()
     lengths[:, 2] += 1e-3
-    windows[1] = replace(windows[1], lengths=lengths)
+    windows[k] = replace(windows[k], lengths=lengths)
     _, after = audited(replace(campaign, windows=tuple(windows)))
-    assert [(fault.window, fault.channel) for fault in after.faults] == [(windows[1].id, "l3")]
+    assert [(fault.window, fault.channel) for fault in after.faults] == [(slipped, "l3")]
 
 
 def test_parts_of_a_window_keep_clock_and_lengths(recorded) -> None:
