@@ -4,6 +4,7 @@ campaign.toml says which windows are kept (it is written before the journal says
 their verdict, how often each was recorded, and where the robot should be. The open window is recorded again.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,10 +20,14 @@ from procedures.journal import NAME as JOURNAL
 from procedures.journal import Entry, Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.report import WindowRow
-from procedures.steps import GiveUp, Lengths, MoveTo, Record
+from procedures.steps import GiveUp, Lengths, MoveTo, Record, Settle, longest_way
+
+Position = tuple[float, float, float]
 
 NEAR = 5e-3
 """m from where the journal left a robot at rest"""
+NEAR_MARKER = 50e-3
+"""m beyond its swing"""
 NEAR_WAY = 25e-3
 """m from the way on which it was moving: winches that lost their host stop each on its own ramp"""
 
@@ -33,6 +38,8 @@ class LastPlace:
 
     start: Lengths
     end: Lengths
+    marker: Position | None = None
+    """m, where the main marker came to rest there; None where that was not waited for"""
 
     @property
     def moving(self) -> bool:
@@ -54,6 +61,22 @@ class LastPlace:
         return (
             f"cable {worst + 1} is {lengths[worst]:.4f} m long, {off[worst] * 1e3:+.1f} mm from {where} left it; "
             f"{allowed * 1e3:g} mm is allowed"
+        )
+
+    def marker_wrong(self, marker: Position | None, swing: float) -> str:
+        """Likewise for the main marker (m; None: not seen), which may swing (m).
+
+        Encoders cannot tell that a cable has slipped on its drum, or that a drum was turned while its drive was off.
+        """
+        if marker is None or self.marker is None or self.moving:
+            return ""
+        off, allowed = math.dist(marker, self.marker), swing + NEAR_MARKER
+        if off <= allowed:
+            return ""
+        places = ["({:.3f}, {:.3f}, {:.3f}) m".format(*place) for place in (marker, self.marker)]
+        return (
+            f"the main marker is at {places[0]}, {off * 1e3:.0f} mm from {places[1]}, where it came to rest at these "
+            f"lengths; {allowed * 1e3:.0f} mm is allowed"
         )
 
 
@@ -120,12 +143,23 @@ def _place(journal: Iterable[Entry]) -> LastPlace | None:
     """The newest line that tells where the winches are; a move that has only begun ends somewhere on its way."""
     place: LastPlace | None = None
     for entry in journal:
+        if place is not None and (rest := _rest(entry)) is not None:
+            place = replace(place, marker=rest)
         lengths = _lengths(entry)
         if lengths is None:
             continue
         moving = entry.kind is Kind.STEP_STARTED and entry.step == MoveTo.__name__ and place is not None
-        place = LastPlace(place.end if moving and place is not None else lengths, lengths)
+        stayed = place is not None and longest_way(place.end, lengths) <= NEAR
+        marker = place.marker if place is not None and stayed and not moving else None
+        place = LastPlace(place.end if moving and place is not None else lengths, lengths, marker)
     return place
+
+
+def _rest(entry: Entry) -> Position | None:
+    """Where the main marker came to rest, of a `Settle` that has seen it do so."""
+    values: Sequence[float] = entry.data.get("values", ())
+    settled = entry.kind is Kind.STEP_FINISHED and entry.step == Settle.__name__ and entry.outcome.usable
+    return (float(values[0]), float(values[1]), float(values[2])) if settled and len(values) == 3 else None
 
 
 def _lengths(entry: Entry) -> Lengths | None:

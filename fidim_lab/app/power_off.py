@@ -5,15 +5,17 @@ from pathlib import Path
 
 import click
 
+from drivers.cia402.takeover import refuse_other_master
 from drivers.cia402.winch import Cia402Winch
 from drivers.cia402.without_power import acknowledge_fault, read_state, take_power
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.app import compose, console
-from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
+from fidim_lab.app.compose.real import listening_time, make_master, open_bus, winch_configs
+from fidim_lab.app.service.place import holder, in_use, place_of
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
-from fidim_lab.errors import DeviceError, HardwareError
+from fidim_lab.errors import DeviceError, HardwareError, SetupError
 
 
 @dataclass(frozen=True)
@@ -26,8 +28,13 @@ class PowerOffOptions:
 
 
 def power_off_command(options: PowerOffOptions) -> int:
-    """Do it, drive by drive; returns 3 where one kept its power, its fault or its silence."""
+    """Do it, drive by drive; returns 3 where one kept its power, its fault or its silence.
+
+    Raises SetupError while a service has the rig, BusError where another master is heard: that one holds the load.
+    """
     file = read_rig(options.rig)
+    if (other := holder(place_of(file, embedded=False))) is not None:
+        raise SetupError(in_use(other))
     if not options.yes:
         click.confirm("Without power only brakes and stands hold the platform. Is the load secured?", abort=True)
     return compose.run_loop(_power_off(file, options.acknowledged_by), real_time=True)
@@ -38,6 +45,7 @@ async def _power_off(file: RigFile, acknowledged_by: str | None) -> int:
     transport = open_bus(file)
     failed = False
     try:
+        await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file))
         master = make_master(file, transport, clock)
         for winch in [Cia402Winch(config, master) for config in winch_configs(file)]:
             link, device = winch.link, winch.config.device

@@ -1,37 +1,43 @@
-"""`fidim resume`: go on with a run, however it ended, from its folder alone."""
+"""`fidim resume`: go on with a run, however it ended, from its folder alone.
+
+The service does the work: it reads what is left, takes over the drives in whatever state they are, and compares where
+the robot is with the journal before anything moves. Nothing heavy is imported here: a robot waits.
+"""
 
 import json
 import shlex
 from pathlib import Path
 
-from drivers.cia402.bringup import HAS_POWER
+from drivers.cia402.takeover import NOT_TAKEN_OVER
+from drivers.ports import DriveState
 from fidim_lab.app import console
-from fidim_lab.app.run import require_answers, start_and_watch
-from fidim_lab.app.service.main import prepare
-from fidim_lab.app.service.spec import read_spec
-from fidim_lab.app.service.unattended import SUMMARY
+from fidim_lab.app.run_process import start_and_watch
+from fidim_lab.app.service.place import place_of
+from fidim_lab.app.service.spec import SUMMARY, read_spec
+from fidim_lab.data.rig_file import read_rig
 
 
 def resume_command(folder: Path, *, accept_place: bool) -> int:
     """Returns the run's exit code. Raises FileError for no run, RefusedError where nothing is left to do."""
     spec = read_spec(folder).model_copy(update={"out": folder.absolute(), "resume": True, "accept_place": accept_place})
-    work = prepare(spec)
-    known = work.resumption.rows if work.resumption else {}
-    left = len(work.experiment.roles) - len(known)
-    console.err.print(f"{len(known)} windows have their verdict, {left} are left.", markup=False)
-    require_answers(work)
-    code = start_and_watch(work)
-    if code and HAS_POWER in _reason(folder):
-        for line in power_hint(spec.rig, folder):
+    code = start_and_watch(spec, place_of(read_rig(spec.rig), embedded=spec.embedded))
+    if code:
+        for line in power_hint(_reason(folder), spec.rig, folder):
             console.err.print(line, markup=False, soft_wrap=True)
     return code
 
 
-def power_hint(rig: Path, folder: Path) -> tuple[str, ...]:
-    """What to type where a killed service has left its drives holding; a person decides to let go of the load."""
+def power_hint(reason: str, rig: Path, folder: Path) -> tuple[str, ...]:
+    """What to type where drives could not be taken over; a person decides to let go of the load."""
+    if NOT_TAKEN_OVER in reason:
+        says, more = "A drive holds the load, but would have to be set anew.", ""
+    elif f"the drive is in {DriveState.FAULT}" in reason:
+        says, more = "A drive is in fault; somebody has to look at the cause.", ' --acknowledge "YOUR NAME"'
+    else:
+        return ()
     return (
-        "The drives still hold the robot, as a service that was killed leaves them. Secure the load, then:",
-        f"    fidim power-off {shlex.quote(str(rig))}",
+        f"{says} Secure the load, then:",
+        f"    fidim power-off {shlex.quote(str(rig))}{more}",
         f"    fidim resume {shlex.quote(str(folder.absolute()))}",
     )
 

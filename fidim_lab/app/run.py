@@ -4,34 +4,19 @@ The service is a process of its own: this one may be killed or its terminal clos
 aborts the run (a second one, too, only asks); the robot is held before the service ends.
 """
 
-import asyncio
-import os
-import subprocess
-import sys
-import tempfile
-from collections.abc import Generator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.clock import LoopClock
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.app import console
-from fidim_lab.app.run_console import Console
-from fidim_lab.app.service.client import connect
-from fidim_lab.app.service.commands import Start
+from fidim_lab.app.run_process import start_and_watch
 from fidim_lab.app.service.main import Work, prepare
-from fidim_lab.app.service.place import Place, holder, in_use, place_of
+from fidim_lab.app.service.place import place_of
 from fidim_lab.app.service.spec import AnswerSpec, RunSpec, UnattendedSpec
-from fidim_lab.errors import HardwareError, SetupError
+from fidim_lab.errors import SetupError
 from procedures.listing import Outline
 from procedures.run_folder import require_new
 from procedures.steps import Ask
-
-READY_WITHIN = 60.0
-"""s for the service to open its rig"""
-POLL = 0.05
-EXIT_INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
@@ -69,7 +54,7 @@ def run_command(options: RunOptions) -> int:
     require_new(spec.out)
     work = prepare(spec)
     require_answers(work)
-    return start_and_watch(work)
+    return start_and_watch(spec, place_of(work.file, embedded=spec.embedded))
 
 
 def make_spec(options: RunOptions) -> RunSpec:
@@ -122,69 +107,6 @@ def require_answers(work: Work) -> None:
         prompt = asked.get(kind)
         if prompt is not None and answer.choice not in prompt.choices:
             raise SetupError(f"--answer {kind}={answer.choice}: the choices are {', '.join(prompt.choices)}.")
-
-
-def start_and_watch(work: Work) -> int:
-    """Start the service's process, begin the run, show it until it ends; returns its exit code."""
-    place = place_of(work.file, embedded=work.spec.embedded)
-    if (other := holder(place)) is not None:
-        raise SetupError(in_use(other))
-    with service_process(work.spec, place) as process:
-        code = asyncio.run(_watch(work, place, process))
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(timeout=10.0)
-        return code
-
-
-@contextmanager
-def service_process(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[bytes]"]:
-    """The service's process, in a session of its own: signals of this terminal do not reach it."""
-    with tempfile.NamedTemporaryFile("w", suffix=".json", dir=place.folder, encoding="utf-8") as file:
-        file.write(spec.model_dump_json())
-        file.flush()
-        with place.log.open("wb") as log:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "fidim_lab.app.service.main", file.name],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            )
-        yield process
-
-
-async def _watch(work: Work, place: Place, process: "subprocess.Popen[bytes]") -> int:
-    await until_it_listens(place, process)
-    async with connect(place.socket, name="fidim run", samples=False) as service:
-        await service.take_lease()
-        await service.reset()
-        await service.require(Start())
-        return await Console(service, asks=not work.spec.alone).watch(work.spec.out)
-
-
-async def until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> None:
-    """Wait for the service. Raises what it said where it has ended, HardwareError where it takes too long."""
-    clock = LoopClock()
-    begin = clock.now()
-    while True:
-        if process.poll() is not None:
-            raise _did_not_begin(place, process.returncode)
-        known = holder(place)
-        if known is not None and known.pid == process.pid and place.socket.exists():
-            with suppress(SetupError):
-                async with connect(place.socket, name="fidim run looks", samples=False):
-                    return
-        if clock.now() - begin > READY_WITHIN:
-            process.terminate()
-            raise HardwareError(f"The service has not opened its rig within {READY_WITHIN:g} s; see {place.log}.")
-        await clock.sleep(POLL)
-
-
-def _did_not_begin(place: Place, code: int) -> SetupError | HardwareError:
-    said = place.log.read_text(encoding="utf-8", errors="replace").strip().removeprefix("fidim: ")
-    kind = SetupError if code == SetupError.exit_code else HardwareError
-    return kind(said or f"The service ended with exit code {code} before it began.")
 
 
 def _procedure(name: str) -> str:

@@ -15,7 +15,7 @@ import tomli_w
 
 from fidim_lab.app import console
 from fidim_lab.app.dry_run import DryRunOptions
-from fidim_lab.app.run import service_process, until_it_listens
+from fidim_lab.app.run_process import service_process, until_it_listens
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown, TakeLease
 from fidim_lab.app.service.main import prepare

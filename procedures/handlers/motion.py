@@ -1,6 +1,7 @@
 """Handlers that make winches act: enable, move, hold."""
 
 import asyncio
+import math
 from collections.abc import Coroutine, Sequence
 
 from fidim_lab.errors import DeviceError, FidimError
@@ -16,29 +17,37 @@ SLOWEST = 0.01
 
 
 async def enable(stand: Stand, step: Enable) -> Result:
-    """Configure all winches, then power all; wait for the first samples of winches and markers."""
-    winches = stand.rig.winches
+    """Configure all winches, see that the robot is where it should be, then power all; wait for the first samples."""
+    winches, clock = stand.rig.winches, stand.rig.clock
     await _all([winch.configure() for winch in winches])
     stand.progress(0.5)
-    await _all([winch.enable() for winch in winches])
-    clock = stand.rig.clock
     if not await wait_until(clock, step.timeout, lambda: all(winch.latest() is not None for winch in winches)):
         silent = [winch.name for winch in winches if winch.latest() is None]
         raise DeviceError(
-            ", ".join(silent), f"no sample within {step.timeout:g} s of enabling", hint="Check power and bus."
+            ", ".join(silent), f"no sample within {step.timeout:g} s of configuring", hint="Check power and bus."
         )
     if not await wait_until(clock, step.timeout, lambda: stand.rig.markers.latest() is not None):
         raise DeviceError(
             "Motion capture", f"no frame within {step.timeout:g} s", hint="Check that it streams, and the port."
         )
-    lengths = stand.lengths()
-    if stand.place is not None and (wrong := stand.place.wrong(lengths)):
+    _require_place(stand)
+    await _all([winch.enable() for winch in winches])
+    return Result(values=stand.lengths())
+
+
+def _require_place(stand: Stand) -> None:
+    """Raise DeviceError where a robot that an earlier process has left is not where its journal says."""
+    if stand.place is None:
+        return
+    frame, swing = stand.rig.markers.latest(), math.hypot(*stand.robot.limits.free_displacement)
+    marker = None if frame is None else frame.positions[0]
+    wrong = stand.place.wrong(stand.lengths()) or stand.place.marker_wrong(marker, swing)
+    if wrong:
         raise DeviceError(
             "The robot is not where it was left",
             f"{wrong}.",
             hint="Was it moved, or an encoder reset? Home it; then resume with --accept-place.",
         )
-    return Result(values=lengths)
 
 
 async def move_to(stand: Stand, step: MoveTo) -> Result:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers.canbus.candump import read_candump
 from fidim_lab.app.manifest import read_manifest
 from fidim_lab.app.verify import verify
 from fidim_lab.data.campaign import read_campaign
@@ -117,26 +118,54 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def test_a_killed_service_leaves_drives_that_stop_and_its_run_goes_on(bench):
+@pytest.mark.parametrize("wait", [0.0, 4.0], ids=["still running", "stopped by their missing heartbeat"])
+def test_a_killed_service_leaves_drives_that_hold_and_its_run_takes_them_over(bench, wait):
     run = bench.run()
     until(run, "accept as windows/i01")
     until(run, "i02  move to")
     os.kill(bench.service(), signal.SIGKILL)
-    assert run.wait(30) == 3
-    refused, _ = (early := bench.start("resume", bench.folder / "run")).communicate(timeout=120)
-    assert early.returncode == 3
-    assert "the drive has power already" in refused
-    assert f"fidim power-off {bench.rig}" in refused
-    off = bench.start("power-off", bench.rig)
-    off.communicate("y\n", timeout=60)
+    threading.Event().wait(wait)  # the drives miss their host after 1.5 s
     resumed = bench.start("resume", bench.folder / "run")
+    until(resumed, "1 windows have their verdict, 1 are left")
+    until(resumed, "i02  move to")
+    early, _ = bench.start("power-off", bench.rig).communicate("y\n", timeout=60)
+    assert "Another service has this rig" in early
     said, _ = resumed.communicate(timeout=120)
     assert resumed.returncode == 0, said
-    assert "1 windows have their verdict, 1 are left" in said
     assert [w.id for w in read_campaign(bench.folder / "run").windows] == ["i01", "i02"]
+    assert drops(bench.folder / "run") == []
     verified = bench.start("verify", bench.folder / "run")
     assert "intact" in verified.communicate(timeout=60)[0]
     assert verified.returncode == 0
+
+
+def drops(folder: Path) -> list[int]:
+    """Controlwords of a run, by RPDO or SDO, that take the power from a drive."""
+    words: list[int] = []
+    for log in sorted((folder / "raw").glob("can*.log")):
+        for frame in read_candump(log):
+            function, data = frame.id & 0x780, frame.data
+            if function == 0x200 or (function == 0x600 and data[:4] == b"\x2b\x40\x60\x00"):
+                words.append(int.from_bytes(data[:2] if function == 0x200 else data[4:6], "little"))
+    assert words, "no controlword was logged"
+    return [word for word in words if not word & 0x02]
+
+
+def test_a_drive_that_holds_but_was_set_otherwise_is_not_let_go(bench):
+    run = bench.run()
+    until(run, "i01  move to")
+    os.kill(bench.service(), signal.SIGKILL)
+    run.wait(30)
+    text = bench.rig.read_text(encoding="utf-8")
+    bench.rig.write_text(text.replace("max_speed = 0.5 ", "max_speed = 0.5\nfollowing_error = 0.015"), encoding="utf-8")
+    refused, _ = (early := bench.start("resume", bench.folder / "run")).communicate(timeout=120)
+    assert early.returncode == 3
+    assert "6065:0 following error window, counts" in refused
+    assert f"fidim power-off {bench.rig}" in refused
+    bench.start("power-off", bench.rig).communicate("y\n", timeout=60)
+    resumed = bench.start("resume", bench.folder / "run")
+    said, _ = resumed.communicate(timeout=120)
+    assert resumed.returncode == 0, said
 
 
 def test_an_embedded_rehearsal_passes_and_leaves_a_whole_folder_and_no_process(bench):

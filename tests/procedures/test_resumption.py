@@ -117,8 +117,33 @@ def test_nothing_moves_where_the_robot_is_not_where_the_journal_left_it(lab, tmp
     report = run(main())
     assert report.outcome is Outcome.ERROR
     assert "cable 1 is 1.4000 m long, -100.0 mm from where the journal left it" in report.reason
-    assert all("move_to" not in winch.commands for winch in moved.winches)
+    assert all({"enable", "move_to"}.isdisjoint(winch.commands) for winch in moved.winches), "not even powered"
     assert resumed(lab.make_world(), lab, cut, accept_place=True).outcome is Outcome.PASS
+
+
+def test_encoders_that_fit_do_not_hide_a_platform_that_hangs_elsewhere(lab, tmp_path):
+    cut = next(c for c in copies(lab.make_world(), lab, tmp_path) if "Record" in c.name)
+    world = lab.make_world()
+    there = read_resumption(cut, ROLES).place.marker
+    assert there == pytest.approx(world.marker(0), abs=0.05)
+    world.marker = lambda number: (there[0] + 0.4, *there[1:])
+    report = resumed(world, lab, cut)
+    assert report.outcome is Outcome.ERROR
+    assert "the main marker is at" in report.reason
+    assert "400 mm from" in report.reason
+    assert all({"enable", "move_to"}.isdisjoint(winch.commands) for winch in world.winches)
+
+
+@pytest.mark.parametrize(
+    ("marker", "says"),
+    [((0.0, 0.0, -0.059), ""), ((0.0, 0.0, -0.061), "61 mm from (0.000, 0.000, 0.000) m"), (None, "")],
+)
+def test_a_marker_may_swing_and_may_be_hidden(marker, says):
+    place = LastPlace((1.0,), (1.0,), (0.0, 0.0, 0.0))
+    said = place.marker_wrong(marker, 0.01)
+    assert bool(said) == bool(says)
+    assert says in said
+    assert LastPlace((1.0,), (1.5,), (0.0, 0.0, 0.0)).marker_wrong((9.0, 9.0, 9.0), 0.01) == "", "it was on its way"
 
 
 def test_a_folder_without_a_run_is_wrong_use(tmp_path):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.config import GENERIC_EDS, StopReactions, TemperatureObject, WinchConfig
 from drivers.cia402.master import CanopenMaster
+from drivers.cia402.takeover import refuse_other_master
 from drivers.cia402.winch import Cia402Winch
 from drivers.clock import LoopClock
 from drivers.mocap.source import StreamMarkerSource
@@ -18,9 +19,11 @@ from drivers.ports import Clock, Operator, Rig
 from drivers.remote_operator import RemoteOperator
 from fidim_lab.app.compose.loop import running
 from fidim_lab.app.compose.motion_capture import marker_source
+from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devices, serial_devices
 from fidim_lab.data.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
+from fidim_lab.data.rig_serial import Loading, ReleaseEntry
 from fidim_lab.errors import SetupError
-from procedures.settings import GuardSettings, Reaction, Settings, TensionSettings
+from procedures.settings import GuardSettings, Reaction, ReleaseSettings, Settings, TensionSettings
 
 REACTIONS = {
     GuardReaction.HOLD: Reaction.HOLD,
@@ -30,6 +33,8 @@ REACTIONS = {
 }
 LONGEST_TOGETHER = 0.5
 """s; at the usual acceleration a winch that went alone would be 25 mm ahead by then"""
+SHORTEST_LISTEN, LONGEST_LISTEN = 0.1, 1.0
+"""s of listening for another master, at any heartbeat"""
 STEP_TIMEOUT = 2.0
 """s for one step of a drive's machine, besides its brake"""
 
@@ -43,36 +48,49 @@ class RealRig:
     master: CanopenMaster
     winches: tuple[Cia402Winch, ...]
     markers: StreamMarkerSource
+    serial: SerialDevices
 
 
 @asynccontextmanager
-async def real_rig(file: RigFile, operator: Operator | None = None) -> AsyncGenerator[RealRig]:
+async def real_rig(
+    file: RigFile, operator: Operator | None = None, *, takes_over: bool = False
+) -> AsyncGenerator[RealRig]:
     """Open bus and motion capture, and keep the control loop running until the context ends; nothing moves by itself.
 
-    operator: whoever answers prompts; may be left out where the rig file has a simulated hand. To be run on a loop that
-    waits (`run_loop(..., real_time=True)`). Raises SetupError where the bus or socket cannot be opened, the bus would
-    be too full or nobody answers prompts; DeviceError where a motion-capture server does not answer.
+    operator: whoever answers prompts; may be left out where the rig file has a simulated hand. takes_over: drives that
+    an earlier host has left holding the load are not refused. To be run on a loop that waits (`run_loop(...,
+    real_time=True)`). Raises SetupError where the bus or socket cannot be opened, the bus would be too full or nobody
+    answers prompts; BusError where another master is heard; DeviceError where a motion-capture server does not answer.
     """
     clock = LoopClock()
     async with contextlib.AsyncExitStack() as stack:
         transport = open_bus(file)
         stack.callback(transport.close)
         master = make_master(file, transport, clock)
-        winches = tuple(Cia402Winch(config, master) for config in winch_configs(file))
+        winches = tuple(Cia402Winch(config, master, takes_over=takes_over) for config in winch_configs(file))
         markers = marker_source(file, clock)
+        serial = serial_devices(file, clock)
         answering = operator or await _hand(file, stack)
+        await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file))
         await running(stack, master.run())
         for winch in winches:
             await running(stack, winch.watch_health())
         stack.push_async_callback(markers.close)
         await markers.start()
-        yield RealRig(Rig(clock, winches, markers, answering), transport, master, winches, markers)
+        await run_serial_devices(stack, serial)
+        rig = Rig(clock, winches, markers, answering, serial.release, serial.gauges)
+        yield RealRig(rig, transport, master, winches, markers, serial)
 
 
 def open_bus(file: RigFile) -> PythonCanTransport:
     """The rig's CAN bus. Raises SetupError where it cannot be opened."""
     bus = file.bus
     return PythonCanTransport(bus.interface, bus.channel, bitrate=bus.bitrate, **dict(bus.options))
+
+
+def listening_time(file: RigFile) -> float:
+    """s in which another master of this bus would be heard."""
+    return min(max(2.0 * file.bus.heartbeat, 5.0 / file.bus.sync_rate, SHORTEST_LISTEN), LONGEST_LISTEN)
 
 
 def make_master(file: RigFile, transport: PythonCanTransport, clock: Clock) -> CanopenMaster:
@@ -162,7 +180,17 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
     )
     tension = replace(base.tension, tolerance=_tolerance(file, base.tension))
     window = min(winch.following_error for winch in file.winches)
-    return replace(base, motion=motion, tension=tension, guard=_guard_settings(file.guards, base.guard, window))
+    return replace(
+        base,
+        motion=motion,
+        tension=tension,
+        guard=_guard_settings(file.guards, base.guard, window),
+        release=None if file.release is None else _release_settings(file.release, base),
+    )
+
+
+def _release_settings(entry: ReleaseEntry, base: Settings) -> ReleaseSettings:
+    return replace(base.release or ReleaseSettings(), by_hand=entry.loading is Loading.BY_HAND)
 
 
 def _tolerance(file: RigFile, tension: TensionSettings) -> float:

@@ -113,6 +113,10 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
     opened.tap(logs.on_frame)
     guards = (LogGuard(logs.error), *_more_guards(work))
     service.more_guards(guards)
+    if work.resumption is not None:
+        known, planned = len(work.resumption.rows), len(work.experiment.roles)
+        says = f"{known} windows have their verdict, {planned - known} are left"
+        service.chronicle.note(kind="resumed", reason=says)
     handlers = dict(HANDLERS)
     unattended = work.spec.unattended
     if unattended is not None and unattended.quiet_hours is not None:

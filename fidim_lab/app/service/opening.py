@@ -57,7 +57,7 @@ async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | No
             hand = RemoteOperator(file.hand.host, file.hand.port)
             await hand.open()
             stack.push_async_callback(hand.close)
-        real = await stack.enter_async_context(compose.real_rig(file, _Nobody()))
+        real = await stack.enter_async_context(compose.real_rig(file, _Nobody(), takes_over=spec.resume))
         yield Opened(real.rig, hand, real.transport.tap, float(file.bus.bitrate))
 
 

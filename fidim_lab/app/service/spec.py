@@ -16,6 +16,8 @@ from fidim_lab.errors import FileError, SetupError
 from procedures.settings import Settings
 
 NAME = "run.json"
+SUMMARY = "summary.json"
+"""how the run ended, beside it (`unattended` writes it)"""
 FORMAT = "fidim-run/1"
 
 

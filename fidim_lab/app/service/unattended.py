@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.ports import Clock
-from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.app.service.spec import SUMMARY, RunSpec
 from procedures.guards import Observation
 from procedures.handlers.motion import move_to
 from procedures.report import RunReport, WindowRow
@@ -21,7 +21,6 @@ from procedures.settings import Reaction
 from procedures.stand import Stand
 from procedures.steps import MoveTo, Result
 
-SUMMARY = "summary.json"
 FORMAT = "fidim-summary/1"
 HOOK_TIMEOUT = 60.0
 """s that a hook may take"""

@@ -1,0 +1,90 @@
+"""The service as a process of its own: start it, wait until it listens, watch its run from this terminal.
+
+It reads and checks everything itself and says what is wrong, so that whoever starts it needs neither model nor drivers.
+"""
+
+import asyncio
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+
+from drivers.clock import LoopClock
+from fidim_lab.app.run_console import Console
+from fidim_lab.app.service.client import connect
+from fidim_lab.app.service.commands import Start
+from fidim_lab.app.service.place import Place, holder, in_use
+from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.errors import HardwareError, RefusedError, SetupError
+
+READY_WITHIN = 60.0
+"""s for the service to open its rig"""
+POLL = 0.05
+
+
+def start_and_watch(spec: RunSpec, place: Place) -> int:
+    """Start the service's process, begin the run, show it until it ends; returns its exit code.
+
+    Raises SetupError where another service has the rig, and whatever ended the service before it began.
+    """
+    if (other := holder(place)) is not None:
+        raise SetupError(in_use(other))
+    with service_process(spec, place) as process:
+        code = asyncio.run(_watch(spec, place, process))
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(timeout=10.0)
+        return code
+
+
+@contextmanager
+def service_process(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[bytes]"]:
+    """The service's process, in a session of its own: signals of this terminal do not reach it."""
+    with tempfile.NamedTemporaryFile("w", suffix=".json", dir=place.folder, encoding="utf-8") as file:
+        file.write(spec.model_dump_json())
+        file.flush()
+        with place.log.open("wb") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "fidim_lab.app.service.main", file.name],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            )
+        yield process
+
+
+async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]") -> int:
+    await until_it_listens(place, process)
+    async with connect(place.socket, name="fidim run", samples=False) as service:
+        await service.take_lease()
+        await service.reset()
+        await service.require(Start())
+        return await Console(service, asks=not spec.alone).watch(spec.out)
+
+
+async def until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> None:
+    """Wait for the service. Raises what it said where it has ended, HardwareError where it takes too long."""
+    clock = LoopClock()
+    begin = clock.now()
+    while True:
+        if process.poll() is not None:
+            raise _did_not_begin(place, process.returncode)
+        known = holder(place)
+        if known is not None and known.pid == process.pid and place.socket.exists():
+            with suppress(SetupError):
+                async with connect(place.socket, name="fidim run looks", samples=False):
+                    return
+        if clock.now() - begin > READY_WITHIN:
+            process.terminate()
+            raise HardwareError(f"The service has not opened its rig within {READY_WITHIN:g} s; see {place.log}.")
+        await clock.sleep(POLL)
+
+
+def _did_not_begin(place: Place, code: int) -> SetupError | HardwareError | RefusedError:
+    """What the service said, as the error that has its exit code."""
+    said = place.log.read_text(encoding="utf-8", errors="replace").strip().removeprefix("fidim: ")
+    kinds = {kind.exit_code: kind for kind in (SetupError, RefusedError)}
+    return kinds.get(code, HardwareError)(said or f"The service ended with exit code {code} before it began.")
