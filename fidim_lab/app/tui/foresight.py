@@ -65,7 +65,7 @@ class Foresight:
             return
         if len(trace.t) < 2:
             if self._process is None and folder.is_dir():
-                self._asking = asyncio.create_task(self.warm())
+                self._asking = asyncio.create_task(self.warm(folder))
             return
         of, long = (trace.window, trace.attempt), trace.t[-1] - trace.t[0]
         before = self._asked[1] if self._asked[0] == of else 0.0
@@ -91,8 +91,12 @@ class Foresight:
                 self._process.kill()
             await self._process.wait()
 
-    async def warm(self) -> None:
-        """Start the worker before it is needed: it takes seconds to begin."""
+    async def warm(self, folder: Path) -> None:
+        """Start the worker, and have it make the model's functions, before they are needed: that takes seconds."""
+        await self._start()
+        await self._told(json.dumps({"folder": str(folder)}))
+
+    async def _start(self) -> None:
         if self._process is None or self._process.returncode is not None:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -106,20 +110,22 @@ class Foresight:
                 env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
             )
 
-    async def _ask(self, of: tuple[str, int], request: str) -> None:
-        await self.warm()
-        if self._process is None:
-            return
-        stdin, stdout = self._process.stdin, self._process.stdout
-        if stdin is None or stdout is None:
-            return
+    async def _told(self, request: str) -> dict[str, Any]:
+        """The worker's answer, or why there is none."""
+        if self._process is None or self._process.stdin is None or self._process.stdout is None:
+            return {"doubt": "its process has not begun"}
         try:
-            stdin.write(request.encode() + b"\n")
-            await stdin.drain()
-            answer: dict[str, Any] = json.loads(await stdout.readline())
+            self._process.stdin.write(request.encode() + b"\n")
+            await self._process.stdin.drain()
+            answer: dict[str, Any] = json.loads(await self._process.stdout.readline())
         except (OSError, ValueError):
-            self.doubt = "no prediction: its process has ended"
-            return
+            return {"doubt": "its process has ended"}
+        return answer
+
+    async def _ask(self, of: tuple[str, int], request: str) -> None:
+        self.doubt = "the model's prediction is being computed"
+        await self._start()
+        answer = await self._told(request)
         if "doubt" in answer:
             self.doubt = f"no prediction: {answer['doubt']}"
             return

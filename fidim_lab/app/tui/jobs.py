@@ -26,7 +26,7 @@ class Jobs:
         if self._process is not None and self._process.returncode is None:
             return
         self.says = f"fidim {work} {folder.name}: computing …"
-        part = folder / f"{FILES[work]}.new"
+        part = folder / f".{FILES[work]}.new"  # hidden: no part of the run, also where it is left behind
         self._process = process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-c", COMMAND, work, str(folder), "--json", str(part)),
             stdin=asyncio.subprocess.DEVNULL,
@@ -37,7 +37,7 @@ class Jobs:
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         )
         _, err = await process.communicate()
-        if part.exists():
+        if part.exists() and process.returncode in (0, 1):
             part.replace(folder / FILES[work])
         said = [text for text in err.decode(errors="replace").splitlines() if text.startswith("fidim: ")]
         failed = f"✗ fidim {work}: {' '.join(said)[7:] or f'ended with exit code {process.returncode}'}"

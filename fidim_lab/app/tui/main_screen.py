@@ -49,16 +49,8 @@ class MainScreen(Screen[None]):
 
     def on_key(self, event: events.Key) -> None:
         """A letter of the open prompt answers it, but not in the moment in which the prompt appears."""
-        view = self._link.view()
-        question = view.question
-        if question is None or view.contact is not Contact.LIVE:
-            return
-        choice = choice_keys(question.choices).get(event.key)
-        if choice is None:
-            return
-        event.stop()
-        if view.now - view.asked >= SETTLE:
-            self.run_worker(self._orders.answer(question.number, choice))
+        if self._choose(event.key):
+            event.stop()
 
     def on_input_submitted(self) -> None:
         """The filter stands; the keys go back to the log."""
@@ -68,6 +60,21 @@ class MainScreen(Screen[None]):
         """Another screen."""
         self._stage.turn(self, index)
         self._stage.draw(self._link.view())
+
+    def action_choose(self, key: str) -> None:
+        """A click on a choice of the open prompt."""
+        self._choose(key)
+
+    def _choose(self, key: str) -> bool:
+        """Whether the key is one of the open prompt's."""
+        view = self._link.view()
+        question = view.question
+        if question is None or view.contact is not Contact.LIVE:
+            return False
+        choice = choice_keys(question.choices).get(key)
+        if choice is not None and view.now - view.asked >= SETTLE:
+            self.run_worker(self._orders.answer(question.number, choice))
+        return choice is not None
 
     def action_help(self) -> None:
         """Help on the present screen."""

@@ -18,6 +18,8 @@ class Span:
 
     text: str
     style: Style = ""
+    click: str = ""
+    """Textual's name of the action that a click on it does, as the key beside it does"""
 
 
 Line = tuple[Span, ...]
@@ -74,7 +76,7 @@ def span_of_time(seconds: float | None) -> str:
 
 def greyed(lines: Iterable[Line]) -> list[Line]:
     """All in the style of what is old: never to be taken for fresh."""
-    return [tuple(Span(span.text, "old") for span in row) for row in lines]
+    return [tuple(Span(span.text, "old", span.click) for span in row) for row in lines]
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:

@@ -7,13 +7,13 @@ from textual.app import ComposeResult
 from textual.containers import Vertical
 from textual.screen import Screen
 from textual.widget import Widget
-from textual.widgets import ContentSwitcher, Footer, Input
+from textual.widgets import ContentSwitcher, Input
 
 from fidim_lab.app.tui.foresight import Foresight
 from fidim_lab.app.tui.jobs import Jobs
 from fidim_lab.app.tui.paint import Line, greyed
 from fidim_lab.app.tui.papers import Papers, read_papers, stamp
-from fidim_lab.app.tui.screens.bars import TABS, prompt_lines, state_lines, tab_lines
+from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_lines, tab_lines
 from fidim_lab.app.tui.screens.log import log_lines
 from fidim_lab.app.tui.screens.result import result_lines
 from fidim_lab.app.tui.screens.rig import rig_lines
@@ -43,6 +43,7 @@ class Stage:
         self.state = Board(id="state", grow=True)
         self.tabs = Board(id="tabs", grow=True)
         self.prompt = Board(id="prompt", grow=True)
+        self.keys = Board(id="keys", grow=True)
         self.filter = Input(id="filter", placeholder="words, -not these; Enter or Esc: back")
         self.boards = [Board(id=f"board-{name.lower()}", follow=name == "Log") for name in TABS]
         self._given = folder
@@ -62,7 +63,7 @@ class Stage:
                 yield self.filter
                 yield self.boards[-1]
         yield self.prompt
-        yield Footer(compact=True)
+        yield self.keys
 
     def turn(self, screen: Screen[None], index: int) -> None:
         """Show another part, and give it the keys."""
@@ -93,6 +94,7 @@ class Stage:
                 covering.show(state_lines(view, max(covering.size.width, 40), notice))
         self.tabs.show(tab_lines(self.current, width))
         self.prompt.show(prompt_lines(view, width))
+        self.keys.show(key_lines(width))
         if self.current == WINDOW and view.fresh and view.now - self._drawn < CURVES_EVERY:
             return
         self._drawn = view.now

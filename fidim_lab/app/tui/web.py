@@ -1,7 +1,8 @@
 """The UI in a browser of this computer: textual-serve behind a token, which it does not have itself.
 
 Only 127.0.0.1 is listened at. Whoever comes first must know the token (in the address that is printed); a cookie
-(HttpOnly, SameSite=Strict) holds it from then on, so that no page of another site can open the socket.
+(HttpOnly, SameSite=Strict) holds it from then on, so that no page of another site can open the socket. The page is our
+own (`page/`): nothing of it comes from another computer, and where its key would stop nothing it says so.
 """
 
 import hmac
@@ -10,12 +11,24 @@ import shlex
 import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import Any
 
 from aiohttp import web
+from aiohttp_jinja2 import render_template
 from textual_serve.server import Server
+
+from fidim_lab.app.tui.themes import DARK, LIGHT
 
 HOST = "127.0.0.1"
 COOKIE = "fidim-ui"
+PAGE = Path(__file__).parent / "page"
+FONT_SIZES = range(8, 65)
+FONT_SIZE = 16
+POLICY = (
+    "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; font-src 'self'; "
+    "img-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)
+"""no request leaves for another computer, no other page shows this one in a frame"""
 COMMAND = "from fidim_lab.app.cli import main; main()"
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -23,9 +36,10 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 class TokenServer(Server):
     """textual-serve that answers only those who know the token."""
 
-    def __init__(self, command: str, port: int, token: str) -> None:
-        super().__init__(command, host=HOST, port=port, title="fidim")
+    def __init__(self, command: str, port: int, token: str, *, light: bool = False) -> None:
+        super().__init__(command, host=HOST, port=port, title="fidim", templates_path=PAGE)
         self._token = token
+        self._theme = LIGHT if light else DARK
 
     @property
     def address(self) -> str:
@@ -41,12 +55,26 @@ class TokenServer(Server):
 
         app = await self._make_app()
         app.middlewares.append(guard)
+        app.on_response_prepare.append(_closed)
         return app
 
     async def on_startup(self, app: web.Application) -> None:
         """Say where it is."""
         sys.stdout.write(f"The UI is at {self.address}\nCtrl-C ends it; the run goes on.\n")
         sys.stdout.flush()
+
+    async def handle_index(self, request: web.Request) -> web.StreamResponse:  # type: ignore[override]
+        """The page, with addresses of the name it was asked for by: 127.0.0.1 and localhost have cookies apart."""
+        asked = request.query.get("fontsize", "")
+        wanted = int(asked) if asked.isdecimal() and int(asked) in FONT_SIZES else FONT_SIZE
+        context: dict[str, Any] = {
+            "application": {"name": "fidim"},
+            "socket": f"ws://{request.host}/ws",
+            "font_size": wanted,
+            "ground": self._theme.background,
+            "ink": self._theme.foreground,
+        }
+        return render_template("app_index.html", request, context)
 
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if request.host not in (f"{HOST}:{self.port}", f"localhost:{self.port}"):
@@ -57,9 +85,16 @@ class TokenServer(Server):
         if "token" not in request.query:
             return await handler(request)
         # The token does not stay in the address bar, nor in a history.
-        answer = web.Response(status=302, headers={"Location": "/"})
+        kept = request.rel_url.without_query_params("token")
+        answer = web.Response(status=302, headers={"Location": f"/?{kept.query_string}"})
         answer.set_cookie(COOKIE, self._token, httponly=True, samesite="Strict", path="/")
         return answer
+
+
+async def _closed(request: web.Request, response: web.StreamResponse) -> None:
+    response.headers["Content-Security-Policy"] = POLICY
+    response.headers["X-Content-Type-Options"] = "nosniff"
+    response.headers["Referrer-Policy"] = "no-referrer"
 
 
 def command_line(folder: Path | None, rig: Path | None, *, light: bool) -> str:
@@ -73,5 +108,5 @@ def command_line(folder: Path | None, rig: Path | None, *, light: bool) -> str:
 
 def serve(folder: Path | None, rig: Path | None, port: int, *, light: bool = False) -> None:
     """Serve until Ctrl-C. Raises OSError where the port is taken."""
-    server = TokenServer(command_line(folder, rig, light=light), port, secrets.token_urlsafe(24))
+    server = TokenServer(command_line(folder, rig, light=light), port, secrets.token_urlsafe(24), light=light)
     web.run_app(server.make_app(), host=HOST, port=port, print=None)

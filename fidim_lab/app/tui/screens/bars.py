@@ -1,4 +1,4 @@
-"""What is on every screen: the state, alarms, the tabs, an open prompt."""
+"""What is on every screen: the state, alarms, the tabs, an open prompt, the keys. All can be clicked, too."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,18 @@ from fidim_lab.app.tui.view import Contact, View
 from fidim_lab.units import millimetres
 
 TABS = ("Session", "Rig", "Window", "Result", "Why", "Log")
+KEYS = (
+    ("F12", "E-STOP", "app.emergency_stop"),
+    ("r", "reset", "app.order('reset')"),
+    ("g", "go", "app.order('start')"),
+    ("p", "pause", "app.order('pause')"),
+    ("k", "skip", "app.order('skip')"),
+    ("o", "again", "app.order('retry')"),
+    ("x", "abort", "app.order('abort')"),
+    ("q", "leave", "app.quit"),
+    ("?", "help", "screen.help"),
+)
+"""key, word, action"""
 PHASES: dict[str, tuple[str, Style]] = {
     "idle": ("○ IDLE", "head"),
     "running": ("▶ RUNNING", "good"),
@@ -30,7 +42,8 @@ def tab_lines(current: int, width: int) -> list[Line]:
     spans: list[Span] = []
     for index, name in enumerate(TABS):
         here = index == current
-        spans.append(Span(f"[{index + 1} {name}]" if here else f" {index + 1} {name} ", "head" if here else "dim"))
+        text = f"[{index + 1} {name}]" if here else f" {index + 1} {name} "
+        spans.append(Span(text, "head" if here else "dim", f"screen.turn({index})"))
     used = sum(len(span.text) for span in spans)
     return [(*spans, Span(left("─" * max(width - used, 0), max(width - used, 0)), "dim"))]
 
@@ -45,9 +58,21 @@ def prompt_lines(view: View, width: int) -> list[Line]:
     rows += [line(Span(text, "head")) for text in wrapped(f"{about}{question.text}", width)[:4]]
     if question.displacement:
         rows.append(line(f"wanted from rest  {_away(question.displacement)}", Span(_displaced(view), "good")))
-    keys = "   ".join(f"[{key}] {choice}" for key, choice in choice_keys(question.choices).items())
-    rows.append(line(Span(keys, "key"), Span(_default(view), "dim")))
+    keys: list[Span] = []
+    for key, choice in choice_keys(question.choices).items():
+        keys += [Span(f"[{key}] {choice}", "key", f"screen.choose('{key}')"), Span("   ")]
+    rows.append((*keys[:-1], *line(Span(_default(view), "dim"))))
     return rows
+
+
+def key_lines(width: int) -> list[Line]:
+    """The keys that work on every screen, the emergency stop first."""
+    gap = " " * min(max((width - sum(len(f"{key} {name}") for key, name, _ in KEYS)) // len(KEYS), 1), 3)
+    spans: list[Span] = []
+    for key, name, action in KEYS:
+        stop: Style = "alarm" if key == "F12" else "key"
+        spans += [Span(key, stop, action), Span(f" {name}", "alarm" if stop == "alarm" else "", action), Span(gap)]
+    return [tuple(spans[:-1])]
 
 
 def _away(metres: Sequence[float]) -> str:

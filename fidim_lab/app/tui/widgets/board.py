@@ -9,7 +9,7 @@ from textual.geometry import Region, Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from fidim_lab.app.tui.paint import EMPTY, Line, text_of
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, text_of
 
 
 class Board(ScrollView, can_focus=True):
@@ -51,7 +51,7 @@ class Board(ScrollView, can_focus=True):
         index = y + self.scroll_offset.y
         row = self._lines[index] if index < len(self._lines) else EMPTY
         width, ground = self.size.width, self.rich_style
-        segments = [Segment(span.text, self._style(span.style, ground)) for span in row]
+        segments = [Segment(span.text, self._style(span, ground)) for span in row]
         return Strip(segments).adjust_cell_length(width, ground)
 
     def on_resize(self) -> None:
@@ -67,8 +67,9 @@ class Board(ScrollView, can_focus=True):
         if new_value >= self.max_scroll_y:
             self._at_end = True
 
-    def _style(self, name: str, ground: RichStyle) -> RichStyle:
-        return self.get_component_rich_style(f"board--{name}") if name else ground
+    def _style(self, span: Span, ground: RichStyle) -> RichStyle:
+        style = self.get_component_rich_style(f"board--{span.style}") if span.style else ground
+        return style + RichStyle(meta={"@click": span.click}) if span.click else style
 
     def _resized(self) -> None:
         self.virtual_size = Size(self.size.width, len(self._lines))

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
-from fidim_lab.app.tui.foresee import answer
+from fidim_lab.app.tui.foresee import Seer
 from fidim_lab.app.tui.foresight import Foresight
 from fidim_lab.app.tui.view import Trace
-from fidim_lab.data.records import Body
+from fidim_lab.data.plan_file import write_plan
+from fidim_lab.data.records import Body, Plan, PlannedWindow, Role
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.model.dynamics import consistent_twist, simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths
@@ -52,7 +53,7 @@ def _error(path, found_t, found_positions):
 
 def test_what_has_not_happened_yet_is_foretold(irma4, path, trace, tmp_path):
     write_robot(tmp_path / "robot.toml", irma4)
-    found = answer(
+    found = Seer().answer(
         {"folder": str(tmp_path), "window": "i01", "t": trace.t, "positions": trace.positions, "lengths": trace.lengths}
     )
     assert found["body"] == "CAD"
@@ -64,7 +65,7 @@ def test_what_has_not_happened_yet_is_foretold(irma4, path, trace, tmp_path):
 def test_a_recording_that_no_model_follows_gets_a_reason(irma4, trace, tmp_path):
     write_robot(tmp_path / "robot.toml", irma4)
     wrong = [(0.1 * k % 0.3, 0.0, 0.0) for k in range(len(trace.t))]
-    found = answer(
+    found = Seer().answer(
         {"folder": str(tmp_path), "window": "i01", "t": trace.t, "positions": wrong, "lengths": trace.lengths}
     )
     assert found.keys() == {"doubt"}
@@ -74,7 +75,7 @@ def test_a_recording_that_no_model_follows_gets_a_reason(irma4, trace, tmp_path)
 def test_a_body_that_is_not_quite_right_still_gives_a_prediction_whose_error_grows(irma4, path, tmp_path):
     write_robot(tmp_path / "robot.toml", replace(irma4, nominal=Body.from_vector(1.15 * irma4.nominal.vector)))
     times, marker = path
-    found = answer(
+    found = Seer().answer(
         {
             "folder": str(tmp_path),
             "window": "i01",
@@ -89,8 +90,17 @@ def test_a_body_that_is_not_quite_right_still_gives_a_prediction_whose_error_gro
 
 
 def test_a_folder_without_robot_file_gets_a_reason(trace, tmp_path):
-    found = answer({"folder": str(tmp_path), "window": "i01", "t": [0.0], "positions": [None], "lengths": [[]]})
+    found = Seer().answer({"folder": str(tmp_path), "window": "i01", "t": [0.0], "positions": [None], "lengths": [[]]})
     assert "robot.toml" in found["doubt"]
+
+
+def test_what_costs_time_is_made_before_there_is_a_recording(irma4, tmp_path):
+    write_robot(tmp_path / "robot.toml", irma4)
+    seer = Seer()
+    assert seer.answer({"folder": str(tmp_path)}) == {"ready": False}  # no plan: nothing to rehearse with
+    window = PlannedWindow("i01", Role.IDENTIFY, LENGTHS, np.array([0.02, 0.03]), np.array([1.1, -0.27, -0.31]))
+    write_plan(tmp_path / "plan.toml", Plan("one", (window,)))
+    assert seer.answer({"folder": str(tmp_path)}) == {"ready": True}
 
 
 @pytest.mark.slow
