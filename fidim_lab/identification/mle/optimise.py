@@ -116,7 +116,8 @@ def optimise(
             if damping > DAMPING[1]:
                 ending = _edge(likelihood, simulation, promise, cost) or Ending.STUCK
                 return Optimum(simulation, tables, cost, ending, rounds)
-        gain = (cost - there[1]) / (cost - wanted.predicted)
+        promised = cost - wanted.predicted
+        gain = (cost - there[1]) / promised if promised > 0 else 1.0  # rounding may leave nothing of a promise
         damping = _relaxed(damping, gain / _foretold(stretch))
         stretch = _stretched(stretch, gain)
         now, rounds = there, rounds + 1
