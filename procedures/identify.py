@@ -5,11 +5,13 @@ until the hand is away – record – check – accept, or record again. A rejec
 """
 
 from collections.abc import Callable, Generator, Mapping
+from functools import partial
 
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.data.records import Plan, PlannedWindow, Robot
 from fidim_lab.errors import InfeasibleError
 from procedures.control import Retried, Skipped
+from procedures.displacing import displace, free
 from procedures.outcomes import Outcome
 from procedures.settings import Settings
 from procedures.steps import (
@@ -61,6 +63,7 @@ def identify(
     """
     protocol = _Protocol(robot, settings or Settings(), route, made or {})
     at = (yield Enable()).values
+    yield from free(protocol.settings)
     swinging = False
     for planned in plan.windows:
         at, swinging = yield from protocol.window(planned, at, swinging)
@@ -71,7 +74,7 @@ class _Protocol:
 
     def __init__(self, robot: Robot, settings: Settings, route: Route, made: Mapping[str, int]) -> None:
         self._robot = robot
-        self._settings = settings
+        self.settings = settings
         self._route = route
         self._made = dict(made)
         """recordings made so far, by window"""
@@ -80,7 +83,7 @@ class _Protocol:
         self, planned: PlannedWindow, at: Lengths, swinging: bool
     ) -> Generator[Step, Result, tuple[Lengths, bool]]:
         """One planned window with all that people may say meanwhile; returns where the robot is, and if it swings."""
-        for _ in range(1 + self._settings.record.repeats):
+        for _ in range(1 + self.settings.record.repeats):
             try:
                 if swinging:
                     yield from self.steady(planned, "The platform still swings. Bring it to rest before the next move.")
@@ -88,16 +91,18 @@ class _Protocol:
                 return at, (yield from self.visit(planned))
             except Skipped as word:
                 yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason=word.reason)
+                yield from free(self.settings, planned.id)
                 return (yield Hold(window=planned.id)).values, True
             except Retried:
+                yield from free(self.settings, planned.id)
                 at, swinging = (yield Hold(window=planned.id)).values, True
-        reason = f"begun {1 + self._settings.record.repeats} times without coming to a recording"
+        reason = f"begun {1 + self.settings.record.repeats} times without coming to a recording"
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return at, True
 
     def go(self, planned: PlannedWindow, at: Lengths) -> Generator[Step, Result, Lengths]:
         """Move to the planned lengths; returns them."""
-        motion = self._settings.motion
+        motion = self.settings.motion
         goal = tuple(float(length) for length in planned.lengths)
         start = at or None
         for lengths in self._way(planned.id, at, goal) if at else (goal,):
@@ -132,7 +137,7 @@ class _Protocol:
         return (yield from self._ask(planned, Prompt(PromptKind.STEADY, text)))
 
     def _ask(self, planned: PlannedWindow, prompt: Prompt) -> Generator[Step, Result, str]:
-        asked = Ask(window=planned.id, prompt=prompt, estimate=self._settings.prompt_estimate)
+        asked = Ask(window=planned.id, prompt=prompt, estimate=self.settings.prompt_estimate)
         answer = (yield asked).answer
         if answer == "abort":
             yield Stop(window=planned.id, outcome=Outcome.ABORTED, reason=f"The operator aborted at “{prompt.text}”.")
@@ -140,7 +145,7 @@ class _Protocol:
 
     def _settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:
         """The measured rest, or None where the window is given up."""
-        motion = self._settings.motion
+        motion = self.settings.motion
         step = Settle(
             window=planned.id,
             tolerance=motion.settle_tolerance,
@@ -163,7 +168,7 @@ class _Protocol:
 
     def _check_at_rest(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
         """Hold, encoders, tensions; what is wrong here is wrong with the robot, so the run ends."""
-        motion, tension = self._settings.motion, self._settings.tension
+        motion, tension = self.settings.motion, self.settings.tension
         checks = (
             Hold(window=planned.id),
             ReadEncoders(
@@ -186,15 +191,16 @@ class _Protocol:
 
     def _record(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, bool]:
         """Record until a window is good, or given up; returns whether the platform was set swinging."""
-        attempts = 1 + self._settings.record.repeats
+        attempts = 1 + self.settings.record.repeats
         reasons: list[str] = []
+        ask = partial(self._ask, planned)
         for _ in range(attempts):
             try:
-                answer = yield from self._ask(planned, _displace(planned, reasons))
+                answer, reason = yield from displace(planned, self._robot, self.settings, rest, reasons, ask)
                 if answer == "skip":
                     yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
                     return bool(reasons)
-                reason = yield from self._attempt(planned, rest)
+                reason = reason or (yield from self._attempt(planned, rest))
             except Retried as word:
                 reason = word.reason
             if reason is None:
@@ -210,7 +216,7 @@ class _Protocol:
         if not away.outcome.usable:
             return away.reason
         attempt = self._made[planned.id] = self._made.get(planned.id, 0) + 1
-        yield Record(window=planned.id, attempt=attempt, duration=self._settings.record.seconds)
+        yield Record(window=planned.id, attempt=attempt, duration=self.settings.record.seconds)
         check = CheckWindow(
             window=planned.id,
             attempt=attempt,
@@ -233,7 +239,7 @@ class _Protocol:
         return None
 
     def _hands_off(self, planned: PlannedWindow) -> AwaitHandsOff:
-        hand, (low, high) = self._settings.hand, self._robot.limits.tension
+        hand, (low, high) = self.settings.hand, self._robot.limits.tension
         return AwaitHandsOff(
             window=planned.id,
             moving=hand.moving,
@@ -243,7 +249,7 @@ class _Protocol:
         )
 
     def _window_limits(self) -> WindowLimits:
-        record, limits = self._settings.record, self._robot.limits
+        record, limits = self.settings.record, self._robot.limits
         return WindowLimits(
             complete=record.complete,
             longest_gap=record.longest_gap,
@@ -252,14 +258,6 @@ class _Protocol:
             displacement=limits.free_displacement,
             displacement_tolerance=record.displacement,
             motors_still=record.motors_still,
-            tension=self._settings.hand.tension[0] * limits.tension[0],
+            tension=self.settings.hand.tension[0] * limits.tension[0],
             tension_over=record.tension_over,
         )
-
-
-def _displace(planned: PlannedWindow, reasons: list[str]) -> Prompt:
-    wanted = tuple(float(v) for v in planned.displacement)
-    where = ", ".join(f"{axis} {value * 1e3:+.0f} mm" for axis, value in zip("xyz", wanted, strict=False))
-    again = f"Not good: {reasons[-1]}. Once more: d" if reasons else "D"
-    text = f"{again}isplace the platform by {where}, keep it still, and let go."
-    return Prompt(PromptKind.DISPLACE_AND_RELEASE, text, displacement=wanted)

@@ -10,12 +10,12 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from drivers.ports import Clock, MarkerFrame, MarkerSource, Winch, WinchSample
+from drivers.ports import Clock, Gauge, MarkerFrame, MarkerSource, Winch, WinchSample
 from fidim_lab.data.window_csv import header, row
 from fidim_lab.errors import HardwareError, OurBugError
 from procedures.events import Event
@@ -56,6 +56,8 @@ class Recording:
     """(N, n) A"""
     counters: dict[str, int]
     """what motion capture counted meanwhile: frames received, lost, late, doubled, malformed"""
+    further: dict[str, np.ndarray] = field(default_factory=dict[str, np.ndarray])
+    """(N,) of each column of the gauges"""
 
 
 class Recorder:
@@ -71,7 +73,11 @@ class Recorder:
         sample_age: float,
         write: WriteBytes = os.write,
         newton_per_ampere: Sequence[float] | None = None,
+        gauges: Sequence[Gauge] = (),
     ) -> None:
+        """`gauges`: their columns follow those that the format names."""
+        self._gauges = tuple(gauges)
+        self._further = [column for gauge in self._gauges for column in gauge.columns]
         self._folder = folder
         self._clock = clock
         self._source = source
@@ -88,7 +94,7 @@ class Recorder:
 
         What an earlier process left of this window is moved to `rejected/` first.
         """
-        names = header(len(self._winches), self._markers)
+        names = header(len(self._winches), self._markers, further=self._further)
         rows = Rows(self._source.rate, round(duration * self._source.rate) + 1, len(names))
         before = self._source.counters()
         keep_unfinished(self._folder, window)
@@ -154,7 +160,9 @@ class Recorder:
         }
         file = PartFile(csv, self._write, unit=b"\n")
         try:
-            log = WindowLog(csv.with_suffix(".mcap"), about, self._factors, self._source.rate, self._write)
+            log = WindowLog(
+                csv.with_suffix(".mcap"), about, self._factors, self._source.rate, self._write, self._further
+            )
         except HardwareError:
             close_quietly(file)
             raise
@@ -218,7 +226,8 @@ class Recorder:
         now = self._clock.now()
         fresh = [s if s is not None and now - s.t <= self._sample_age else None for s in samples]
         values += [np.nan if s is None else s.length for s in fresh]
-        return values + [np.nan if s is None else s.current for s in fresh]
+        values += [np.nan if s is None else s.current for s in fresh]
+        return values + [value for gauge in self._gauges for value in _told(gauge, now)]
 
     def _recording(self, window: str, attempt: int, table: np.ndarray, counters: dict[str, int]) -> Recording:
         n, coordinates = len(self._winches), 3 * self._markers
@@ -228,8 +237,9 @@ class Recorder:
             rate=self._source.rate,
             markers=table[:, 1 : 1 + coordinates].reshape(len(table), self._markers, 3),
             lengths=table[:, 1 + coordinates : 1 + coordinates + n],
-            currents=table[:, 1 + coordinates + n :],
+            currents=table[:, 1 + coordinates + n : 1 + coordinates + 2 * n],
             counters=counters,
+            further=dict(zip(self._further, table[:, 1 + coordinates + 2 * n :].T, strict=True)),
         )
 
     def _close(self, to: Path) -> Path:
@@ -241,3 +251,11 @@ class Recorder:
         self._open.csv.move(to)
         self._open = None
         return to
+
+
+def _told(gauge: Gauge, now: float) -> list[float]:
+    """What a gauge told, NaN where that is too old."""
+    reading = gauge.latest()
+    if reading is None or now - reading.t > gauge.age:
+        return [math.nan] * len(gauge.columns)
+    return list(reading.values)

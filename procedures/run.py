@@ -14,6 +14,7 @@ from drivers.ports import Rig
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
 from procedures.control import Control
+from procedures.device_guards import device_guards
 from procedures.engine import Ending, Engine
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
 from procedures.experiment import Experiment, Lab, checked_experiment
@@ -105,7 +106,7 @@ class _Run:
         self._journal = Journal(self._folder.journal, rig.clock, wall_time)
         self._ledger = Ledger(folder, experiment.roles, None if resumption is None else resumption.rows)
         age, markers = settings.guard.sample_age, len(robot.markers)
-        self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write, factors)
+        self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write, factors, rig.gauges)
         self._publish = Publisher([self._recorder.on_event, *listeners])
         self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, factors, control)
 
@@ -141,7 +142,12 @@ class _Run:
             place=None if self._resumption is None else self._resumption.place,
         )
         names = [winch.name for winch in self._rig.winches]
-        guards = (*standard_guards(names, self._factors, experiment.robot.limits.tension, settings.guard), *more)
+        limits = experiment.robot.limits.tension
+        guards = (
+            *standard_guards(names, self._factors, limits, settings.guard),
+            *device_guards(self._rig, settings.guard),
+            *more,
+        )
         outline, windows = self._outline, tuple(experiment.roles)
         data = {
             "format": FORMAT,

@@ -60,6 +60,20 @@ class HandSettings:
 
 
 @dataclass(frozen=True)
+class ReleaseSettings:
+    """A release device that holds the displaced platform and lets it go, where the rig has one."""
+
+    by_hand: bool = True
+    """somebody is asked to bring the platform to it; else the device fetches it by itself"""
+    still: float = 1e-3
+    """m, peak to peak of the marker while it is held, before it is let go"""
+    over: float = 0.5
+    """s for which it must be so"""
+    timeout: float = 15.0
+    """s"""
+
+
+@dataclass(frozen=True)
 class RecordSettings:
     """Recording a window, and what makes it a good one."""
 
@@ -157,5 +171,7 @@ class Settings:
     record: RecordSettings = field(default_factory=RecordSettings)
     guard: GuardSettings = field(default_factory=GuardSettings)
     hold: HoldSettings = field(default_factory=HoldSettings)
+    release: ReleaseSettings | None = None
+    """None: the rig has none, a hand lets go"""
     prompt_estimate: float = 15.0
     """s that a person needs to answer a prompt, for the time estimate only"""

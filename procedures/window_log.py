@@ -38,8 +38,12 @@ class WindowLog:
         newton_per_ampere: Sequence[float],
         rate: float,
         write: WriteBytes = os.write,
+        further: Sequence[str] = (),
     ) -> None:
-        """`final`: windows/ID.mcap; `newton_per_ampere`: one for each winch, NaN where unknown; `rate` in Hz."""
+        """`final`: windows/ID.mcap; `newton_per_ampere`: one for each winch, NaN where unknown; `rate` in Hz.
+
+        `further`: names of the columns after those that the format names.
+        """
         self.file = PartFile(final, write)
         self._factors = tuple(newton_per_ampere)
         self._rate = rate
@@ -47,7 +51,7 @@ class WindowLog:
         self._encoder = encoder = McapEncoder(profile=PROFILE)
         self._messages = messages()
         encoder.add_metadata("fidim-window", dict(about))
-        self._rows = add_row_channel(encoder)
+        self._rows = add_row_channel(encoder, further)
         self._pose = self._channel(MARKER, POSE)
         self._winches = [self._channel(winch_topic(k), WINCH) for k in range(1, len(self._factors) + 1)]
         self._guards = self._channel(GUARDS, GUARD)
@@ -57,15 +61,17 @@ class WindowLog:
         return self._encoder.add_channel(topic, self._messages.schema(schema), "protobuf")
 
     def row(self, now: float, index: int, values: Sequence[float], frame: MarkerFrame | None, markers: int) -> None:
-        """One row: t, then 3 · markers coordinates, lengths, currents; `frame` is None for one that was lost."""
+        """One row: t, 3 · markers coordinates, lengths, currents, further; `frame` is None for one that was lost."""
         t, rest, n = values[0], values[1:], len(self._factors)
-        parts = (rest[: 3 * markers], rest[3 * markers : 3 * markers + n], rest[3 * markers + n :])
+        parts = (rest[: 3 * markers], rest[3 * markers : 3 * markers + n], rest[3 * markers + n : 3 * markers + 2 * n])
+        further = rest[3 * markers + 2 * n :]
         if frame is None:
-            line = encode_row(index, t, parts, host_time=math.nan, device_time=math.nan)
+            line = encode_row(index, t, parts, host_time=math.nan, device_time=math.nan, further=further)
             self._encoder.add(self._rows, nanoseconds(now), line)
             return
         source = {"host_time": frame.t, "device_time": frame.number / self._rate, "device_frame": frame.number}
-        self._encoder.add(self._rows, nanoseconds(now), encode_row(index, t, parts, **source), nanoseconds(frame.t))
+        line = encode_row(index, t, parts, **source, further=further)
+        self._encoder.add(self._rows, nanoseconds(now), line, nanoseconds(frame.t))
         if (place := frame.positions[0]) is not None:
             self._place(now, frame.t, place)
 

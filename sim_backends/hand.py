@@ -10,6 +10,7 @@ import numpy as np
 from drivers.ports import Clock, Prompt, PromptKind
 from fidim_lab.arrays import Vector3
 from fidim_lab.errors import SetupError
+from sim_backends.magnet import SimulatedMagnet
 from sim_backends.plant.plant import HandLaw, Plant
 
 LOOK = 0.02
@@ -42,8 +43,17 @@ class SimulatedHand:
     Not simulated: a hand that slips, grips beside the marker, or gets in the way of the cameras; refusing or skipping.
     """
 
-    def __init__(self, plant: Plant, clock: Clock, rng: np.random.Generator, habits: Habits | None = None) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        clock: Clock,
+        rng: np.random.Generator,
+        habits: Habits | None = None,
+        magnet: SimulatedMagnet | None = None,
+    ) -> None:
+        """magnet: of a release device, to which it brings the platform when asked to."""
         self._plant = plant
+        self._magnet = magnet
         self._clock = clock
         self._rng = rng
         self._habits = habits or Habits()
@@ -55,13 +65,15 @@ class SimulatedHand:
         """Do it, and give the prompt's first choice.
 
         Raises:
-            SetupError: a displacement that is not two numbers.
+            SetupError: a displacement that is not two numbers; no magnet to bring the platform to.
             InfeasibleError: the platform does not rest with these cable lengths.
         """
         await self._clock.sleep(self._about(self._habits.reaction))
         match prompt.kind:
             case PromptKind.DISPLACE_AND_RELEASE:
                 await self._displace_and_release(np.array(prompt.displacement, dtype=float))
+            case PromptKind.HANG_IN:
+                await self._hang_in(np.array(prompt.displacement, dtype=float))
             case PromptKind.STEADY:
                 await self._steady()
             case PromptKind.CONFIRM:
@@ -69,6 +81,18 @@ class SimulatedHand:
         return prompt.choices[0]
 
     async def _displace_and_release(self, displacement: np.ndarray) -> None:
+        await self._let_go(await self._displace(displacement))
+
+    async def _hang_in(self, displacement: np.ndarray) -> None:
+        """Bring it to the magnet, and step back; where the magnet has no power, the platform swings free."""
+        if self._magnet is None:
+            raise SetupError("A prompt asks for the release device, but the simulated laboratory has none.")
+        held = await self._displace(displacement)
+        if not self._magnet.take(held, self._stiffness):
+            await self._let_go(held)
+
+    async def _displace(self, displacement: np.ndarray) -> Vector3:
+        """Displace and hold; gives the target of the hand's spring by then."""
         if displacement.shape != (2,) or not np.isfinite(displacement).all():
             raise SetupError(f"A prompt asks for the displacement {displacement.tolist()}; it must be x and y in m.")
         plant, habits = self._plant, self._habits
@@ -76,8 +100,7 @@ class SimulatedHand:
         wanted = rest.copy()
         wanted[:2] += displacement + self._rng.normal(0.0, habits.carelessness, 2)
         await self._move(plant.markers()[0], wanted, self._about(habits.moving))
-        held = await self._hold(wanted, self._about(habits.holding))
-        await self._let_go(held)
+        return await self._hold(wanted, self._about(habits.holding))
 
     async def _move(self, start: Vector3, wanted: Vector3, duration: float) -> None:
         """Along a path of least jerk, as human arms do (Flash and Hogan 1985)."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from drivers.ports import Clock
 from fidim_lab.arrays import PerCable
@@ -21,6 +22,7 @@ from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.profile import Profile, ShaftMotion
 from sim_backends.drive.shaft import DrumShaft
 from sim_backends.hand import SimulatedHand
+from sim_backends.magnet import SimulatedMagnet
 from sim_backends.mocap.encoders import Encoder
 from sim_backends.mocap.faults import Faults
 from sim_backends.mocap.server import MocapServer, Timing
@@ -70,8 +72,9 @@ class Laboratory:
         if robot.winches is None:
             raise SetupError("The robot file has no [winch] table: drives cannot be simulated without drum and gear.")
         noise = noise or Noise.of(robot)
-        cameras, currents, self._hand_rng, self._mocap_rng = rng.spawn(4)
+        cameras, currents, self._hand_rng, self._mocap_rng, self._gauge_rng = rng.spawn(5)
         self.plant = _SharedPlant(world)
+        self.magnet = SimulatedMagnet(self.plant)
         self.drums = tuple(
             drums or (DrumGeometry(float(length), (-1) ** cable, noise.encoder) for cable, length in enumerate(start))
         )
@@ -103,7 +106,25 @@ class Laboratory:
 
     def hand(self, clock: Clock) -> SimulatedHand:
         """An operator's hand in this world."""
-        return SimulatedHand(self.plant, clock, self._hand_rng)
+        return SimulatedHand(self.plant, clock, self._hand_rng, magnet=self.magnet)
+
+    def load_cells(self, t: float, noise: float) -> dict[str, float]:
+        """True tensions at host time t by cable number, "1" …, N, with so much white noise (N)."""
+        with self.plant.lock:
+            self.refresh(t)
+            tensions = self.plant.tensions
+        return {str(cable): float(self._noisy(tension, noise)) for cable, tension in enumerate(tensions, start=1)}
+
+    def inclination(self, t: float, noise: float) -> dict[str, float]:
+        """Rotations "x", "y", "z" about the world's axes in this order at host time t, rad, with white noise (rad)."""
+        with self.plant.lock:
+            self.refresh(t)
+            rotation = self.plant.pose.rotation
+        angles = Rotation.from_matrix(rotation).as_euler("xyz")
+        return {axis: float(self._noisy(angle, noise)) for axis, angle in zip("xyz", angles, strict=True)}
+
+    def _noisy(self, value: float, noise: float) -> float:
+        return value + noise * self._gauge_rng.standard_normal()
 
     def advance(self, t: float) -> None:
         """Let the world live until host time t (s); no effect where it has got there already."""

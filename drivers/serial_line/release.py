@@ -101,15 +101,16 @@ class SerialRelease:
         self._holding = False
         await self._command(self.config.release, ReleaseState.RELEASED)
 
-    async def run(self) -> None:
-        """Keep it connected and ask for its state; never returns. Lets go when it is ended."""
+    async def run(self, *, lets_go: bool = True) -> None:
+        """Keep it connected and ask for its state; never returns. Lets go when it is ended, unless only looked at."""
         try:
             while True:
                 await self._port.keep_open()
                 self._send(self.config.ask)
                 await self._clock.sleep(self.config.period)
         finally:
-            self._send(self.config.release)
+            if lets_go:
+                self._send(self.config.release)
             self._port.close()
 
     async def _command(self, command: bytes, wanted: ReleaseState) -> None:

@@ -19,6 +19,7 @@ from fidim_lab.app import compose
 from fidim_lab.app.checks import Check, Verdict
 from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
 from fidim_lab.app.mocap_doctor import check_motion_capture
+from fidim_lab.app.serial_doctor import check_serial
 from fidim_lab.data.rig import GuardEntry, RigFile
 from fidim_lab.errors import DeviceError, FidimError, HardwareError, SetupError
 
@@ -44,6 +45,7 @@ async def _check_hardware(file: RigFile) -> list[Check]:
     clock = LoopClock()
     checks = await _check_bus(file, clock)
     checks += await check_motion_capture(file, clock)
+    checks += await check_serial(file, clock)
     if file.hand is not None:
         checks.append(await _check_hand(file))
     return checks

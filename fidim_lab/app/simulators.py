@@ -1,6 +1,6 @@
 """`fidim simulators`: the devices of a rig file, simulated in real time in this process, until Ctrl-C.
 
-Lines on standard input pull plugs: `bus`, `mocap`, `drive 2`, `fault 3`.
+Lines on standard input pull plugs: `bus`, `mocap`, `drive 2`, `fault 3`, `serial 1`.
 """
 
 import asyncio
@@ -57,7 +57,11 @@ async def _serve(file: RigFile, options: SimulatorOptions) -> None:
         _say(f"motion capture: {file.motion_capture.kind}, {file.motion_capture.place}")
         if file.hand is not None:
             _say(f"hand: {file.hand.host}:{file.hand.port}")
-        _say("ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K, fault K")
+        named = [entry.name for entry in (file.release, *file.gauges) if entry is not None]
+        for number, name in enumerate(named, start=1):
+            _say(f"serial {number}: {name}")
+        serial = ", serial K, serial K again" if named else ""
+        _say(f"ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K, fault K{serial}")
         lines = _standard_input(asyncio.get_running_loop())
         while devices.served.failure is None:
             try:
@@ -77,10 +81,12 @@ async def _serve(file: RigFile, options: SimulatorOptions) -> None:
 
 
 def _ports(text: str) -> compose.Ports:
-    parts = text.split(",")
-    if len(parts) != 3 or not all(part.isdigit() and 0 < int(part) < 65536 for part in parts):
+    parts = text.split(",", 3)
+    numbers = parts[:3]
+    if len(numbers) != 3 or not all(part.isdigit() and 0 < int(part) < 65536 for part in numbers):
         raise SetupError(f"--ports {text}: three ports are expected: bus, motion capture, hand.")
-    return compose.Ports(*map(int, parts))
+    bus, motion_capture, hand = map(int, numbers)
+    return compose.Ports(bus, motion_capture, hand, serial="".join(parts[3:]))
 
 
 def _say(text: str) -> None:

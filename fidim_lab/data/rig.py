@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fidim_lab.data.records import Robot
+from fidim_lab.data.rig_serial import GaugeEntry, ReleaseEntry
 
 
 @dataclass(frozen=True)
@@ -207,3 +208,5 @@ class RigFile:
     motion_capture: MocapEntry
     guards: Mapping[str, GuardEntry]
     hand: HandEntry | None = None
+    release: ReleaseEntry | None = None
+    gauges: tuple[GaugeEntry, ...] = ()

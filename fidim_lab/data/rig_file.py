@@ -17,7 +17,9 @@ from fidim_lab.data.rig import (
     TensionEntry,
     WinchEntry,
 )
-from fidim_lab.data.rig_tables import STANDARD_PORTS, UNITS, GuardsTable, MocapTable, RigTable, WinchTable
+from fidim_lab.data.rig_guard_tables import GuardsTable
+from fidim_lab.data.rig_serial_tables import gauge_entries, release_entry
+from fidim_lab.data.rig_tables import STANDARD_PORTS, UNITS, MocapTable, RigTable, WinchTable
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.data.toml_file import read_toml
 from fidim_lab.errors import FileError
@@ -50,6 +52,8 @@ def read_rig(path: Path) -> RigFile:
         motion_capture=_motion_capture(path, table.motion_capture, len(robot.markers)),
         guards=_guards(table.guards),
         hand=None if table.simulated_hand is None else HandEntry(**table.simulated_hand.model_dump()),
+        release=release_entry(path, table.release),
+        gauges=gauge_entries(path, table.load_cells, table.inclinometer, robot.n),
     )
 
 

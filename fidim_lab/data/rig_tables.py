@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from fidim_lab.data.rig import MocapKind
+from fidim_lab.data.rig_guard_tables import GuardsTable
+from fidim_lab.data.rig_serial_tables import InclinometerTable, LoadCellsTable, ReleaseTable, SeveralLoadCells
 from fidim_lab.data.toml_file import Table
 
 Positive = Annotated[float, Field(gt=0)]
@@ -161,106 +163,6 @@ class HandTable(Table):
     port: Port
 
 
-class DriveGuardTable(Table):
-    """`[guards.drive]`."""
-
-    reaction: Literal["hold", "quick-stop"] = "quick-stop"
-
-
-class StaleGuardTable(Table):
-    """`[guards.stale_winch]`."""
-
-    reaction: Literal["hold", "quick-stop"] = "quick-stop"
-    age: Annotated[float, Field(gt=0, le=2)] = 0.2
-
-
-class TensionGuardTable(Table):
-    """`[guards.tension]`."""
-
-    reaction: Literal["hold", "quick-stop"] = "quick-stop"
-    slack: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    overload: Annotated[float, Field(ge=1, le=3)] = 1.25
-    hysteresis: NotNegative = 2.0
-    lasting: Annotated[float, Field(ge=0, le=5)] = 0.1
-
-
-class MarkerGuardTable(Table):
-    """`[guards.marker]`."""
-
-    reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
-    lasting: Annotated[float, Field(gt=0, le=60)] = 3.0
-
-
-class SlipGuardTable(Table):
-    """`[guards.slip]`."""
-
-    reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
-    allowed: Positive = 5e-3
-
-
-class FollowingErrorGuardTable(Table):
-    """`[guards.following_error]`: as a part of the winch's own window, beyond which its drive faults."""
-
-    reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
-    part: Annotated[float, Field(gt=0, le=1)] = 0.75
-    lasting: Annotated[float, Field(ge=0, le=10)] = 1.0
-
-
-class TemperatureGuardTable(Table):
-    """`[guards.temperature]` of the drives, °C, where they tell it."""
-
-    reaction: Literal["hold", "warn"] = "hold"
-    limit: Annotated[float, Field(gt=0, le=150)] = 75.0
-    hysteresis: NotNegative = 5.0
-    age: Annotated[float, Field(gt=0, le=600)] = 30.0
-
-
-class BusErrorsGuardTable(Table):
-    """`[guards.bus_errors]`: bus cycles in a second that brought no whole sample of a winch."""
-
-    reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "warn"
-    lost: Annotated[int, Field(ge=0, le=500)] = 25
-
-
-class HostLoopGuardTable(Table):
-    """`[guards.host_loop]`: this computer came late."""
-
-    reaction: Literal["hold", "quick-stop", "warn"] = "hold"
-    late: Annotated[float, Field(gt=0, le=10)] = 0.25
-
-
-class DiskGuardTable(Table):
-    """`[guards.disk]`: bytes that must be free."""
-
-    reaction: Literal["hold", "warn"] = "hold"
-    spare: NotNegative = 200e6
-
-
-class ClockStepGuardTable(Table):
-    """`[guards.clock_step]`: the time of day was set while running."""
-
-    reaction: Literal["hold", "warn"] = "warn"
-
-
-class GuardsTable(Table):
-    """`[guards]`: what each guard does when it trips, and when that is.
-
-    What protects robot and people (drive, stale winch, tension) always stops; "warn" is for what only spoils a record.
-    """
-
-    drive: DriveGuardTable = DriveGuardTable()
-    stale_winch: StaleGuardTable = StaleGuardTable()
-    tension: TensionGuardTable = TensionGuardTable()
-    marker: MarkerGuardTable = MarkerGuardTable()
-    slip: SlipGuardTable = SlipGuardTable()
-    following_error: FollowingErrorGuardTable = FollowingErrorGuardTable()
-    temperature: TemperatureGuardTable = TemperatureGuardTable()
-    bus_errors: BusErrorsGuardTable = BusErrorsGuardTable()
-    host_loop: HostLoopGuardTable = HostLoopGuardTable()
-    disk: DiskGuardTable = DiskGuardTable()
-    clock_step: ClockStepGuardTable = ClockStepGuardTable()
-
-
 class RigTable(Table):
     """The whole file."""
 
@@ -273,9 +175,9 @@ class RigTable(Table):
     guards: GuardsTable = GuardsTable()
     simulated_hand: HandTable | None = None
     every_winch: dict[str, object] = Field(default_factory=dict[str, object])
-    release: dict[str, object] | None = None
-    load_cells: dict[str, object] | None = None
-    inclinometer: dict[str, object] | None = None
+    release: ReleaseTable | None = None
+    load_cells: SeveralLoadCells = Field(default_factory=list[LoadCellsTable])
+    inclinometer: InclinometerTable | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -288,9 +190,6 @@ class RigTable(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> "RigTable":
-        for key in ("release", "load_cells", "inclinometer"):
-            if getattr(self, key) is not None:
-                raise ValueError(f"{key}: serial devices are not read by this version; take the table out")
         for key in ("name", "node_id"):
             taken: set[object] = set()
             for number, winch in enumerate(self.winch, start=1):

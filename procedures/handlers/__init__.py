@@ -6,6 +6,7 @@ from typing import Any
 
 from procedures.handlers.hand import ask, await_hands_off
 from procedures.handlers.motion import enable, hold, move_to
+from procedures.handlers.release import await_held, let_go, take_hold
 from procedures.handlers.rest import check_tension, read_encoders, settle
 from procedures.handlers.window import accept, check_window, give_up, note, record, reject
 from procedures.stand import Stand
@@ -13,11 +14,13 @@ from procedures.steps import (
     Accept,
     Ask,
     AwaitHandsOff,
+    AwaitHeld,
     CheckTension,
     CheckWindow,
     Enable,
     GiveUp,
     Hold,
+    LetGo,
     MoveTo,
     Note,
     ReadEncoders,
@@ -26,6 +29,7 @@ from procedures.steps import (
     Result,
     Settle,
     Step,
+    TakeHold,
 )
 
 Handler = Callable[[Stand, Any], Awaitable[Result]]
@@ -39,6 +43,9 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         ReadEncoders: read_encoders,
         CheckTension: check_tension,
         Ask: ask,
+        TakeHold: take_hold,
+        AwaitHeld: await_held,
+        LetGo: let_go,
         AwaitHandsOff: await_hands_off,
         Record: record,
         CheckWindow: check_window,

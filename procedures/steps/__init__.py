@@ -6,6 +6,7 @@ sent the `Result` of each; a reader without hardware sends `step.expected`. Leng
 
 from procedures.steps.base import AfterPause, Lengths, Phase, Procedure, Result, Step, Steps
 from procedures.steps.person import Ask, AwaitHandsOff
+from procedures.steps.release import AwaitHeld, LetGo, TakeHold
 from procedures.steps.robot import CheckTension, Enable, Hold, MoveTo, ReadEncoders, Settle, longest_way, travel_time
 from procedures.steps.window import Accept, CheckWindow, GiveUp, Note, Record, Reject, Stop, WindowLimits
 
@@ -14,12 +15,14 @@ __all__ = [
     "AfterPause",
     "Ask",
     "AwaitHandsOff",
+    "AwaitHeld",
     "CheckTension",
     "CheckWindow",
     "Enable",
     "GiveUp",
     "Hold",
     "Lengths",
+    "LetGo",
     "MoveTo",
     "Note",
     "Phase",
@@ -32,6 +35,7 @@ __all__ = [
     "Step",
     "Steps",
     "Stop",
+    "TakeHold",
     "WindowLimits",
     "longest_way",
     "travel_time",

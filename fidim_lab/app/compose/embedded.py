@@ -13,6 +13,7 @@ from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan
@@ -43,11 +44,14 @@ class Ports:
     bus: int = 0
     motion_capture: int = 0
     hand: int = 0
+    serial: str = ""
+    """folder of the pseudo terminals of serial devices"""
 
     @property
     def text(self) -> str:
         """As `fidim simulators --ports` takes it."""
-        return f"{self.bus},{self.motion_capture},{self.hand}"
+        numbers = f"{self.bus},{self.motion_capture},{self.hand}"
+        return f"{numbers},{self.serial}" if self.serial else numbers
 
 
 def free_ports() -> Ports:
@@ -73,7 +77,15 @@ def rehearsal_file(file: RigFile, ports: Ports) -> RigFile:
         motion_capture=_motion_capture(file, ports.motion_capture),
         guards={name: _patient_guard(name, guard) for name, guard in file.guards.items()},
         hand=HandEntry(HOST, ports.hand),
+        release=None if file.release is None else replace(file.release, **_patient_line(ports, 0)),
+        gauges=tuple(replace(gauge, **_patient_line(ports, k)) for k, gauge in enumerate(file.gauges, start=1)),
     )
+
+
+def _patient_line(ports: Ports, number: int) -> dict[str, Any]:
+    """A serial device under a name of this rehearsal, number 0 being the release."""
+    port = str(Path(ports.serial) / f"serial{number}")
+    return {"port": port, **({"age": PATIENCE} if number else {"timeout": PATIENCE, "watchdog": PATIENCE})}
 
 
 def patient_settings(settings: Settings) -> Settings:
@@ -93,8 +105,8 @@ async def embedded_devices(file: RigFile, plan: Plan, seed: int, hide: tuple[str
     The robot rests at the plan's first lengths. Raises HardwareError with what the child said where it cannot serve.
     The child ends with this process, however that ends: it is told by its standard input.
     """
-    ports = free_ports()
     with tempfile.TemporaryDirectory(prefix="fidim-embedded-") as folder:
+        ports = replace(free_ports(), serial=folder)
         start = Path(folder) / "start.toml"
         write_plan(start, plan)
         effects = [part for effect in hide for part in ("--hide", effect)]

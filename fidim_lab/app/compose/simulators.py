@@ -17,6 +17,7 @@ from drivers.clock import LoopClock
 from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.compose.simulated import GRAIN, simulated_world
 from fidim_lab.app.compose.simulated_motion_capture import MocapSender, mocap_sender
+from fidim_lab.app.compose.simulated_serial import SerialSimulators, run_serial_simulators, serial_simulators
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan
 from fidim_lab.data.rig import BusEntry, RigFile
@@ -45,27 +46,38 @@ class SimulatedDevices:
     served: ServedBus
     drives: tuple[SimulatedDrive, ...]
     motion_capture: MocapSender
+    serial: SerialSimulators = ()
 
     async def pull(self, plug: str) -> str:
         """Pull a plug, and say so; raises SetupError for one that there is not.
 
-        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "fault K": overcurrent.
+        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "fault K": overcurrent;
+        "serial K": of the release or a measuring device, in the order of the file; "serial K again": back in.
         """
         match plug.split():
             case ["bus"]:
                 self._unplug_bus()
             case ["mocap"]:
                 await self.motion_capture.close()
+            case ["serial", number, *again] if number in self._lines and again in ([], ["again"]):
+                line = self.serial[int(number) - 1].line
+                (line.plug if again else line.unplug)()
             case ["drive" | "fault" as what, number] if number in self._numbers:
                 self._strike(self.drives[int(number) - 1], what)
             case _:
                 known = f"bus, mocap, drive K or fault K with K from {', '.join(self._numbers)}"
+                if self.serial:
+                    known += f"; serial K with K from {', '.join(self._lines)}"
                 raise SetupError(f"{plug!r}: no such plug.", hint=f"There are: {known}.")
         return f"pulled: {plug}"
 
     @property
     def _numbers(self) -> tuple[str, ...]:
         return tuple(str(k) for k in range(1, len(self.drives) + 1))
+
+    @property
+    def _lines(self) -> tuple[str, ...]:
+        return tuple(str(k) for k in range(1, len(self.serial) + 1))
 
     def _unplug_bus(self) -> None:
         with self.served.paused():
@@ -104,7 +116,9 @@ async def simulated_devices(
             hand = HandServer(laboratory.hand(clock), file.hand.host, file.hand.port)
             stack.push_async_callback(hand.close)
             await hand.start()
-        yield SimulatedDevices(file, start, bus, served, drives, mocap)
+        serial = serial_simulators(file, laboratory, clock)
+        await run_serial_simulators(stack, serial)
+        yield SimulatedDevices(file, start, bus, served, drives, mocap, serial)
 
 
 def _start(file: RigFile, plan: Plan | None, seed: int) -> PerCable:

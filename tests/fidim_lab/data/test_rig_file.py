@@ -76,6 +76,34 @@ def changed(tmp_path):
     return change
 
 
+HAND = "[simulated_hand]"
+RELEASE = """[release]
+port = "serial/release"
+hold = "ON\\r"
+release = "\\u00A0\\u0001"
+ask = "?\\r"
+holds = "COIL 1"
+released = "COIL 0"
+"""
+CELLS = """[[load_cells]]
+port = "/dev/ttyUSB1"
+pattern = "{1};{2};{4} kg"
+unit = "kg"
+rate = 50.0
+offset = 0.5
+[[load_cells]]
+port = "COM3"
+pattern = "ST,{*},{3} N"
+unit = "N"
+rate = 10.0
+[inclinometer]
+port = "socket://10.0.0.5:4001"
+pattern = "{x},{y}"
+unit = "deg"
+rate = 20.0
+ask = "READ\\n"
+"""
+
 WRONG = {
     "format": (
         '"fidim-rig/1"',
@@ -123,8 +151,39 @@ WRONG = {
         'reaction = "warn"\nslack',
         "Input should be 'hold' or 'quick-stop'",
     ),
-    "serial": ("[simulated_hand]", "[release]\nport = 'x'\n[simulated_hand]", "release: serial devices are not read"),
+    "release incomplete": (HAND, f"[release]\nport = 'x'\n{HAND}", "release, hold: is missing"),
+    "release commands": (HAND, RELEASE.replace("?", "ON") + HAND, "hold, release, ask: are not three different"),
+    "release answers": (HAND, RELEASE.replace("COIL 1", "COIL 0") + HAND, "holds, released: the answers must differ"),
+    "release watchdog": (HAND, RELEASE + f"watchdog = 0.2\n{HAND}", "watchdog: 0.2 s, must be at least three periods"),
+    "release letters": (HAND, RELEASE.replace("?", "€") + HAND, "a letter beyond one byte"),
+    "cell of no cable": (HAND, CELLS.replace("{4}", "{7}") + HAND, "load_cells, pattern: {7} in"),
+    "cable with two cells": (HAND, CELLS.replace("{3}", "{1}") + HAND, "there are {3}"),
+    "cells without numbers": (HAND, CELLS.replace("{3}", "") + HAND, "names no number, such as {3}"),
+    "cells' unit": (HAND, CELLS.replace('"kg"', '"stone"') + HAND, "load_cells 1, unit: Input should be"),
+    "cells too slow": (HAND, CELLS.replace("10.0\n", "1.0\n") + HAND, "age: 0.5 s, must be at least 2 s"),
+    "one axis": (HAND, CELLS.replace("{x},", "") + HAND, "inclinometer, pattern: '{y}' must name {x} and {y}"),
 }
+
+
+def test_serial_devices_are_si(changed):
+    file = read_rig(changed(HAND, RELEASE + CELLS + HAND))
+    assert file.release is not None
+    assert (file.release.hold, file.release.release, file.release.ask) == (b"ON\r", b"\xa0\x01", b"?\r")
+    assert (file.release.holds, file.release.released, file.release.baud) == ("COIL 1", "COIL 0", 9600)
+    assert file.release.port == str(file.path.parent / "serial/release")
+    one, two, tilt = file.gauges
+    assert one.columns == {"1": "f1", "2": "f2", "4": "f4"}
+    assert (one.scale, one.offset, one.port) == (9.80665, 0.5, "/dev/ttyUSB1")
+    assert (two.columns, two.port, two.scale) == ({"3": "f3"}, "COM3", 1.0)
+    assert tilt.columns == {"x": "incl_x", "y": "incl_y"}
+    assert tilt.scale == pytest.approx(0.0174533, rel=1e-5)
+    assert (tilt.ask, tilt.port) == (b"READ\n", "socket://10.0.0.5:4001")
+
+
+def test_one_table_of_load_cells_will_do(changed):
+    single = CELLS[: CELLS.index("[[load_cells]]", 5)].replace("[[load_cells]]", "[load_cells]")
+    (cells,) = read_rig(changed(HAND, single + HAND)).gauges
+    assert list(cells.columns.values()) == ["f1", "f2", "f4"]
 
 
 @pytest.mark.parametrize("case", WRONG)
