@@ -18,7 +18,7 @@ from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.columns import FRAME_SWAY, WindowColumns, frequency_of, scored_places, waves
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.mismatch.resonance import swings
-from fidim_lab.model.batch import over_samples
+from fidim_lab.model.batch import evaluate, over_samples
 from fidim_lab.model.forcing import sightings
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
@@ -112,7 +112,7 @@ class SprungScorer:
         t = node_times(one).reshape(-1, 1)
         flat = (t, one.positions[0], one.rotations[0].reshape(-1, 9), one.moving[0])
         constants = one.constants_at_nodes(shared).reshape(len(t), -1)
-        table = over_samples(derivatives(self._pushed), len(t), *flat, constants)[1]
+        table = evaluate(derivatives(self._pushed).over(len(t)), *flat, constants)[1]
         force = table.reshape(len(t), one.moving.shape[-1], -1)[:, :6, -3:]
         further = np.concatenate([force @ waves(f, t[:, 0]) for f in self._frequencies], axis=-1)
         nothing = np.zeros((1, 6 + one.moving.shape[-1], len(simulation.point.shared) + further.shape[-1]))

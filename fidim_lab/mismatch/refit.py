@@ -22,15 +22,13 @@ from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.mismatch.sprung import begins_anew, stiffest
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import BODY, derivatives, refuse_unknown
+from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown
 from fidim_lab.model.sensitivity.starts import tied
 
 NOT_FOUND = 0.5
 """s; a prediction that is lost earlier tells of its start, not of the model"""
 ROUNDS = 3
 """how often parameters may be put back on their bounds"""
-WORTH_BUILDING = 12_000
-"""instructions beyond which a C compiler takes longer (6 to 40 s) than it saves"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,15 +213,12 @@ def _guess_of_springs(completed: Completed, recording: Recording) -> Guess | Non
 
 
 def _mechanism(ground: Ground, donor: Fit, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray]) -> Mechanism:
-    """The model with the effects; as machine code where many and long windows repay the compiler's time."""
+    """The model with the effects."""
     base = ground.likelihood.mechanism
     effects, theta = tuple(h.effect for h in tried), np.concatenate([np.zeros(0), *starts]).tolist()
     if any(stretches(effect) for effect in effects) and (donor.likelihood.mechanism.springs or donor.excess >= NEAR):
         return Mechanism(base.robot, effects, theta, native=base.native, springs=True)
-    plain = Mechanism(base.robot, effects, theta)
-    if not (base.native and ground.whole) or derivatives(plain).n_instructions() > WORTH_BUILDING:
-        return plain
-    return Mechanism(base.robot, effects, theta, native=True)
+    return Mechanism(base.robot, effects, theta, native=base.native)
 
 
 def _bounds(tried: Sequence[Hypothesis], context: Context) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,11 @@
 """Compiled C for CasADi functions, built once per machine and kept; the same digits about fifteen times faster.
 
 Optional: without a C compiler CasADi's own virtual machine computes the same, and a warning is logged once per build.
-Worth its second or two of building for fits and designs, hence asked for by `Mechanism(robot, native=True)`.
+Two ways to use it, both asked for by `Mechanism(robot, native=True)`:
+
+    built(function)     waits for the compiler: where one function is called for the rest of the command
+    Kernel.of(function) does not: the virtual machine computes until the library is there. For fits, which make a
+                        kernel for each set of effects, most of them used for a second or two
 """
 
 import hashlib
@@ -10,17 +14,31 @@ import os
 import platform
 import shutil
 import subprocess
-import tempfile
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
+from threading import Thread
+from typing import Self
 
 import casadi as ca
 
-FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
-"""no fused multiply-add: the digits of the virtual machine"""
+FLAGS = ("-Og", "-ffp-contract=off", "-fPIC", "-shared")
+"""no fused multiply-add: the digits of the virtual machine. Such straight-line code runs no faster with -O2, which
+compiles for twice as long"""
+HASTY = ("-O0", *FLAGS[1:])
+"""for functions of tens of thousands of operations: an eighth of the compiler's time, a third of the speed"""
+LARGE = 20_000
+"""operations from which haste pays"""
 
 PATIENCE = 120.0
 """s for one build"""
+
+COMPILE = """out=$1; shift
+mkdir -p -m 700 "$(dirname "$out")" && "$@" -x c - -o "$out.$$" && mv -f "$out.$$" "$out" && exit
+status=$?; rm -f "$out.$$"; exit $status"""
+"""of a shell: beside the destination and moved into place, so that two processes may build at once, and so that a build
+ends well though the command that began it has ended"""
 
 _log = logging.getLogger(__name__)
 
@@ -41,31 +59,85 @@ def built(function: ca.Function) -> ca.Function:
 
     Without derivatives: build a function that returns them, and pass that one through here.
     """
-    generator = ca.CodeGenerator(function.name())
-    generator.add(function)
-    source: str = generator.dump()
-    key = hashlib.sha256("\0".join([source, *FLAGS, platform.platform(), version("casadi")]).encode()).hexdigest()
-    library = cache_folder() / f"{function.name()}-{key[:24]}.so"
+    kernel = Kernel.of(function)
+    kernel.wait()
+    return kernel.now()
+
+
+@dataclass(eq=False)
+class Kernel:
+    """A function that is machine code as soon as its library is there; not frozen, for that moment changes it."""
+
+    function: ca.Function
+    """in CasADi's virtual machine; machine code once that could be loaded"""
+    library: Path
+    build: Thread | None
+    """None: there is nothing to wait for"""
+    _derived: dict[Hashable, ca.Function] = field(default_factory=dict[Hashable, ca.Function])
+
+    @classmethod
+    def of(cls, function: ca.Function, *, native: bool = True) -> Self:
+        """From the cache, or with its build begun; without `native` the function as it is."""
+        if not native:
+            return cls(function, Path(), None)
+        generator = ca.CodeGenerator(function.name())
+        generator.add(function)
+        source: str = generator.dump()
+        flags = HASTY if function.n_instructions() > LARGE else FLAGS
+        key = hashlib.sha256("\0".join([source, *flags, platform.platform(), version("casadi")]).encode()).hexdigest()
+        library = cache_folder() / f"{function.name()}-{key[:24]}.so"
+        if library.exists():
+            return cls(_loaded(function, library), library, None)
+        build = Thread(target=_build, args=(source, flags, library, function.name()), daemon=True)
+        build.start()
+        return cls(function, library, build)
+
+    def now(self) -> ca.Function:
+        """The fastest that there is at this moment; `class_name()` tells which."""
+        if self.build is not None and not self.build.is_alive():
+            self.build = None
+            if self.library.exists():
+                self.function = _loaded(self.function, self.library)
+                self._derived.clear()
+        return self.function
+
+    def derived(self, key: Hashable, make: Callable[[ca.Function], ca.Function]) -> ca.Function:
+        """`make` of the fastest there is, made once for each key: CasADi takes its time for maps and loops."""
+        function = self.now()
+        if key not in self._derived:
+            self._derived[key] = make(function)
+        return self._derived[key]
+
+    def over(self, samples: int) -> ca.Function:
+        """The function of so many samples at once."""
+        return self.derived(samples, lambda function: function.map(samples))
+
+    def wait(self) -> None:
+        """Until the build has ended, well or not."""
+        if self.build is not None:
+            self.build.join()
+
+
+def _loaded(function: ca.Function, library: Path) -> ca.Function:
     try:
-        if not library.exists():
-            _build(source, library)
         return ca.external(function.name(), str(library))
-    except (OSError, subprocess.SubprocessError, RuntimeError) as error:
-        _log.warning("%s runs about 15 times slower, without compiled C: %s", function.name(), error)
+    except RuntimeError as error:  # CasADi's own for a library that cannot be loaded
+        _say_slow(function.name(), error)
         return function
 
 
-def _build(source: str, library: Path) -> None:
-    """Compile beside the destination and move into place, so that two processes may build at once."""
-    tool = compiler()
-    if tool is None:
-        raise FileNotFoundError("no C compiler (cc, gcc or clang) on the PATH")
-    library.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    # A warning, for it is to be seen on stderr without any set-up of logging: the command pauses here for seconds.
-    what, by = library.stem.rsplit("-", 1)[0], Path(tool).name
-    _log.warning("compiling %s with %s, once for this model (some seconds); kept in %s", what, by, library.parent)
-    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-        text, made = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
-        text.write_text(source, encoding="utf-8")
-        subprocess.run([tool, *FLAGS, str(text), "-o", str(made)], check=True, capture_output=True, timeout=PATIENCE)
-        made.replace(library)
+def _build(source: str, flags: tuple[str, ...], library: Path, name: str) -> None:
+    """Compile into the cache; says so where it cannot."""
+    try:
+        tool = compiler()
+        if tool is None:
+            raise FileNotFoundError("no C compiler (cc, gcc or clang) on the PATH")
+        _log.info("compiling %s with %s, once for this model; kept in %s", name, Path(tool).name, library.parent)
+        command = ["/bin/sh", "-c", COMPILE, "compile", str(library), tool, *flags]
+        subprocess.run(command, input=source.encode(), check=True, capture_output=True, timeout=PATIENCE)
+    except (OSError, subprocess.SubprocessError) as error:
+        _say_slow(name, error)
+
+
+def _say_slow(name: str, error: Exception) -> None:
+    _log.warning("%s runs about 15 times slower, without compiled C: %s", name, error)

@@ -23,7 +23,7 @@ from fidim_lab.identification.mle.possible import nearest_possible, scales
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import spring_prior, with_springs
 from fidim_lab.identification.mle.stages import EARLY, FAR_PRIOR, HORIZONS, Journey, grow
-from fidim_lab.identification.mle.start import Guess, as_states, first_guess
+from fidim_lab.identification.mle.start import Guess, as_states, first_guesses
 from fidim_lab.identification.refusals import together
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -228,18 +228,18 @@ def _guessed(
 ) -> tuple[tuple[Recording, ...], tuple[Guess, ...], dict[str, str]]:
     """Recordings with their first guesses, and the windows that have none."""
     recordings: list[Recording] = []
-    guesses: list[Guess] = []
     unused: dict[str, str] = {}
     for window in windows:
         try:
-            recording = prepare(window, mechanism.robot)
-            guess = first_guess(mechanism, body, recording, theta)
+            recordings.append(prepare(window, mechanism.robot))
         except RefusedError as refusal:
             unused[window.id] = str(refusal)
-            continue
-        recordings.append(recording)
-        guesses.append(guess)
-    if not recordings:
+    found = first_guesses(mechanism, body, recordings, theta)
+    guesses = tuple(guess for guess in found if isinstance(guess, Guess))
+    kept = tuple(recording for recording, guess in zip(recordings, found, strict=True) if isinstance(guess, Guess))
+    refused = zip(recordings, found, strict=True)
+    unused |= {one.window.id: str(refusal) for one, refusal in refused if isinstance(refusal, RefusedError)}
+    if not kept:
         reasons = together(unused) or "there is none"
         raise RefusedError(f"No window of role 'identify' can be used: {reasons}")
-    return tuple(recordings), tuple(guesses), unused
+    return kept, guesses, unused

@@ -25,7 +25,7 @@ from fidim_lab.model.elastic import compliant_cables, spring_tensions
 from fidim_lab.model.equations import MotionEquations, Solver, Symbols, motion_equations
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.native import built
+from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.elimination import Elimination
 from fidim_lab.model.slots import Effect
 
@@ -59,14 +59,13 @@ def slopes(mechanism: Mechanism) -> ca.Function:
     return mechanism.compiled("sensitivity: slopes", _compile_slopes)
 
 
-def derivatives(mechanism: Mechanism) -> ca.Function:
+def derivatives(mechanism: Mechanism) -> Kernel:
     """The same inputs → [v̇; ξ̇; τ], and d[v̇; ξ̇] / d[δp; δφ; δv; δω; δξ; constants] row by row.
 
-    Made once for each mechanism; machine code for a native one.
+    Made once for each mechanism; machine code, some time after the first call, for a native one.
     """
     return mechanism.compiled(
-        "sensitivity: derivatives",
-        lambda made: built(_compile_derivatives(made)) if made.native else _compile_derivatives(made),
+        "sensitivity: derivatives", lambda made: Kernel.of(_compile_derivatives(made), native=made.native)
     )
 
 

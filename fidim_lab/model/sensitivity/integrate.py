@@ -14,12 +14,9 @@ from fidim_lab.arrays import Series
 from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.native import built
+from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.equations import slopes
 from fidim_lab.model.sensitivity.grid import Grid
-
-LARGE = 6000
-"""operations of the slopes (four rigid cables: about 2000) beyond which a step calls them instead of containing them"""
 
 STAGES = DOP853.n_stages
 # scipy's stubs do not know the tableau
@@ -124,9 +121,8 @@ def integrate(
     `Trajectories.first_slack`. Never raises for the physics: NaN instead.
     """
     count, nodes, t = len(states.positions), grid.nodes, grid.t
-    loop = mechanism.compiled(
-        f"sensitivity: {count} windows, {nodes} nodes",
-        lambda made: _step_of(made).mapaccum("motion", nodes, {"base": 8}).map(count),
+    loop = step_of(mechanism).derived(
+        (count, nodes), lambda step: step.mapaccum("motion", nodes, {"base": 8}).map(count)
     )
     timing = np.empty((count, nodes, 2))
     timing[..., 0] = begins[:, np.newaxis] + t
@@ -156,24 +152,23 @@ def node_times(trajectories: Trajectories) -> Series:
     return (trajectories.begins[:, np.newaxis] + trajectories.grid.t).ravel()
 
 
-def _step_of(mechanism: Mechanism) -> ca.Function:
-    def make(made: Mechanism) -> ca.Function:
-        if slopes(made).n_instructions() > LARGE:
-            return _compose_step(made)
-        return built(_compile_step(made)) if made.native else _compile_step(made)
-
-    return mechanism.compiled("sensitivity: step", make)
+def step_of(mechanism: Mechanism) -> Kernel:
+    """One step from node to node; for a native mechanism machine code, some time after the first call."""
+    return mechanism.compiled("sensitivity: step", lambda made: Kernel.of(_compile_step(made), native=made.native))
 
 
-def _compose_step(mechanism: Mechanism) -> ca.Function:
-    """The same step calling the slopes instead of containing them: twelve copies would take minutes to build."""
-    solve = built(slopes(mechanism)) if mechanism.native else slopes(mechanism)
+def _compile_step(mechanism: Mechanism) -> ca.Function:
+    """(state 18 + E, [t, h], constants) → (state at t + h, [v̇; ξ̇; τ] at t); the state is [p; R row by row; v; ω; ξ].
+
+    It calls the slopes instead of containing them: twelve copies would take a C compiler ten times as long to build.
+    """
+    solve = slopes(mechanism)
     gibbs, spin, flat = ca.SX.sym("gibbs", 3), ca.SX.sym("spin", 3), ca.SX.sym("flat", 9)
     turned = rows(rotation_from_gibbs(gibbs) @ from_rows(flat, 3, 3))
     turn = function("turn", [gibbs, spin, flat], [turned, gibbs_rate(gibbs, spin)])
-    own = slopes(mechanism).numel_in(3)  # [v; ω; ξ]
+    own = solve.numel_in(3)  # [v; ω; ξ]
     state, timing = ca.MX.sym("state", 12 + own), ca.MX.sym("timing", 2)
-    constants = ca.MX.sym("constants", slopes(mechanism).numel_in(4))
+    constants = ca.MX.sym("constants", solve.numel_in(4))
     time, h, reference = timing[0], timing[1], state[3:12]
     start = ca.vertcat(state[:3], ca.MX.zeros(3), state[12:])
     found: list[ca.MX] = []
@@ -188,31 +183,3 @@ def _compose_step(mechanism: Mechanism) -> ca.Function:
     end = start + h * sum((float(c) * slope for c, slope in zip(WEIGHTS, found, strict=True)), ca.MX.zeros(6 + own))
     after = ca.vertcat(end[:3], turn(end[3:6], end[9:12], reference)[0], end[6:])
     return ca.Function("eighth_order_step", [state, timing, constants], [after, outputs[0]])
-
-
-def _compile_step(mechanism: Mechanism) -> ca.Function:
-    """(state 18 + E, [t, h], constants) → (state at t + h, [v̇; ξ̇; τ] at t); the state is [p; R row by row; v; ω; ξ]."""
-    solve = slopes(mechanism)
-    own = solve.numel_in(3)  # [v; ω; ξ]
-    state, timing = ca.SX.sym("state", 12 + own), ca.SX.sym("timing", 2)
-    constants = ca.SX.sym("constants", solve.numel_in(4))
-    time, h = timing[0], timing[1]
-    reference = from_rows(state[3:12], 3, 3)
-    start = ca.vertcat(state[:3], ca.SX.zeros(3), state[12:])  # [p; g; v; ω; ξ]
-    found: list[ca.SX] = []
-    outputs: list[ca.SX] = []
-    for node, coefficients in zip(NODES, COEFFICIENTS, strict=True):
-        at = start + h * _combined(coefficients, found, 6 + own)
-        rotation = rotation_from_gibbs(at[3:6]) @ reference
-        output = solve(time + float(node) * h, at[:3], rows(rotation), at[6:], constants)
-        outputs.append(output)
-        found.append(ca.vertcat(at[6:9], gibbs_rate(at[3:6], at[9:12]), output[:own]))
-    end = start + h * _combined(WEIGHTS, found, 6 + own)
-    after = ca.vertcat(end[:3], rows(rotation_from_gibbs(end[3:6]) @ reference), end[6:])
-    return function("eighth_order_step", [state, timing, constants], [after, outputs[0]])
-
-
-def _combined(coefficients: np.ndarray, found: list[ca.SX], size: int) -> ca.SX:
-    """Σ c_i k_i over the stages so far; zeros of the tableau cost nothing."""
-    terms = (float(c) * slope for c, slope in zip(coefficients, found, strict=False) if c != 0)
-    return sum(terms, ca.SX.zeros(size))

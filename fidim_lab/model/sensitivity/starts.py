@@ -200,7 +200,7 @@ class _Quantities:
 def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins: Begins) -> _Quantities:
     count, springs = len(states.positions), len(sprung(mechanism))
     held, n = mechanism.n - springs, mechanism.n
-    compiled = mechanism.compiled("sensitivity: starts", _compile_starts)
+    compiled = compiled_starts(mechanism)
     found = evaluate(
         mechanism.compiled(f"sensitivity: {count} starts", lambda _: compiled.map(count)),
         begins,
@@ -215,6 +215,11 @@ def _quantities(mechanism: Mechanism, shared: np.ndarray, states: States, begins
     shapes = [(n,), (n, wide), (held, 6), (held,), (held, narrow), (springs,), (springs, wide)]
     shapes += [(springs,), (springs, narrow), (springs, 6), (extra,), (extra, 6 + narrow)]
     return _Quantities(*(x.reshape(count, *shape) for x, shape in zip(found, shapes, strict=True)))
+
+
+def compiled_starts(mechanism: Mechanism) -> ca.Function:
+    """(time, position, rotation row by row, twist, shared, tensions of springs, astray) → what `_Quantities` holds."""
+    return mechanism.compiled("sensitivity: starts", _compile_starts)
 
 
 def _astray(mechanism: Mechanism, states: States) -> Float[np.ndarray, "W extra"]:

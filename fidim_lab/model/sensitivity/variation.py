@@ -87,7 +87,7 @@ def _linearised(
     count, nodes = trajectories.positions.shape[:2]
     samples = count * nodes
     _, flat = evaluate(
-        mechanism.compiled(f"sensitivity: {samples} derivatives", lambda made: derivatives(made).map(samples)),
+        derivatives(mechanism).over(samples),
         node_times(trajectories),
         trajectories.positions,
         trajectories.rotations,

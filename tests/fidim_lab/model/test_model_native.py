@@ -11,7 +11,12 @@ from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
-from fidim_lab.model.native import built, cache_folder, compiler
+from fidim_lab.model.native import Kernel, built, cache_folder, compiler
+from fidim_lab.model.sensitivity.equations import derivatives
+from fidim_lab.model.sensitivity.grid import QUICK, Grid
+from fidim_lab.model.sensitivity.integrate import States, integrate, step_of
+from fidim_lab.model.sensitivity.starts import linearised_starts
+from fidim_lab.model.sensitivity.variation import variations
 
 
 @pytest.fixture
@@ -27,7 +32,8 @@ def square():
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler here")
 def test_a_built_function_is_kept_and_needs_no_compiler_again(cache, monkeypatch, caplog):
-    first = built(square())
+    with caplog.at_level(logging.INFO):
+        first = built(square())
     (said,) = caplog.messages
     assert "compiling square with" in said
     assert str(cache) in said
@@ -69,3 +75,40 @@ def test_a_native_simulation_has_the_same_digits(paper, cache):
     np.testing.assert_array_equal(slow.tensions, fast.tensions)
     assert len(list(cache.glob("motion_step-*.so"))) == 1
     assert pickle.loads(pickle.dumps(native)).native
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+def test_a_kernel_is_used_while_it_is_built(cache):
+    kernel = Kernel.of(square())
+    given = np.array([[0.3, 0.5], [0.7, 0.1]])
+    before = kernel.over(2)(given).full() if kernel.build is not None else square().map(2)(given).full()
+    kernel.wait()
+    assert kernel.now().class_name() == "External"
+    np.testing.assert_array_equal(kernel.over(2)(given).full(), before)
+    assert kernel.over(2) is kernel.over(2)
+
+
+def test_a_kernel_that_is_not_asked_for_is_the_function(cache):
+    function = square()
+    assert Kernel.of(function, native=False).now() is function
+    assert not cache.exists()
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+def test_native_trajectories_and_their_derivatives_have_the_same_digits(paper, cache):
+    body = paper.robot.nominal
+    rest = pose_from_lengths(paper, body, np.array([1.38, 1.39, 1.36, 1.32]))
+    twist = 0.3 * modes(paper, body, rest).shapes.sum(axis=1)
+    states = States(rest.pose.position[np.newaxis], rest.pose.rotation[np.newaxis], twist[np.newaxis])
+    grid, begins, found = Grid.covering(2.0, QUICK), np.zeros(1), []
+    for made in (Mechanism(paper.robot), Mechanism(paper.robot, native=True)):
+        step_of(made).wait()
+        derivatives(made).wait()
+        trajectories = integrate(made, body.vector, states, grid, begins)
+        starts = linearised_starts(made, body.vector, states, begins)
+        found.append((trajectories, variations(made, trajectories, body.vector, starts.states_by)))
+    (slow, slow_by), (fast, fast_by) = found
+    assert len(list(cache.glob("*.so"))) == 2
+    np.testing.assert_array_equal(slow.positions, fast.positions)
+    np.testing.assert_array_equal(slow.tensions, fast.tensions)
+    np.testing.assert_array_equal(slow_by.poses, fast_by.poses)
