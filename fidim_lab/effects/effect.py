@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from fidim_lab.data.records import Robot
 from fidim_lab.effects.plausibility import Context, Limit
 from fidim_lab.model.slots import Effect
 
@@ -54,6 +55,14 @@ class NamedEffect(Effect):
 
     cable: int | None = None
     """1-based; None where it concerns all cables, or none"""
+
+    def wider(self, values: np.ndarray, robot: Robot) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
+        """More general forms of this effect, with θ from which to fit them, once it was fitted with these values.
+
+        For what has no score of its own and is too much to scan: it is looked for where the simple form has led.
+        """
+        del values, robot
+        return ()
 
     @property
     def label(self) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from fidim_lab.effects.effect import Parameter
 from fidim_lab.model.slots import ExtraState
 
-FREQUENCIES = tuple(float(f) for f in np.round(np.arange(0.2, 6.05, 0.1), 3))
+FREQUENCIES = tuple(float(f) for f in np.round(np.arange(0.2, 10.05, 0.1), 3))
 """Hz: 10 s of recording tell 0.1 Hz apart"""
 
 PHASE = ExtraState("phase", "rad", spread=np.inf)

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import casadi as ca
+import numpy as np
 
+from fidim_lab.data.records import Robot
 from fidim_lab.effects.constant_force import SHARE_OF_WEIGHT
 from fidim_lab.effects.effect import NamedEffect, Parameter, vector
 from fidim_lab.effects.forces import at_arm
@@ -14,6 +16,10 @@ from fidim_lab.model.slots import PlatformState
 
 GOING_SLACK = 5e-3
 """m of stretch around 0 over which a hose begins to pull"""
+REACH = 0.7
+"""m below the entry points: about where a platform hangs"""
+RESTS = ((0.3, 1.0), (0.6, 1.0), (0.6, 0.6))
+"""shares of the length that are tried as rest lengths, and how near the end is then taken to be"""
 TRAVEL = 0.1
 """m that the platform moves at least: what a spring's force changes by must stay a disturbance"""
 STIFFNESS = Parameter("k", "N/m", "a stiffness is positive", scale=0.5, low=0.0, high=1000.0, start=2.0)
@@ -48,6 +54,26 @@ class Umbilical(NamedEffect):
         """h − k A − c Ȧ at A."""
         arm = state.rotation @ theta[5:]
         return at_arm(arm, theta[2:5] - theta[0] * (state.position + arm) - theta[1] * state.velocity(arm))
+
+    def wider(self, values: np.ndarray, robot: Robot) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """With a rest length of some parts of what the platform's middle is away from the end that was found.
+
+        A hose with a rest length pulls as if it were a weaker one without to a farther end.
+        """
+        k, c, place = values[0], values[1], values[5:]
+        if k <= 0:
+            return ()
+        middle = np.mean([cable.d for cable in robot.cables], axis=0)
+        below = np.array([0.0, 0.0, -REACH])
+        end = values[2:5] / k - middle
+        away = end - below
+        distance = float(np.linalg.norm(away))
+        starts = []
+        for share, nearer in RESTS:
+            near = below + nearer * away if distance > 0 else end
+            rest = share * float(np.linalg.norm(near - below))
+            starts.append(np.concatenate([[k / (1 - share), c], near, [rest], place]))
+        return tuple((UmbilicalWithRest(), np.clip(start, *UmbilicalWithRest().bounds())) for start in starts)
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """A hose carries no considerable part of the platform."""

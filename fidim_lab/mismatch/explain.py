@@ -4,7 +4,7 @@ A pipeline of stages, each of which hands one frozen value to the next:
 
     campaign → Cleaned (`clean`) → Baseline (`baseline`) → Cleaned (`audit`), and then a Baseline again
              → Selection (`select`) → Cleaned (`restored`), and where that changed once more Baseline and Selection
-             → Judged (`verdict`) → Explanation (`telling`, `unnamed`), as recorded (`aftermath`)
+             → Judged (`verdict`) → Explanation (`telling`, `timing`, `unnamed`), as recorded (`aftermath`)
 """
 
 from collections.abc import Callable
@@ -25,6 +25,7 @@ from fidim_lab.mismatch.select import select
 from fidim_lab.mismatch.soft_cables import compare
 from fidim_lab.mismatch.soft_telling import soft_answer
 from fidim_lab.mismatch.telling import tell
+from fidim_lab.mismatch.timing import with_timing
 from fidim_lab.mismatch.unnamed import with_unknown
 from fidim_lab.mismatch.verdict import judge
 
@@ -50,7 +51,7 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
         baseline = fit_baseline(audited.campaign, native=native, say=say)
         found = select(baseline, say)
     judged = judge(found)
-    told = tell(baseline, found, judged, perf_counter() - begin)
+    told = with_timing(tell(baseline, found, judged, perf_counter() - begin), judged.named.model)
     whole = with_unknown(told, judged.named.model, audited.campaign, say)
     whole = _with_soft_mode(whole, audited.campaign, say)
     return with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)

@@ -14,13 +14,11 @@ from fidim_lab.data.records import Robot
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.effect import NamedEffect, Parameter
 
-NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown")
-"""found by other means: screening, and what is left at the end"""
+NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown", "time-offset")
+"""found by other means: screening, what is left at the end, motor currents"""
 PERIODIC = ("periodic-force", "frame-sway")
 PERIODIC_SIZE = 6
 """parameters of a periodic hypothesis that have a score: sin and cos in x, y, z"""
-GAUGES = ("time-offset",)
-"""free motion does not see it: every window's start takes it up"""
 MOST_SCANNED = 20
 """scan points of one effect"""
 BROAD = 10.0
@@ -91,9 +89,17 @@ def hypotheses(robot: Robot) -> Hypotheses:
     return Hypotheses(tuple(direct), tuple(periodic), tuple(untested))
 
 
+def general(effect: NamedEffect, start: np.ndarray) -> Hypothesis:
+    """A more general form of an effect that was found, at what it starts from: only its amplitudes may be absent."""
+    scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
+    absent = start.copy()
+    absent[list(scored)] = 0.0
+    return Hypothesis(effect, absent, scored, np.array([BROAD * effect.parameters[k].scale for k in scored]))
+
+
 def _can_be_scored(effect: NamedEffect) -> bool:
     """A hose with a rest length has too many scan points."""
-    return effect.id not in (*PERIODIC, *GAUGES) and len(effect.scan_points) <= MOST_SCANNED
+    return effect.id not in PERIODIC and len(effect.scan_points) <= MOST_SCANNED
 
 
 def _at_scan_points(effect: NamedEffect) -> Iterable[Hypothesis]:
