@@ -1,8 +1,8 @@
 """The motion capture's clock against the winches': free motion does not see an offset, motor currents do.
 
 With locked motors every window's start takes up a shift of its markers' time. The currents of held motors follow the
-tensions of the fitted motion on the winches' own clock: i = a + b τ(t − offset) for each window and cable, a and b being
-free (losses and scale of currents are not known to some per cent). What all of them say together is the offset.
+tensions of the fitted motion on the winches' own clock, i = a + b τ(t − offset) for each window and cable, a and b
+being free (losses and scale of currents are not known to some per cent). What all of them say together is the offset.
 """
 
 from dataclasses import dataclass, replace
