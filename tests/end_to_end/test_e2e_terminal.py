@@ -84,7 +84,7 @@ def test_a_dry_run_by_keys_with_an_emergency_stop_left_and_attached_again(termin
     other.until("[d] done")
     while other.until("[d] done", "recording  ", "THE SERVICE HAS ENDED") == "[d] done":
         other.press("d", "3")
-    other.until("✓ pass", "THE SERVICE HAS ENDED", "not recording", "[d] done")
+    other.until("✓ pass", "THE SERVICE HAS ENDED", "the last recording", "[d] done")
     other.press("1")
     while other.until("[d] done", "THE SERVICE HAS ENDED") == "[d] done":
         other.press("d")

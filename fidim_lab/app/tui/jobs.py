@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
+from fidim_lab.app.tui.paint import span_of_time
 from fidim_lab.app.tui.papers import EXPLANATION, RESULT
 
 Work = Literal["identify", "explain"]
@@ -15,17 +16,23 @@ COMMAND = "import sys; from fidim_lab.app.cli import run; sys.exit(run(sys.argv[
 
 
 class Jobs:
-    """One job at a time, niced. `says` is what to show of it."""
+    """One job at a time, niced."""
 
     def __init__(self) -> None:
-        self.says = ""
+        self._doing = ""
+        self._begun = 0.0
+        self._failed = ""
         self._process: asyncio.subprocess.Process | None = None
 
-    async def run(self, work: Work, folder: Path) -> None:
+    def says(self, now: float) -> str:
+        """What to show of it at this time (s, any clock that `run` was given a time of)."""
+        return f"{self._doing} {span_of_time(now - self._begun)} …" if self._doing else self._failed
+
+    async def run(self, work: Work, folder: Path, now: float) -> None:
         """Run `fidim identify` or `fidim explain` on the folder, its answer beside the windows."""
         if self._process is not None and self._process.returncode is None:
             return
-        self.says = f"fidim {work} {folder.name}: computing …"
+        self._doing, self._begun = f"fidim {work} {folder.name}: computing since", now
         part = folder / f".{FILES[work]}.new"  # hidden: no part of the run, also where it is left behind
         self._process = process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-c", COMMAND, work, str(folder), "--json", str(part)),
@@ -41,7 +48,8 @@ class Jobs:
             part.replace(folder / FILES[work])
         said = [text for text in err.decode(errors="replace").splitlines() if text.startswith("fidim: ")]
         failed = f"✗ fidim {work}: {' '.join(said)[7:] or f'ended with exit code {process.returncode}'}"
-        self.says = failed if process.returncode and not (process.returncode == 1 and not said) else ""
+        self._doing = ""
+        self._failed = failed if process.returncode and not (process.returncode == 1 and not said) else ""
 
     def close(self) -> None:
         """End what is still computed."""

@@ -45,7 +45,7 @@ class MainScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Begin with the session."""
-        self._stage.turn(self, 0)
+        self._stage.turn(0)
 
     def on_key(self, event: events.Key) -> None:
         """A letter of the open prompt answers it, but not in the moment in which the prompt appears."""
@@ -54,11 +54,11 @@ class MainScreen(Screen[None]):
 
     def on_input_submitted(self) -> None:
         """The filter stands; the keys go back to the log."""
-        self._stage.turn(self, LOG)
+        self._stage.turn(LOG)
 
     def action_turn(self, index: int) -> None:
         """Another screen."""
-        self._stage.turn(self, index)
+        self._stage.turn(index)
         self._stage.draw(self._link.view())
 
     def action_choose(self, key: str) -> None:
@@ -82,7 +82,7 @@ class MainScreen(Screen[None]):
 
     def action_filter(self) -> None:
         """Type a filter of the log."""
-        self._stage.turn(self, LOG)
+        self._stage.turn(LOG)
         self._stage.filter.display = True
         self._stage.filter.focus()
 
@@ -90,11 +90,12 @@ class MainScreen(Screen[None]):
         """Leave the filter and forget it."""
         self._stage.filter.clear()
         self._stage.filter.display = False
-        self._stage.turn(self, self._stage.current)
+        self._stage.turn(self._stage.current)
 
     def action_work(self, work: Work) -> None:
         """Compute beside the screen, and show where its answer will be."""
-        folder = self._stage.folder(self._link.view())
+        view = self._link.view()
+        folder = self._stage.folder(view)
         if folder is not None:
             self.action_turn(TABS.index("Result" if work == "identify" else "Why"))
-            self.run_worker(self._stage.jobs.run(work, folder))
+            self.run_worker(self._stage.jobs.run(work, folder, view.now))

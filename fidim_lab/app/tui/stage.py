@@ -5,7 +5,6 @@ from pathlib import Path
 
 from textual.app import ComposeResult
 from textual.containers import Vertical
-from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Input
 
@@ -17,7 +16,7 @@ from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_
 from fidim_lab.app.tui.screens.log import log_lines
 from fidim_lab.app.tui.screens.result import result_lines
 from fidim_lab.app.tui.screens.rig import rig_lines
-from fidim_lab.app.tui.screens.session import session_lines
+from fidim_lab.app.tui.screens.session import CURRENT, session_lines
 from fidim_lab.app.tui.screens.why import why_lines
 from fidim_lab.app.tui.screens.window import window_lines
 from fidim_lab.app.tui.view import Trace, View
@@ -46,18 +45,20 @@ class Stage:
         self.keys = Board(id="keys", grow=True)
         self.filter = Input(id="filter", placeholder="words, -not these; Enter or Esc: back")
         self.boards = [Board(id=f"board-{name.lower()}", follow=name == "Log") for name in TABS]
+        self._room = ContentSwitcher(initial=self.boards[0].id)
         self._given = folder
         self._notice = ("", 0.0)
         self._papers = Papers()
         self._stamp: tuple[object, ...] = ()
         self._looked = -1.0
         self._drawn = -1.0
+        self._revealed: tuple[int | None, int] = (None, 0)
 
     def compose(self) -> ComposeResult:
         """State above, one of the screens, the prompt and the keys below."""
         yield self.state
         yield self.tabs
-        with ContentSwitcher(initial=self.boards[0].id):
+        with self._room:
             yield from self.boards[:-1]
             with Vertical(id="log-pane"):
                 yield self.filter
@@ -65,12 +66,12 @@ class Stage:
         yield self.prompt
         yield self.keys
 
-    def turn(self, screen: Screen[None], index: int) -> None:
+    def turn(self, index: int) -> None:
         """Show another part, and give it the keys."""
         self.current = index
         self._drawn = -1.0
         last = index == len(self.boards) - 1
-        screen.query_one(ContentSwitcher).current = "log-pane" if last else self.boards[index].id
+        self._room.current = "log-pane" if last else self.boards[index].id
         self.boards[index].focus()
 
     def tell(self, text: str, now: float) -> None:
@@ -99,22 +100,35 @@ class Stage:
             return
         self._drawn = view.now
         board = self.boards[self.current]
-        lines = self._lines(view, max(board.size.width - 1, 39), board.size.height)
+        room = self._room.size  # a board that was just turned to has no size of its own yet
+        lines = self._lines(view, max(room.width - 1, 39), room.height)
         live = TABS[self.current] in ("Session", "Rig", "Window")
         board.show(greyed(lines) if live and not view.fresh else lines)
+        self._reveal(board, view)
+
+    def _reveal(self, board: Board, view: View) -> None:
+        """The row of the present window comes into sight when it becomes the present one, or a prompt takes room."""
+        if TABS[self.current] != "Session":
+            return
+        rows = board.text.splitlines()
+        row = next((k for k, text in enumerate(rows) if text.startswith(CURRENT)), None)
+        now = row, board.size.height
+        if row is not None and now != self._revealed:
+            board.reveal(row)
+        self._revealed = now
 
     def _lines(self, view: View, width: int, height: int) -> list[Line]:
         match TABS[self.current]:
             case "Session":
-                return session_lines(view, width)
+                return session_lines(view, width, height)
             case "Rig":
                 return rig_lines(view, width)
             case "Window":
                 return window_lines(view, width, height, self.foresight.found, self.foresight.doubt)
             case "Result":
-                return result_lines(self._papers, width, self.jobs.says)
+                return result_lines(self._papers, width, self.jobs.says(view.now))
             case "Why":
-                return why_lines(self._papers, width, self.jobs.says)
+                return why_lines(self._papers, width, self.jobs.says(view.now))
             case _:
                 return log_lines(view, width, self.filter.value)
 

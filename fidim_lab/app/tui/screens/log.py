@@ -4,8 +4,24 @@ from fidim_lab.app.service.messages import Happening
 from fidim_lab.app.tui.paint import Line, Span, Style, left, line, wrapped
 from fidim_lab.app.tui.view import View
 
-STYLES: dict[str, Style] = {"e-stop": "alarm", "guard-tripped": "bad", "guard-warned": "warn", "prompt": "key"}
+STYLES: dict[str, Style] = {
+    "e-stop": "alarm",
+    "guard-tripped": "bad",
+    "guard-warned": "warn",
+    "prompt": "key",
+    "run-started": "head",
+    "run-finished": "head",
+}
 OUTCOMES: dict[str, Style] = {"pass": "good", "marginal": "warn", "fail": "bad", "error": "bad", "aborted": "bad"}
+MARKS = {"pass": "✓", "marginal": "~", "skipped": "–"}
+"""of an outcome; any other is ✗"""
+WORDS = {
+    "e-stop": "■ E-STOP:",
+    "guard-tripped": "✗ guard:",
+    "guard-warned": "! guard:",
+    "prompt": "?",
+    "reset": "○ reset",
+}
 NEWEST = 400
 """lines"""
 
@@ -32,9 +48,22 @@ def matches(event: Happening, wanted: str) -> bool:
 
 def _event(event: Happening, width: int) -> list[Line]:
     style = STYLES.get(event.kind) or OUTCOMES.get(event.outcome, "")
-    begin = f"{event.wall[11:19]}  {left(event.window, 6)} {left(event.kind, 15)} "
-    text = "" if event.kind == "step-finished" else event.text  # its beginning has said it
-    says = "  ".join(part for part in (text, event.outcome, event.reason) if part)
-    rows = wrapped(says, max(width - len(begin), 20)) or [""]
+    begin = f"{event.wall[11:19]}  {left(event.window, 5)}"
+    rows = wrapped(_says(event), max(width - len(begin) - 2, 20)) or [""]
     first = line(Span(begin, "dim"), Span(rows[0], style))
-    return [first, *(line(Span(" " * len(begin) + text, style)) for text in rows[1:])]
+    return [first, *(line(Span(" " * (len(begin) + 2) + text, style)) for text in rows[1:])]
+
+
+def _says(event: Happening) -> str:
+    """A mark instead of a word where one is enough: what comes most often is to be short."""
+    outcome = f"{MARKS.get(event.outcome, '✗')} {event.outcome}" if event.outcome else ""
+    match event.kind:
+        case "step-started":
+            parts = ["▸", event.text]
+        case "step-finished":  # its beginning has said the text
+            parts = [outcome or "done", event.reason]
+        case "window-finished":
+            parts = [MARKS.get(event.outcome, "✗"), "window", event.text, event.outcome, event.reason]
+        case kind:
+            parts = [WORDS.get(kind, kind.replace("-", " ")), event.text, outcome, event.reason]
+    return " ".join(part for part in parts if part)

@@ -25,14 +25,13 @@ def result_lines(papers: Papers, width: int, job: str = "") -> list[Line]:
     mark = "✓" if style == "good" else "✗" if style == "bad" else "~"
     says = f"{mark} {result.outcome}: {result.message}"
     rows += [line(Span(text, style)) for text in wrapped(says, width)]
-    rows += [EMPTY, *_parameters(result, papers)]
-    rows += [EMPTY, *_windows(result, width), EMPTY]
-    return [*rows, *(line(text) for text in wrapped(f"Next: {_next(papers)}", width))]
+    rows += [line(Span(text, "key")) for text in wrapped(f"Next: {_next(papers)}", width)]
+    return [*rows, EMPTY, *_parameters(result, papers), EMPTY, *_windows(result, width)]
 
 
 def _parameters(result: ResultTable, papers: Papers) -> list[Line]:
-    last = f"last ({left(papers.last_folder, 12).strip()})" if papers.last else "last"
-    heads = (right("value", 11), right("± 95 %", 10), right("CAD", 11), right("off CAD, sd", 12), right(last, 20))
+    last = f"last: {papers.last_folder}" if papers.last else "last session"
+    heads = (right("value", 10), right("± 95 %", 9), right("CAD", 10), right("off CAD, sd", 13), right(last, 19))
     rows: list[Line] = [line(Span(f"{'s mm, I 1e-3 m²':16}{''.join(heads)}", "dim"))]
     for name, found in result.parameters.items():
         before = papers.last.parameters.get(name) if papers.last else None
@@ -68,11 +67,11 @@ def _parameter(name: str, found: ParameterTable, before: ParameterTable | None, 
     far: Style = "warn" if off is not None and abs(off) > 3 else ""
     return line(
         Span(left(f"{name}{' ~ weak' if weak else ''}", 16), "warn" if weak else "head"),
-        Span(right(f"{millimetres(found.value):.3f}", 11), "head"),
-        right("–" if sd is None else f"{millimetres(INTERVAL * sd):.3f}", 10),
-        right("–" if found.nominal is None else f"{millimetres(found.nominal):.3f}", 11),
-        Span(right("–" if off is None else f"{off:+.1f}{' !' if far else '  '}", 12), far),
-        right("–" if before is None else f"{millimetres(before.value):.3f}", 20),
+        Span(right(f"{millimetres(found.value):.3f}", 10), "head"),
+        right("–" if sd is None else f"{millimetres(INTERVAL * sd):.3f}", 9),
+        right("–" if found.nominal is None else f"{millimetres(found.nominal):.3f}", 10),
+        Span(right("–" if off is None else f"{off:+.1f}{' !' if far else '  '}", 13), far),
+        right("–" if before is None else f"{millimetres(before.value):.3f}", 19),
     )
 
 

@@ -2,6 +2,7 @@
 
 from fidim_lab.app.service.messages import EquilibriumState, Status
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, left, line, number, right, span_of_time, wrapped
+from fidim_lab.app.tui.screens.hand import hand_lines
 from fidim_lab.app.tui.view import View
 from fidim_lab.units import millimetres
 
@@ -14,16 +15,20 @@ MARKS: dict[str, tuple[str, Style]] = {
     "error": ("✗ error", "bad"),
 }
 COLUMNS = (("window", 8), ("role", 10), ("state", 9), ("margin", 8), ("amplitude", 10), ("tries", 6))
+CURRENT = "▶"
+"""begins the row of the present window"""
 NUMBERS = 3
 """the last columns are numbers"""
 
 
-def session_lines(view: View, width: int) -> list[Line]:
-    """The whole screen."""
+def session_lines(view: View, width: int, height: int = 0) -> list[Line]:
+    """The whole screen; where the height leaves room, large figures for the hand at the platform below the table."""
     status = view.status
     if status is None:
         return _nothing(view)
-    return [*_step(status, width), EMPTY, *_table(status, width)]
+    rows = [*_step(status, width), EMPTY, *_table(status, width)]
+    figures = hand_lines(view, height - len(rows) - 1)
+    return [*rows, EMPTY, *figures] if figures else rows
 
 
 def _nothing(view: View) -> list[Line]:
@@ -32,21 +37,20 @@ def _nothing(view: View) -> list[Line]:
 
 def _step(status: Status, width: int) -> list[Line]:
     step = status.step
+    if status.phase == "ended":
+        return [
+            line(Span(f"The run has ended: {_done(status)}.", "head")),
+            line("i identifies, e asks what the model leaves out; q leaves."),
+        ]
     if step is None:
-        told = "The run has ended." if status.phase == "ended" else "Nothing has begun."
         keys = ": r resets the emergency stop, then g starts the run" if status.phase == "idle" else ""
-        return [line(Span(f"{told.rstrip('.')}{keys}." if keys else told, "head"))]
-    drawn = bar(step.fraction, max(width - 50, 10))
+        return [line(Span(f"Nothing has begun{keys}.", "head"))]
     text = step.text or step.step
+    begin = f"step {step.number}, {step.phase}  "
+    end = f" {100 * step.fraction:3.0f} %  {_done(status)}  left {span_of_time(step.left)}"
+    drawn = bar(step.fraction, max(width - len(begin) - len(end), 5))
     rows = [line(Span(row, "head")) for row in wrapped(f"{step.window}  {text}", width)] or [EMPTY]
-    rows.append(
-        line(
-            f"step {step.number}, {step.phase}  ",
-            Span(drawn, "good"),
-            f" {100 * step.fraction:3.0f} %  {_done(status)}  left {span_of_time(step.left)}",
-        )
-    )
-    return rows
+    return [*rows, line(begin, Span(drawn, "good"), end)]
 
 
 def _done(status: Status) -> str:
@@ -71,7 +75,7 @@ def _row(row: EquilibriumState, width: int) -> list[Line]:
     amplitude = None if row.amplitude is None else millimetres(row.amplitude)
     cells = [left(text, COLUMNS[k][1]) for k, text in enumerate((row.window, row.role, row.state))]
     begin = line(
-        Span("▶ " if current else "  ", "head"),
+        Span(f"{CURRENT} " if current else "  ", "head"),
         Span("".join(cells), "head" if current else "dim" if row.state == "waiting" else ""),
         Span(right(number(row.margin, 1, "N"), COLUMNS[3][1]), margin),
         right(number(amplitude, 0, "mm"), COLUMNS[4][1]),

@@ -25,16 +25,14 @@ def why_lines(papers: Papers, width: int, job: str = "") -> list[Line]:
         ]
     found = papers.explanation
     verdict, style = VERDICTS.get(found.verdict, (found.verdict, ""))
-    rows.append(line(Span(verdict, style)))
-    rows += [line(text) for text in wrapped(found.message, width)]
-    rows += [EMPTY, *_before_after(found), EMPTY, *_effects(found, width)]
+    rows += [line(Span(verdict, style)), EMPTY, *_effects(found, width), EMPTY, *_before_after(found)]
     if found.where:
         rows += [EMPTY, line(Span("Where", "head"))]
         rows += [line(text) for place in found.where for text in wrapped(place.says, width, "  ")]
     rows += [EMPTY, *_ranking(found, width)]
     if found.next_experiment:
         rows += [EMPTY, *(line(Span(text, "key")) for text in wrapped(f"Next: {found.next_experiment}", width))]
-    return rows
+    return [*rows, EMPTY, line(Span("In full", "head")), *(line(text) for text in wrapped(found.message, width, "  "))]
 
 
 def _before_after(found: ExplanationTable) -> list[Line]:

@@ -1,10 +1,14 @@
-"""Window: x, y, z of the recording as it grows, the model's prediction over it, and what is left."""
+"""Window: x, y, z of the recording as it grows, the model's prediction over it, and what is left.
+
+While a hand displaces the platform: wanted and present place, in large figures.
+"""
 
 import math
 from collections.abc import Sequence
 
 from fidim_lab.app.tui.foresight import Foreseen
 from fidim_lab.app.tui.paint import Line, Span, left, line, number
+from fidim_lab.app.tui.screens.hand import hand_lines
 from fidim_lab.app.tui.view import Trace, View
 from fidim_lab.app.tui.widgets.plot import Curve, canvas, limits
 from fidim_lab.units import millimetres
@@ -18,6 +22,8 @@ AXES = "xyz"
 def window_lines(view: View, width: int, height: int, foreseen: Foreseen | None, doubt: str = "") -> list[Line]:
     """The whole screen in this many lines; doubt: why there is no prediction."""
     trace = view.trace
+    if not view.recording and (figures := hand_lines(view, height)):
+        return figures
     if len(trace.t) < 2:
         return [line(Span("Nothing has been recorded since this screen came; the curves grow while it is.", "dim"))]
     known = foreseen if foreseen is not None and foreseen.of == (trace.window, trace.attempt) else None
@@ -45,7 +51,7 @@ def residuals(trace: Trace, foreseen: Foreseen | None) -> list[float | None]:
 
 
 def _head(view: View, trace: Trace, known: Foreseen | None, doubt: str, width: int) -> Line:
-    state = "● recording" if view.recording else "○ not recording"
+    state = "● recording" if view.recording else "○ the last recording"
     begin = f"{trace.window} #{trace.attempt}  {trace.t[-1] - trace.t[0]:.1f} s  {state}  "
     if known is None:
         return line(Span(begin, "head"), Span(left(doubt, max(width - len(begin), 0)), "dim"))

@@ -46,6 +46,11 @@ class Board(ScrollView, can_focus=True):
             self.refresh(Region(0, y - top, self.size.width, 1))
         return len(changed)
 
+    def reveal(self, y: int) -> None:
+        """Bring this line into sight, if it is not."""
+        if not 0 <= y - self.scroll_offset.y < self.size.height:
+            self.scroll_to(y=max(y - self.size.height // 2, 0), animate=False)
+
     def render_line(self, y: int) -> Strip:
         """One line of the terminal."""
         index = y + self.scroll_offset.y
