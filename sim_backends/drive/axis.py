@@ -8,11 +8,22 @@ from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.emergency import FOLLOWING_ERROR, HEARTBEAT_LOST, ErrorLog
 from sim_backends.drive.feedback import Feedback
 from sim_backends.drive.machine import State, commanded
+from sim_backends.drive.other_modes import (
+    CYCLIC_POSITION,
+    HOMING,
+    PROFILE_VELOCITY,
+    CyclicPosition,
+    Homing,
+    MotionMode,
+    ProfileVelocity,
+)
 from sim_backends.drive.positioner import Positioner
 from sim_backends.drive.set_points import SetPoints
 from sim_backends.drive.shaft import Shaft
 
 PROFILE_POSITION = 1
+MODES = (PROFILE_POSITION, PROFILE_VELOCITY, HOMING, CYCLIC_POSITION)
+"""that this drive has; bit mode − 1 of 6502 for each"""
 _VOLTAGE_AND_REMOTE, _TARGET_REACHED, _LIMIT, _ACKNOWLEDGE, _FOLLOWING = 0x210, 0x400, 0x800, 0x1000, 0x2000
 _POWERED = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION})
 _RAMPS = {1: 0x6084, 2: 0x6085, 5: 0x6084, 6: 0x6085}
@@ -26,7 +37,7 @@ class Axis:
 
     Ready one cycle after power-on. Obeys a controlword when it is written, not between; a stop on its way to a lower
     state (605B, 605C) can be hastened but not taken back. Without power the brake holds the shaft.
-    Not simulated: modes other than profile position, homing, DC link, temperatures, limit switches.
+    Not simulated: torque and velocity loops of their own, DC link, temperatures, limit switches.
     """
 
     def __init__(self, dictionary: Dictionary, shaft: Shaft, errors: ErrorLog, position: float) -> None:
@@ -35,6 +46,12 @@ class Axis:
         self._positioner = Positioner(dictionary, shaft, position)
         self.feedback = Feedback(dictionary, shaft, self._positioner)
         self._set_points = SetPoints(dictionary, self._positioner, self.feedback)
+        parts = (dictionary, self._positioner, self.feedback)
+        self._modes: dict[int, MotionMode] = {
+            PROFILE_VELOCITY: ProfileVelocity(*parts),
+            HOMING: Homing(*parts),
+            CYCLIC_POSITION: CyclicPosition(*parts),
+        }
         self.state = State.NOT_READY
         self.mode = 0
         self.rejected_modes: set[int] = set()
@@ -79,17 +96,35 @@ class Axis:
             target = commanded(self.state, word, previous)
             if target is None or not self._go(target):
                 break
-        if self.state is State.OPERATION_ENABLED and self._after_stop is None and self.mode == PROFILE_POSITION:
+        if self._moves and self.mode == PROFILE_POSITION:
             self._set_points.control(word, previous)
+        elif (mode := self._mode) is not None:
+            mode.control(word, previous)
 
     def select(self, mode: int) -> None:
         """Obey 6060; a change of mode in motion stops on the ramp."""
         if mode in self.rejected_modes or mode == self.mode:
             return
         self.mode = mode
-        if self.state is State.OPERATION_ENABLED and self._after_stop is None:
+        if self._moves:
             self._positioner.ramp_down(self.feedback.now, 0x6084)
             self._set_points.reset()
+            if (chosen := self._mode) is not None:
+                chosen.enter()
+
+    def new_target(self) -> None:
+        """607A or 60FF was written; profile position mode waits for the controlword."""
+        if (mode := self._mode) is not None:
+            mode.target()
+
+    @property
+    def _moves(self) -> bool:
+        return self.state is State.OPERATION_ENABLED and self._after_stop is None
+
+    @property
+    def _mode(self) -> MotionMode | None:
+        """Of the modes beside profile position, the one that moves the shaft now."""
+        return self._modes.get(self.mode) if self._moves else None
 
     def allows_mode(self, mode: int) -> Abort | None:
         """Whether 6060 may be written with `mode`, by 6502."""
@@ -115,7 +150,9 @@ class Axis:
         word = self.state.value | _VOLTAGE_AND_REMOTE
         if not self.feedback.powered:
             return word
-        if self._set_points.arrived():
+        if (mode := self._mode) is not None:
+            word |= mode.bits()
+        elif self._set_points.arrived():
             word |= _TARGET_REACHED
         if self._set_points.limited or self.feedback.lacking():
             word |= _LIMIT
@@ -161,3 +198,5 @@ class Axis:
             self._positioner.brake(self.feedback.now)
             self._set_points.reset()
         self.feedback.power(on)
+        if (mode := self._mode) is not None:
+            mode.enter()

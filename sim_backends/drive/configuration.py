@@ -1,9 +1,10 @@
 """Ties a drive's object dictionary to its parts: live values, option codes it supports, entries that it keeps."""
 
 from sim_backends.drive.abort import Abort
-from sim_backends.drive.axis import PROFILE_POSITION, Axis
+from sim_backends.drive.axis import MODES, Axis
 from sim_backends.drive.dictionary import Dictionary, Guard
 from sim_backends.drive.emergency import ErrorLog
+from sim_backends.drive.other_modes import HOME_HERE
 
 _OPTIONS = {
     0x6007: (0, 1, 2, 3),
@@ -13,14 +14,15 @@ _OPTIONS = {
     0x605D: (1, 2),
     0x605E: (0, 1, 2),
     0x6086: (0,),
+    0x6098: (0, *HOME_HERE),
     0x1029: (0, 1, 2),
 }
 """option codes that this drive has; others are refused, as vendors do that support subsets"""
 
 
 def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog) -> None:
-    """Attach sources, guards and watchers; say in 6502 that profile position is all there is."""
-    dictionary.fix(0x6502, 0, 1 << PROFILE_POSITION - 1)
+    """Attach sources, guards and watchers; say in 6502 which modes there are."""
+    dictionary.fix(0x6502, 0, sum(1 << mode - 1 for mode in MODES))
     feedback = axis.feedback
     dictionary.attach(0x6041, source=axis.statusword)
     dictionary.attach(0x6061, source=lambda: axis.mode)
@@ -36,6 +38,8 @@ def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog) -> None:
     dictionary.attach(
         0x6060, guard=lambda _subindex, mode: axis.allows_mode(mode), watcher=lambda _subindex, mode: axis.select(mode)
     )
+    for target in (0x607A, 0x60FF):
+        dictionary.attach(target, watcher=lambda _subindex, _value: axis.new_target())
     dictionary.attach(0x1003, guard=_only_zero, watcher=lambda _subindex, _value: errors.clear_history())
     dictionary.attach(0x1005, guard=lambda _subindex, value: None if value == 0x80 else Abort.VALUE)
     dictionary.attach(0x1014, guard=_keeps_id(dictionary, 0x1014))

@@ -2,6 +2,7 @@
 
 import configparser
 import struct
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ def read_eds(path: Path, node_id: int) -> Dictionary:
     or gives a default that its type or range does not allow.
     """
     try:
-        with path.open(encoding="utf-8", errors="replace") as stream:
+        with path.open(encoding="utf-8", errors="replace") as stream, warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # canopen's own, where [DeviceInfo] is missing
             tree: Any = canopen.import_od(stream, node_id=node_id)
     except OSError as problem:
         raise FileError(path, "", f"cannot be read: {problem}") from problem

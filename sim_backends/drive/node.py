@@ -22,7 +22,7 @@ _SYNC = 0x080
 
 
 class SimulatedDrive:
-    """One drive node: CiA 301 communication round a CiA 402 axis in profile position mode.
+    """One drive node: CiA 301 communication round a CiA 402 axis.
 
     Written from the standards, independently of the drivers that talk to it. Deterministic: what it does depends on
     the frames, their times and the load alone. Never raises on a frame, whatever is in it.

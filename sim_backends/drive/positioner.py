@@ -6,7 +6,7 @@ Positions here are those of the shaft (counts, unquantised); `Feedback` turns th
 import math
 
 from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.profile import Profile, ShaftMotion, standing, stop, trapezoid
+from sim_backends.drive.profile import Profile, ShaftMotion, glide, standing, stop, trapezoid
 from sim_backends.drive.shaft import Shaft
 
 _BRAKE_TIME = 0.02
@@ -73,6 +73,21 @@ class Positioner:
         deceleration = max(min(number(0x6084), number(0x60C6) or 0xFFFFFFFF), 1)
         self._positioning = True
         self._follow(t, trapezoid(t, self._actual.at(t), self.target, speed, acceleration, deceleration))
+
+    def run(self, t: float, limit: float, speed: float) -> None:
+        """Towards `limit` (counts) at `speed` (counts/s), at most 607F, and stop there: profile velocity mode."""
+        number = self._dictionary.number
+        fastest = min(speed, number(0x607F, default=0xFFFFFFFF))
+        acceleration, deceleration = max(number(0x6083), 1), max(number(0x6084), 1)
+        self._positioning, self._waiting, self.target = False, None, limit
+        self._follow(t, trapezoid(t, self._actual.at(t), limit, fastest, acceleration, deceleration))
+
+    def glide(self, t: float, target: float, period: float) -> None:
+        """Straight to `target` (counts) within `period` (s), at most as fast as 607F: cyclic position mode."""
+        self._positioning, self._waiting, self.target = False, None, target
+        position = self._actual.at(t).position
+        way, most = target - position, period * self._dictionary.number(0x607F, default=0xFFFFFFFF)
+        self._follow(t, glide(t, position, position + max(-most, min(most, way)), period))
 
     def ramp_down(self, t: float, deceleration_object: int, *, keep_target: bool = False) -> None:
         """Stop with the deceleration in that object; the target is kept for `resume`, or forgotten."""

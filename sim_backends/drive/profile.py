@@ -55,6 +55,13 @@ def stop(t: float, motion: ShaftMotion, deceleration: float) -> Profile:
     return _chain(t, motion, [braking], motion.position + travel)
 
 
+def glide(t: float, position: float, target: float, duration: float) -> Profile:
+    """At constant speed from `position` at time t to `target` in `duration` (s), then at rest."""
+    if position == target:
+        return standing(target)
+    return _chain(t, ShaftMotion(position, (target - position) / duration), [(0.0, duration)], target)
+
+
 def trapezoid(
     t: float, motion: ShaftMotion, target: float, speed: float, acceleration: float, deceleration: float
 ) -> Profile:

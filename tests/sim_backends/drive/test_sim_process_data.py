@@ -109,7 +109,7 @@ def test_synchronous_rpdo_waits_for_the_sync(bench):
 def test_wrong_lengths_are_told_once(bench):
     map_rpdo(bench, [0x60400010])
     start(bench)
-    assert bench.frame(0x203, "06") == ["083: 10 82 11 00 00 00 00 00"]
+    assert bench.frame(0x203, "04") == ["083: 10 82 11 00 00 00 00 00"]
     assert bench.frame(0x203, "") == []
     assert bench.state() == "SWITCH ON DISABLED"
     assert "083: 00 00 00 00 00 00 00 00" in bench.frame(0x203, "06 00")
@@ -121,7 +121,7 @@ def test_wrong_lengths_are_told_once(bench):
 def test_an_unsupported_mode_by_pdo_is_ignored(bench):
     map_rpdo(bench, [0x60600008])
     start(bench)
-    bench.frame(0x203, "06")
+    bench.frame(0x203, "04")
     assert bench.read(0x6061, 0, "i8") == 0
     bench.frame(0x203, "01")
     assert bench.read(0x6061, 0, "i8") == 1
