@@ -21,7 +21,7 @@ from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import Choice, suited_method
 from fidim_lab.identification.estimators import Method, method_named
 from fidim_lab.identification.identify import MODEL_ERROR, identify
-from fidim_lab.identification.mle.findings import closing
+from fidim_lab.identification.mle.findings import OTHER_NOISE, closing
 from fidim_lab.identification.pose_sources import PoseSource
 from fidim_lab.identification.recipe import BEST, PAPER, Recipe
 from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
@@ -80,7 +80,8 @@ def identify_posed(
         )
         choice, result = Choice(Method.TLS, why), identify(campaign, Method.TLS, recipe, checks, native=native)
     said = (choice.why, *posed.notes) if choice.why else posed.notes
-    return replace(result, warnings=(*said, *result.warnings))
+    own = result.warnings if not posed.notes else tuple(w for w in result.warnings if not w.startswith(OTHER_NOISE))
+    return replace(result, warnings=(*said, *own))
 
 
 def identify_command(

@@ -27,6 +27,10 @@ MOST_LOST = 0.5
 OPTIMISM = 3.0
 """a spread so many times the nominal sd is worth a warning"""
 SOMETHING = "Something is missing from it"
+OTHER_NOISE = "The residuals show a marker noise of"
+"""begin of the sentence that says so"""
+UNEVEN = 1.5
+"""times the usual noise that one window may show without something missing from the model"""
 SLACK_SEEN = 0.01
 """s for which a cable must hang slack to be named"""
 CONTRADICTION_MM = 2.0
@@ -89,7 +93,7 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     eigenvalue, in_sd = distance_to_boundary(found.body, figures.covariance)
     parts = [
         ended.value,
-        f"{len(found.remainders)} windows were used; χ²/dof is {found.chi2_per_dof:.3g}.",
+        f"{_counted(len(found.remainders))} used; χ²/dof is {found.chi2_per_dof:.3g}.",
         consistency.sentence(found.body),
     ]
     if eigenvalue > 0:
@@ -99,6 +103,10 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     if loose := doubtful(found, figures):
         parts.append(f"Not well identified: {', '.join(loose)}.")
     return " ".join(parts)
+
+
+def _counted(windows: int) -> str:
+    return "1 window was" if windows == 1 else f"{windows} windows were"
 
 
 def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:
@@ -142,7 +150,8 @@ def closing(result: IdentificationResult) -> str:
             f"Little is left besides noise{judged}, but more than chance. {basis} {size}. Ask fidim explain what is "
             "missing."
         )
-    return f"The model explains the recordings to their noise{judged}: {size}."
+    alone = "" if spread else ", by the nominal sd alone: too few windows to see a spread"
+    return f"The model explains the recordings to their noise{judged}: {size}{alone}."
 
 
 def window_notes(found: Fit, w: int) -> tuple[str, ...]:
@@ -198,16 +207,25 @@ def _unpredicted(window: WindowVerdict) -> bool:
     return not window.used and window.role is Role.VALIDATE
 
 
+def _beyond_noise(found: Fit) -> float:
+    """χ²/dof, each window judged by the noise that its own residuals show, if near the usual one: some are noisier."""
+    usual = found.noise_ratio
+    own = [usual if left.noise is None else left.noise / found.likelihood.noise for left in found.remainders]
+    own = np.clip(own, usual / UNEVEN, usual * UNEVEN)
+    expected = sum(left.dof * ratio**2 for left, ratio in zip(found.remainders, own, strict=True))
+    return sum(left.chi2 for left in found.remainders) / max(expected, 1e-300)
+
+
 def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str]:
     said: list[str] = []
     declared = found.likelihood.noise
     if found.noise_ratio > 1.25 or found.noise_ratio < 0.8:
         said.append(
-            f"The residuals show a marker noise of {found.noise_ratio * declared * 1e3:.3g} mm, the robot file says "
+            f"{OTHER_NOISE} {found.noise_ratio * declared * 1e3:.3g} mm, the robot file says "
             f"{declared * 1e3:.3g} mm (sensors, marker_noise)."
         )
     dof = sum(left.dof for left in found.remainders)
-    if (found.excess - 1) * np.sqrt(dof / 2) > SURPRISE:
+    if (_beyond_noise(found) - 1) * np.sqrt(dof / 2) > SURPRISE:
         left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
         said.append(
             f"χ²/dof is {found.chi2_per_dof:.3g}: besides noise, {left:.2g} mm rms are left that the model does not "

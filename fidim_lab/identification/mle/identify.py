@@ -4,6 +4,7 @@ The numbers of the equations of motion that FORMAT.md asks for too (σ_W, C, σ�
 side; where that cannot be had they stay unknown.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -16,6 +17,7 @@ from fidim_lab.identification.choice import soft_mode
 from fidim_lab.identification.estimate import Estimate
 from fidim_lab.identification.estimators import Method
 from fidim_lab.identification.mle import findings, held_out, spread
+from fidim_lab.identification.mle.contradiction import contradicting
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.likelihood import Simulation
@@ -54,9 +56,10 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     begin = perf_counter()
     soft = fit_soft(campaign, native=native) if soft_mode(campaign) is not None else None
     mechanism = Mechanism(campaign.robot, native=native)
-    found = fit(mechanism, campaign.of_role(Role.IDENTIFY)) if soft is None else soft.found
-    side = _side(campaign)
-    predicted = _held_out(mechanism, campaign, found, soft) if predict else {}
+    odd = contradicting(mechanism, campaign.windows) if soft is None else {}
+    found = _fitted(mechanism, campaign, odd) if soft is None else soft.found
+    side = _side(replace(campaign, windows=tuple(w for w in campaign.windows if w.id not in odd)))
+    predicted = odd | _held_out(mechanism, campaign, found, soft, odd) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
     figures = _figures(campaign, found)
     outcome = findings.outcome(found, figures, windows)
@@ -78,6 +81,13 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
         freedoms=campaign.robot.freedoms,
     )
+
+
+def _fitted(mechanism: Mechanism, campaign: Campaign, odd: Mapping[str, str]) -> Fit:
+    """On the windows that are not odd; what those are is in its `unused`."""
+    windows = campaign.of_role(Role.IDENTIFY)
+    found = fit(mechanism, [window for window in windows if window.id not in odd])
+    return replace(found, unused=found.unused | {w.id: odd[w.id] for w in windows if w.id in odd})
 
 
 def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
@@ -109,11 +119,13 @@ def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
 
 
 def _held_out(
-    mechanism: Mechanism, campaign: Campaign, found: Fit, soft: SoftFit | None
+    mechanism: Mechanism, campaign: Campaign, found: Fit, soft: SoftFit | None, odd: Mapping[str, str]
 ) -> dict[str, held_out.Prediction | str]:
-    """What each validation window says; a sentence where it cannot be predicted."""
+    """What each validation window that is not odd says; a sentence where it cannot be predicted."""
     predicted: dict[str, held_out.Prediction | str] = {}
     for window in campaign.of_role(Role.VALIDATE):
+        if window.id in odd:
+            continue
         try:
             if soft is not None:
                 predicted[window.id] = soft.predict(window)

@@ -39,6 +39,7 @@ def remainder_of(residuals, window, robot):
 class _Freedoms:
     freedoms = 2
     springs = False
+    effects = ()
 
 
 @pytest.mark.parametrize("gap", [False, True])
