@@ -10,6 +10,7 @@ from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Pose, Robot, Window
 from fidim_lab.errors import InfeasibleError
 from sim_backends.plant.motion import SlackInterval
+from sim_backends.plant.own_sensors import OwnNoise, OwnPoseSensors
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Cameras, CurrentSensors, Encoders, Noise, sensor_streams
 from sim_backends.plant.statics import Rest
@@ -27,6 +28,8 @@ class Recording:
     """s"""
     rate: float = 100.0
     """Hz"""
+    own_sensors: OwnNoise | None = None
+    """swivel encoders and an inclinometer beside the rest; None: there are none"""
 
     @property
     def stamps(self) -> np.ndarray:
@@ -60,6 +63,11 @@ class SimulatedPlatform(Protocol):
     @property
     def slack(self) -> tuple[SlackInterval, ...]:
         """Since the platform was placed."""
+        ...
+
+    @property
+    def pose(self) -> Pose:
+        """True pose of P now."""
         ...
 
     def rest(self, lengths: PerCable, near: Pose | None = None, displacement: np.ndarray | None = None) -> Rest:
@@ -168,6 +176,8 @@ class _Session:
         self._encoders = Encoders(noise.encoder)
         winches = robot.winches
         self._currents = None if winches is None else CurrentSensors(winches, noise.current, streams.currents)
+        own = recording.own_sensors
+        self._own = None if own is None else OwnPoseSensors(plant.world, own, rng.spawn(1)[0])
 
     def record(self, planned: PlannedWindow, *, number: int, start: float) -> RecordedWindow:
         """Rest, displaced release at plant time `start`, and the samples."""
@@ -180,7 +190,7 @@ class _Session:
         equilibrium = self._cameras.place(rest.marker) + self._rng.normal(0.0, 0.1 * self._noise.marker, 3)
         plant.place(aside, held, start)
         plant.begin_window(number)
-        markers, lengths, tensions = self._samples(start)
+        markers, lengths, tensions, own = self._samples(start)
         currents = None if self._currents is None else np.array([self._currents.read(row) for row in tensions])
         window = Window(
             id=planned.id,
@@ -190,14 +200,15 @@ class _Session:
             lengths=lengths,
             currents=currents,
             equilibrium=equilibrium,
+            further={} if self._own is None else dict(zip(self._own.names, own.T, strict=True)),
         )
         return RecordedWindow(window, (float(tensions.min()), float(tensions.max())), plant.slack)
 
-    def _samples(self, start: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Markers at the cameras' times, lengths and true tensions at the host's, in the order in which they happen."""
+    def _samples(self, start: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Markers at the cameras' times; lengths, true tensions and own sensors at the host's; as they happen."""
         plant, stamps = self._plant, self._recording.stamps
         exposures = np.maximum([self._cameras.exposure(stamp) for stamp in stamps], 0.0)
-        markers, lengths, tensions = [], [], []
+        markers, lengths, tensions, own = [], [], [], []
         for t in np.union1d(stamps, exposures):
             plant.advance(start + t)
             while len(markers) < len(stamps) and exposures[len(markers)] <= t:
@@ -205,4 +216,6 @@ class _Session:
             if len(lengths) < len(stamps) and stamps[len(lengths)] <= t:
                 lengths.append(self._encoders.read(plant.encoder_lengths()))
                 tensions.append(plant.tensions)
-        return np.array(markers), np.array(lengths), np.array(tensions)
+                if self._own is not None:
+                    own.append(self._own.read(plant.pose))
+        return np.array(markers), np.array(lengths), np.array(tensions), np.array(own)

@@ -27,10 +27,11 @@ from fidim_lab.identification.random_plan import Trial, random_plan
 from fidim_lab.units import millimetres
 from sim_backends.mujoco_world.plant import MujocoPlant
 from sim_backends.plant.hidden import KNOWN, HiddenEffect
+from sim_backends.plant.own_sensors import OwnNoise
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World
-from sim_backends.simulate import RecordedWindow, SimulatedPlatform, simulate_campaign
+from sim_backends.simulate import RecordedWindow, Recording, SimulatedPlatform, simulate_campaign
 
 TRUTH = "truth.json"
 PLAN = "plan.toml"
@@ -55,6 +56,8 @@ class SimulateOptions:
     validation: int
     plan: Path | None = None
     """windows to record, as they are; None: random ones"""
+    own_sensors: bool = False
+    """record swivel encoders and an inclinometer too"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +152,10 @@ def _recorded(robot: Robot, plan: Plan, platform: SimulatedPlatform, options: Si
             shown.reached(len(recorded))
 
         rng = np.random.default_rng([options.seed, 1])
-        campaign, truth = simulate_campaign(robot, plan, platform.world, rng, noise, platform=platform, watch=watch)
+        recording = Recording(own_sensors=OwnNoise() if options.own_sensors else None)
+        campaign, truth = simulate_campaign(
+            robot, plan, platform.world, rng, noise, recording, platform=platform, watch=watch
+        )
     about = {"seed": options.seed, "backend": options.backend, "marker_noise": noise.marker}
     return Simulated(plan, campaign, truth | about, tuple(recorded))
 

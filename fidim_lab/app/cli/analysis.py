@@ -98,7 +98,7 @@ def validate(**options: Any) -> None:
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-reproduction/1".')
 @example("fidim reproduce --json reproduction.json")
 def reproduce(**options: Any) -> None:
-    """Simulate the paper's experiment and set its Eq. 46, 47, 49 and Fig. 3 beside ours, with what differs and why."""
+    """Simulate the paper's experiment and set its equations 46, 47, 49 and figure 3 beside ours, with the reasons."""
     from fidim_lab.app.reproduce.command import ReproduceOptions, reproduce_command
 
     sys.exit(reproduce_command(ReproduceOptions(**options)))
@@ -118,6 +118,9 @@ def reproduce(**options: Any) -> None:
     "--validate", "validation", default=6, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
 )
 @click.option("--plan", type=FILE, default=None, help="Windows to record as they are, of fidim design; no random ones.")
+@click.option(
+    "--own-sensors", is_flag=True, help="Record swivel encoders s1… and an inclinometer incl_x… too, for --pose-from."
+)
 @example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
 def simulate(**options: Any) -> None:
     """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""

@@ -4,6 +4,7 @@ import importlib.util
 import json
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,11 +41,7 @@ def simulated(robot_file, tmp_path_factory) -> Path:
 @pytest.fixture
 def short(monkeypatch):
     """Windows of half a second, where what is in them does not matter."""
-    monkeypatch.setattr(
-        command,
-        "simulate_campaign",
-        lambda *args, **named: simulate_campaign(*args, recording=Recording(duration=0.5), **named),
-    )
+    monkeypatch.setattr(command, "Recording", partial(Recording, duration=0.5))
     monkeypatch.setattr(
         command, "random_plan", lambda *args, **named: random_plan(*args, taste=Taste(seconds=1.0), **named)
     )
@@ -230,7 +227,7 @@ def test_a_robot_that_cannot_swing_is_refused(irma4, tmp_path, capsys):
 def test_a_window_with_a_slack_cable_is_recorded_again_displaced_less(robot_file, tmp_path, capsys, monkeypatch):
     plans = []
 
-    def once_slack(robot, plan, world, rng, noise: Noise, *, platform, watch):
+    def once_slack(robot, plan, world, rng, noise: Noise, recording: Recording, *, platform, watch):
         plans.append(plan)
         first = len(plans) == 1
 
@@ -238,7 +235,9 @@ def test_a_window_with_a_slack_cable_is_recorded_again_displaced_less(robot_file
             loose = (SlackInterval(3, 1.0, 1.1),) if first and recorded.window.id == "i01" else ()
             watch(replace(recorded, slack=loose))
 
-        return simulate_campaign(robot, plan, world, rng, noise, Recording(duration=0.5), platform=platform, watch=see)
+        return simulate_campaign(
+            robot, plan, world, rng, noise, replace(recording, duration=0.5), platform=platform, watch=see
+        )
 
     monkeypatch.setattr(command, "simulate_campaign", once_slack)
     assert cli.run(["simulate", "--robot", robot_file, "--out", str(tmp_path / "camp"), *SMALL]) == 0
