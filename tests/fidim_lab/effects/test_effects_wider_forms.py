@@ -1,0 +1,49 @@
+"""More general forms of an effect: where they begin they pull as the simple form did."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.effects.air_drag import AirDragLinear
+from fidim_lab.effects.umbilical import Umbilical
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.slots import PlatformState
+
+
+def pull(robot: Robot, effect, theta: np.ndarray, place: np.ndarray) -> np.ndarray:
+    position, rotation, twist = ca.SX.sym("p", 3), ca.SX.eye(3), ca.SX.zeros(6)
+    mechanism = Mechanism(robot)
+    state = PlatformState(
+        time=ca.SX(0),
+        position=position,
+        rotation=rotation,
+        twist=twist,
+        cables=mechanism.cables_at(position, rotation, ca.SX(0, 1)),
+    )
+    return np.array(ca.Function("pull", [position], [effect.wrench(state, ca.SX(theta))])(place)).ravel()
+
+
+def test_a_hose_with_a_rest_length_begins_where_the_simple_one_pulls_alike(irma4: Robot) -> None:
+    middle = np.mean([cable.d for cable in irma4.cables], axis=0)
+    end, k = middle + np.array([0.9, 0.4, 0.3]), 3.0
+    simple = np.concatenate([[k, 0.2], k * end, np.zeros(3)])
+    place = middle + np.array([0.0, 0.0, -0.7])
+    expected = pull(irma4, Umbilical(), simple, place)
+    wide = Umbilical().wider(simple, irma4)
+    assert len(wide) == 3
+    for effect, theta in wide:
+        low, high = effect.bounds()
+        assert effect.id == "umbilical"
+        assert (theta >= low).all()
+        assert (theta <= high).all()
+    for effect, theta in wide[:2]:
+        np.testing.assert_allclose(pull(irma4, effect, theta, place), expected, rtol=0.01, atol=1e-3)
+
+
+def test_without_a_spring_there_is_nothing_to_generalise(irma4: Robot) -> None:
+    assert Umbilical().wider(np.array([0.0, 0.1, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0]), irma4) == ()
+
+
+def test_most_effects_have_no_wider_form(irma4: Robot) -> None:
+    assert AirDragLinear().wider(np.array([0.5]), irma4) == pytest.approx(())
