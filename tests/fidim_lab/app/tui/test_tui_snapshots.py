@@ -85,6 +85,7 @@ async def _recording(screen):
 async def _become(screen, state):
     service = screen.service
     service.become(equilibria=_table())
+    await screen.until(lambda: "v03" in screen.board, "the table")
     match state:
         case "running":
             await _recording(screen)
@@ -114,7 +115,7 @@ async def _become(screen, state):
             await screen.until(lambda: "All winches were quick-stopped" in screen.bars, "the stop")
         case "lost":
             screen.kill_service()
-            await screen.until(lambda: "SERVICE LOST" in screen.bars, "the loss")
+            await screen.until(lambda: "no service listens" in screen.bars, "the loss")
         case _:
             service.become(phase="ended", equilibria=_table())
             service.say(Bye(says="run pass: 15 of 15 windows accepted. All winches stand still, held.", exit_code=0))
@@ -127,7 +128,7 @@ def _shown(app):
     text = "\n".join(rows) + "\n"
     text = re.sub(r"ARE \d+ s OLD", "ARE 0 s OLD", text)
     text = re.sub(r"✗ OLD [\d.]+ s", "✗ OLD 1.0 s", text)
-    text = re.sub(r"^/tmp/\S+: no service.*\n", "The connection has ended\n", text, flags=re.MULTILINE)
+    text = re.sub(r"^/tmp/\S+: no service.*\n", "SOCKET: no service listens there\n", text, flags=re.MULTILINE)
     return re.sub(r"newest \d+ ms", "newest 20 ms", re.sub(r"\d+ ms old", "10 ms old", text))
 
 
@@ -152,12 +153,14 @@ def test_every_screen_looks_as_it_was_approved(opened, fake, monkeypatch, state,
 async def _turned(screen, index, state):
     name = TABS[index].lower()
     screen.app.screen.action_turn(index)
-    await screen.pilot.pause()
-    await screen.pilot.pause()
+    shown = ""
+    while shown != (shown := _shown(screen.app)):  # until nothing changes any more
+        screen.app.stage.draw(screen.app.link.view())
+        await screen.pilot.pause(0.1)
     if GALLERY:
         path = Path(GALLERY) / f"{name}-{state}-{screen.app.size.width}.svg"
         path.write_text(screen.app.export_screenshot(), encoding="utf-8")
-    return f"===== {name}\n{_shown(screen.app)}"
+    return f"===== {name}\n{shown}"
 
 
 def _compare(name, text, width):
