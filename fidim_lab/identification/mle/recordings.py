@@ -100,7 +100,7 @@ def _encoder_at(window: Window, cables: int, begin: float) -> PerCable:
     early = (window.t >= begin) & (window.t <= begin + OPENING)
     for k in range(cables):
         known = early & np.isfinite(window.lengths[:, k])
-        if known.sum() > PARABOLA:
+        if known.sum() > PARABOLA + 1:
             course = np.polynomial.Polynomial.fit(window.t[known] - begin, window.lengths[known, k], PARABOLA)
             found[k] = float(course(0.0))
     return found

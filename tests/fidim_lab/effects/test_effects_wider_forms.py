@@ -6,12 +6,13 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.air_drag import AirDragLinear
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.umbilical import Umbilical
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import PlatformState
 
 
-def pull(robot: Robot, effect, theta: np.ndarray, place: np.ndarray) -> np.ndarray:
+def pull(robot: Robot, effect: NamedEffect, theta: np.ndarray, place: np.ndarray) -> np.ndarray:
     position, rotation, twist = ca.SX.sym("p", 3), ca.SX.eye(3), ca.SX.zeros(6)
     mechanism = Mechanism(robot)
     state = PlatformState(
