@@ -10,7 +10,7 @@ stretch no faster than goes with an oscillation of that size. Without, a few mar
 that effects have of their own add one row each: they begin about where their effect says.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body
 from fidim_lab.identification.consistency import can_move
+from fidim_lab.identification.mle.batches import body_markers, in_batches, rows_of, states_of
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
@@ -41,8 +42,6 @@ LOOSE_POSE = 1.0
 """m and rad, from the first guess"""
 LOOSE_RATE = 10.0
 """m/s and rad/s, from rest"""
-BATCH = 12
-"""windows integrated together, if they have one or two markers; fewer with more"""
 STIFFEST = 2 * np.pi * 300
 """rad/s: springs that oscillate faster are not simulated; cables as stiff as that are rigid"""
 
@@ -168,14 +167,14 @@ def simulate(
         return None
     found: dict[int, WindowResidual] = {}
     batches: list[_Batch] = []
-    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
-    for members, grid in _batches(likelihood, measurement, ends, fine):
-        states = _chosen(point.states, members)
-        begins, unstretched = likelihood.begins[members], _of(starts.unstretched, members)
-        extra = _of(starts.extra, members)
+    measurement, robot = Measurement(likelihood.mechanism, point.shared[BODY:]), likelihood.mechanism.robot
+    for members, grid in in_batches(likelihood.recordings, measurement, ends, fine):
+        states = states_of(point.states, members)
+        begins, unstretched = likelihood.begins[members], rows_of(starts.unstretched, members)
+        extra = rows_of(starts.extra, members)
         trajectories = integrate(likelihood.mechanism, point.shared, states, grid, begins, unstretched, extra)
         batches.append(_Batch(members, trajectories))
-        nodal = markers.at_nodes(trajectories, measurement.places(_body_markers(likelihood, members)))
+        nodal = markers.at_nodes(trajectories, measurement.places(body_markers(likelihood.recordings, robot, members)))
         for place, w in enumerate(members):
             found[int(w)] = _residual(likelihood, point, starts, int(w), float(ends[w]), grid, nodal[place])
     residuals = tuple(found[w] for w in range(len(likelihood.recordings)))
@@ -193,9 +192,9 @@ def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[Windo
             batch.trajectories,
             point.shared,
             starts.states_by[batch.members],
-            unstretched=_of(starts.unstretched_by, batch.members),
+            unstretched=rows_of(starts.unstretched_by, batch.members),
         )
-        stated = _body_markers(likelihood, batch.members)
+        stated = body_markers(likelihood.recordings, likelihood.mechanism.robot, batch.members)
         nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.places(stated))
         for place, w in enumerate(batch.members):
             recording = likelihood.recordings[w]
@@ -282,31 +281,3 @@ def _fine_enough(likelihood: Likelihood, point: Point, resolution: Resolution) -
         return resolution
     fastest = quiet_springs(likelihood.mechanism, point.shared, point.states, likelihood.begins).fastest
     return resolution.for_frequency(fastest) if fastest < STIFFEST else None
-
-
-def _of(values: np.ndarray | None, members: np.ndarray) -> np.ndarray | None:
-    return None if values is None else values[members]
-
-
-def _batches(
-    likelihood: Likelihood, measurement: Measurement, ends: Float[np.ndarray, " W"], resolution: Resolution
-) -> Iterator[tuple[np.ndarray, Grid]]:
-    """Recordings of similar length together, each batch with a grid that reaches its longest."""
-    most = max(recording.markers.shape[1] for recording in likelihood.recordings)
-    size = max(1, BATCH // max(1, most // 2))
-    order = np.argsort(ends, kind="stable")
-    for first in range(0, len(order), size):
-        members = order[first : first + size]
-        yield members, Grid.covering(measurement.latest(float(ends[members].max())), resolution)
-
-
-def _body_markers(likelihood: Likelihood, members: Sequence[int] | np.ndarray) -> Float[np.ndarray, "M 3"]:
-    """As many of the robot's markers as the windows of a batch have at most."""
-    most = max(likelihood.recordings[w].markers.shape[1] for w in members)
-    return likelihood.mechanism.robot.markers[:most]
-
-
-def _chosen(states: States, members: np.ndarray) -> States:
-    tensions = _of(states.tensions, members)
-    astray = _of(states.astray, members)
-    return States(states.positions[members], states.rotations[members], states.twists[members], tensions, astray)

@@ -1,0 +1,45 @@
+"""Windows integrated together: recordings of similar length, as many at once as memory stays small for."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Robot
+from fidim_lab.identification.mle.recordings import Recording
+from fidim_lab.model.sensitivity.grid import Grid, Resolution
+from fidim_lab.model.sensitivity.integrate import States
+from fidim_lab.model.sensitivity.measurement import Measurement
+
+BATCH = 12
+"""windows integrated together, if they have one or two markers; fewer with more"""
+
+
+def in_batches(
+    recordings: Sequence[Recording], measurement: Measurement, ends: Float[np.ndarray, " W"], resolution: Resolution
+) -> Iterator[tuple[np.ndarray, Grid]]:
+    """Indices of recordings of similar length, each batch with a grid that reaches its longest end (s)."""
+    most = max(recording.markers.shape[1] for recording in recordings)
+    size = max(1, BATCH // max(1, most // 2))
+    order = np.argsort(ends, kind="stable")
+    for first in range(0, len(order), size):
+        members = order[first : first + size]
+        yield members, Grid.covering(measurement.latest(float(ends[members].max())), resolution)
+
+
+def body_markers(
+    recordings: Sequence[Recording], robot: Robot, members: Sequence[int] | np.ndarray
+) -> Float[np.ndarray, "M 3"]:
+    """As many of the robot's markers (body frame, m) as the windows of a batch have at most."""
+    return robot.markers[: max(recordings[w].markers.shape[1] for w in members)]
+
+
+def states_of(states: States, members: np.ndarray) -> States:
+    """The initial states of a batch."""
+    tensions, astray = rows_of(states.tensions, members), rows_of(states.astray, members)
+    return States(states.positions[members], states.rotations[members], states.twists[members], tensions, astray)
+
+
+def rows_of(values: np.ndarray | None, members: np.ndarray) -> np.ndarray | None:
+    """Those rows of an array that may not be there."""
+    return None if values is None else values[members]
