@@ -11,9 +11,19 @@ from drivers.cia402.machine import state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.nmt import NmtCommand, NmtState
 from drivers.cia402.node import NodeLink
-from drivers.cia402.pdo import COB_MASK, COB_OFF, RPDO, TPDOS, ObjectValue, mapping_expected, mapping_writes
+from drivers.cia402.pdo import (
+    COB_MASK,
+    COB_OFF,
+    RPDO,
+    TARGET_RPDO,
+    TPDOS,
+    ObjectValue,
+    PdoMap,
+    mapping_expected,
+    mapping_writes,
+)
 from drivers.cia402.sdo import SdoRefusedError
-from drivers.cia402.settings import Check, Setting, identity, limits
+from drivers.cia402.settings import Check, Setting, identity, interpolation, limits
 from drivers.cia402.waiting import wait_until
 from drivers.cia402.words import Mode, mode_name
 from drivers.ports import DriveState
@@ -40,10 +50,11 @@ async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -
     await _refuse_power(link, config)
     asked = master.clock.now()
     link.send_nmt(NmtCommand.PRE_OPERATIONAL)
-    checks += [await _apply(link, setting) for setting in limits(config, master.host_id)]
+    written = (*limits(config, master.host_id), *interpolation(config, master.period))
+    checks += [await _apply(link, setting) for setting in written]
     _refuse(config, checks)
     await _await_nmt(master, link, config, NmtState.PRE_OPERATIONAL, asked)
-    checks += await _map_pdos(link)
+    checks += await _map_pdos(link, used_pdos(config))
     checks.append(await _choose_mode(master, link, config))
     _refuse(config, checks)
     await start_sampling(master, link, config)
@@ -101,12 +112,18 @@ async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig,
         raise DeviceError(config.device, f"{state.words} expected within {timeout:g} s, {found}.")
 
 
-async def _map_pdos(link: NodeLink) -> list[Check]:
-    used = {pdo.communication_index for pdo in (*TPDOS, RPDO)}
+def used_pdos(config: WinchConfig) -> tuple[PdoMap, ...]:
+    """Those that the config's mode needs."""
+    cyclic = config.mode is Mode.CYCLIC_POSITION
+    return (*TPDOS, RPDO, TARGET_RPDO) if cyclic else (*TPDOS, RPDO)
+
+
+async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[Check]:
+    used = {pdo.communication_index for pdo in pdos}
     checks = [
         await _switch_off(link, index) for index in _COMMUNICATION if index not in used and link.sdo.knows(index, 1)
     ]
-    for pdo in (*TPDOS, RPDO):
+    for pdo in pdos:
         try:
             for entry in mapping_writes(pdo, link.node_id):
                 await link.sdo.write(entry.index, entry.sub, entry.value)
@@ -142,7 +159,7 @@ async def _compare(link: NodeLink, entry: ObjectValue) -> Check:
 
 async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> Check:
     """Write 6060 and look at 6061: a drive may keep its old mode without a word."""
-    wanted = Mode.PROFILE_POSITION
+    wanted = link.mode = config.mode
     deadline = master.clock.now() + config.step_timeout
     await link.sdo.write(0x6060, 0, wanted)
     found = await link.sdo.read(0x6061)

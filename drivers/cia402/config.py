@@ -5,10 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.cia402.scale import COUNT_MAX, COUNT_MIN, LengthScale
+from drivers.cia402.words import Mode
 from fidim_lab.errors import SetupError
 
 GENERIC_EDS = Path(__file__).parent / "eds" / "generic_cia402.eds"
 """Our own small object dictionary; velocity in counts/s, acceleration in counts/s²."""
+
+MOVING_MODES = (Mode.PROFILE_POSITION, Mode.CYCLIC_POSITION)
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,8 @@ class WinchConfig:
     """s after which a sample is not believed any more; None: ten SYNC periods, at least 0.05 s"""
     temperature: TemperatureObject | None = None
     """where the drive family keeps its temperature; None: not asked for"""
+    mode: Mode = Mode.PROFILE_POSITION
+    """in which the winch moves: profile position, or cyclic position (`CyclicWinch`)"""
     current_offset: float = 0.0
     """A added to what the drive says, from a calibration against known tensions"""
 
@@ -156,6 +161,8 @@ class WinchConfig:
             found.append("name: empty, every winch needs one")
         if not 1 <= self.node_id <= 126:
             found.append(f"node_id: {self.node_id} found, allowed is 1 to 126 (127 is the host's)")
+        if self.mode not in MOVING_MODES:
+            found.append(f"mode: {self.mode!r} found, allowed are profile position and cyclic position")
         if self.direction not in (-1, 1):
             found.append(f"direction: {self.direction} found, allowed is 1 or -1")
         if not COUNT_MIN <= self.home_count <= COUNT_MAX:

@@ -11,7 +11,7 @@ from drivers.cia402.machine import Command, answer, next_command, state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.pdo import DriveValues
 from drivers.cia402.waiting import wait_until
-from drivers.cia402.words import HALT, SET_POINT_ACKNOWLEDGED, Mode, controlword, mode_name, remarks, set_point
+from drivers.cia402.words import FOLLOWS, HALT, SET_POINT_ACKNOWLEDGED, Mode, controlword, mode_name, remarks, set_point
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
 
@@ -31,10 +31,16 @@ class Drive:
         self._config = config
         self._clock = master.clock
         self._period = master.period
-        self._target = 0
+        self.target = 0
+        """counts; every controlword carries it"""
         self._order = 0
         self._sent_at = float("-inf")
         self._halted = False
+
+    @property
+    def order(self) -> int:
+        """The number of the newest command."""
+        return self._order
 
     def begin(self) -> int:
         """The number of a new command; whatever was waiting is overtaken."""
@@ -47,7 +53,7 @@ class Drive:
             raise _overtaken(self._config)
         self._sent_at = self._clock.now()
         self._halted = bool(word & HALT)
-        self.link.send_controlword(word, self._target)
+        self.link.send_controlword(word, self.target)
 
     # what is known --------------------------------------------------------------------------------------------------
 
@@ -104,7 +110,7 @@ class Drive:
             wanted = None if command is None else answer(state, command)
             if command is None or wanted is None:
                 raise DeviceError(self._config.device, f"cannot be enabled from state {state}.")
-            self._target = self.healthy().position
+            self.target = self.healthy().position
             self.send(order, controlword(command, halt=command is Command.ENABLE_OPERATION))
             await self.reach(order, wanted, after=command)
         raise DeviceError(
@@ -126,11 +132,26 @@ class Drive:
         """
         self.send(order, set_point(new=False, halt=self._halted))
         await self._expect(order, lambda v: not _acknowledged(v), "readiness for a set-point (statusword bit 12 low)")
-        self._target = target
+        self.target = target
         self.send(order, set_point(new=True))
         await self._expect(order, _acknowledged, "the set-point acknowledged (statusword bit 12)")
         self.send(order, set_point(new=False))
         await self._expect(order, lambda v: not _acknowledged(v), "the handshake finished (statusword bit 12 low)")
+
+    async def follow(self, order: int) -> None:
+        """Wait until a drive in a cyclic mode follows its targets (statusword bit 12). Raises DeviceError."""
+        await self._expect(order, lambda v: bool(v.statusword & FOLLOWS), "following (statusword bit 12)")
+
+    async def display(self, order: int, mode: Mode) -> None:
+        """Wait until the mode is displayed (6061). Raises DeviceError."""
+        await self._expect(order, lambda v: v.mode == mode, f"{mode_name(mode)} displayed (6061)")
+
+    async def word(
+        self, order: int, fulfilled: Callable[[int], bool], what: str, timeout: float | None = None
+    ) -> DriveValues:
+        """Wait for a statusword; returns the values with it. Raises DeviceError."""
+        await self._expect(order, lambda v: fulfilled(v.statusword), what, timeout=timeout)
+        return self.believed()
 
     async def stand_still(self, order: int, slowest: float, timeout: float) -> None:
         """Wait until the velocity (counts/s) stays at most `slowest` for some samples. Raises DeviceError."""
@@ -163,7 +184,7 @@ class Drive:
                 return False
             if state_of(values.statusword) in _FAULTED and not leaves_fault:
                 raise DeviceError(self._config.device, f"went into fault while waiting for {what}: {self.fault()}.")
-            return fulfilled(values) and (values.mode == Mode.PROFILE_POSITION or not in_mode)
+            return fulfilled(values) and (values.mode == self.link.mode or not in_mode)
 
         seconds = self._config.step_timeout if timeout is None else timeout
         if not await wait_until(self._clock, confirmed, timeout=seconds, period=self._period):

@@ -6,10 +6,11 @@ The same table as bring-up (`settings`, `pdo`), but nothing is written: what bri
 from dataclasses import dataclass
 from enum import Enum
 
+from drivers.cia402.bringup import used_pdos
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.machine import state_of
 from drivers.cia402.node import NodeLink
-from drivers.cia402.pdo import COB_MASK, COB_OFF, RPDO, TPDOS, Entry, PdoMap, mapping_expected
+from drivers.cia402.pdo import COB_MASK, COB_OFF, Entry, PdoMap, mapping_expected
 from drivers.cia402.sdo import SdoChannel, SdoRefusedError
 from drivers.cia402.settings import Setting, identity, limits
 from drivers.ports import DriveState
@@ -47,7 +48,7 @@ async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[In
     found = [await _setting(sdo, s) for s in identity(config, (sdo.default(0x1018, 1), sdo.default(0x1018, 2)))]
     found += [await _state(sdo), await _error_register(sdo)]
     found += [await _setting(sdo, setting) for setting in limits(config, host_id)]
-    found += [await _pdo(sdo, pdo, link.node_id) for pdo in (*TPDOS, RPDO)]
+    found += [await _pdo(sdo, pdo, link.node_id) for pdo in used_pdos(config)]
     if sdo.knows(0x60C2, 1):
         found.append(await _interpolation(sdo))
     return tuple(found)

@@ -77,6 +77,7 @@ class CanopenMaster:
         self._heartbeat_due = float("-inf")
         self._links: dict[int, NodeLink] = {}
         self._heartbeats: list[float] = []
+        self._before_sync: list[Callable[[], None]] = []
         self._receivers: dict[int, Callable[[CanFrame], None]] = {}
         self._network = canopen.Network(cast(can.BusABC, _TransportBus(transport)))
         transport.subscribe(self._on_frame)
@@ -137,6 +138,8 @@ class CanopenMaster:
         for link in self._links.values():
             if link.brought_up and (link.values is None or link.values.t != self.sync.current):
                 link.counters.lost += 1
+        for stream in self._before_sync:
+            stream()
         now = self.clock.now()
         self.sync.advance(now)
         self.transport.send(_SYNC, b"")
@@ -144,11 +147,15 @@ class CanopenMaster:
             self.transport.send(0x700 + self.host_id, heartbeat_frame())
             self._heartbeat_due = now + self._heartbeat_period - self.period / 2.0
 
+    def before_sync(self, stream: Callable[[], None]) -> None:
+        """Call `stream` in the control loop just before each SYNC: targets of cyclic modes. It must not wait."""
+        self._before_sync.append(stream)
+
     def quick_stop_all(self) -> None:
         """One quick stop to every drive, whether or not the others can be reached."""
         for link in self._links.values():
             try:
-                link.send_controlword(controlword(Command.QUICK_STOP), 0)
+                link.send_controlword(controlword(Command.QUICK_STOP), link.target)
             except BusError:
                 continue  # the heartbeat stops as well, and that stops the drive
 

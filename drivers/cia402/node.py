@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from drivers.canbus.transport import CanFrame, CanTransport
 from drivers.cia402.emcy import Emergency, decode_emergency
 from drivers.cia402.nmt import Heartbeat, NmtCommand, NmtState, decode_heartbeat, nmt_frame
-from drivers.cia402.pdo import RPDO, TPDOS, DriveValues, SampleDecoder
+from drivers.cia402.pdo import RPDO, TARGET_RPDO, TPDOS, DriveValues, SampleDecoder
 from drivers.cia402.sdo import SdoChannel
 from drivers.cia402.words import Mode
 
@@ -72,6 +72,10 @@ class NodeLink:
         self._sync = sync
         self._heartbeat_period = heartbeat_period
         self._rpdo = RPDO.format
+        self.mode = Mode.PROFILE_POSITION
+        """that RPDOs ask for, and that commands expect to be displayed"""
+        self.target = 0
+        """counts, sent last: a controlword to a drive in a cyclic mode must not bring another"""
 
     # frames from the drive ------------------------------------------------------------------------------------------
 
@@ -127,10 +131,16 @@ class NodeLink:
         expedited SDO download, whose answer is not waited for.
         """
         if self.brought_up and self.nmt_state is NmtState.OPERATIONAL:
-            self._transport.send(RPDO.cob_id(self.node_id), self._rpdo.pack(word, Mode.PROFILE_POSITION, target))
+            self.target = target
+            self._transport.send(RPDO.cob_id(self.node_id), self._rpdo.pack(word, self.mode, target))
         else:
             data = bytes((_WRITE_TWO_BYTES,)) + _CONTROLWORD_MULTIPLEXER + struct.pack("<Hxx", word)
             self._transport.send(0x600 + self.node_id, data)
+
+    def send_target(self, target: int) -> None:
+        """One frame with the position (counts, 32 bits) that is taken at the next SYNC."""
+        self.target = target
+        self._transport.send(TARGET_RPDO.cob_id(self.node_id), TARGET_RPDO.format.pack(target))
 
     # what is known --------------------------------------------------------------------------------------------------
 

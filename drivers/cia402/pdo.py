@@ -73,6 +73,9 @@ class PdoMap:
 RPDO = PdoMap(1, transmit=False, entries=(Entry.CONTROLWORD, Entry.MODE, Entry.TARGET_POSITION), transmission=255)
 """Acted upon at once, so that a stop does not wait for the next SYNC."""
 
+TARGET_RPDO = PdoMap(2, transmit=False, entries=(Entry.TARGET_POSITION,), transmission=1)
+"""Of cyclic position mode: all drives take their targets at the same SYNC."""
+
 TPDOS = (
     PdoMap(1, transmit=True, entries=(Entry.STATUSWORD, Entry.POSITION, Entry.MODE_DISPLAY), transmission=1),
     PdoMap(2, transmit=True, entries=(Entry.VELOCITY, Entry.CURRENT), transmission=1),

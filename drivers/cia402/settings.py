@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.words import Mode
+from fidim_lab.errors import SetupError
 
 _ALL_BITS = 0xFFFFFFFF
 _PROFILE_402 = 402
@@ -67,8 +68,9 @@ def identity(config: WinchConfig, eds_identity: tuple[int, int]) -> tuple[Settin
             wanted.append(Setting(0x1018, sub, value, meaning, write=False))
     if config.serial_number is not None:
         wanted.append(Setting(0x1018, 4, config.serial_number, "serial number", write=False))
-    bit = 1 << (Mode.PROFILE_POSITION - 1)
-    wanted.append(Setting(0x6502, 0, bit, "profile position mode supported", write=False, mask=bit))
+    bit = 1 << (config.mode - 1)
+    meaning = f"{config.mode.name.lower().replace('_', ' ')} mode supported"
+    wanted.append(Setting(0x6502, 0, bit, meaning, write=False, mask=bit))
     milliamperes = round(config.rated_current * 1000)
     wanted.append(Setting(0x6075, 0, milliamperes, "rated current, mA", write=False))
     if config.rated_torque is not None:
@@ -100,6 +102,24 @@ def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
         Setting(0x6083, 0, acceleration, "profile acceleration, counts/s²"),
         Setting(0x6084, 0, acceleration, "profile deceleration, counts/s²"),
         Setting(0x6085, 0, scale.magnitude(config.quick_stop_deceleration), "quick stop deceleration, counts/s²"),
+    )
+
+
+def interpolation(config: WinchConfig, period: float) -> tuple[Setting, ...]:
+    """The interpolation period (60C2), which must be the SYNC period (s), where the mode needs one.
+
+    Raises SetupError for a period that 60C2 cannot say: mantissa up to 255, power of ten.
+    """
+    if config.mode is not Mode.CYCLIC_POSITION:
+        return ()
+    for exponent in (-3, -4, -5, -6):
+        mantissa = period * 10.0**-exponent
+        if 1.0 <= round(mantissa) <= 255 and abs(mantissa - round(mantissa)) < 1e-6:
+            meaning = "interpolation period"
+            return Setting(0x60C2, 1, round(mantissa), meaning), Setting(0x60C2, 2, exponent, f"{meaning}, power of 10")
+    raise SetupError(
+        f"bus, sync_rate: a period of {period:g} s cannot be told to drives in cyclic position mode.",
+        hint="Use a rate such as 100, 125, 200, 250, 400 or 500 Hz.",
     )
 
 

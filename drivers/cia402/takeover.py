@@ -16,8 +16,8 @@ from drivers.cia402.inspection import Inspected, Standing, inspect
 from drivers.cia402.machine import Command, state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.node import NodeLink
-from drivers.cia402.settings import Check
-from drivers.cia402.words import Mode, controlword, mode_name
+from drivers.cia402.settings import Check, interpolation
+from drivers.cia402.words import controlword, mode_name
 from drivers.ports import Clock, DriveState
 from fidim_lab.errors import BusError, DeviceError
 
@@ -45,8 +45,11 @@ async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) 
         return await bring_up(master, link, config)
     checks = [_check(found) for found in await inspect(link, config, master.host_id) if _counts(found)]
     mode = await link.sdo.read(0x6061)
-    profile = Mode.PROFILE_POSITION
-    checks.append(Check("6061:0", "mode of operation", mode_name(profile), mode_name(mode), ok=mode == profile))
+    wanted = link.mode = config.mode
+    checks.append(Check("6061:0", "mode of operation", mode_name(wanted), mode_name(mode), ok=mode == wanted))
+    for setting in interpolation(config, master.period):
+        found = await link.sdo.read(setting.index, setting.sub)
+        checks.append(Check(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found)))
     if wrong := [str(check) for check in checks if not check.ok]:
         raise DeviceError(
             config.device,

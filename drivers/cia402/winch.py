@@ -16,10 +16,10 @@ from drivers.cia402.scale import LengthScale
 from drivers.cia402.settings import Check
 from drivers.cia402.takeover import take_over
 from drivers.cia402.words import controlword
-from drivers.ports import DriveState, WinchSample
+from drivers.ports import Clock, DriveState, WinchSample
 from fidim_lab.errors import DeviceError, RefusedError
 
-_STANDSTILL = 0.005
+STANDSTILL = 0.005
 """of the highest speed"""
 
 
@@ -52,6 +52,16 @@ class Cia402Winch:
         """The bus side: counters, emergencies, heartbeat."""
         return self._drive.link
 
+    @property
+    def drive(self) -> Drive:
+        """The dialogue with the drive, for `modes`."""
+        return self._drive
+
+    @property
+    def clock(self) -> Clock:
+        """The master's."""
+        return self._master.clock
+
     async def configure(self) -> None:
         """Identity, limits, stop reactions, PDO mapping: written, read back; power is never given.
 
@@ -72,6 +82,10 @@ class Cia402Winch:
             return
         order = self._drive.begin()
         await self._drive.walk_to_operation(order)
+        await self._take_over(order)
+
+    async def _take_over(self, order: int) -> None:
+        """Enabled and halted: from now on the drive stands by a set-point of ours."""
         await self._drive.take_set_point(order, self._drive.healthy().position)
 
     async def prepare(self, speed: float, acceleration: float) -> None:
@@ -120,7 +134,7 @@ class Cia402Winch:
         elif state is not DriveState.QUICK_STOP_ACTIVE:
             raise DeviceError(self.config.device, f"cannot hold, it has no power: {state}.")
         speed = abs(self._scale.velocity(values.velocity))
-        slowest = _STANDSTILL * self._scale.magnitude(self.config.max_speed)
+        slowest = STANDSTILL * self._scale.magnitude(self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
 
     def quick_stop(self) -> None:

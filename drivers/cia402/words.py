@@ -31,6 +31,8 @@ def mode_name(value: int) -> str:
 VOLTAGE_ENABLED = 1 << 4
 TARGET_REACHED = 1 << 10
 SET_POINT_ACKNOWLEDGED = 1 << 12
+FOLLOWS = 1 << 12
+"""in cyclic modes: the drive follows the command value"""
 _REMARKS = (
     (1 << 7, "with a warning"),
     (1 << 11, "at an internal limit"),

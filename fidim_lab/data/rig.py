@@ -118,6 +118,8 @@ class WinchEntry:
     vendor_id: int | None
     product_code: int | None
     serial_number: int | None
+    mode: str
+    """CiA 402 mode of moves: "profile-position" or "cyclic-position\""""
     temperature: TemperatureEntry | None
     """None: the drive is not asked"""
     tension: TensionEntry

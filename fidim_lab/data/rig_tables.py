@@ -103,6 +103,7 @@ class WinchTable(Table):
     vendor_id: Annotated[int, Field(ge=0)] | None = None
     product_code: Annotated[int, Field(ge=0)] | None = None
     serial_number: Annotated[int, Field(ge=0)] | None = None
+    mode: Literal["profile-position", "cyclic-position"] = "profile-position"
     temperature: TemperatureTable | None = None
     tension: TensionTable = TensionTable()
     stop: StopTable = StopTable()

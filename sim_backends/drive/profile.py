@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 _NEGLIGIBLE = 1e-12
 """s; shorter pieces are left out"""
+_LINGERING = 1e-6
+"""part of a glide for which its speed still shows at its end: who looks just then sees motion, as with a real one"""
 
 
 class ShaftMotion(NamedTuple):
@@ -59,7 +61,8 @@ def glide(t: float, position: float, target: float, duration: float) -> Profile:
     """At constant speed from `position` at time t to `target` in `duration` (s), then at rest."""
     if position == target:
         return standing(target)
-    return _chain(t, ShaftMotion(position, (target - position) / duration), [(0.0, duration)], target)
+    moving = ShaftMotion(position, (target - position) / duration)
+    return _chain(t, moving, [(0.0, duration * (1.0 + _LINGERING))], target)
 
 
 def trapezoid(

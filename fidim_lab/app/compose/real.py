@@ -10,9 +10,11 @@ from dataclasses import dataclass, replace
 
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.config import GENERIC_EDS, StopReactions, TemperatureObject, WinchConfig
+from drivers.cia402.cyclic import make_winch
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.takeover import refuse_other_master
 from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.words import Mode
 from drivers.clock import LoopClock
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Clock, Operator, Rig
@@ -35,6 +37,7 @@ LONGEST_TOGETHER = 0.5
 """s; at the usual acceleration a winch that went alone would be 25 mm ahead by then"""
 SHORTEST_LISTEN, LONGEST_LISTEN = 0.1, 1.0
 """s of listening for another master, at any heartbeat"""
+MODES = {"profile-position": Mode.PROFILE_POSITION, "cyclic-position": Mode.CYCLIC_POSITION}
 STEP_TIMEOUT = 2.0
 """s for one step of a drive's machine, besides its brake"""
 
@@ -67,7 +70,7 @@ async def real_rig(
         transport = open_bus(file)
         stack.callback(transport.close)
         master = make_master(file, transport, clock)
-        winches = tuple(Cia402Winch(config, master, takes_over=takes_over) for config in winch_configs(file))
+        winches = tuple(make_winch(config, master, takes_over=takes_over) for config in winch_configs(file))
         markers = marker_source(file, clock)
         serial = serial_devices(file, clock)
         answering = operator or await _hand(file, stack)
@@ -149,6 +152,7 @@ def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float
         sample_age=sample_age,
         current_offset=entry.tension.offset / newton_per_ampere,
         temperature=_temperature(entry),
+        mode=MODES[entry.mode],
     )
 
 

@@ -1,0 +1,369 @@
+"""Winches in cyclic synchronous position mode, and the modes of commissioning, on simulated drives."""
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.cyclic import CyclicWinch, make_winch
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.modes import home_here, jog, switch_mode
+from drivers.cia402.scale import wrap32
+from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.words import Mode
+from drivers.clock import LoopClock
+from drivers.ports import DriveState
+from fidim_lab.errors import DeviceError, RefusedError, SetupError
+from sim_backends.drive.eds import read_eds
+from sim_backends.drive.node import SimulatedDrive
+from sim_backends.drive.shaft import DrumShaft
+from sim_backends.in_process_bus import InProcessBus
+from sim_backends.jumping_loop import run
+
+EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "eds" / "generic_cia402.eds"
+COUNTS = 40_000 / (2 * np.pi * 0.03)
+"""a metre"""
+clock = LoopClock()
+
+
+def config(node=1, **change):
+    usual = WinchConfig(
+        name=f"winch {node}",
+        node_id=node,
+        counts_per_turn=40_000,
+        drum_radius=0.03,
+        rated_current=5.0,
+        current_limit=4.0,
+        max_speed=0.3,
+        max_acceleration=2.0,
+        length_limits=(0.3, 3.0),
+        home_length=1.0,
+        direction=1 if node % 2 else -1,
+        mode=Mode.CYCLIC_POSITION,
+    )
+    return replace(usual, **change)
+
+
+class Hall:
+    """Drives, their winches, and every sample of all of them."""
+
+    def __init__(self, *configs, sync_rate=250.0):
+        self.bus = InProcessBus(clock.now)
+        self.frames = []
+        self.bus.tap(lambda frame: self.frames.append(frame))
+        self.master = CanopenMaster(self.bus, clock, sync_rate=sync_rate)
+        self.drives = []
+        for one in configs:
+            drive = SimulatedDrive(one.node_id, read_eds(EDS, one.node_id), DrumShaft(), position=float(one.home_count))
+            self.drives.append(drive)
+            self.bus.attach(drive)
+        self.winches = [make_winch(one, self.master) for one in configs]
+        self.samples = []
+
+    def watch(self, _t):
+        found = [winch.latest() for winch in self.winches]
+        if all(found):
+            self.samples.append([sample.length for sample in found])
+
+    async def world(self):
+        while True:
+            self.bus.advance(clock.now())
+            await clock.sleep(0.002)
+
+    async def __aenter__(self):
+        self.tasks = [asyncio.create_task(self.master.run(self.watch)), asyncio.create_task(self.world())]
+        return self
+
+    async def __aexit__(self, *_):
+        for task in self.tasks:
+            task.cancel()
+        await asyncio.gather(*self.tasks, return_exceptions=True)
+
+    async def all(self, *commands):
+        return await asyncio.gather(*commands)
+
+    async def ready(self):
+        await self.all(*(winch.configure() for winch in self.winches))
+        await self.all(*(winch.enable() for winch in self.winches))
+        self.samples.clear()
+
+    async def go(self, lengths, speed=0.2, acceleration=0.5):
+        """All together, in proportion to their ways."""
+        ways = [abs(length - winch.latest().length) for length, winch in zip(lengths, self.winches, strict=True)]
+        shares = [max(way / max(ways), 1e-6) for way in ways]
+        await self.all(
+            *(
+                winch.move_to(length, speed * share, acceleration * share)
+                for winch, length, share in zip(self.winches, lengths, shares, strict=True)
+            )
+        )
+
+    async def arrive(self, seconds=20.0):
+        end = clock.now() + seconds
+        while not all(winch.latest().target_reached for winch in self.winches):
+            assert clock.now() < end
+            await clock.sleep(0.01)
+
+
+def off_the_line(samples, start, goal):
+    """How far the lengths left the straight line in length space, m."""
+    way = np.array(goal) - start
+    gone = np.array(samples) - start
+    part = gone @ way / (way @ way)
+    return np.abs(gone - np.outer(part, way)).max()
+
+
+START, GOAL = np.ones(4), np.array([1.3, 0.8, 1.05, 1.0 + 1e-3])
+
+
+def test_all_go_in_step_from_the_first_cycle_to_the_last():
+    async def main():
+        async with Hall(*(config(node) for node in range(1, 5))) as hall:
+            await hall.ready()
+            await hall.go(GOAL)
+            await hall.arrive()
+            return hall.samples, [winch.latest() for winch in hall.winches]
+
+    samples, ends = run(main())
+    assert [end.length for end in ends] == pytest.approx(GOAL, abs=1.0 / COUNTS)
+    assert off_the_line(samples, START, GOAL) < 2.5 / COUNTS  # counts are whole numbers
+    speeds = np.abs(np.diff(samples, axis=0)).max(axis=0) * 250.0
+    assert speeds.max() == pytest.approx(0.2, rel=0.02)
+
+
+def test_in_profile_position_they_begin_one_after_the_other():
+    """What cyclic mode is for: the same move, each drive by itself."""
+
+    async def main():
+        async with Hall(*(config(node, mode=Mode.PROFILE_POSITION) for node in range(1, 5))) as hall:
+            await hall.ready()
+            await hall.winches[0].move_to(1.3, 0.2, 0.5)
+            await hall.all(*(w.move_to(g, 0.2, 0.5) for w, g in zip(hall.winches[1:], GOAL[1:], strict=True)))
+            await hall.arrive()
+            return hall.samples
+
+    assert off_the_line(run(main()), START, GOAL) > 20.0 / COUNTS
+
+
+def test_a_hold_in_the_middle_keeps_to_the_line():
+    async def main():
+        async with Hall(*(config(node) for node in range(1, 5))) as hall:
+            await hall.ready()
+            await hall.go(GOAL)
+            await clock.sleep(1.0)
+            await hall.all(*(winch.hold() for winch in hall.winches))
+            stood = [winch.latest().length for winch in hall.winches]
+            await clock.sleep(1.0)
+            return hall.samples, stood, [winch.latest() for winch in hall.winches]
+
+    samples, stood, ends = run(main())
+    assert [end.length for end in ends] == stood
+    assert 1.1 < stood[0] < 1.25
+    assert off_the_line(samples, START, GOAL) < 2.5 / COUNTS
+    assert all(end.state is DriveState.OPERATION_ENABLED for end in ends)
+
+
+def test_nothing_moves_when_power_comes_wherever_the_encoder_stands():
+    async def main():
+        async with Hall(config(home_count=-1_234_567)) as hall:
+            await hall.ready()
+            await clock.sleep(1.0)
+            return hall.samples
+
+    assert np.ptp(run(main())) == 0.0
+
+
+def test_through_the_wrap_of_the_encoder():
+    top = 2**31 - 1 - round(1.95 * COUNTS)  # the limits lie within 32 bits, the way to them does not leave them
+
+    async def main():
+        async with Hall(config(home_count=top, length_limits=(0.9, 2.9))) as hall:
+            await hall.ready()
+            await hall.go([2.9])
+            await hall.arrive()
+            return hall.winches[0].latest().length, hall.drives[0]._axis.feedback.position()
+
+    length, count = run(main())
+    assert length == pytest.approx(2.9, abs=1.0 / COUNTS)
+    assert count == wrap32(count) == top + round(1.9 * COUNTS)
+
+
+def test_a_quick_stop_in_the_middle_is_not_undone():
+    async def main():
+        async with Hall(config()) as hall:
+            (winch,) = hall.winches
+            await hall.ready()
+            await hall.go([2.0])
+            await clock.sleep(1.0)
+            winch.quick_stop()
+            await clock.sleep(1.0)
+            stood = winch.latest()
+            await winch.enable()
+            await clock.sleep(0.5)
+            again = winch.latest()
+            await hall.go([1.1])
+            await hall.arrive()
+            return stood, again, winch.latest()
+
+    stood, again, end = run(main())
+    assert stood.state is DriveState.QUICK_STOP_ACTIVE
+    assert 1.0 < stood.length < 1.3
+    assert again.length == stood.length
+    assert end.length == pytest.approx(1.1, abs=1.0 / COUNTS)
+
+
+def test_a_bus_fault_stops_all_where_they_are():
+    """`quick_stop_all` carries the newest target: another one would be a jump in the same cycle."""
+
+    async def main():
+        async with Hall(config()) as hall:
+            await hall.ready()
+            await hall.go([2.0])
+            await clock.sleep(1.0)
+            hall.master.quick_stop_all()
+            await clock.sleep(0.5)
+            return hall.samples
+
+    steps = np.abs(np.diff(run(main()), axis=0)).max()
+    assert steps <= 0.2 / 250.0 + 1.5 / COUNTS
+
+
+def test_a_host_that_is_late_makes_all_slow_and_none_early():
+    async def main():
+        async with Hall(*(config(node) for node in range(1, 5))) as hall:
+            await hall.ready()
+            await hall.go(GOAL)
+            await clock.sleep(0.8)
+            hall.tasks[0].cancel()
+            await clock.sleep(0.05)  # the control loop hangs
+            hall.tasks[0] = asyncio.create_task(hall.master.run(hall.watch))
+            await hall.arrive()
+            return hall.samples
+
+    assert off_the_line(run(main()), START, GOAL) < 2.5 / COUNTS
+
+
+def test_interpolation_period_and_target_are_configured():
+    async def main():
+        async with Hall(config(), sync_rate=125.0) as hall:
+            await hall.winches[0].configure()
+            od = hall.drives[0].od
+            return [od.number(0x60C2, sub) for sub in (1, 2)], od.number(0x1601, 1), hall.winches[0].checks
+
+    period, mapped, checks = run(main())
+    assert period == [8, -3]
+    assert mapped == 0x607A0020
+    assert {"60C2:1", "60C2:2", "1601:1", "1401:2"} <= {check.object for check in checks}
+
+
+def test_a_period_that_60c2_cannot_say_is_refused():
+    async def main():
+        async with Hall(config(), sync_rate=300.0) as hall:
+            await hall.winches[0].configure()
+
+    with pytest.raises(SetupError, match=r"a period of 0\.00333333 s cannot be told"):
+        run(main())
+
+
+@pytest.mark.parametrize("what", ["not supported", "not displayed"])
+def test_a_drive_without_the_mode_is_refused(what):
+    async def main():
+        async with Hall(config()) as hall:
+            if what == "not supported":
+                hall.drives[0].od.fix(0x6502, 0, 1)
+            else:
+                hall.drives[0].faults.reject_mode(8)
+            await hall.winches[0].configure()
+
+    says = {"not supported": "cyclic position mode supported", "not displayed": r"cyclic position \(8\) wanted"}
+    with pytest.raises(DeviceError, match=says[what]):
+        run(main())
+
+
+def test_limits_and_a_second_move_are_refused():
+    async def main():
+        async with Hall(config()) as hall:
+            (winch,) = hall.winches
+            await hall.ready()
+            with pytest.raises(RefusedError, match="a length of 3"):
+                await winch.move_to(3.1, 0.1, 0.5)
+            await winch.move_to(1.5, 0.1, 0.5)
+            with pytest.raises(DeviceError, match="still moving"):
+                await winch.move_to(1.2, 0.1, 0.5)
+
+    run(main())
+
+
+@pytest.mark.parametrize("mode", [Mode.PROFILE_POSITION, Mode.CYCLIC_POSITION])
+@pytest.mark.parametrize("node", [1, 2])
+def test_jog(mode, node):
+    async def main():
+        async with Hall(config(node, mode=mode)) as hall:
+            (winch,) = hall.winches
+            await hall.ready()
+            await jog(winch, 0.1, 1.0)
+            paid_out = winch.latest().length
+            await jog(winch, -0.1, 1.0)
+            back = winch.latest()
+            await hall.go([1.2])
+            await hall.arrive()
+            with pytest.raises(RefusedError, match="refuses to jog"):
+                await jog(winch, 0.5, 1.0)
+            return paid_out, back, winch.latest().length, winch.link.values.mode
+
+    paid_out, back, end, shown = run(main())
+    assert paid_out == pytest.approx(1.1, abs=0.02)
+    assert back.length == pytest.approx(1.0, abs=0.02)
+    assert back.state is DriveState.OPERATION_ENABLED
+    assert end == pytest.approx(1.2, abs=1.0 / COUNTS)
+    assert shown == mode
+
+
+@pytest.mark.parametrize("mode", [Mode.PROFILE_POSITION, Mode.CYCLIC_POSITION])
+def test_home_here_moves_nothing_but_the_count(mode):
+    async def main():
+        async with Hall(config(mode=mode)) as hall:
+            (winch,) = hall.winches
+            await hall.ready()
+            await hall.go([1.2])
+            await hall.arrive()
+            await clock.sleep(0.1)
+            before = hall.drives[0]._axis.feedback.motion.position
+            count = await home_here(winch, 500)
+            await clock.sleep(0.5)
+            with pytest.raises(DeviceError, match="does not home by method 17"):
+                await home_here(winch, 0, method=17)
+            return count, before, hall.drives[0]._axis.feedback.motion.position, winch.latest().state
+
+    count, before, after, state = run(main())
+    assert count == 500
+    assert after == pytest.approx(before, abs=0.5)
+    assert state is DriveState.OPERATION_ENABLED
+
+
+def test_a_mode_that_the_drive_does_not_take_is_an_error_and_the_old_one_stays():
+    async def main():
+        async with Hall(config(mode=Mode.PROFILE_POSITION)) as hall:
+            (winch,) = hall.winches
+            hall.drives[0].faults.reject_mode(3)
+            await hall.ready()
+            with pytest.raises(DeviceError, match=r"profile velocity \(3\) displayed \(6061\) expected"):
+                await jog(winch, 0.1, 1.0)
+            with pytest.raises(DeviceError, match="does not have the mode cyclic torque"):
+                await switch_mode(winch, Mode.CYCLIC_TORQUE)
+            await winch.enable()
+            await hall.go([1.1])
+            await hall.arrive()
+            return winch.latest().length
+
+    assert run(main()) == pytest.approx(1.1, abs=1.0 / COUNTS)
+
+
+def test_the_config_chooses():
+    bus = InProcessBus(clock.now)
+    master = CanopenMaster(bus, clock)
+    assert type(make_winch(config(1), master)) is CyclicWinch
+    assert type(make_winch(config(2, mode=Mode.PROFILE_POSITION), master)) is Cia402Winch
