@@ -2,11 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from drivers.ports import DriveState, MarkerFrame
+from drivers.ports import DriveState, MarkerFrame, WinchSample
 from procedures.drive_guards import BusGuard, FollowingErrorGuard, TemperatureGuard
 from procedures.guards import Guard, Observation, Reacting
 from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
+
+MOVES = 0.02
+"""m/s of cable at which a motor certainly works"""
 
 
 class DriveGuard:
@@ -63,7 +66,7 @@ class StaleGuard:
 
 
 class TensionGuard:
-    """A cable's tension, from its motor current, stays beyond a threshold.
+    """A cable's tension, from its motor current, stays beyond a threshold, or is not measured any more.
 
     A violation begins beyond the threshold, ends only `hysteresis` on its good side, and trips after `lasting`.
     A hand at the platform may slacken a cable: the lower threshold does not count while somebody handles it.
@@ -78,6 +81,9 @@ class TensionGuard:
         self._hysteresis = settings.hysteresis
         self._lasting = settings.tension_for
         self._since: dict[tuple[int, str], float] = {}
+        self._stuck_for = settings.current_stuck
+        self._unchanged: dict[int, tuple[float, float]] = {}
+        """cable → current, and since when it is exactly that while the winch moves"""
 
     def look(self, seen: Observation) -> str | None:
         """The first cable whose tension has been beyond a threshold for too long."""
@@ -91,7 +97,20 @@ class TensionGuard:
                 return f"cable {cable} has {tension:.1f} N, under {self._low:g} N for {self._lasting:g} s"
             if self._lasts(seen.t, (cable, "over"), self._high - tension):
                 return f"cable {cable} has {tension:.1f} N, over {self._high:g} N for {self._lasting:g} s"
+            if self._is_stuck(seen.t, cable, sample):
+                return (
+                    f"the motor current of cable {cable} is exactly {sample.current:g} A for {self._stuck_for:g} s "
+                    "while its winch moves: the sensor is stuck, so that nobody knows the tension"
+                )
         return None
+
+    def _is_stuck(self, t: float, cable: int, sample: WinchSample) -> bool:
+        """A motor that works never needs exactly the same current, digit for digit, for long."""
+        before, since = self._unchanged.get(cable, (sample.current, t))
+        if sample.current != before or abs(sample.velocity) < MOVES:
+            since = t
+        self._unchanged[cable] = (sample.current, since)
+        return t - since >= self._stuck_for
 
     def _lasts(self, t: float, which: tuple[int, str], room: float) -> bool:
         """Whether the room to the threshold (N, negative beyond it) has been used up for too long."""

@@ -42,6 +42,8 @@ class RunFolder:
                 (path / folder).mkdir(parents=True)
             write_robot(path / ROBOT, robot)
             write_index(path, name, sample_rate, ())
+            for made in (path / ROBOT, path / INDEX, path, path.parent):  # a run that cannot be read cannot go on
+                sync(made)
         except OSError as error:
             if error.errno in DISK_FAULTS:
                 raise disk_error(path, error) from error

@@ -125,6 +125,8 @@ class GuardSettings:
     """N by which a tension must come back before its violation is forgotten"""
     tension_for: float = 0.1
     """s for which a tension must be beyond its threshold"""
+    current_stuck: float = 1.0
+    """s for which a motor current may stay exactly the same while its winch moves"""
     marker_for: float = 3.0
     """s for which the main marker may be lost or frozen"""
     slip: float = 5e-3

@@ -13,6 +13,10 @@ ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "fault(area, fault, …): a row of docs/faults.md, which the test asserts")
+
+
 @pytest.fixture(scope="session")
 def irma4() -> Robot:
     """The four-cable robot of the paper's Table 1."""

@@ -1,6 +1,6 @@
 """`fidim simulators`: the devices of a rig file, simulated in real time in this process, until Ctrl-C.
 
-Lines on standard input pull plugs: `bus`, `mocap`, `drive 2`, `fault 3`, `serial 1`.
+Lines on standard input pull plugs: `bus`, `mocap`, `drive 2`, `fault 3`, `off 4`, `serial 1`.
 """
 
 import asyncio
@@ -61,7 +61,7 @@ async def _serve(file: RigFile, options: SimulatorOptions) -> None:
         for number, name in enumerate(named, start=1):
             _say(f"serial {number}: {name}")
         serial = ", serial K, serial K again" if named else ""
-        _say(f"ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K, fault K{serial}")
+        _say(f"ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K, fault K, off K{serial}")
         lines = _standard_input(asyncio.get_running_loop())
         while devices.served.failure is None:
             try:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from sim_backends.drive.axis import Axis
 from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.emergency import ErrorLog
+from sim_backends.drive.emergency import HEARTBEAT_LOST, ErrorLog
 
 
 class DriveFaults:
@@ -40,6 +40,16 @@ class DriveFaults:
     def offset_current(self, ampere: float) -> None:
         """The ammeter reads `ampere` too much."""
         self._axis.feedback.current_offset = ampere
+
+    def stick_current(self) -> None:
+        """The ammeter shows what it shows now, for ever."""
+        self._axis.feedback.stuck_current = self._axis.feedback.current()
+
+    def miss_host(self) -> None:
+        """The host's heartbeat has been missed while nobody could hear the drive say so: its computer was asleep."""
+        self._errors.report(HEARTBEAT_LOST)
+        self._axis.abort_connection()
+        self._changed()
 
     def reject_mode(self, mode: int) -> None:
         """6060 accepts `mode`, but 6061 never shows it."""

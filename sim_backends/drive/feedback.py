@@ -28,6 +28,8 @@ class Feedback:
         self.powered = False
         self.current_offset = 0.0
         """A that the ammeter reads too much"""
+        self.stuck_current: int | None = None
+        """what a stuck ammeter shows, per mille of 6075"""
         self.slipped = 0
         """counts by which the encoder is off the shaft"""
         self.reference = 0
@@ -60,6 +62,8 @@ class Feedback:
 
     def current(self) -> int:
         """6078 and 6077, per mille of the rated value."""
+        if self.stuck_current is not None:
+            return self.stuck_current
         ampere = (self._shaft.load_current if self.powered else 0.0) + self.current_offset
         return _saturate(1e6 * ampere / (self._number(0x6075) or 1000), 16)
 

@@ -44,6 +44,12 @@ class Freeze:
     marker: int = 0
 
 
+STRAY_COUNT = 500_000
+"""frames by which another session's count is off"""
+STRAY_PLACE = 0.3
+"""m by which the marker was elsewhere then, in x"""
+
+
 @dataclass(frozen=True)
 class Faults:
     """Everything that shall go wrong. Probabilities are for each packet, independent of one another."""
@@ -53,6 +59,8 @@ class Faults:
     freezes: tuple[Freeze, ...] = ()
     silences: tuple[During, ...] = ()
     """the server counts on, but sends nothing"""
+    strays: tuple[During, ...] = ()
+    """a server left over from an earlier session sends as well: its own count, the marker where it was then"""
     lost: float = 0.0
     doubled: float = 0.0
     reordered: float = 0.0

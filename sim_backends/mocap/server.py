@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.ports import Clock
 from sim_backends.mocap.encoders import Encoder
-from sim_backends.mocap.faults import Damage, Faults, Piece
+from sim_backends.mocap.faults import STRAY_COUNT, STRAY_PLACE, Damage, Faults, Piece
 
 Truth = Callable[[float], Sequence[Sequence[float]] | np.ndarray]
 """True marker positions (M, 3), motion-capture frame, m, at a host time in s; asked once for each frame, in order"""
@@ -71,7 +71,12 @@ class MocapServer:
         due = self._due(start + since)
         if any(since in silence for silence in self.faults.silences):
             return []
-        return self.damage.apply(due, self.encoder.encode(self.timing.first_number + index, measured))
+        number = self.timing.first_number + index
+        pieces = self.damage.apply(due, self.encoder.encode(number, measured))
+        if any(since in stray for stray in self.faults.strays):
+            old = [None if place is None else (place[0] + STRAY_PLACE, *place[1:]) for place in measured]
+            pieces.append(Piece(due, self.encoder.encode(number + STRAY_COUNT, old)))
+        return pieces
 
     def measure(self, since: float, t: float) -> list[tuple[float, float, float] | None]:
         """What is seen of each marker (m) `since` s after the first frame, at host time t."""

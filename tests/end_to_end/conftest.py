@@ -72,17 +72,21 @@ class MocapFaults:
     """Adds faults to a stream while it runs."""
 
     def __init__(self, faults: Faults | None) -> None:
-        self._added: dict[str, list[Any]] = {"occlusions": [], "freezes": [], "silences": [], "jumps": []}
+        self._added: dict[str, list[Any]] = {"occlusions": [], "freezes": [], "silences": [], "strays": [], "jumps": []}
         self.faults = replace(faults or Faults(), **self._added)
         self.now: Callable[[], float] = lambda: 0.0
         self.begin = 0.0
 
     def add(self, kind: str, seconds: float, *more: Any) -> None:
-        """From now on: "occlusions", "freezes", "silences", or "jumps" with an offset."""
+        """From now on: "occlusions", "freezes", "silences", "strays", or "jumps" with an offset."""
         since = self.now() - self.begin - 1.0 / RATE  # a stream begins one period after its server
         during = During(since, since + seconds)
-        makes = {"occlusions": Occlusion, "freezes": Freeze, "silences": lambda what: what, "jumps": Jump}
+        makes = {"occlusions": Occlusion, "freezes": Freeze, "silences": _itself, "strays": _itself, "jumps": Jump}
         self._added[kind].append(makes[kind](during, *more))
+
+
+def _itself(during: During) -> During:
+    return during
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +169,13 @@ class Ended:
                 found.append((frame.t, node, int.from_bytes(word, "little")))
         return found
 
-    def check(self, *, held: bool = True, journal: bool = True, log: bool = True, part: bool = False) -> RunReport:
+    def check(
+        self, *, held: bool = True, journal: bool = True, log: bool = True, part: bool = False, opened: bool = True
+    ) -> RunReport:
         """What holds whatever the fault was.
 
-        held: every winch was seen to stand still; journal, log: the disk took them; part: a full disk left one behind.
+        held: every winch was seen to stand still; journal, log: the disk took them; part: a full disk left one behind;
+        opened: each recording that began has a file.
         """
         report = self.report
         assert self.planted, "the fault was never planted"
@@ -180,7 +187,7 @@ class Ended:
         assert report.reason.strip()
         if journal:
             self._check_journal(report)
-        self._check_folder(report, part=part)
+        self._check_folder(report, part=part, opened=opened)
         if log:
             logged = list(read_candump(self.folder / "can.log"))
             assert [(f.id, f.data) for f in logged] == [(f.id, f.data) for f in self.frames]
@@ -193,7 +200,7 @@ class Ended:
         assert (held.outcome, held.reason) == (Outcome.PASS if report.held else Outcome.ERROR, report.held_says)
         assert (self.trip is None) == (not [e for e in self.journal if e.kind is Kind.TRIPPED])
 
-    def _check_folder(self, report: RunReport, *, part: bool) -> None:
+    def _check_folder(self, report: RunReport, *, part: bool, opened: bool) -> None:
         """Accepted windows are whole and listed, the others are kept, nothing is spliced, nothing is missing."""
         left = [path for path in self.folder.rglob("*.part") if part is False]
         assert [path for path in left if path.parent.name != "rejected" or ".mcap" not in path.suffixes] == []
@@ -202,7 +209,7 @@ class Ended:
             assert [w.id for w in campaign.windows] == [row.id for row in report.accepted]
             assert {len(w.t) for w in campaign.windows} == {self.rows}
         files = [path for path in self.folder.glob("[wr]*/*") if ".csv" in path.suffixes]
-        assert len(files) == len(self.begun.get("Record", ()))
+        assert len(files) == len(self.begun.get("Record", ())) or not opened
         for file in files:
             self.check_rows(file)
             if "cannot be written" not in report.reason:
@@ -260,6 +267,8 @@ class Rehearsal:
         self.seed = 1
         self.settings = short()
         self.real_time = False
+        self.listeners: tuple[Callable[[Event], None], ...] = ()
+        """after our own"""
         self._mocap = MocapFaults(faults)
         self._plants: list[tuple[str, int, float, Callable[[Stage], Any]]] = []
 
@@ -314,10 +323,11 @@ class Rehearsal:
                 seen.begun.setdefault(name, []).append(stage.now())
                 self._plant(name, len(seen.begun[name]), stage, seen)
 
-        rest = {"wall_time": lambda: "2000-01-01T00:00:00Z", "listeners": (hear,), **more}
+        rest = {"wall_time": lambda: "2000-01-01T00:00:00Z", "listeners": (hear, *self.listeners), **more}
         guard = LogGuard(lambda: logs[0].error if logs else None)
         try:
-            await run_procedure(experiment, stage.rig.rig, self.folder, guards=(guard,), **rest)
+            guards = (guard, *rest.pop("guards", ()))
+            await run_procedure(experiment, stage.rig.rig, self.folder, guards=guards, **rest)
         finally:
             for task in stage.tasks:
                 task.cancel()

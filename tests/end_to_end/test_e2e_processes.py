@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import pty
 import signal
 import socket
 import subprocess
@@ -118,6 +119,13 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+@pytest.mark.fault(
+    "people and programs",
+    "the service is killed (SIGKILL)",
+    reaction="the drives stop by themselves; `fidim resume` takes them over, the load is held all the while",
+    says="1 windows have their verdict, 1 are left",
+    window="recorded again",
+)
 @pytest.mark.parametrize("wait", [0.0, 4.0], ids=["still running", "stopped by their missing heartbeat"])
 def test_a_killed_service_leaves_drives_that_hold_and_its_run_takes_them_over(bench, wait):
     run = bench.run()
@@ -203,6 +211,13 @@ def children_of_a_rehearsal(rig: Path) -> list[str]:
     return found
 
 
+@pytest.mark.fault(
+    "people and programs",
+    "the service is stopped for 2 s (SIGSTOP)",
+    reaction="the drives stop by themselves",
+    says="guard stopped the run",
+    window="kept",
+)
 def test_a_stopped_service_does_not_keep_the_drives_from_stopping(bench):
     run = bench.run()
     until(run, "i01  move to")
@@ -217,6 +232,13 @@ def test_a_stopped_service_does_not_keep_the_drives_from_stopping(bench):
     assert json.loads((bench.folder / "run" / "summary.json").read_text())["exit_code"] == 3
 
 
+@pytest.mark.fault(
+    "people and programs",
+    "the terminal that started the run is killed",
+    reaction="none",
+    says="pass",
+    window="accepted",
+)
 def test_the_terminal_that_started_a_run_may_be_killed(bench):
     run = bench.run("--on-finish", f"touch {bench.folder}/finished")
     until(run, "i01  move to")
@@ -231,12 +253,20 @@ def test_the_terminal_that_started_a_run_may_be_killed(bench):
     assert service > 0
 
 
+@pytest.mark.fault(
+    "people and programs",
+    "a second service is started on the same rig",
+    reaction="refused, the first goes on",
+    says="Another service has this rig",
+    window="goes on",
+)
 def test_a_second_service_on_one_rig_is_refused_and_stop_stops_the_first(bench):
     run = bench.run()
     until(run, "i01  move to")
     second = bench.run("--out", bench.folder / "second")
     said, _ = second.communicate(timeout=60)
     assert second.returncode == 2
+    assert "Another service has this rig" in said
     assert f"process {bench.service()}" in said
     stop = bench.start("stop", "--reason", "enough")
     assert "quick-stopped" in stop.communicate(timeout=30)[0]
@@ -261,3 +291,41 @@ def test_ctrl_c_aborts_with_the_robot_held(bench):
     assert run.returncode == 130, said
     summary = json.loads((bench.folder / "run" / "summary.json").read_text())
     assert (summary["outcome"], summary["held"]) == ("aborted", True)
+
+
+@pytest.mark.fault(
+    "people and programs",
+    "the UI and the run's own terminal are stopped for 2 s, then the UI is killed",
+    reaction="none",
+    says="pass",
+    window="accepted",
+)
+def test_clients_that_stop_or_die_change_nothing(bench):
+    run = bench.run()
+    until(run, "i01  move to")
+    reader, terminal = pty.openpty()
+    ui = subprocess.Popen(
+        [str(Path(sys.executable).with_name("fidim")), "ui", str(bench.folder / "run")],
+        stdin=terminal,
+        stdout=terminal,
+        stderr=terminal,
+        env={**bench.environment, "TERM": "xterm-256color"},
+        cwd=bench.folder,
+    )
+    os.close(terminal)
+    try:
+        assert os.read(reader, 1), "it draws"
+        until(run, "i01  record", within=120.0)
+        for process in (run, ui):
+            os.kill(process.pid, signal.SIGSTOP)
+        threading.Event().wait(2.0)
+        os.kill(run.pid, signal.SIGCONT)
+    finally:
+        ui.kill()
+        ui.wait(30)
+        os.close(reader)
+    said, _ = run.communicate(timeout=180)
+    assert run.returncode == 0, said
+    summary = json.loads((bench.folder / "run" / "summary.json").read_text())
+    assert summary["outcome"] in ("pass", "marginal")
+    assert [row["attempts"] for row in summary["windows"]] == [1, 1]

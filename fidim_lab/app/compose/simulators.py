@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import can
 import numpy as np
 
+from drivers.canbus.transport import CanFrame
 from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.clock import LoopClock
 from fidim_lab.app.compose.real import winch_configs
@@ -31,6 +32,8 @@ from sim_backends.served_bus import ServedBus
 from sim_backends.slcan_server import SlcanServerBus
 
 SOCKET = "socket://"
+SWITCHED_OFF = bytes.fromhex("2b40600006000000")
+"""controlword “shutdown” by SDO"""
 MAINS_LOST, OVERCURRENT = 0x3120, 0x2310
 """emergency codes of the plugs and faults below"""
 
@@ -51,7 +54,8 @@ class SimulatedDevices:
     async def pull(self, plug: str) -> str:
         """Pull a plug, and say so; raises SetupError for one that there is not.
 
-        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "fault K": overcurrent;
+        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "fault K": overcurrent; "off K":
+        another program switches it off;
         "serial K": of the release or a measuring device, in the order of the file; "serial K again": back in.
         """
         match plug.split():
@@ -62,10 +66,10 @@ class SimulatedDevices:
             case ["serial", number, *again] if number in self._lines and again in ([], ["again"]):
                 line = self.serial[int(number) - 1].line
                 (line.plug if again else line.unplug)()
-            case ["drive" | "fault" as what, number] if number in self._numbers:
+            case ["drive" | "fault" | "off" as what, number] if number in self._numbers:
                 self._strike(self.drives[int(number) - 1], what)
             case _:
-                known = f"bus, mocap, drive K or fault K with K from {', '.join(self._numbers)}"
+                known = f"bus, mocap, drive K, fault K or off K with K from {', '.join(self._numbers)}"
                 if self.serial:
                     known += f"; serial K with K from {', '.join(self._lines)}"
                 raise SetupError(f"{plug!r}: no such plug.", hint=f"There are: {known}.")
@@ -88,6 +92,9 @@ class SimulatedDevices:
 
     def _strike(self, drive: SimulatedDrive, what: str) -> None:
         with self.served.paused():
+            if what == "off":
+                drive.receive(CanFrame(0x600 + drive.node_id, SWITCHED_OFF, time.monotonic()))
+                return
             drive.faults.raise_fault(MAINS_LOST if what == "drive" else OVERCURRENT)
             drive.faults.silent = drive.faults.silent or what == "drive"
 

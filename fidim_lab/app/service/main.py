@@ -18,6 +18,7 @@ from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.opening import Opened, open_rig
 from fidim_lab.app.service.place import Lock, Place, held, place_of
 from fidim_lab.app.service.service import Identity, Service, new_token, wall_time
+from fidim_lab.app.service.spec import NAME as SPEC
 from fidim_lab.app.service.spec import RunSpec, overridden, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
 from fidim_lab.data.plan_file import read_plan, write_plan
@@ -26,6 +27,7 @@ from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import FidimError
 from procedures.catalogue import experiment
+from procedures.disk import sync
 from procedures.guards import Guard
 from procedures.handlers import HANDLERS
 from procedures.host_guards import host_guards
@@ -157,6 +159,8 @@ def _write_papers(work: Work) -> None:
     shutil.copyfile(work.spec.rig, work.spec.out / RIG)
     write_plan(work.spec.out / PLAN, work.plan)
     write_spec(work.spec.out, work.spec)
+    for name in (RIG, PLAN, SPEC, ""):  # without them no run goes on after a power cut
+        sync(work.spec.out / name)
 
 
 def _settings(spec: RunSpec, file: RigFile) -> Settings:

@@ -104,11 +104,11 @@ def test_a_drive_that_does_not_stop_is_said(on_bench, config):
 
 def test_a_drive_without_power_is_brought_up_as_ever(on_bench, config):
     async def script(bench: Any) -> None:
-        winch = Cia402Winch(config(node_id=3), CanopenMaster(bench.bus, LoopClock()), takes_over=True)
-        with pytest.raises(DeviceError, match=r"PRE-OPERATIONAL expected"):  # nobody runs this master's loop
-            bench.loop_task.cancel()
-            await winch.configure()
+        bench.loop_task.cancel()
+        winch = await taken_over(bench, config)
+        assert bench.drive.controlwords == []
         assert bench.drive.get(0x605A) == 6
+        assert winch.latest().state is DriveState.SWITCH_ON_DISABLED
 
     on_bench(script)
 

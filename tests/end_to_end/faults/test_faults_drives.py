@@ -1,0 +1,169 @@
+"""Drives that fail, and cables."""
+
+from dataclasses import replace
+
+import pytest
+
+from sim_backends.bus_faults import FrameRule
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive falls silent",
+    reaction="quick stop",
+    within=0.25,
+    says="winch 2 does not answer for 0.1",
+    window="kept",
+    held=False,
+)
+def test_a_silent_drive(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: setattr(stage.drive(2).faults, "silent", True))
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive goes into fault (over-current)",
+    reaction="quick stop",
+    within=0.03,
+    says="winch 2 reports a fault: emergency 0x2310",
+    window="kept",
+)
+def test_a_drive_fault(rehearsal, fault):
+    ended = fault.strikes(rehearsal, lambda stage: stage.drive(2).faults.raise_fault(0x2310))
+    assert ended.report.held_says == "All winches stand still, without motor power: winch 2."
+
+
+@pytest.mark.fault(
+    "drives",
+    "another program switches a drive off",
+    reaction="quick stop",
+    within=0.03,
+    says="winch 2 is in state “ready to switch on”",
+    window="kept",
+)
+def test_a_drive_in_a_wrong_state(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.bus.inject(0x202, bytes.fromhex("06000100000000")))
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive is reset by somebody else",
+    reaction="quick stop",
+    within=0.25,
+    says="winch 2 reports a fault: the drive restarted by itself",
+    window="kept",
+    held=False,
+)
+def test_a_drive_that_is_reset(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.bus.inject(0x000, bytes([129, 2])))
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive refuses a value (SDO abort) before a move",
+    reaction="hold",
+    says="winch 2 (node 2): SDO write of 6081:0 refused",
+    window="none was open",
+    journal="RUN_FINISHED",
+)
+def test_an_sdo_abort(rehearsal, scene, fault):
+    rehearsal.plan = scene.two
+
+    def refuse(data: bytes) -> bytes:
+        return bytes.fromhex("8081600030000906") if data[:4] == bytes.fromhex("60816000") else data
+
+    fault.strikes(
+        rehearsal,
+        lambda stage: stage.bus.rules.append(FrameRule(frozenset({0x582}), change=refuse)),
+        step="CheckWindow",
+        after=0.0,
+    )
+
+
+@pytest.mark.fault(
+    "drives",
+    "a flood of 1000 emergencies in one cycle",
+    reaction="quick stop",
+    within=0.1,
+    says="winch 2 reports a fault",
+    window="kept",
+)
+def test_an_emergency_flood(rehearsal, fault):
+    def flood(stage):
+        for k in range(1000):
+            stage.bus.inject(0x82, bytes([k % 256, 0x42, 0x01, 0, 0, 0, 0, 0]))
+
+    fault.strikes(rehearsal, flood)
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive's heartbeat stops, its samples go on",
+    reaction="quick stop",
+    within=0.5,
+    says="winch 2 reports a fault: no heartbeat for 0.3",
+    window="kept",
+)
+def test_a_drive_without_heartbeat(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.bus.rules.append(FrameRule(frozenset({0x702}), drop=True)))
+
+
+@pytest.mark.fault(
+    "drives",
+    "an encoder jumps by 60 mm",
+    reaction="hold",
+    within=0.05,
+    says="winch 2 moved -60.0 mm while recording, at most 5 mm is allowed",
+    window="kept",
+)
+def test_an_encoder_jump(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.drive(2).faults.jump_encoder(3000))
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive gets hot",
+    reaction="hold",
+    within=0.6,
+    says="winch 2 has 90 °C, at most 75 °C is allowed",
+    window="kept",
+)
+def test_a_hot_drive(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.drive(2).od.fix(0x2210, 0, 905))
+
+
+@pytest.mark.fault(
+    "drives",
+    "a current sensor is stuck while its winch moves",
+    reaction="quick stop",
+    within=1.1,
+    says="the motor current of cable 3 is exactly",
+    window="none was open",
+)
+def test_a_stuck_current_sensor(rehearsal, scene, fault):
+    rehearsal.settings = replace(scene.short(), guard=replace(scene.short().guard, current_stuck=0.2))
+    fault.strikes(rehearsal, lambda stage: stage.drive(3).faults.stick_current(), step="MoveTo", after=0.1)
+
+
+@pytest.mark.fault(
+    "cables",
+    "a cable goes slack",
+    reaction="quick stop",
+    within=0.2,
+    says="under 2 N for 0.1 s",
+    window="kept",
+)
+def test_a_slack_cable(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.add_tension(3, -120.0))
+
+
+@pytest.mark.fault(
+    "cables",
+    "a cable is overloaded",
+    reaction="quick stop",
+    within=0.2,
+    says="over 250 N for 0.1 s",
+    window="none was open",
+)
+def test_an_overloaded_cable(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: stage.add_tension(3, 300.0), step="MoveTo", after=0.2)

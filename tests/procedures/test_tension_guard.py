@@ -1,0 +1,33 @@
+"""A motor current that stays exactly the same while its winch moves is no measurement."""
+
+import pytest
+
+from drivers.ports import DriveState, WinchSample
+from procedures.guards import Observation
+from procedures.robot_guards import TensionGuard
+from procedures.settings import GuardSettings
+from procedures.steps import Phase
+
+
+def seen(t, current, velocity):
+    sample = WinchSample(t, DriveState.OPERATION_ENABLED, 1.0, velocity, current, False)
+    return Observation(t=t, phase=Phase.MOVING, winches=(sample,), frame=None)
+
+
+@pytest.mark.parametrize(
+    ("current", "velocity", "trips"),
+    [
+        (lambda t: 2.0, 0.1, True),
+        (lambda t: 2.0, -0.1, True),
+        (lambda t: 2.0 + (t > 0.5) * 0.005, 0.1, False),  # one digit, once
+        (lambda t: 2.0, 0.001, False),  # friction may hold a winch that hardly moves
+    ],
+)
+def test_stuck_while_moving(current, velocity, trips):
+    guard = TensionGuard([34.0], 2.0, 250.0, GuardSettings())
+    says = [guard.look(seen(0.01 * k, current(0.01 * k), velocity)) for k in range(120)]
+    assert any(says) == trips
+    if trips:
+        first = next(k for k, text in enumerate(says) if text)
+        assert first == pytest.approx(100, abs=1)
+        assert says[first].startswith("the motor current of cable 1 is exactly 2 A for 1 s while its winch moves")
