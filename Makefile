@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: install dry-run test check lock bench outputs clean
+.PHONY: install dry-run test check lock bench outputs reference docs clean
 
 install: $(STAMP)
 
@@ -35,9 +35,27 @@ bench: install
 lock:
 	uv pip compile pyproject.toml --group dev --universal --generate-hashes --no-annotate --no-header \
 	    --no-emit-index-url --no-emit-find-links -o requirements.lock
+	uv pip compile --group pyproject.toml:docs --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+	    --no-emit-index-url --no-emit-find-links -o docs/requirements.lock
 
 outputs: install
 	$(BIN)/python docs/outputs.py
+	$(BIN)/python docs/faults.py
+
+# Pages of docs that are made from the code; tests compare them.
+reference: install
+	$(BIN)/python -m fidim_lab.app.service.reference > docs/messages.md
+	$(BIN)/python -m fidim_lab.app.cli.reference > docs/commands.md
+	$(BIN)/python -m fidim_lab.app.file_keys > docs/file-keys.md
+
+# The documentation as a site, in an environment of its own: build/site/index.html. A link to nowhere is an error.
+docs: build/docs/.installed
+	NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --quiet --strict
+
+build/docs/.installed: docs/requirements.lock
+	$(PYTHON) -m venv build/docs
+	build/docs/bin/python -m pip install --quiet --require-hashes -r docs/requirements.lock
+	@touch $@
 
 clean:
 	rm -rf .venv build dist

@@ -1,10 +1,9 @@
 """docs/messages.md, made from the models: `python -m fidim_lab.app.service.reference > docs/messages.md`."""
 
-import json
-import re
 import sys
 from typing import Any, get_args
 
+from fidim_lab.app.schema_words import default_words, one_line, type_words
 from fidim_lab.app.service.commands import PROTOCOL, Command, Message, ToService
 from fidim_lab.app.service.messages import ToClient
 
@@ -61,7 +60,7 @@ def _parts() -> list[type[Message]]:
 def _section(model: type[Message], tag: str) -> str:
     schema = model.model_json_schema()
     title = f"`{model.model_fields[tag].default}`" if tag else model.__name__
-    lines = [f"### {title}\n", _one_line(model.__doc__ or "") + "\n"]
+    lines = [f"### {title}\n", one_line(model.__doc__ or "") + "\n"]
     rows = [_row(name, field, schema) for name, field in schema["properties"].items() if name != tag]
     if rows:
         lines += ["| key | type | default | |", "|---|---|---|---|", *rows, ""]
@@ -69,40 +68,8 @@ def _section(model: type[Message], tag: str) -> str:
 
 
 def _row(name: str, field: dict[str, Any], schema: dict[str, Any]) -> str:
-    default = "" if name in schema.get("required", ()) else f"`{_json(field.get('default'))}`"
-    return f"| `{name}` | {_type(field)} | {default} | {_one_line(field.get('description', ''))} |"
-
-
-def _one_line(text: str) -> str:
-    return re.sub(r"\s+", " ", text).strip()
-
-
-def _type(field: dict[str, Any]) -> str:
-    match field:
-        case {"$ref": str(ref)}:
-            return ref.rpartition("/")[2]
-        case {"const": value}:
-            return f"`{_json(value)}`"
-        case {"enum": list(values)}:
-            return " or ".join(f"`{_json(value)}`" for value in values)
-        case {"anyOf": list(kinds)}:
-            return " or ".join(dict.fromkeys(_type(kind) for kind in kinds))
-        case {"oneOf": list()}:
-            return "one of the commands below"
-        case {"type": "array", "prefixItems": list(items)}:
-            return "[" + ", ".join(_type(item) for item in items) + "]"
-        case {"type": "array", "items": dict(item)}:
-            return f"list of {_type(item)}"
-        case {"type": "object", "additionalProperties": dict(item)}:
-            return f"object of {_type(item)}"
-        case {"type": str(kind)}:
-            return kind
-        case _:
-            return ""
-
-
-def _json(value: object) -> str:
-    return json.dumps(value)
+    says = one_line(field.get("description", ""))
+    return f"| `{name}` | {type_words(field)} | {default_words(name, field, schema)} | {says} |"
 
 
 if __name__ == "__main__":

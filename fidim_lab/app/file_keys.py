@@ -1,0 +1,58 @@
+"""docs/file-keys.md, made from the models that check files: `python -m fidim_lab.app.file_keys > docs/file-keys.md`."""
+
+import sys
+from typing import Any
+
+from pydantic import BaseModel
+
+from fidim_lab.app.schema_words import default_words, one_line, range_words, type_words
+from fidim_lab.data.campaign import CampaignTable
+from fidim_lab.data.plan_file import PlanTable
+from fidim_lab.data.rig_tables import RigTable
+from fidim_lab.data.robot_file import RobotTable
+from fidim_lab.identification.result_file import ResultTable
+
+INTRODUCTION = """# Keys of files
+
+Made from the models that check the files, by `python -m fidim_lab.app.file_keys`; a test compares them. SI units
+throughout. A key without a default must be there; an unknown key is an error. What the tables of a rig file mean:
+[rig.md](rig.md); what a run's folder holds: [files.md](files.md).
+"""
+FILES: tuple[tuple[str, type[BaseModel]], ...] = (
+    ("Robot file, `fidim-robot/1` (TOML)", RobotTable),
+    ("Rig file, `fidim-rig/1` (TOML)", RigTable),
+    ("Plan, `fidim-plan/1` (TOML)", PlanTable),
+    ("Campaign, `fidim-campaign/1` (TOML)", CampaignTable),
+    ("Result, `fidim-result/1` (JSON)", ResultTable),
+)
+
+
+def file_keys_page() -> str:
+    """The whole page: each file, then the tables inside it."""
+    parts = [INTRODUCTION]
+    for heading, model in FILES:
+        schema = model.model_json_schema()
+        parts += [f"## {heading}\n", *_table(schema)]
+        for name, inner in schema.get("$defs", {}).items():
+            if "properties" in inner:
+                parts += [f"### {_title(name, inner)}\n", *_table(inner)]
+    return "\n".join(parts)
+
+
+def _title(name: str, schema: dict[str, Any]) -> str:
+    """The model's docstring says which table it is; its name is what other tables call it."""
+    says = one_line(schema.get("description", "")).rstrip(".")
+    return f"{name}: {says}" if says else name
+
+
+def _table(schema: dict[str, Any]) -> list[str]:
+    rows = [_row(name, field, schema) for name, field in schema["properties"].items()]
+    return ["| key | value | allowed | default |", "|---|---|---|---|", *rows, ""]
+
+
+def _row(name: str, field: dict[str, Any], schema: dict[str, Any]) -> str:
+    return f"| `{name}` | {type_words(field)} | {range_words(field)} | {default_words(name, field, schema)} |"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(file_keys_page())
