@@ -6,12 +6,13 @@ be asked for: `markers`, `encoder_lengths`, `tensions`. One plant is one experim
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Pose
 from fidim_lab.errors import OurBugError
-from sim_backends.plant.kinematics import HAND_SIZE, LOOSE, POSE, matrix_of, pose_of, size
+from sim_backends.plant.kinematics import HAND_SIZE, LOOSE, POSE, TWIST, matrix_of, oscillation, pose_of, size
 from sim_backends.plant.motion import NO_HAND, Drive, Motion, SlackInterval
 from sim_backends.plant.paid_out import PaidOut
 from sim_backends.plant.seen import markers_at
@@ -104,11 +105,18 @@ class Plant:
         return rest if displacement is None else self._statics.held_aside(rest, true, displacement)
 
     def place(self, rest: Rest, lengths: PerCable, t: float = 0.0) -> None:
-        """Begin at rest there at plant time t with these encoder lengths (m); creep, window and slack begin anew."""
+        """Begin at rest there at plant time t with these encoder lengths (m); creep, window and slack begin anew.
+
+        At rest against the frame: where that sways, the platform is displaced and moves with it.
+        """
         self._paid_out.restart()
         self._drums = np.array(lengths, dtype=float)
         x = np.zeros(size(self.world))
         x[POSE] = rest.coordinates
+        for effect in self.world.effects("frame-sway"):
+            displaced, moving, _ = oscillation(effect, ca.SX(t))
+            x[0:3] += np.array(ca.evalf(displaced)).ravel()
+            x[TWIST][:3] += np.array(ca.evalf(moving)).ravel()
         rotation = matrix_of(rest.coordinates[3:7])
         for k, effect in enumerate(self.world.effects("loose-mass")):
             sag = self.world.gravity / (2 * np.pi * effect["f"]) ** 2

@@ -197,6 +197,18 @@ def test_the_swaying_frame_carries_the_platform_along(world_of, lengths_of):
     assert plant.markers()[0, 0] - rest.marker[0] == pytest.approx(0.002, abs=2e-4)
 
 
+def test_a_platform_begins_at_rest_against_a_swaying_frame(world_of, lengths_of):
+    """Its cables have their lengths from the first moment, and keep them: nothing jerks."""
+    plant = Plant(world_of("frame-sway:ax=0.002,ay=0.001,az=0,f=1.6,psi=1"))
+    plant.settle(LENGTHS)
+    begin = plant.markers()[0] - 2e-3 * np.sin(1.0) * np.array([1.0, 0.5, 0.0])
+    still = Plant(world_of())
+    np.testing.assert_allclose(begin, still.settle(LENGTHS).marker, atol=1e-9)
+    plant.advance(1e-4)
+    speed = (plant.markers()[0] - plant.markers(0.0)[0]) / 1e-4
+    np.testing.assert_allclose(speed, 2e-3 * 3.2 * np.pi * np.cos(1.0) * np.array([1.0, 0.5, 0.0]), atol=1e-5)
+
+
 def test_hand_contact_acts_in_its_time_and_window_only(swing, clean):
     _, touched = swing("hand-contact:start=0.3,stop=0.4", duration=0.5)
     np.testing.assert_allclose(touched[:31], clean[:31], atol=1e-9)
