@@ -1,0 +1,74 @@
+"""Where the winches excite, what they may do there, and what is wanted of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import PerCable
+from fidim_lab.data.records import Body, Robot
+from fidim_lab.model.equilibria import pose_from_lengths
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.statics import Equilibrium
+from fidim_lab.model.swing import Swing, swing_about
+
+
+@dataclass(frozen=True)
+class WinchLimits:
+    """What the winches may do while they excite."""
+
+    speed: float = 0.3
+    """m/s"""
+    acceleration: float = 1.0
+    """m/s²"""
+    offset: float = 0.06
+    """m away from the equilibrium's lengths"""
+    seconds: float = 12.0
+    """for all chains"""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """An equilibrium where the winches excite."""
+
+    mechanism: Mechanism
+    body: Body
+    equilibrium: Equilibrium
+    swing: Swing
+
+    @staticmethod
+    def at(mechanism: Mechanism, lengths: PerCable, body: Body | None = None) -> "Place":
+        """By the nominal body unless given. Raises InfeasibleError where the platform does not rest there."""
+        body = body or mechanism.robot.nominal
+        equilibrium = pose_from_lengths(mechanism, body, lengths)
+        return Place(mechanism, body, equilibrium, swing_about(mechanism, body, equilibrium))
+
+    @property
+    def robot(self) -> Robot:
+        """As the mechanism has it."""
+        return self.mechanism.robot
+
+
+def wanted_amplitudes(place: Place, displacement: Float[np.ndarray, "2"]) -> Float[np.ndarray, " modes"]:
+    """How far each mode would swing (marker, m) were the platform let go with the marker displaced so in x, y (m)."""
+    swing = place.swing
+    # of all ways to have the marker there, the one with the least potential energy: what a hand's pull at it gives
+    stiffness = (2 * np.pi * swing.frequencies) ** 2
+    xy = swing.markers[:2]
+    if len(stiffness) <= 2:
+        q = np.linalg.lstsq(xy, displacement, rcond=None)[0]
+    else:
+        q = (xy / stiffness).T @ np.linalg.pinv(xy / stiffness @ xy.T) @ displacement
+    return np.abs(q) * swing.lever
+
+
+def bodies_around(body: Body, off: float = 0.05, count: int = 6, seed: int = 0) -> tuple[Body, ...]:
+    """Bodies whose parameters are off by up to this part (of the lever, for the centre of mass), always the same."""
+    rng = np.random.default_rng([seed, 41])
+    lever = float(np.linalg.norm(body.com))
+    moments = np.concatenate([body.inertia[:3], np.full(3, body.inertia[:3].min())])
+    signs = rng.choice([-1.0, 1.0], (count, 9))
+    com = body.com + off * lever * signs[:, :3] * np.array([0.3, 0.3, 1.0])
+    inertia = body.inertia + off * moments * signs[:, 3:] * np.array([1, 1, 1, 0.3, 0.3, 0.3])
+    found = (Body(com=c, inertia=i) for c, i in zip(com, inertia, strict=True))
+    return tuple(one for one in found if np.linalg.eigvalsh(one.inertia_about_com)[0] > 0)

@@ -1,0 +1,151 @@
+"""Planning an excitation: which strokes leave the platform swinging as wanted when the winches hold.
+
+For each mode one chain of strokes near its frequency, along a direction that moves it most and the others little; they
+follow one another, the slowest mode first. How large each is, is solved for with the nonlinear model and its exact
+derivatives; then the whole motion is looked at with bodies that CAD may have meant, and made smaller where a tension
+would leave its limits. Sizes are for the damping that is likely, tensions are looked at with the least there may be.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Body
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.excitation.candidates import begins_of, within_winches
+from fidim_lab.identification.excitation.knowledge import Knowledge
+from fidim_lab.identification.excitation.motion import retimed, solved, swings_after, within_tensions
+from fidim_lab.identification.excitation.place import Place, WinchLimits
+from fidim_lab.identification.excitation.strokes import Chain
+
+SLOWER = (0.5, 0.25)
+"""parts of the acceleration that are tried where tensions are the limit"""
+MASS_OFF = 0.05
+"""part by which the platform's mass, and so every tension, may be off"""
+LEAST = 0.05
+"""part of the wanted swing under which a place is refused"""
+ENOUGH = 0.97
+"""part of the wanted swing that is said to be all of it"""
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """Chains of strokes, and what is to be expected of them."""
+
+    chains: tuple[Chain, ...]
+    """one for each mode that is excited, in order"""
+    begins: tuple[float, ...]
+    """s since the begin of the first"""
+    wanted: Float[np.ndarray, " modes"]
+    """m: how far the main marker is to swing in each mode when the winches hold"""
+    reached: Float[np.ndarray, " modes"]
+    """m: by the plan; less where limits did not allow it"""
+    tension: tuple[float, float]
+    """N, smallest and largest of all bodies looked at"""
+    modes: tuple[int, ...] = field(default=())
+    """the mode (from 0) of each chain"""
+    why_less: str = ""
+    """what limits the swing; empty where nothing does"""
+
+    @property
+    def seconds(self) -> float:
+        """From the first stroke's begin to the hold."""
+        return self.begins[-1] + self.chains[-1].pattern.seconds
+
+
+def planned(
+    place: Place,
+    wanted: Float[np.ndarray, " modes"],
+    knowledge: Knowledge | None = None,
+    limits: WinchLimits | None = None,
+    bodies: Sequence[Body] = (),
+    tension: tuple[float, float] | None = None,
+) -> Excitation:
+    """The excitation after which the marker swings `wanted` (m) in each mode.
+
+    knowledge: what earlier recordings taught. bodies: others than the place's that CAD may have meant
+    (`bodies_around`). tension: N at all times; the robot's limits unless given. Where limits allow less, all modes get
+    less alike; raises InfeasibleError where nothing is left (a tenth).
+    """
+    limits, knowledge = limits or WinchLimits(), knowledge or Knowledge.none(len(wanted))
+    known = replace(place, swing=place.swing.damped(knowledge.damping))
+    low, high = tension or place.robot.limits.tension
+    trial = _Trial(known, wanted, knowledge, tuple(bodies), (low * (1 + MASS_OFF), high / (1 + MASS_OFF)))
+    best = trial.planned(limits)
+    for slower in SLOWER:
+        if best.why is not Less.TENSION:
+            break
+        # gentler strokes take longer, and pull less at the cables
+        found = trial.planned(replace(limits, acceleration=slower * limits.acceleration))
+        if found.part > best.part:
+            best = found if found.part > ENOUGH else replace(found, why=Less.TENSION)
+    chains, modes = best.chains, best.modes
+    why = (
+        "" if best.why is Less.NOTHING else f"{100 * best.part:.0f} % of the wanted swing: {best.words(trial.tension)}"
+    )
+    if best.part < LEAST:
+        raise InfeasibleError(
+            f"The winches cannot make the platform swing {_mm(wanted)} mm here: {why}.",
+            hint="Choose another equilibrium or a smaller displacement, or allow the winches more.",
+        )
+    stretched = retimed(chains, modes, knowledge.ratio)
+    return Excitation(stretched, begins_of(stretched), wanted, best.reached, best.extremes, modes, why)
+
+
+class Less(Enum):
+    """Why a swing is less than wanted."""
+
+    NOTHING = "it is not"
+    WINCHES = "what the winches' speed, acceleration and time reach"
+    TENSION = "what tensions allow"
+
+
+@dataclass(frozen=True, eq=False)
+class _Planned:
+    """What came of one trial."""
+
+    chains: tuple[Chain, ...]
+    modes: tuple[int, ...]
+    reached: Float[np.ndarray, " modes"]
+    part: float
+    extremes: tuple[float, float]
+    why: Less
+
+    def words(self, tension: tuple[float, float]) -> str:
+        """Why, with the tensions (N) that are allowed."""
+        if self.why is not Less.TENSION:
+            return self.why.value
+        low, high = self.extremes
+        return f"{self.why.value}, then {low:.0f} to {high:.0f} N within {tension[0]:g} to {tension[1]:g} N"
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """What a plan is made for; the place's swing has the damping that is known."""
+
+    place: Place
+    wanted: Float[np.ndarray, " modes"]
+    knowledge: Knowledge
+    bodies: tuple[Body, ...]
+    tension: tuple[float, float]
+
+    def planned(self, limits: WinchLimits) -> _Planned:
+        """Chains within these limits."""
+        aims = self.wanted / self.knowledge.gain
+        share, chains, modes = within_winches(self.place, aims, self.knowledge.ratio, limits)
+        chains = solved(self.place, chains, modes, share * aims)
+        gains = np.maximum(self.knowledge.gain[list(modes)], 1.0)
+        loose = replace(self.place, swing=self.place.swing.damped(self.knowledge.least))
+        factor, extremes = within_tensions(loose, chains, gains, self.bodies, self.tension)
+        chains = tuple(chain.scaled(factor) for chain in chains)
+        reached = self.knowledge.gain * swings_after(self.place, chains, modes)
+        part = float(np.linalg.norm(reached) / np.linalg.norm(self.wanted))
+        less = Less.NOTHING if part > ENOUGH else Less.TENSION if factor < 1.0 else Less.WINCHES
+        return _Planned(chains, modes, reached, part, extremes, less)
+
+
+def _mm(values: np.ndarray) -> str:
+    return " and ".join(f"{1e3 * value:.0f}" for value in values)
