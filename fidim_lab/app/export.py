@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import scipy.io
 
 from fidim_lab.app import console
+from fidim_lab.app.answer_file import write_answer
 from fidim_lab.app.export_body import mass_of, mjcf, python_snippet, toml, urdf
 from fidim_lab.app.export_unfinished import export_unfinished
 from fidim_lab.app.manifest import EXPORTS
@@ -37,8 +38,17 @@ _OF_RESULT: Mapping[str, tuple[str, Callable[[ResultTable, float | None], str]]]
 """(suffix, text) of what a result file becomes"""
 
 
-def export_command(source: Path, kind: str, out: Path | None, mass: float | None, *, unfinished: bool = False) -> int:
+def export_command(
+    source: Path,
+    kind: str,
+    out: Path | None,
+    mass: float | None,
+    *,
+    unfinished: bool = False,
+    json_file: Path | None = None,
+) -> int:
     """Export and say where; returns 0. Raises FileError for a wrong source, SetupError for options that cannot be."""
+    unfinished_files: list[dict[str, str]] = []
     if kind in _OF_RESULT:
         if source.is_dir():
             raise SetupError(f"{source} is a folder; --to {kind} takes a result file, as identify --json writes it.")
@@ -50,7 +60,9 @@ def export_command(source: Path, kind: str, out: Path | None, mass: float | None
         if unfinished:
             for made, problem in export_unfinished(source, path.with_name(f"{path.stem}-unfinished")):
                 console.warn([f"{made}: incomplete: {problem}"])
+                unfinished_files.append({"file": str(made), "problem": problem})
     console.out.print(f"exported    {path}", markup=False)
+    write_answer(json_file, "fidim-export/1", {"kind": kind, "path": str(path), "unfinished": unfinished_files})
     return 0
 
 

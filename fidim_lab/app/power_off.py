@@ -11,11 +11,14 @@ from drivers.cia402.without_power import acknowledge_fault, read_state, take_pow
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.app import compose, console
+from fidim_lab.app.answer_file import write_answer
 from fidim_lab.app.compose.real import listening_time, make_master, open_bus, winch_configs
 from fidim_lab.app.service.place import holder, in_use, place_of
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import DeviceError, HardwareError, SetupError
+
+FORMAT = "fidim-power-off/1"
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class PowerOffOptions:
     rig: Path
     yes: bool
     acknowledged_by: str | None
+    json_file: Path | None = None
 
 
 def power_off_command(options: PowerOffOptions) -> int:
@@ -37,10 +41,13 @@ def power_off_command(options: PowerOffOptions) -> int:
         raise SetupError(in_use(other))
     if not options.yes:
         click.confirm("Without power only brakes and stands hold the platform. Is the load secured?", abort=True)
-    return compose.run_loop(_power_off(file, options.acknowledged_by), real_time=True)
+    drives: list[dict[str, object]] = []
+    code = compose.run_loop(_power_off(file, options.acknowledged_by, drives), real_time=True)
+    write_answer(options.json_file, FORMAT, {"exit_code": code, "drives": drives})
+    return code
 
 
-async def _power_off(file: RigFile, acknowledged_by: str | None) -> int:
+async def _power_off(file: RigFile, acknowledged_by: str | None, told: list[dict[str, object]]) -> int:
     clock = LoopClock()
     transport = open_bus(file)
     failed = False
@@ -56,9 +63,11 @@ async def _power_off(file: RigFile, acknowledged_by: str | None) -> int:
                     after = await acknowledge_fault(link, clock, device, acknowledged_by)
             except DeviceError as error:
                 failed = True
+                told.append({"drive": device, "error": str(error)})
                 console.err.print(str(error), markup=False)
                 continue
             failed |= after is DriveState.FAULT
+            told.append({"drive": device, "before": str(before), "after": str(after)})
             hint = "; look at the cause, then --acknowledge NAME" if after is DriveState.FAULT else ""
             console.out.print(f"{device}: {before} → {after}{hint}", markup=False)
     finally:

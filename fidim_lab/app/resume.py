@@ -4,26 +4,27 @@ The service does the work: it reads what is left, takes over the drives in whate
 the robot is with the journal before anything moves. Nothing heavy is imported here: a robot waits.
 """
 
-import json
 import shlex
 from pathlib import Path
 
 from drivers.cia402.takeover import NOT_TAKEN_OVER
 from drivers.ports import DriveState
 from fidim_lab.app import console
+from fidim_lab.app.answer_file import write_summary
 from fidim_lab.app.run_process import start_and_watch
 from fidim_lab.app.service.place import place_of
-from fidim_lab.app.service.spec import SUMMARY, read_spec
+from fidim_lab.app.service.spec import read_spec, read_summary
 from fidim_lab.data.rig_file import read_rig
 
 
-def resume_command(folder: Path, *, accept_place: bool) -> int:
+def resume_command(folder: Path, *, accept_place: bool, json_file: Path | None = None) -> int:
     """Returns the run's exit code. Raises FileError for no run, RefusedError where nothing is left to do."""
     spec = read_spec(folder).model_copy(update={"out": folder.absolute(), "resume": True, "accept_place": accept_place})
     code = start_and_watch(spec, place_of(read_rig(spec.rig), embedded=spec.embedded))
     if code:
-        for line in power_hint(_reason(folder), spec.rig, folder):
+        for line in power_hint(str(read_summary(folder).get("reason", "")), spec.rig, folder):
             console.err.print(line, markup=False, soft_wrap=True)
+    write_summary(json_file, folder.absolute(), code)
     return code
 
 
@@ -40,11 +41,3 @@ def power_hint(reason: str, rig: Path, folder: Path) -> tuple[str, ...]:
         f"    fidim power-off {shlex.quote(str(rig))}{more}",
         f"    fidim resume {shlex.quote(str(folder.absolute()))}",
     )
-
-
-def _reason(folder: Path) -> str:
-    """Why the run ended, from its summary; empty where there is none."""
-    try:
-        return str(json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["reason"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return ""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.app import console
+from fidim_lab.app.answer_file import write_answer, write_summary
 from fidim_lab.app.run_process import start_and_watch
 from fidim_lab.app.service.main import Work, prepare
 from fidim_lab.app.service.place import place_of
@@ -17,6 +18,8 @@ from fidim_lab.errors import SetupError
 from procedures.listing import Outline
 from procedures.run_folder import require_new
 from procedures.steps import Ask
+
+LISTING = "fidim-listing/1"
 
 
 @dataclass(frozen=True)
@@ -43,18 +46,31 @@ class RunOptions:
     procedure: str
     stay: bool
     tcp: int | None
+    json_file: Path | None = None
 
 
 def run_command(options: RunOptions) -> int:
     """Check, start, watch; returns the run's exit code. Raises FidimError before anything has moved."""
     spec = make_spec(options)
     if options.listing:
-        console.out.print(Outline(prepare(spec).experiment.procedure).text(), end="", markup=False)
+        outline = Outline(prepare(spec).experiment.procedure)
+        console.out.print(outline.text(), end="", markup=False)
+        write_answer(options.json_file, LISTING, _listed(outline))
         return 0
     require_new(spec.out)
     work = prepare(spec)
     require_answers(work)
-    return start_and_watch(spec, place_of(work.file, embedded=spec.embedded))
+    code = start_and_watch(spec, place_of(work.file, embedded=spec.embedded))
+    write_summary(options.json_file, spec.out, code)
+    return code
+
+
+def _listed(outline: Outline) -> dict[str, object]:
+    """Every step with its estimated time, s."""
+    steps = [
+        {"window": s.window, "step": type(s).__name__, "text": s.text, "seconds": s.seconds} for s in outline.steps
+    ]
+    return {"seconds": outline.seconds, "windows": list(outline.windows), "steps": steps}
 
 
 def make_spec(options: RunOptions) -> RunSpec:

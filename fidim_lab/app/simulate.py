@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app import compose, console
+from fidim_lab.app.answer_file import write_answer
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.campaign import INDEX, write_campaign
 from fidim_lab.data.plan_file import read_plan, write_plan
@@ -33,6 +34,7 @@ from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World
 from sim_backends.simulate import RecordedWindow, Recording, SimulatedPlatform, simulate_campaign
 
+FORMAT = "fidim-simulation/1"
 TRUTH = "truth.json"
 PLAN = "plan.toml"
 MILD = 0.7
@@ -58,6 +60,7 @@ class SimulateOptions:
     """windows to record, as they are; None: random ones"""
     own_sensors: bool = False
     """record swivel encoders and an inclinometer too"""
+    json_file: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +90,13 @@ def simulate_command(options: SimulateOptions) -> int:
     console.out.print(_table(done))
     for line in _closing(done, world, options.out):
         console.out.print(line, markup=False)
+    write_answer(options.json_file, FORMAT, _answer(done, options))
     return 0
+
+
+def _answer(done: Simulated, options: SimulateOptions) -> dict[str, object]:
+    windows = [{"id": r.window.id, "role": r.window.role.value, "slack": bool(r.slack)} for r in done.recorded]
+    return {"folder": str(options.out), "seed": options.seed, "hidden": list(options.hide), "windows": windows}
 
 
 def _declared(robot: Robot, noise: float | None) -> Robot:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drivers.clock import LoopClock
 from fidim_lab.app import console
+from fidim_lab.app.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import EmergencyStop
 from fidim_lab.app.service.place import Holder, Place, holder, place_of, runtime_folder
@@ -14,17 +15,24 @@ from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import SetupError
 from procedures.timing import within
 
+FORMAT = "fidim-stop/1"
 ANSWER_WITHIN = 2.0
 """s; a service that does not answer is terminated"""
 
 
-def stop_command(rig: Path | None, reason: str) -> int:
+def stop_command(rig: Path | None, reason: str, json_file: Path | None = None) -> int:
     """Stop it; returns the exit code: 0 stopped, 1 nothing was running, 3 a service did not answer."""
     found = [(place, who) for place in _places(rig) if (who := holder(place)) is not None]
     if not found:
         console.out.print("No service is running.", markup=False)
+        write_answer(json_file, FORMAT, {"exit_code": 1, "services": []})
         return 1
-    return max(asyncio.run(_stop(place, who, reason)) for place, who in found)
+    codes = [asyncio.run(_stop(place, who, reason)) for place, who in found]
+    told = [
+        {"folder": who.folder, "pid": who.pid, "stopped": not code} for code, (_, who) in zip(codes, found, strict=True)
+    ]
+    write_answer(json_file, FORMAT, {"exit_code": max(codes), "services": told})
+    return max(codes)
 
 
 def _places(rig: Path | None) -> list[Place]:

@@ -121,6 +121,7 @@ def reproduce(**options: Any) -> None:
 @click.option(
     "--own-sensors", is_flag=True, help="Record swivel encoders s1… and an inclinometer incl_x… too, for --pose-from."
 )
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-simulation/1".')
 @example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
 def simulate(**options: Any) -> None:
     """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""

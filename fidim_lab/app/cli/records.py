@@ -28,15 +28,16 @@ def import_(kind: str, sources: tuple[Path, ...], out: Path, json_file: Path | N
 @click.argument("folder", type=FOLDER)
 @click.option("--out", type=FILE, default=None, help="HTML file; default FOLDER/report.html.")
 @click.option("--pictures", type=FOLDER, default=None, help="Also write every picture as an SVG file into this folder.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-report/1".')
 @example("fidim report runs/dry-run-1 --pictures runs/dry-run-1/export/pictures")
-def report(folder: Path, out: Path | None, pictures: Path | None) -> None:
+def report(folder: Path, out: Path | None, pictures: Path | None, json_file: Path | None) -> None:
     """Write the HTML report of a run or campaign FOLDER: one file that opens offline.
 
     An explanation.json in FOLDER, as fidim explain --json writes it, becomes a section of its own.
     """
     from fidim_lab.app.report import report_command
 
-    sys.exit(report_command(folder, out, pictures))
+    sys.exit(report_command(folder, out, pictures, json_file))
 
 
 @fidim.command()
@@ -79,12 +80,15 @@ def verify(folder: Path, json_file: Path | None) -> None:
 @click.option("--out", type=FOLDER, default=None, help="File or folder to write; it must not exist yet.")
 @click.option("--mass", type=click.FloatRange(0, min_open=True), default=None, metavar="KG", help="urdf, mjcf need it.")
 @click.option("--unfinished", is_flag=True, help="Also what is left of broken-off windows, in a folder of its own.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-export/1".')
 @example("fidim export runs/dry-run-1 --to parquet\n      fidim export result.json --to mjcf --mass 11.98")
-def export(source: Path, kind: str, out: Path | None, mass: float | None, unfinished: bool) -> None:
+def export(
+    source: Path, kind: str, out: Path | None, mass: float | None, unfinished: bool, json_file: Path | None
+) -> None:
     """Export a campaign folder, or the parameters of a "fidim-result/1" file, for other programs."""
     from fidim_lab.app.export import export_command
 
-    sys.exit(export_command(source, kind, out, mass, unfinished=unfinished))
+    sys.exit(export_command(source, kind, out, mass, unfinished=unfinished, json_file=json_file))
 
 
 @fidim.command()

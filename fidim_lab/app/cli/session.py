@@ -54,6 +54,7 @@ def dry_run(**options: Any) -> None:
 @click.option("--on-fault", default="", metavar="COMMAND", help="Run after a run that did not.")
 @click.option("--stay", is_flag=True, help="The service goes on after the run, for other clients.")
 @click.option("--tcp", type=click.IntRange(0, 65535), default=None, help="Also listen at 127.0.0.1, with a token.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-summary/1".')
 @example("fidim run plan.toml --rig examples/rigs/simulated.toml --embedded")
 def run_(**options: Any) -> None:
     """Run PLAN on a rig: a service in its own process owns the robot, this terminal watches and answers prompts.
@@ -85,8 +86,9 @@ def ui(**options: Any) -> None:
 @fidim.command()
 @click.argument("folder", type=FOLDER)
 @click.option("--accept-place", is_flag=True, help="Go on from wherever the robot is: you have looked, or homed it.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-summary/1".')
 @example("fidim resume runs/plan")
-def resume(folder: Path, accept_place: bool) -> None:
+def resume(folder: Path, accept_place: bool, json_file: Path | None) -> None:
     """Go on with the run in FOLDER after a crash, a kill, a power cut or an abort.
 
     Windows that have their verdict stay; the open one is recorded again. Nothing moves where the robot is not where the
@@ -94,18 +96,19 @@ def resume(folder: Path, accept_place: bool) -> None:
     """
     from fidim_lab.app.resume import resume_command
 
-    sys.exit(resume_command(folder, accept_place=accept_place))
+    sys.exit(resume_command(folder, accept_place=accept_place, json_file=json_file))
 
 
 @fidim.command()
 @click.option("--rig", type=FILE, default=None, help="Only the service of this rig; default all of yours.")
 @click.option("--reason", default="", help="For the journal.")
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-stop/1".')
 @example("fidim stop")
-def stop(rig: Path | None, reason: str) -> None:
+def stop(rig: Path | None, reason: str, json_file: Path | None) -> None:
     """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button."""
     from fidim_lab.app.stop import stop_command
 
-    sys.exit(stop_command(rig, reason))
+    sys.exit(stop_command(rig, reason, json_file))
 
 
 @fidim.command()
@@ -133,6 +136,7 @@ def simulators(**options: Any) -> None:
 @click.option(
     "--acknowledge", "acknowledged_by", default=None, metavar="NAME", help="Reset faults; NAME saw the cause."
 )
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-power-off/1".')
 @example("fidim power-off rig.toml")
 def power_off(**options: Any) -> None:
     """Take the power from all drives of the RIG file, as after a run whose program has ended.

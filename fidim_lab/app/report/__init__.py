@@ -8,9 +8,10 @@ draw it (`svg`, `drawing`); `words`, `tables`, `windows`, `copies` say it; `page
 from pathlib import Path
 
 
-def report_command(folder: Path, out: Path | None, pictures: Path | None = None) -> int:
+def report_command(folder: Path, out: Path | None, pictures: Path | None = None, json_file: Path | None = None) -> int:
     """What `fidim report` does. Returns the exit code; raises FileError for a wrong folder."""
     from fidim_lab.app import console
+    from fidim_lab.app.answer_file import write_answer
     from fidim_lab.app.report.write import write_report
 
     with console.err.status("identifying and drawing …"):
@@ -18,4 +19,6 @@ def report_command(folder: Path, out: Path | None, pictures: Path | None = None)
     console.out.print(f"Report      {path}", markup=False)
     if pictures is not None:
         console.out.print(f"Pictures    {pictures}", markup=False)
+    made = {"file": str(path), "bytes": path.stat().st_size, "pictures": None if pictures is None else str(pictures)}
+    write_answer(json_file, "fidim-report/1", made)
     return 0

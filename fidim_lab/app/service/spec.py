@@ -3,6 +3,7 @@
 `fidim run` makes one from its options, `fidim resume` reads it back from the run folder.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import is_dataclass, replace
 from pathlib import Path
@@ -93,6 +94,15 @@ def read_spec(folder: Path) -> RunSpec:
     except ValidationError as error:
         first = error.errors()[0]
         raise FileError(path, ".".join(map(str, first["loc"])), first["msg"]) from None
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """What a run said when it ended, "fidim-summary/1"; empty where it left nothing that can be read."""
+    try:
+        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def overridden(settings: Settings, values: Mapping[str, float]) -> Settings:
