@@ -144,7 +144,15 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
     if effects and lacking is not None:
         said += f" {lacking.label} is known by its score alone (log-evidence {lacking.log_evidence:.0f}, would leave "
         said += f"χ²/dof {found.last.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
-    return said + limits
+    return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
+
+
+def _by_mass(effects: Sequence[NamedCause], mass: float) -> str:
+    """Free motion tells forces per mass alone: their sizes are as right as the robot file's mass."""
+    units = {value.unit for cause in effects for value in cause.parameters.values()}
+    if not any("N" in unit or "kg" in unit for unit in units):
+        return ""
+    return f" Sizes in newtons or kilograms count on the robot file's {mass:.4g} kg: free motion tells them per mass."
 
 
 def _best_of_no_use(found: Selection) -> str:
