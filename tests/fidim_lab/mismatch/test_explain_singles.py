@@ -1,0 +1,48 @@
+"""Single effects of the catalogue, hidden by the other simulator: named alone, with their size and the body's."""
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.explain import explain
+from fidim_lab.mismatch.explanation import Verdict
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+SINGLES = (
+    ("loose-mass:m=0.2,f=3,zeta=0.05", None, {"f": 3.0, "zeta": 0.05}),
+    ("umbilical:rest=0.5", None, {"k": 4.0, "c": 0.3, "rest": 0.5}),
+    ("winch-hold-compliance:cable=3", 3, {"softness": 1e-5}),
+    ("time-offset:offset=-0.004", None, {"offset": -0.004}),
+    ("frame-sway:f=1.6,psi=1", None, {"sx": 1e-3 * np.cos(1), "cy": 5e-4 * np.sin(1), "f": 1.6}),
+    ("cable-creep:cable=2,delta=0.002,T=2", 2, {"delta": 2e-3, "T": 2.0}),
+)
+"""what is hidden, its cable, and what its parameters come to"""
+
+
+def campaign_with(robot: Robot, text: str) -> tuple[Campaign, np.ndarray]:
+    """Six windows of 5 s and two held out; the true body."""
+    world = make_world(robot, np.random.default_rng(71), (parse_effect(text, robot.n),))
+    plan = random_plan(robot, "single", 6, 2, 71)
+    campaign, truth = simulate_campaign(robot, plan, world, np.random.default_rng(72), recording=Recording(5.0))
+    return campaign, np.concatenate([np.array(truth[key], dtype=float) for key in ("s", "I")])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("text", "cable", "sizes"), SINGLES, ids=[text.split(":")[0] for text, _, _ in SINGLES])
+def test_a_single_effect_is_named_alone(irma4: Robot, text: str, cable: int | None, sizes: dict[str, float]) -> None:
+    campaign, body = campaign_with(irma4, text)
+    found = explain(campaign)
+    assert found.verdict is Verdict.EXPLAINED, found.message
+    assert [(cause.id, cause.cable) for cause in found.effects] == [(text.split(":")[0], cable)]
+    after = found.chi2_per_dof.after
+    assert after is not None
+    assert after < 1.1
+    for name, size in sizes.items():
+        value = found.effects[0].parameters[name]
+        assert value.sd is not None
+        assert abs(value.value - size) < 5 * value.sd, name
+    for name, true in zip(PARAMETER_NAMES, body, strict=True):
+        assert abs(found.parameters[name].value - true) < 5 * found.parameters[name].sd, name
