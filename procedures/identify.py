@@ -61,7 +61,7 @@ def identify(
     A person's skip or retry (`Skipped`, `Retried`) concerns the present window.
     Raises InfeasibleError (from `route`) where no safe way to an equilibrium is known.
     """
-    protocol = _Protocol(robot, settings or Settings(), route, made or {})
+    protocol = WindowProtocol(robot, settings or Settings(), route, made or {})
     at = (yield Enable()).values
     yield from free(protocol.settings)
     swinging = False
@@ -69,14 +69,14 @@ def identify(
         at, swinging = yield from protocol.window(planned, at, swinging)
 
 
-class _Protocol:
+class WindowProtocol:
     """The parts of the protocol, for one robot and its settings. Each is a generator of steps."""
 
     def __init__(self, robot: Robot, settings: Settings, route: Route, made: Mapping[str, int]) -> None:
-        self._robot = robot
+        self.robot = robot
         self.settings = settings
         self._route = route
-        self._made = dict(made)
+        self.made = dict(made)
         """recordings made so far, by window"""
 
     def window(
@@ -106,17 +106,25 @@ class _Protocol:
         goal = tuple(float(length) for length in planned.lengths)
         start = at or None
         for lengths in self._way(planned.id, at, goal) if at else (goal,):
+            speed, acceleration = yield from self.pace(planned, start, lengths)
             yield MoveTo(
                 window=planned.id,
                 lengths=lengths,
                 start=start,
-                speed=motion.speed,
-                acceleration=motion.acceleration,
+                speed=speed,
+                acceleration=acceleration,
                 tolerance=motion.position_tolerance,
                 way_point=lengths != goal,
             )
             start = lengths
         return goal
+
+    def pace(
+        self, _planned: PlannedWindow, _start: Lengths | None, _goal: Lengths
+    ) -> Generator[Step, Result, tuple[float, float]]:
+        """Speed (m/s) and acceleration (m/s²) of a move."""
+        yield from ()
+        return self.settings.motion.speed, self.settings.motion.acceleration
 
     def _way(self, window: str, at: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
         try:
@@ -126,11 +134,11 @@ class _Protocol:
 
     def visit(self, planned: PlannedWindow) -> Generator[Step, Result, bool]:
         """Everything at one equilibrium; returns whether the platform was set swinging."""
-        rest = yield from self._settle(planned)
+        rest = yield from self.settle(planned)
         if rest is None:
             return False
-        yield from self._check_at_rest(planned)
-        return (yield from self._record(planned, rest.values))
+        yield from self.check_at_rest(planned)
+        return (yield from self.record(planned, rest.values))
 
     def steady(self, planned: PlannedWindow, text: str) -> Generator[Step, Result, str]:
         """Have the platform brought to rest; returns the answer."""
@@ -143,7 +151,7 @@ class _Protocol:
             yield Stop(window=planned.id, outcome=Outcome.ABORTED, reason=f"The operator aborted at “{prompt.text}”.")
         return answer
 
-    def _settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:
+    def settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:
         """The measured rest, or None where the window is given up."""
         motion = self.settings.motion
         step = Settle(
@@ -166,7 +174,7 @@ class _Protocol:
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=result.reason)
         return None
 
-    def _check_at_rest(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
+    def check_at_rest(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
         """Hold, encoders, tensions; what is wrong here is wrong with the robot, so the run ends."""
         motion, tension = self.settings.motion, self.settings.tension
         checks = (
@@ -179,7 +187,7 @@ class _Protocol:
             ),
             CheckTension(
                 window=planned.id,
-                limits=self._robot.limits.tension,
+                limits=self.robot.limits.tension,
                 tolerance=tension.tolerance,
                 over=tension.over,
             ),
@@ -189,18 +197,18 @@ class _Protocol:
             if not result.outcome.usable:
                 yield Stop(window=planned.id, outcome=Outcome.FAIL, reason=f"Window {planned.id}: {result.reason}.")
 
-    def _record(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, bool]:
+    def record(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, bool]:
         """Record until a window is good, or given up; returns whether the platform was set swinging."""
         attempts = 1 + self.settings.record.repeats
         reasons: list[str] = []
         ask = partial(self._ask, planned)
         for _ in range(attempts):
             try:
-                answer, reason = yield from displace(planned, self._robot, self.settings, rest, reasons, ask)
+                answer, reason = yield from displace(planned, self.robot, self.settings, rest, reasons, ask)
                 if answer == "skip":
                     yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason="left out by the operator")
                     return bool(reasons)
-                reason = reason or (yield from self._attempt(planned, rest))
+                reason = reason or (yield from self.attempt(planned, rest))
             except Retried as word:
                 reason = word.reason
             if reason is None:
@@ -210,21 +218,21 @@ class _Protocol:
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return True
 
-    def _attempt(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, str | None]:
+    def attempt(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, str | None]:
         """One recording; returns None when accepted, else why not."""
-        away = yield self._hands_off(planned)
-        if not away.outcome.usable:
-            return away.reason
-        attempt = self._made[planned.id] = self._made.get(planned.id, 0) + 1
+        reason = yield from self.set_free(planned)
+        if reason is not None:
+            return reason
+        attempt = self.made[planned.id] = self.made.get(planned.id, 0) + 1
         yield Record(window=planned.id, attempt=attempt, duration=self.settings.record.seconds)
         check = CheckWindow(
             window=planned.id,
             attempt=attempt,
             lengths=tuple(float(length) for length in planned.lengths),
             equilibrium=rest,
-            limits=self._window_limits(),
+            limits=self.window_limits(),
         )
-        verdict = yield check
+        verdict = yield from self.judged(planned, check, (yield check))
         if not verdict.outcome.usable:
             yield Reject(window=planned.id, attempt=attempt, reason=verdict.reason)
             return verdict.reason
@@ -238,8 +246,18 @@ class _Protocol:
         )
         return None
 
+    def set_free(self, planned: PlannedWindow) -> Generator[Step, Result, str | None]:
+        """The platform swings by itself from here on; returns why not."""
+        away = yield self._hands_off(planned)
+        return None if away.outcome.usable else away.reason
+
+    def judged(self, _planned: PlannedWindow, _check: CheckWindow, verdict: Result) -> Generator[Step, Result, Result]:
+        """What more there is to judge of a recording."""
+        yield from ()
+        return verdict
+
     def _hands_off(self, planned: PlannedWindow) -> AwaitHandsOff:
-        hand, (low, high) = self.settings.hand, self._robot.limits.tension
+        hand, (low, high) = self.settings.hand, self.robot.limits.tension
         return AwaitHandsOff(
             window=planned.id,
             moving=hand.moving,
@@ -248,12 +266,13 @@ class _Protocol:
             timeout=hand.timeout,
         )
 
-    def _window_limits(self) -> WindowLimits:
-        record, limits = self.settings.record, self._robot.limits
+    def window_limits(self) -> WindowLimits:
+        """What a recording is judged by."""
+        record, limits = self.settings.record, self.robot.limits
         return WindowLimits(
             complete=record.complete,
             longest_gap=record.longest_gap,
-            jump=max(record.jump, NOISE_JUMP * self._robot.sensors.marker_noise),
+            jump=max(record.jump, NOISE_JUMP * self.robot.sensors.marker_noise),
             amplitude=record.amplitude,
             displacement=limits.free_displacement,
             displacement_tolerance=record.displacement,
