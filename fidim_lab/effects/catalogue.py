@@ -21,7 +21,7 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.frame_misalignment import FrameMisalignment
 from fidim_lab.effects.frame_sway import FrameSway, FrameSwayOwnPhase
 from fidim_lab.effects.gravity_tilt import GravityTilt
-from fidim_lab.effects.loose_mass import LooseMass
+from fidim_lab.effects.loose_mass import LooseMass, LooseMassOnAxis
 from fidim_lab.effects.marker_offset import MarkerOffset
 from fidim_lab.effects.periodic_force import PeriodicForce, PeriodicForceOwnPhase
 from fidim_lab.effects.pulley_friction import PulleyFriction
@@ -85,7 +85,7 @@ _MAKERS: tuple[Maker, ...] = (
     _once(PeriodicForce, PeriodicForceOwnPhase),
     _once(ConstantForce),
     _once(Umbilical, UmbilicalWithRest),
-    _once(LooseMass),
+    _once(LooseMass, LooseMassOnAxis),
     _once(FrameSway, FrameSwayOwnPhase),
     _once(HandContact),
     _once(SensorFault),

@@ -7,6 +7,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
+from fidim_lab.data.records import Robot
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.forces import at_arm
 from fidim_lab.effects.plausibility import Context, Limit
@@ -64,10 +65,82 @@ class LooseMass(NamedEffect):
         """[q̇; q̈]."""
         return ca.vertcat(state.extra[3:], _pull(state, theta) + state.gravity)
 
+    def wider(self, values: np.ndarray, robot: Robot) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """Sliding along one of the body's axes."""
+        del robot
+        return tuple((LooseMassOnAxis(), np.concatenate([values, axis])) for axis in np.eye(3)) if values[0] > 0 else ()
+
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """A part of the platform."""
-        why = f"that is over half of the platform's {context.mass:.1f} kg"
-        return {"m": Limit(LARGEST_SHARE * context.mass, why)}
+        return {"m": _share(context)}
+
+
+@dataclass(frozen=True)
+class LooseMassOnAxis(NamedEffect):
+    """A point mass m that slides along an axis e through b, on a spring and damper: a drawer, a battery in its bay.
+
+    Its displacement s and its own velocity w along the axis are extra states: ṡ = w − e·v_H, ẇ = g·e − ω² s − 2 ζ ω ṡ.
+    Across the axis it is a part of the body: kinetic energy ½ m ‖v_H − e (e·v_H)‖². Lagrange's equations with w as the
+    momentum of s (Routh) give the rest; s is small against b and against the platform.
+    """
+
+    id: ClassVar[str] = "loose-mass"
+    variant: ClassVar[str] = "along an axis"
+    says: ClassVar[str] = "a mass m that slides along an axis e through b of the platform, on a spring (f) and damper"
+    source: ClassVar[str] = "Routh's equations; MODEL.md §5"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        *LooseMass.parameters,
+        Parameter("ex", "1", "axis, body frame, of any length", scale=0.1, low=-2.0, high=2.0, start=0.0, scan=(0.0,)),
+        Parameter("ey", "1", "axis, body frame, of any length", scale=0.1, low=-2.0, high=2.0, start=0.0, scan=(0.0,)),
+        Parameter("ez", "1", "axis, body frame, of any length", scale=0.1, low=-2.0, high=2.0, start=1.0, scan=(1.0,)),
+    )
+    extra_states: ClassVar[tuple[ExtraState, ...]] = (
+        ExtraState("s", "m", spread=0.01),
+        ExtraState("w", "m/s", spread=0.05),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """Weight, and what spring, damper and the turning axis give."""
+        mass, arm, axis, (s, w) = theta[0], state.rotation @ theta[3:6], _axis(state, theta), ca.vertsplit(state.extra)
+        along = self.extra_rates(state, theta)[1] * axis + w * ca.cross(state.spin, axis)
+        # of the momentum w along a turning axis: gradient of w e·v_H at fixed twist
+        turning = w * state.gradient(ca.dot(axis, state.velocity(arm)))
+        force = mass * (state.gravity - along)
+        torque = ca.cross(arm, mass * (state.gravity - self.extra_rates(state, theta)[1] * axis))
+        torque += ca.cross(s * axis, mass * state.gravity)
+        return ca.vertcat(force, torque) + mass * turning
+
+    def kinetic_energy(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """Across the axis."""
+        velocity, axis = state.velocity(state.rotation @ theta[3:6]), _axis(state, theta)
+        return theta[0] / 2 * (ca.sumsqr(velocity) - ca.dot(axis, velocity) ** 2)
+
+    def extra_start(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """Hanging as its weight pulls it, without a velocity of its own."""
+        axis = _axis(state, theta)
+        velocity = state.velocity(state.rotation @ theta[3:6])
+        return ca.vertcat(ca.dot(axis, state.gravity) / _pulsation(theta) ** 2, ca.dot(axis, velocity))
+
+    def extra_rates(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """[ṡ; ẇ]."""
+        axis, pulsation = _axis(state, theta), _pulsation(theta)
+        rate = state.extra[1] - ca.dot(axis, state.velocity(state.rotation @ theta[3:6]))
+        pulled = pulsation**2 * state.extra[0] + 2 * theta[2] * pulsation * rate
+        return ca.vertcat(rate, ca.dot(axis, state.gravity) - pulled)
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """A part of the platform."""
+        return {"m": _share(context)}
+
+
+def _share(context: Context) -> Limit:
+    why = f"that is over half of the platform's {context.mass:.1f} kg"
+    return Limit(LARGEST_SHARE * context.mass, why)
+
+
+def _axis(state: PlatformState, theta: ca.SX) -> ca.SX:
+    """Unit vector, world frame."""
+    return state.rotation @ theta[6:9] / ca.norm_2(theta[6:9])
 
 
 def _pulsation(theta: ca.SX) -> ca.SX:

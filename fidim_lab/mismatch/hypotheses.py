@@ -13,12 +13,15 @@ import numpy as np
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.effect import NamedEffect, Parameter
+from fidim_lab.effects.loose_mass import LooseMass
 
 NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown", "time-offset")
 """found by other means: screening, what is left at the end, motor currents"""
 PERIODIC = ("periodic-force", "frame-sway")
 PERIODIC_SIZE = 6
 """parameters of a periodic hypothesis that have a score: sin and cos in x, y, z"""
+RIDING = (LooseMass,)
+"""effects whose own states follow from the platform's motion alone where their amplitude is 0 (`resonance`)"""
 MOST_SCANNED = 20
 """scan points of one effect"""
 BROAD = 10.0
@@ -98,8 +101,9 @@ def general(effect: NamedEffect, start: np.ndarray) -> Hypothesis:
 
 
 def _can_be_scored(effect: NamedEffect) -> bool:
-    """A hose with a rest length has too many scan points."""
-    return effect.id not in PERIODIC and len(effect.scan_points) <= MOST_SCANNED
+    """A hose with a rest length has too many scan points; states of their own are known for what merely rides along."""
+    known = not effect.extra_states or isinstance(effect, RIDING)
+    return known and effect.id not in PERIODIC and len(effect.scan_points) <= MOST_SCANNED
 
 
 def _at_scan_points(effect: NamedEffect) -> Iterable[Hypothesis]:

@@ -10,8 +10,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.effects.loose_mass import LooseMass
-from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.hypotheses import RIDING, Hypothesis
 from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.integrate import Trajectories
 from fidim_lab.model.slots import Effect, PlatformState
@@ -30,7 +29,7 @@ class UnitTorque(Effect):
 
 def swings(tried: Hypothesis) -> bool:
     """Whether a hypothesis is one whose score is composed here."""
-    return isinstance(tried.effect, LooseMass)
+    return isinstance(tried.effect, RIDING)
 
 
 def pull_of(

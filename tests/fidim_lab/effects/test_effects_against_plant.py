@@ -230,7 +230,7 @@ def test_what_cameras_see(text, named, theta, irma4, hide, sample):
 
 
 def test_extra_states_start_where_the_plant_has_them(irma4, hide):
-    [effect] = by_id(irma4, "loose-mass")
+    effect, _ = by_id(irma4, "loose-mass")
     plant = Plant(_world(irma4, "loose-mass:m=0.3,f=2.6,zeta=0.03,bz=0.15"))
     plant.place(plant.rest(LENGTHS, displacement=ASIDE), LENGTHS)
     mechanism = Mechanism(irma4, (effect,), [0.3, 2.6, 0.03, 0, 0, 0.15])

@@ -14,6 +14,7 @@ from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
+from fidim_lab.model.rigid_body import energy
 
 DISSIPATIVE = [
     "air-drag-linear",
@@ -170,11 +171,29 @@ def test_a_heavy_spring_without_rest_length_is_the_same_hose(irma4, swing):
     np.testing.assert_allclose(one.motion.positions, two.motion.positions, atol=1e-7)
 
 
-def test_a_stiff_loose_mass_is_part_of_the_body(irma4, swing):
+def test_a_mass_on_an_axis_keeps_the_energy(irma4, swing):
+    """Kinetic and potential energy of both, spring included, without damping."""
+    _, sliding = by_id(irma4, "loose-mass")
+    m, f, place, axis = 0.6, 2.4, np.array([0.05, -0.1, 0.2]), np.array([0.6, 0.0, 0.8])
+    mechanism = Mechanism(irma4, (sliding,), [m, f, 0.0, *place, *(1.5 * axis)])
+    found = simulate(mechanism, swing, step=1e-3)
+    motion, (s, w) = found.motion, found.extra_states.T
+    arms, along = motion.rotations @ place, motion.rotations @ axis
+    speeds = motion.twists[:, :3] + np.cross(motion.twists[:, 3:], arms)
+    across = (speeds**2).sum(axis=1) - (along * speeds).sum(axis=1) ** 2
+    height = -(motion.positions + arms + s[:, np.newaxis] * along) @ irma4.gravity
+    own = m * ((across + w**2 + (2 * np.pi * f * s) ** 2) / 2 + height) / irma4.mass
+    body = energy(mechanism, irma4.nominal, motion.positions, motion.rotations, motion.twists)
+    assert np.ptp(own) > 1e4 * np.ptp(own + body)
+    assert np.ptp(s) > 1e-3
+
+
+@pytest.mark.parametrize(("variant", "axis"), [(0, ()), (1, (1.0, -0.5, 0.3)), (1, (0.0, 0.0, 2.0))])
+def test_a_stiff_loose_mass_is_part_of_the_body(irma4, swing, variant, axis):
     """At 40 Hz it moves with the platform: the heavier body without it moves alike."""
-    [loose] = by_id(irma4, "loose-mass")
+    loose = by_id(irma4, "loose-mass")[variant]
     m, place = 0.5, np.array([0.05, -0.1, 0.2])
-    found = simulate(Mechanism(irma4, (loose,), [m, 40.0, 0.7, *place]), swing, step=1e-3)
+    found = simulate(Mechanism(irma4, (loose,), [m, 40.0, 0.7, *place, *axis]), swing, step=1e-3)
     body, share = irma4.nominal, m / irma4.mass
     point = np.array([place @ place - p * p for p in place])
     point = np.append(point, [-place[0] * place[1], -place[0] * place[2], -place[1] * place[2]])
