@@ -20,7 +20,8 @@ from fidim_lab.app import compose, console
 from fidim_lab.app.answer_file import write_answer
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.campaign import INDEX, write_campaign
-from fidim_lab.data.plan_file import read_plan, write_plan
+from fidim_lab.data.design_file import read_plan_or_design
+from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Campaign, Plan, Pose, Robot, Window
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import InfeasibleError, SetupError
@@ -110,7 +111,7 @@ def _platform(world: World, backend: str) -> SimulatedPlatform:
 
 def _simulate(robot: Robot, platform: SimulatedPlatform, options: SimulateOptions) -> Simulated:
     if options.plan is not None:
-        return _recorded(robot, read_plan(options.plan, robot.n), platform, options)
+        return _recorded(robot, read_plan_or_design(options.plan, robot.n), platform, options)
     wanted = options.equilibria + options.validation
     name = options.out.resolve().name
     with _Progress("planning: places where the robot can rest and swing", wanted) as shown:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fidim_lab.app import compose, console
-from fidim_lab.data.plan_file import read_plan
+from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import BusError, FidimError, SetupError
@@ -50,7 +50,7 @@ def simulators_command(options: SimulatorOptions) -> int:
 
 
 async def _serve(file: RigFile, options: SimulatorOptions) -> None:
-    plan = None if options.plan is None else read_plan(options.plan, file.robot.n)
+    plan = None if options.plan is None else read_plan_or_design(options.plan, file.robot.n)
     async with compose.simulated_devices(file, options.seed, options.hide, plan) as devices:
         lengths = " ".join(f"{length:.3f}" for length in devices.start)
         _say(f"{len(devices.drives)} drives on {file.bus.name}, the robot rests at lengths {lengths} m")

@@ -40,6 +40,11 @@ def read_toml(path: Path, schema: type[Schema], wanted_format: str) -> Schema:
         table = tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:
         raise FileError(path, "", f"is not TOML: {error}") from None
+    return validated(path, table, schema, wanted_format)
+
+
+def validated(path: Path, table: dict[str, Any], schema: type[Schema], wanted_format: str) -> Schema:
+    """What was read of a file as its schema. Raises FileError naming the places of all mistakes."""
     found = table.get("format")
     if found != wanted_format:
         what = "is missing" if found is None else f"is {found!r}"

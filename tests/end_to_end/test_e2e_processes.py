@@ -98,7 +98,9 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     for old, new in zip((20100, 20101, 20102), ports, strict=True):
         text = text.replace(str(old), str(new))
     text = text.replace("heartbeat = 0.3 ", "heartbeat = 1.0 ")  # simulators on a busy machine miss three of 0.3 s
+    text = text.replace("age = 1.0 ", "age = 3.0 ")
     assert "heartbeat = 1.0" in text
+    assert "age = 3.0" in text
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
     (tmp_path / "runtime").mkdir(mode=0o700)

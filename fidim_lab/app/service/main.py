@@ -21,7 +21,8 @@ from fidim_lab.app.service.service import Identity, Service, new_token, wall_tim
 from fidim_lab.app.service.spec import NAME as SPEC
 from fidim_lab.app.service.spec import RunSpec, overridden, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
-from fidim_lab.data.plan_file import read_plan, write_plan
+from fidim_lab.data.design_file import read_plan_or_design
+from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
@@ -59,7 +60,7 @@ def prepare(spec: RunSpec) -> Work:
     file = read_rig(spec.rig)
     if spec.embedded:
         file = compose.rehearsal_file(file, compose.Ports())
-    plan = read_plan(spec.out / PLAN if spec.resume else spec.plan, file.robot.n)
+    plan = read_plan_or_design(spec.out / PLAN if spec.resume else spec.plan, file.robot.n)
     resumption = None
     if spec.resume:
         resumption = read_resumption(spec.out, {window.id: window.role for window in plan.windows})
