@@ -15,7 +15,18 @@ same in a terminal.
 
 Exit codes: 0 done; 1 done, and the answer is a refusal or a failed check; 2 wrong use or bad input; 3 hardware or a
 guard stopped it; 130 interrupted. Any command takes `--debug`, which shows where an error came from. Where the output
-is no terminal it is plain text, without colours or moving progress.
+is no terminal it is plain text, without colours or moving progress. `--json FILE` writes the answer as one object that
+names its format.
+
+## Completion
+
+The Tab key completes commands, options and choices, after one line in the shell's start file:
+
+| shell | file | line |
+|---|---|---|
+| bash | `~/.bashrc` | `eval "$(_FIDIM_COMPLETE=bash_source fidim)"` |
+| zsh | `~/.zshrc` | `eval "$(_FIDIM_COMPLETE=zsh_source fidim)"` |
+| fish | `~/.config/fish/completions/fidim.fish` | `_FIDIM_COMPLETE=fish_source fidim \\| source` |
 """
 
 

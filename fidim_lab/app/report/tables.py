@@ -9,6 +9,7 @@ from itertools import compress
 
 from fidim_lab.app.report.figures import Bar, ParameterRow
 from fidim_lab.app.report.folder import Contents, Imported
+from fidim_lab.app.report.incidents import incident_rows
 from fidim_lab.app.report.numerals import decimals, duration, fixed, short, size
 from fidim_lab.app.report.paper import FOUND
 from fidim_lab.app.report.story import Attempt, Seen, Story
@@ -217,7 +218,10 @@ def _never_accepted(story: Story | None) -> list[tuple[str, ...]]:
 
 def incident_table(story: Story) -> Table | None:
     """What went amiss in a run; None when nothing did."""
-    rows = [(duration(i.t), i.window, i.what, MARKS[i.outcome], i.reason) for i in story.incidents]
+    rows = [
+        (when, one.window if when == duration(one.t) else "", one.what, MARKS[one.outcome], says)
+        for one, when, says in incident_rows(story.incidents)
+    ]
     names = ("at", "window", "step", "outcome", "what was said")
     return Table("What went amiss", names, tuple(rows), numbers=False) if rows else None
 

@@ -1,8 +1,12 @@
 """Pages of docs that are made from the code say what the code does now."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import click
+import pytest
 
 from fidim_lab.app.cli import fidim
 from fidim_lab.app.cli.reference import commands_page
@@ -35,3 +39,15 @@ def test_types_and_ranges_are_said_in_words():
         == "> 0, ≤ 1"
     )
     assert range_words({"type": "string"}) == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [("fidim exp", "explain export"), ("fidim export --to mj", "mjcf"), ("fidim dry-run --hi", "--hide")],
+)
+def test_the_tab_key_completes(words, found):
+    command = "from fidim_lab.app.cli import main; main()"
+    asked = {"_FIDIM_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
+    program = [sys.executable, "-c", f"import sys; sys.argv[0] = 'fidim'; {command}"]
+    told = subprocess.run(program, env={**os.environ, **asked}, capture_output=True, text=True, timeout=60, check=False)
+    assert [line.partition(",")[2] for line in told.stdout.splitlines()] == found.split()

@@ -4,6 +4,7 @@ Needs chromium (Debian's package); skipped where it is not installed. The page r
 to a copy of it writes what it finds into the document, which the browser then prints (--dump-dom).
 """
 
+import asyncio
 import base64
 import hashlib
 import html
@@ -19,6 +20,7 @@ from fidim_lab.app.report.write import write_report
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.browser,
     pytest.mark.skipif(BROWSER is None, reason="no chromium here: apt install chromium"),
 ]
 PROBE = """
@@ -124,3 +126,25 @@ def test_in_print_the_still_picture_stands_in_for_the_canvas(page, tmp_path):
     )  # fmt: skip
     assert out.read_bytes().startswith(b"%PDF")
     assert out.stat().st_size > 20_000
+
+
+def test_it_asks_nobody_for_anything_and_is_small(page, browser):
+    assert page.stat().st_size < 3_000_000
+
+    async def look():
+        async with browser() as tab:
+            await tab.go(page.as_uri())
+            await tab.tell(
+                "Network.emulateNetworkConditions", offline=True, latency=0, downloadThroughput=0, uploadThroughput=0
+            )
+            await tab.evaluate("document.querySelector('.card.zoom button').click()")
+            await tab.tell("Emulation.setEmulatedMedia", media="print")
+            hidden = await tab.evaluate("getComputedStyle(document.querySelector('.solid canvas')).display")
+            return tab.asked, tab.console, hidden, await tab.pdf()
+
+    asked, console, hidden, pdf = asyncio.run(look())
+    assert {address.partition(":")[0] for address in asked} <= {"file", "data"}
+    assert console == []
+    assert hidden == "none"
+    pages = re.findall(rb"/Type\s*/Page\b", pdf)
+    assert 3 <= len(pages) <= 20

@@ -14,16 +14,19 @@ from fidim_lab.app.manifest import write_manifest
 from fidim_lab.app.report.copies import copies
 from fidim_lab.app.report.drawing import Drawing, write_pictures
 from fidim_lab.app.report.figures import ParameterRow
+from fidim_lab.app.report.incidents import incident_rows
 from fidim_lab.app.report.numerals import decimals, duration, fixed, interval, size
 from fidim_lab.app.report.paper import is_papers_robot
 from fidim_lab.app.report.provenance import provenance
 from fidim_lab.app.report.scene import scene, slanted, views
+from fidim_lab.app.report.story import Incident
 from fidim_lab.app.report.tables import parameter_table
 from fidim_lab.app.report.windows import measured_tension
 from fidim_lab.app.report.words import found_sentence, truth_sentence
 from fidim_lab.data.records import Winch
 from fidim_lab.errors import FileError
 from fidim_lab.model.mechanism import Mechanism
+from procedures.outcomes import Outcome
 
 
 @pytest.fixture
@@ -181,3 +184,14 @@ def test_values_to_copy_can_be_read_back(campaign, result_of):
     known: dict[str, object] = {}
     exec(texts["Python"], known)
     np.testing.assert_allclose(known["s"], result.body.com)
+
+
+def test_what_was_said_over_and_over_is_one_row():
+    warned = [
+        Incident(t, "", "guard warned", Outcome.MARGINAL, f"winch {t:.0f}: {26 + t:.0f} cycles lost") for t in range(5)
+    ]
+    other = Incident(2.5, "i02", "record", Outcome.FAIL, "the marker was not seen")
+    rows = incident_rows([*warned, other])
+    assert [says for *_, says in rows] == ["5 times, first: winch 0: 26 cycles lost", "the marker was not seen"]
+    assert "to" in rows[0][1]
+    assert len(incident_rows(warned[:3])) == 3
