@@ -77,6 +77,10 @@ class Winch(Protocol):
         """Check identity, write limits and stop reactions, read them back; the drive stays without power."""
         ...
 
+    async def set_length(self, length: float) -> None:
+        """The cable is `length` (m) long where the encoder stands now; the drive is configured anew before power."""
+        ...
+
     async def enable(self) -> None:
         """Power on and hold position. A fault is never reset here."""
         ...

@@ -13,6 +13,7 @@ from typing import cast
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import SetupError
 from procedures.experiment import Experiment, Lab, Make, checked_experiment
+from procedures.home import home
 from procedures.identify import identify
 from procedures.limits import Statics
 from procedures.resumption import Resumption
@@ -30,6 +31,10 @@ def _identify(lab: Lab) -> Steps:
 
 def _tension_check(lab: Lab) -> Steps:
     return tension_check(lab.plan, lab.robot, lab.settings, lab.route)
+
+
+def _home(lab: Lab) -> Steps:
+    return home(lab.plan, lab.robot, lab.settings)
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,7 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
             _identify,
             Role.IDENTIFY,
         ),
+        "home": Entry("the encoders' zeros, at a known or measured pose, without power", _home),
         "tension-check": Entry("every tension at rest at each equilibrium against its limits", _tension_check),
     }
 )

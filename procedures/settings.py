@@ -74,6 +74,22 @@ class ReleaseSettings:
 
 
 @dataclass(frozen=True)
+class HomeSettings:
+    """Finding the encoders' zeros."""
+
+    by_markers: bool = False
+    """measure the pose by three or more markers; else the plan's window says it"""
+    over: float = 2.0
+    """s"""
+    still: float = 2e-3
+    """m, peak to peak of each marker coordinate meanwhile"""
+    misfit: float = 2e-3
+    """m, root mean square of a marker coordinate against the robot file's markers"""
+    encoder_still: float = 5e-4
+    """m by which an encoder may move meanwhile"""
+
+
+@dataclass(frozen=True)
 class RecordSettings:
     """Recording a window, and what makes it a good one."""
 
@@ -173,6 +189,7 @@ class Settings:
     record: RecordSettings = field(default_factory=RecordSettings)
     guard: GuardSettings = field(default_factory=GuardSettings)
     hold: HoldSettings = field(default_factory=HoldSettings)
+    home: HomeSettings = field(default_factory=HomeSettings)
     release: ReleaseSettings | None = None
     """None: the rig has none, a hand lets go"""
     prompt_estimate: float = 15.0

@@ -26,6 +26,7 @@ from drivers.cia402.sdo import SdoRefusedError
 from drivers.cia402.settings import Check, Setting, identity, interpolation, limits
 from drivers.cia402.waiting import wait_until
 from drivers.cia402.words import Mode, mode_name
+from drivers.cia402.zero import check_zero
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
 
@@ -46,6 +47,7 @@ async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -
     """
     link.forget()
     checks = [await _apply(link, setting) for setting in identity(config, _eds_identity(link))]
+    checks += await check_zero(link.sdo, config)
     _refuse(config, checks)
     await _refuse_power(link, config)
     asked = master.clock.now()

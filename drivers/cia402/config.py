@@ -63,6 +63,19 @@ class TemperatureObject:
 
 
 @dataclass(frozen=True)
+class StoredZero:
+    """What an earlier session has left of an encoder's zero."""
+
+    serial_number: int
+    """1018:4 of the drive that was zeroed; 0: it has none"""
+    multi_turn: bool
+    last_count: int | None
+    """where the encoder was seen last; None: never since"""
+    tolerance: int
+    """counts by which it may have been turned since"""
+
+
+@dataclass(frozen=True)
 class WinchConfig:
     """One CANopen winch: node, drum, limits; SI units.
 
@@ -121,6 +134,8 @@ class WinchConfig:
     """where the drive family keeps its temperature; None: not asked for"""
     mode: Mode = Mode.PROFILE_POSITION
     """in which the winch moves: profile position, or cyclic position (`CyclicWinch`)"""
+    zero: StoredZero | None = None
+    """what an earlier session has left of home_count; None: the rig file says it, and nothing is checked"""
     current_offset: float = 0.0
     """A added to what the drive says, from a calibration against known tensions"""
 

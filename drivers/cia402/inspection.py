@@ -12,7 +12,8 @@ from drivers.cia402.machine import state_of
 from drivers.cia402.node import NodeLink
 from drivers.cia402.pdo import COB_MASK, COB_OFF, Entry, PdoMap, mapping_expected
 from drivers.cia402.sdo import SdoChannel, SdoRefusedError
-from drivers.cia402.settings import Setting, identity, limits
+from drivers.cia402.settings import Check, Setting, identity, limits
+from drivers.cia402.zero import check_zero
 from drivers.ports import DriveState
 
 _AT_REST = (DriveState.SWITCH_ON_DISABLED, DriveState.READY, DriveState.NOT_READY)
@@ -46,12 +47,19 @@ async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[In
     """All that bring-up would look at. Raises DeviceError where the drive does not answer."""
     sdo = link.sdo
     found = [await _setting(sdo, s) for s in identity(config, (sdo.default(0x1018, 1), sdo.default(0x1018, 2)))]
+    found += [_zero(check) for check in await check_zero(sdo, config)]
     found += [await _state(sdo), await _error_register(sdo)]
     found += [await _setting(sdo, setting) for setting in limits(config, host_id)]
     found += [await _pdo(sdo, pdo, link.node_id) for pdo in used_pdos(config)]
     if sdo.knows(0x60C2, 1):
         found.append(await _interpolation(sdo))
     return tuple(found)
+
+
+def _zero(check: Check) -> Inspected:
+    standing = Standing.HOLDS if check.ok else Standing.WRONG
+    advice = "" if check.ok else "fidim run PLAN --rig RIG --procedure home"
+    return Inspected(check.object, check.meaning, check.wanted, check.found, standing, advice)
 
 
 async def _setting(sdo: SdoChannel, setting: Setting) -> Inspected:

@@ -4,6 +4,8 @@ Cable lengths and sentences outside, encoder counts and controlwords inside. Sto
 overtake whatever is in progress: a move that was waiting ends with an error and sends nothing more.
 """
 
+from dataclasses import replace
+
 from drivers.cia402.bringup import bring_up
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.drive import Drive
@@ -16,6 +18,7 @@ from drivers.cia402.scale import LengthScale
 from drivers.cia402.settings import Check
 from drivers.cia402.takeover import take_over
 from drivers.cia402.words import controlword
+from drivers.cia402.zero import Zeroed, read_zero
 from drivers.ports import Clock, DriveState, WinchSample
 from fidim_lab.errors import DeviceError, RefusedError
 
@@ -40,6 +43,8 @@ class Cia402Winch:
         self._drive = Drive(config, master)
         self._ramp = config.max_acceleration
         self._prepared: tuple[float, float] | None = None
+        self.zeroed: Zeroed | None = None
+        """what `set_length` found"""
         self._health = HealthPoll(self.link, master.clock, config.temperature)
 
     @property
@@ -71,6 +76,15 @@ class Cia402Winch:
         self._drive.begin()
         self._prepared = None
         self.checks = await self._configure(self._master, self.link, self.config)
+
+    async def set_length(self, length: float) -> None:
+        """The cable is `length` (m) long where the encoder stands now. Configure anew before power: limits go by it.
+
+        Raises RefusedError outside the length limits, DeviceError while the drum turns or the drive does not answer.
+        """
+        zeroed = await read_zero(self.link.sdo, self.config, self._drive.believed(), length)
+        self.config = replace(self.config, home_count=zeroed.count, home_length=length, zero=None)
+        self._scale, self._prepared, self.zeroed = self.config.scale, None, zeroed
 
     async def enable(self) -> None:
         """Power on, standing: the drive is enabled halted, then takes the present position as its set-point.

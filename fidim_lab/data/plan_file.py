@@ -6,12 +6,21 @@ from typing import Annotated, Literal
 import numpy as np
 import tomli_w
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
-from fidim_lab.data.records import Plan, PlannedWindow, Role
+from fidim_lab.data.records import Plan, PlannedWindow, Pose, Role
 from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-plan/1"
+
+
+class PoseTable(Table):
+    """`pose` of a window: the origin of the robot file's body frame, and the rotation body → world."""
+
+    position: tuple[float, float, float]
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """rotation vector: axis times angle, rad"""
 
 
 class PlannedWindowTable(Table):
@@ -22,6 +31,7 @@ class PlannedWindowTable(Table):
     lengths: list[Annotated[float, Field(gt=0)]]
     displacement: tuple[float, float]
     position: tuple[float, float, float]
+    pose: PoseTable | None = None
 
 
 class PlanTable(Table):
@@ -47,10 +57,18 @@ def read_plan(path: Path, cables: int) -> Plan:
     return Plan(
         name=table.name,
         windows=tuple(
-            PlannedWindow(w.id, w.role, np.array(w.lengths), np.array(w.displacement), np.array(w.position))
+            PlannedWindow(
+                w.id, w.role, np.array(w.lengths), np.array(w.displacement), np.array(w.position), _pose(w.pose)
+            )
             for w in table.window
         ),
     )
+
+
+def _pose(table: PoseTable | None) -> Pose | None:
+    if table is None:
+        return None
+    return Pose(np.array(table.position), Rotation.from_rotvec(table.rotation).as_matrix())
 
 
 def write_plan(path: Path, plan: Plan) -> None:
@@ -65,8 +83,16 @@ def write_plan(path: Path, plan: Plan) -> None:
                 "lengths": [round(float(v), 5) for v in w.lengths],
                 "displacement": [round(float(v), 5) for v in w.displacement],
                 "position": [round(float(v), 5) for v in w.position],
+                **_pose_as_table(w.pose),
             }
             for w in plan.windows
         ],
     }
     path.write_text(tomli_w.dumps(table), encoding="utf-8")
+
+
+def _pose_as_table(pose: Pose | None) -> dict[str, object]:
+    if pose is None:
+        return {}
+    rotation = Rotation.from_matrix(pose.rotation).as_rotvec()
+    return {"pose": {"position": [float(v) for v in pose.position], "rotation": [float(v) for v in rotation]}}

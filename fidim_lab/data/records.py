@@ -213,6 +213,8 @@ class PlannedWindow:
     """wanted displacement of the main marker's x, y from rest, m"""
     position: np.ndarray
     """(3,) where the main marker should come to rest, by the nominal model, m"""
+    pose: Pose | None = None
+    """that the platform is known to have there, for homing; None: its lengths are known"""
 
 
 @dataclass(frozen=True, eq=False)

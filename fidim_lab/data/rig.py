@@ -71,6 +71,23 @@ class TemperatureEntry:
 
 
 @dataclass(frozen=True)
+class WinchHome:
+    """The zero of a winch's encoder, as `home` has found it (`home_file`)."""
+
+    node_id: int
+    vendor_id: int
+    product_code: int
+    serial_number: int
+    home_count: int
+    home_length: float
+    """m"""
+    at: str
+    """ISO 8601"""
+    last_count: int | None = None
+    """where the encoder was seen last"""
+
+
+@dataclass(frozen=True)
 class WinchEntry:
     """One CANopen winch."""
 
@@ -120,6 +137,12 @@ class WinchEntry:
     serial_number: int | None
     mode: str
     """CiA 402 mode of moves: "profile-position" or "cyclic-position\""""
+    multi_turn: bool
+    """the encoder keeps its zero without power"""
+    turned: float
+    """m of cable by which another encoder may have moved since it was seen last"""
+    home: WinchHome | None
+    """where `home` was run; home_count and home_length are then its"""
     temperature: TemperatureEntry | None
     """None: the drive is not asked"""
     tension: TensionEntry
@@ -212,3 +235,5 @@ class RigFile:
     hand: HandEntry | None = None
     release: ReleaseEntry | None = None
     gauges: tuple[GaugeEntry, ...] = ()
+    keeps_homes: bool = True
+    """what is learnt of encoders' zeros goes into RIG.home.toml; not so in a rehearsal"""

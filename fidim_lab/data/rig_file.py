@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from fidim_lab.data.home_file import read_homes
 from fidim_lab.data.records import Robot, Winch
 from fidim_lab.data.rig import (
     BusEntry,
@@ -16,6 +17,7 @@ from fidim_lab.data.rig import (
     TemperatureEntry,
     TensionEntry,
     WinchEntry,
+    WinchHome,
 )
 from fidim_lab.data.rig_guard_tables import GuardsTable
 from fidim_lab.data.rig_serial_tables import gauge_entries, release_entry
@@ -41,7 +43,10 @@ def read_rig(path: Path) -> RigFile:
     robot_path = BUILT_IN_ROBOTS.get(table.robot, path.parent / table.robot)
     robot = read_robot(robot_path)
     _check_cables(path, table, robot)
-    winches = tuple(_winch(path, number, winch) for number, winch in enumerate(table.winch, start=1))
+    homes = read_homes(path)
+    winches = tuple(
+        _winch(path, number, winch, homes.get(winch.name)) for number, winch in enumerate(table.winch, start=1)
+    )
     return RigFile(
         path=path,
         name=table.name,
@@ -91,7 +96,7 @@ def _check_cables(path: Path, table: RigTable, robot: Robot) -> None:
             )
 
 
-def _winch(path: Path, number: int, table: WinchTable) -> WinchEntry:
+def _winch(path: Path, number: int, table: WinchTable, home: WinchHome | None) -> WinchEntry:
     eds = None
     if table.eds != GENERIC:
         eds = path.parent / table.eds
@@ -99,10 +104,20 @@ def _winch(path: Path, number: int, table: WinchTable) -> WinchEntry:
             raise FileError(
                 path, f"winch {number}, eds", f'{table.eds!r}: no such file; "{GENERIC}" is the built-in one'
             )
-    values = table.model_dump(exclude={"eds", "temperature", "tension", "stop"})
+    values = table.model_dump(exclude={"eds", "temperature", "tension", "stop", "encoder"})
+    if home is not None:
+        values |= {"home_count": home.home_count, "home_length": home.home_length}
     tension, stop = TensionEntry(**table.tension.model_dump()), StopEntry(**table.stop.model_dump())
     temperature = None if table.temperature is None else TemperatureEntry(**table.temperature.model_dump())
-    return WinchEntry(**values, eds=eds, temperature=temperature, tension=tension, stop=stop)
+    return WinchEntry(
+        **values,
+        eds=eds,
+        multi_turn=table.encoder == "multi-turn",
+        home=home,
+        temperature=temperature,
+        tension=tension,
+        stop=stop,
+    )
 
 
 def _motion_capture(path: Path, table: MocapTable, markers: int) -> MocapEntry:

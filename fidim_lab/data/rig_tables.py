@@ -104,6 +104,8 @@ class WinchTable(Table):
     product_code: Annotated[int, Field(ge=0)] | None = None
     serial_number: Annotated[int, Field(ge=0)] | None = None
     mode: Literal["profile-position", "cyclic-position"] = "profile-position"
+    encoder: Literal["multi-turn", "incremental"] = "incremental"
+    turned: NotNegative = 2e-3
     temperature: TemperatureTable | None = None
     tension: TensionTable = TensionTable()
     stop: StopTable = StopTable()

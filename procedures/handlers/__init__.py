@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Any
 
 from procedures.handlers.hand import ask, await_hands_off
+from procedures.handlers.home import configure, measure_pose, set_lengths
 from procedures.handlers.motion import enable, hold, move_to
 from procedures.handlers.release import await_held, let_go, take_hold
 from procedures.handlers.rest import check_tension, read_encoders, settle
@@ -13,23 +14,28 @@ from procedures.stand import Stand
 from procedures.steps import (
     Accept,
     Ask,
+    AskWithoutPower,
     AwaitHandsOff,
     AwaitHeld,
     CheckTension,
     CheckWindow,
+    Configure,
     Enable,
     GiveUp,
     Hold,
     LetGo,
+    MeasurePose,
     MoveTo,
     Note,
     ReadEncoders,
     Record,
     Reject,
     Result,
+    SetLengths,
     Settle,
     Step,
     TakeHold,
+    Verdict,
 )
 
 Handler = Callable[[Stand, Any], Awaitable[Result]]
@@ -52,6 +58,11 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         Accept: accept,
         Reject: reject,
         GiveUp: give_up,
+        Configure: configure,
+        AskWithoutPower: ask,
+        MeasurePose: measure_pose,
+        SetLengths: set_lengths,
+        Verdict: give_up,
         Note: note,
     }
 )

@@ -19,7 +19,7 @@ SLOWEST = 0.01
 async def enable(stand: Stand, step: Enable) -> Result:
     """Configure all winches, see that the robot is where it should be, then power all; wait for the first samples."""
     winches, clock = stand.rig.winches, stand.rig.clock
-    await _all([winch.configure() for winch in winches])
+    await command_all([winch.configure() for winch in winches])
     stand.progress(0.5)
     if not await wait_until(clock, step.timeout, lambda: all(winch.latest() is not None for winch in winches)):
         silent = [winch.name for winch in winches if winch.latest() is None]
@@ -31,7 +31,7 @@ async def enable(stand: Stand, step: Enable) -> Result:
             "Motion capture", f"no frame within {step.timeout:g} s", hint="Check that it streams, and the port."
         )
     _require_place(stand)
-    await _all([winch.enable() for winch in winches])
+    await command_all([winch.enable() for winch in winches])
     return Result(values=stand.lengths())
 
 
@@ -80,7 +80,7 @@ async def _start(stand: Stand, step: MoveTo, start: Lengths, way: float) -> None
     shares = [max(abs(b - a) / way, SLOWEST) for a, b in zip(start, step.lengths, strict=True)]
     profiles = [(step.speed * share, step.acceleration * share) for share in shares]
     winches = stand.rig.winches
-    await _all([winch.prepare(*profile) for winch, profile in zip(winches, profiles, strict=True)])
+    await command_all([winch.prepare(*profile) for winch, profile in zip(winches, profiles, strict=True)])
     moves = [
         asyncio.ensure_future(winch.move_to(length, *profile))
         for winch, length, profile in zip(winches, step.lengths, profiles, strict=True)
@@ -131,7 +131,7 @@ async def hold(stand: Stand, _step: Hold) -> Result:
     """Hold all winches, and see that they stand still."""
     settings, clock = stand.settings.hold, stand.rig.clock
     try:
-        await within(clock, settings.timeout, _all([winch.hold() for winch in stand.rig.winches]))
+        await within(clock, settings.timeout, command_all([winch.hold() for winch in stand.rig.winches]))
     except TimeoutError:
         raise DeviceError("winches", f"no answer to the hold command within {settings.timeout:g} s") from None
     before = stand.lengths()
@@ -143,7 +143,7 @@ async def hold(stand: Stand, _step: Hold) -> Result:
     return Result(values=stand.lengths())
 
 
-async def _all(commands: Sequence[Coroutine[object, object, None]]) -> None:
+async def command_all(commands: Sequence[Coroutine[object, object, None]]) -> None:
     """Give a command to all winches at once. Raises DeviceError that names every one that refused."""
     answers = await asyncio.gather(*commands, return_exceptions=True)
     failed = [answer for answer in answers if isinstance(answer, BaseException)]

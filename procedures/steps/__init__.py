@@ -5,6 +5,7 @@ sent the `Result` of each; a reader without hardware sends `step.expected`. Leng
 """
 
 from procedures.steps.base import AfterPause, Lengths, Phase, Procedure, Result, Step, Steps
+from procedures.steps.home import AskWithoutPower, Configure, MeasurePose, SetLengths, Verdict
 from procedures.steps.person import Ask, AwaitHandsOff
 from procedures.steps.release import AwaitHeld, LetGo, TakeHold
 from procedures.steps.robot import CheckTension, Enable, Hold, MoveTo, ReadEncoders, Settle, longest_way, travel_time
@@ -14,15 +15,18 @@ __all__ = [
     "Accept",
     "AfterPause",
     "Ask",
+    "AskWithoutPower",
     "AwaitHandsOff",
     "AwaitHeld",
     "CheckTension",
     "CheckWindow",
+    "Configure",
     "Enable",
     "GiveUp",
     "Hold",
     "Lengths",
     "LetGo",
+    "MeasurePose",
     "MoveTo",
     "Note",
     "Phase",
@@ -31,11 +35,13 @@ __all__ = [
     "Record",
     "Reject",
     "Result",
+    "SetLengths",
     "Settle",
     "Step",
     "Steps",
     "Stop",
     "TakeHold",
+    "Verdict",
     "WindowLimits",
     "longest_way",
     "travel_time",

@@ -77,6 +77,7 @@ def rehearsal_file(file: RigFile, ports: Ports) -> RigFile:
         motion_capture=_motion_capture(file, ports.motion_capture),
         guards={name: _patient_guard(name, guard) for name, guard in file.guards.items()},
         hand=HandEntry(HOST, ports.hand),
+        keeps_homes=False,
         release=None if file.release is None else replace(file.release, **_patient_line(ports, 0)),
         gauges=tuple(replace(gauge, **_patient_line(ports, k)) for k, gauge in enumerate(file.gauges, start=1)),
     )
@@ -176,6 +177,7 @@ def _motion_capture(file: RigFile, port: int) -> MocapEntry:
 def _patient_winch(winch: WinchEntry) -> WinchEntry:
     return replace(
         winch,
+        home=None,
         heartbeat=max(winch.heartbeat, PATIENCE / 3.0),
         host_timeout=max(winch.host_timeout, PATIENCE),
         sdo_timeout=max(winch.sdo_timeout, PATIENCE),

@@ -4,12 +4,13 @@ What they meet there (drives in a hall, or `fidim simulators` in another process
 """
 
 import contextlib
+import math
 from collections.abc import AsyncGenerator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import GENERIC_EDS, StopReactions, TemperatureObject, WinchConfig
+from drivers.cia402.config import GENERIC_EDS, StopReactions, StoredZero, TemperatureObject, WinchConfig
 from drivers.cia402.cyclic import make_winch
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.takeover import refuse_other_master
@@ -19,6 +20,7 @@ from drivers.clock import LoopClock
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Clock, Operator, Rig
 from drivers.remote_operator import RemoteOperator
+from fidim_lab.app.compose.homes import HomeKeeper
 from fidim_lab.app.compose.loop import running
 from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devices, serial_devices
@@ -56,26 +58,31 @@ class RealRig:
 
 @asynccontextmanager
 async def real_rig(
-    file: RigFile, operator: Operator | None = None, *, takes_over: bool = False
+    file: RigFile, operator: Operator | None = None, *, takes_over: bool = False, homing: bool = False
 ) -> AsyncGenerator[RealRig]:
     """Open bus and motion capture, and keep the control loop running until the context ends; nothing moves by itself.
 
     operator: whoever answers prompts; may be left out where the rig file has a simulated hand. takes_over: drives that
-    an earlier host has left holding the load are not refused. To be run on a loop that waits (`run_loop(...,
-    real_time=True)`). Raises SetupError where the bus or socket cannot be opened, the bus would be too full or nobody
-    answers prompts; BusError where another master is heard; DeviceError where a motion-capture server does not answer.
+    an earlier host has left holding the load are not refused. homing: stored zeros are made anew, none is checked.
+    To be run on a loop that waits (`run_loop(..., real_time=True)`).
+    Raises SetupError where the bus or socket cannot be opened, the bus would be too full or nobody answers prompts;
+    BusError where another master is heard; DeviceError where a motion-capture server does not answer.
     """
     clock = LoopClock()
     async with contextlib.AsyncExitStack() as stack:
         transport = open_bus(file)
         stack.callback(transport.close)
         master = make_master(file, transport, clock)
-        winches = tuple(make_winch(config, master, takes_over=takes_over) for config in winch_configs(file))
+        winches = tuple(
+            make_winch(config, master, takes_over=takes_over) for config in winch_configs(file, homing=homing)
+        )
         markers = marker_source(file, clock)
         serial = serial_devices(file, clock)
         answering = operator or await _hand(file, stack)
         await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file))
         await running(stack, master.run())
+        if file.keeps_homes:
+            await running(stack, HomeKeeper(file, winches, clock).run())
         for winch in winches:
             await running(stack, winch.watch_health())
         stack.push_async_callback(markers.close)
@@ -109,20 +116,23 @@ def make_master(file: RigFile, transport: PythonCanTransport, clock: Clock) -> C
     )
 
 
-def winch_configs(file: RigFile) -> tuple[WinchConfig, ...]:
-    """What the drivers are told of each winch. Raises SetupError naming file, winch and key."""
+def winch_configs(file: RigFile, *, homing: bool = False) -> tuple[WinchConfig, ...]:
+    """What the drivers are told of each winch. Raises SetupError naming file, winch and key.
+
+    homing: stored zeros are about to be made anew, so that none is checked.
+    """
     winches = file.robot.winches or ()
     age = file.guards["stale_winch"].thresholds["age"]
     try:
         return tuple(
-            _winch_config(entry, winch.newton_per_ampere, age)
+            _winch_config(entry, winch.newton_per_ampere, age, homing)
             for entry, winch in zip(file.winches, winches, strict=True)
         )
     except SetupError as error:
         raise SetupError(f"{file.path}: {error.message}", hint=error.hint) from error
 
 
-def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float) -> WinchConfig:
+def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float, homing: bool) -> WinchConfig:
     return WinchConfig(
         name=entry.name,
         node_id=entry.node_id,
@@ -153,7 +163,16 @@ def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float
         current_offset=entry.tension.offset / newton_per_ampere,
         temperature=_temperature(entry),
         mode=MODES[entry.mode],
+        zero=None if homing else _stored_zero(entry),
     )
+
+
+def _stored_zero(entry: WinchEntry) -> StoredZero | None:
+    home = entry.home
+    if home is None:
+        return None
+    per_metre = entry.counts_per_turn * entry.gear_ratio / (2.0 * math.pi * entry.drum_radius)
+    return StoredZero(home.serial_number, entry.multi_turn, home.last_count, max(1, round(entry.turned * per_metre)))
 
 
 def _temperature(entry: WinchEntry) -> TemperatureObject | None:

@@ -35,6 +35,10 @@ class Opened:
     """bit/s; 0 where nothing limits it"""
 
 
+HOMING = "home"
+"""the procedure that makes encoders' zeros anew"""
+
+
 class _Nobody:
     """Is never asked."""
 
@@ -57,7 +61,9 @@ async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | No
             hand = RemoteOperator(file.hand.host, file.hand.port)
             await hand.open()
             stack.push_async_callback(hand.close)
-        real = await stack.enter_async_context(compose.real_rig(file, _Nobody(), takes_over=spec.resume))
+        real = await stack.enter_async_context(
+            compose.real_rig(file, _Nobody(), takes_over=spec.resume, homing=spec.procedure == HOMING)
+        )
         yield Opened(real.rig, hand, real.transport.tap, float(file.bus.bitrate))
 
 

@@ -1,0 +1,98 @@
+"""Steps of homing: everything is measured without power, and nothing moves."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from procedures.steps.base import AfterPause, Lengths, Phase, Step
+from procedures.steps.person import Ask
+from procedures.steps.window import GiveUp
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configure(Step):
+    """Configure all winches without power, and wait until they report. Values: lengths by the zeros so far, m."""
+
+    phase: ClassVar[Phase] = Phase.PREPARING
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+
+    timeout: float = 5.0
+    """s for the first samples"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return "configure the winches, without power"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskWithoutPower(Ask):
+    """As `Ask`, before there is any power."""
+
+    phase: ClassVar[Phase] = Phase.PREPARING
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict(GiveUp):
+    """What came of a place at which nothing had power."""
+
+    phase: ClassVar[Phase] = Phase.PREPARING
+
+    @property
+    def text(self) -> str:
+        """What is said."""
+        return f"{self.outcome}{f': {self.reason}' if self.reason else ''}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasurePose(Step):
+    """The platform's pose by three or more markers, at rest. Values: the cable lengths that belong to it, m."""
+
+    phase: ClassVar[Phase] = Phase.PREPARING
+
+    over: float
+    """s"""
+    still: float
+    """m, peak to peak of each marker coordinate"""
+    misfit: float
+    """m, root mean square of a marker coordinate against the robot file's markers"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"measure the pose by its markers for {self.over:g} s, fitting within {self.misfit * 1e3:g} mm"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return self.over
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetLengths(Step):
+    """Take the encoders' present counts for these cable lengths. Values: by how much each length changes, m."""
+
+    phase: ClassVar[Phase] = Phase.PREPARING
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+
+    lengths: Lengths
+    """m"""
+    over: float
+    """s for which the encoders must stand still"""
+    still: float
+    """m"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        where = " ".join(f"{length:.4f}" for length in self.lengths) or "(measured)"
+        return f"take the encoders' present counts for lengths {where} m"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return self.over
