@@ -12,6 +12,7 @@ from rich.table import Table
 
 from fidim_lab.app import compose, console
 from fidim_lab.app.identify import run_identify, summary
+from fidim_lab.app.model_check import Checked, ModelCheck
 from fidim_lab.app.report.write import write_report
 from fidim_lab.app.run_display import display
 from fidim_lab.app.run_records import RunRecords
@@ -170,15 +171,21 @@ class _Rehearsal:
         ) as simulated:
             self._records = records = RunRecords(self._folder, simulated.rig, self._write_papers)
             simulated.transport.tap(records.on_frame)
-            report = await run_procedure(
-                self._experiment,
-                simulated.rig,
-                self._folder,
-                wall_time=_wall_time if options.real_time else lambda: SIMULATED_DAY,
-                listeners=(records.on_event, self._on_event, shown),  # type: ignore[arg-type]
-                guards=(LogGuard(records.error),),
-            )
-            await records.after_run()
+            planned = len(self._experiment.roles) if options.real_time else 0  # time that jumps waits for nobody
+            check = ModelCheck(self._folder, planned, _say_checked)
+            try:
+                report = await run_procedure(
+                    self._experiment,
+                    simulated.rig,
+                    self._folder,
+                    wall_time=_wall_time if options.real_time else lambda: SIMULATED_DAY,
+                    listeners=(records.on_event, self._on_event, shown, check),  # type: ignore[arg-type]
+                    guards=(LogGuard(records.error),),
+                )
+                await records.after_run()
+                await check.close()
+            finally:
+                await check.close(patience=0.0)
             return report
 
     def _on_event(self, event: Event) -> None:
@@ -188,6 +195,10 @@ class _Rehearsal:
     def _write_papers(self) -> None:
         write_plan(self._folder / PLAN, self._plan)
         (self._folder / TRUTH).write_text(json.dumps(self._truth, indent=1) + "\n", encoding="utf-8")
+
+
+def _say_checked(checked: Checked) -> None:
+    console.err.print(f"{checked.window}  {checked.says}", markup=False)
 
 
 def _wall_time() -> str:

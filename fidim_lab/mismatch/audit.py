@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from fidim_lab.data.records import Role, Window
 from fidim_lab.identification.mle.fit import Fit, fit
@@ -125,13 +126,14 @@ def _without_samples(cleaned: Cleaned, left: Sequence[Leftover]) -> Cleaned:
 def _off(left: Leftover) -> tuple[tuple[float, int, float], ...]:
     """(time, marker, m): samples far off a motion that their neighbours follow; none where too many are."""
     size = np.abs(left.values).max(axis=2)
-    found: list[tuple[float, int, float]] = []
-    for row, marker in np.argwhere(size > OFF):
-        first, last = max(0, row - BESIDE), row + BESIDE + 1
-        beside = np.delete(size[first:last, marker], row - first)
-        if np.isfinite(beside).sum() >= BESIDE and np.nanmedian(beside) < QUIET:
-            found.append((float(left.t[row]), int(marker), float(size[row, marker] * left.noise)))
-    return tuple(found) if len(found) < MOST_OFF * len(size) else ()
+    far = np.argwhere(size > OFF)
+    edges = np.full((BESIDE, size.shape[1]), np.nan)
+    around = sliding_window_view(np.concatenate([edges, size, edges]), 2 * BESIDE + 1, axis=0)
+    beside = np.delete(around[far[:, 0], far[:, 1]], BESIDE, axis=1)
+    far, beside = (part[np.isfinite(beside).sum(axis=1) >= BESIDE] for part in (far, beside))
+    off = far[np.nanmedian(beside, axis=1) < QUIET] if len(far) else far
+    found = ((float(left.t[row]), int(marker), float(size[row, marker] * left.noise)) for row, marker in off)
+    return tuple(found) if len(off) < MOST_OFF * len(size) else ()
 
 
 def _spike(window: Window, time: float, marker: int, size: float) -> Finding:

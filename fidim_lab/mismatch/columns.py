@@ -7,8 +7,9 @@ times the second derivative of κ τ along the motion (`stretch`), that of a uni
 that swings along pulls (`resonance`), that of a unit of force times sin and cos.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -24,6 +25,7 @@ from fidim_lab.mismatch.stretch import stretch_of
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.forcing import forcing, sightings, start_gaps
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.integrate import Trajectories
@@ -70,15 +72,13 @@ class Scorer:
         self.mechanism = mechanism
         self.tried = tried
         self._own = [h for h in tried.direct if _composition(h) == 0]
-        units = (ConstantForce(), UnitTorque(), _UnitPull(mechanism.n))
-        effects = [*mechanism.effects, *(h.effect for h in self._own), *units]
-        theta = np.concatenate([mechanism.theta, *(h.absent for h in self._own), np.zeros(6 + mechanism.n)])
-        self._all = Mechanism(mechanism.robot, effects, theta.tolist())
+        told = repr([(h.effect, h.absent.tolist(), h.scored) for h in self._own])
+        self._all = mechanism.compiled(f"with all of {told}", lambda made: _with_all(made, self._own))
         self._direct = sum(len(h.scored) for h in tried.direct)
         self._frequencies = tuple(dict.fromkeys(frequency_of(h) for h in tried.periodic))
         self._places = scored_places(self._own, mechanism.theta.size)
-        composing = range(len(theta) - 6 - mechanism.n, len(theta))
-        self._maps: dict[tuple[str, int], ca.Function] = {}
+        count = len(self._all.theta)
+        composing = range(count - 6 - mechanism.n, count)
         self._absent = (*(int(k) for place in self._places for k in place), *composing)
 
     @property
@@ -89,10 +89,18 @@ class Scorer:
 
     def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowColumns]:
         """Every window's residual and derivatives at a simulated point, batch by batch."""
-        for batch in simulation.batches:
-            for place, w in enumerate(batch.members):
-                one = batch.trajectories.only(place)
-                yield self._window(likelihood, simulation, int(w), one)
+        yield from (task() for task in self.tasks(likelihood, simulation))
+
+    def tasks(
+        self, likelihood: Likelihood, simulation: Simulation, windows: Sequence[int] | None = None
+    ) -> Sequence[Callable[[], WindowColumns]]:
+        """What `columns` does for each window (or for these alone), to be done side by side."""
+        return [
+            partial(self._window, likelihood, simulation, int(w), batch.trajectories.only(place))
+            for batch in simulation.batches
+            for place, w in enumerate(batch.members)
+            if windows is None or int(w) in windows
+        ]
 
     def _window(self, likelihood: Likelihood, simulation: Simulation, w: int, one: Trajectories) -> WindowColumns:
         recording, own = likelihood.recordings[w], likelihood.own
@@ -126,13 +134,13 @@ class Scorer:
         first, last = own, own + len(shared)
         return WindowColumns(w, residual.rows, jacobian[:, :first], jacobian[:, first:last], jacobian[:, last:])
 
-    def _over(self, compiled: ca.Function, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
-        """As `over_samples`; windows have the same length, and CasADi takes its time to make a map."""
-        key = (compiled.name(), samples)
-        if key not in self._maps:
-            self._maps[key] = compiled.map(samples)
-        columns = [np.broadcast_to(a, (samples, a.size)) if a.ndim == 1 else a for a in arguments]
-        return evaluate(self._maps[key], *columns)
+    def prepare(self) -> None:
+        """Have the machine code for the largest part built, while something else is done."""
+        self._kernel("forcing", lambda made: forcing(made, self._absent))
+
+    def _kernel(self, name: str, make: Callable[[Mechanism], ca.Function]) -> Kernel:
+        native = self.mechanism.native and name == "forcing"  # the others are called once, or small
+        return self._all.compiled(f"{name}: kernel", lambda made: Kernel.of(make(made), native=native))
 
     def _composed(self, by_markers: np.ndarray, direct: int, stamps: np.ndarray) -> np.ndarray:
         """The columns of unit forces at all frequencies made into those of the periodic hypotheses."""
@@ -152,10 +160,12 @@ class Scorer:
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         t = one.begins[0] + one.grid.t
         sample = (one.positions[0], one.rotations[0], one.twists[0], one.own_states[0])
-        found = self._over(forcing(self._all, self._absent), len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
+        compiled = self._kernel("forcing", lambda made: forcing(made, self._absent))
+        found = _over(compiled, len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
         table = found[0].reshape(len(t), 6 + self.mechanism.n, -1)[:, :6]
         first = (x[:1] for x in (t[:, np.newaxis], *sample))
-        gaps = self._over(start_gaps(self._all, self._absent), 1, *first, shared[:BODY], theta)
+        compiled = self._kernel("gaps", lambda made: start_gaps(made, self._absent))
+        gaps = _over(compiled, 1, *first, shared[:BODY], theta)
         n, count = self.mechanism.n, len(self._all.theta)
         lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
@@ -201,12 +211,25 @@ class Scorer:
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         stamps = (recording.begin + t)[:, np.newaxis]
         given = (stamps, motion.positions, motion.rotations, motion.twists, own_states(one, 0, t))
-        found = self._over(sightings(self._all), len(t), *given, theta)[4]
+        found = _over(self._kernel("sightings", sightings), len(t), *given, theta)[4]
         table = found.reshape(len(t), -1, 3, len(theta))
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
         parts = [table[..., chosen], np.zeros((*table.shape[:3], self._direct - len(chosen)))]
         direct = np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
         return table[..., : len(shared) - BODY], direct
+
+
+def _with_all(mechanism: Mechanism, tried: Sequence[Hypothesis]) -> Mechanism:
+    """The model with these effects at their scan points, and with units of what others are composed of."""
+    units = (ConstantForce(), UnitTorque(), _UnitPull(mechanism.n))
+    theta = np.concatenate([mechanism.theta, *(h.absent for h in tried), np.zeros(6 + mechanism.n)])
+    return Mechanism(mechanism.robot, [*mechanism.effects, *(h.effect for h in tried), *units], theta.tolist())
+
+
+def _over(compiled: Kernel, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
+    """As `over_samples`, of a kernel."""
+    columns = [np.broadcast_to(a, (samples, a.size)) if a.ndim == 1 else a for a in arguments]
+    return evaluate(compiled.over(samples), *columns)
 
 
 @dataclass(frozen=True, eq=False)

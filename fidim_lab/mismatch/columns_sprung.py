@@ -6,8 +6,9 @@ influence of a unit of force times sin and cos. Stretch of cables that are rigid
 springs they would need states that the fit does not have.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -37,7 +38,7 @@ class SprungScorer:
         self.tried = replace(tried, direct=tuple(h for h in tried.direct if _goes_with(mechanism, h)))
         effects = [*mechanism.effects, *(h.effect for h in self.tried.direct)]
         theta = np.concatenate([mechanism.theta, *(h.absent for h in self.tried.direct)])
-        self._all = Mechanism(mechanism.robot, effects, theta.tolist(), springs=True)
+        self._all = Mechanism(mechanism.robot, effects, theta.tolist(), native=mechanism.native, springs=True)
         pushed = [*mechanism.effects, ConstantForce()]
         self._pushed = Mechanism(mechanism.robot, pushed, [*mechanism.theta.tolist(), 0.0, 0.0, 0.0], springs=True)
         self._frequencies = tuple(dict.fromkeys(frequency_of(h) for h in self.tried.periodic))
@@ -52,13 +53,21 @@ class SprungScorer:
 
     def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowColumns]:
         """Every window's residual and derivatives at a simulated point, batch by batch."""
+        yield from (task() for task in self.tasks(likelihood, simulation))
+
+    def tasks(
+        self, likelihood: Likelihood, simulation: Simulation, windows: Sequence[int] | None = None
+    ) -> Sequence[Callable[[], WindowColumns]]:
+        """What `columns` does for each window (or for these alone), to be done side by side."""
         point = simulation.point
         shared = np.concatenate([point.shared, self._all.theta[len(point.shared) - BODY :]])
         starts = linearised_starts(self._all, shared, point.states, likelihood.begins)
-        for batch in simulation.batches:
-            for place, w in enumerate(batch.members):
-                one = batch.trajectories.only(place)
-                yield self._window(likelihood, simulation, starts, shared, int(w), one)
+        return [
+            partial(self._window, likelihood, simulation, starts, shared, int(w), batch.trajectories.only(place))
+            for batch in simulation.batches
+            for place, w in enumerate(batch.members)
+            if windows is None or int(w) in windows
+        ]
 
     def _window(
         self,

@@ -16,7 +16,7 @@ from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import stretches
-from fidim_lab.identification.mle.start import Guess, first_guess
+from fidim_lab.identification.mle.start import Guess, first_guesses
 from fidim_lab.mismatch.ground import NEAR, Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover
@@ -182,16 +182,21 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     of_window: dict[str, float] = {}
     leftovers: list[Leftover] = []
     robot, likelihood = completed.mechanism.robot, completed.fit.likelihood
+    recordings: list[Recording] = []
     for window in windows:
         try:
-            recording = prepare(window, robot)
-            guess = _guess_of_springs(completed, recording)
-            prediction = held_out.predict(completed.mechanism, completed.fit.values, recording, robot.sensors, guess)
+            recordings.append(prepare(window, robot))
         except RefusedError as refusal:
             refused[window.id] = str(refusal)
+    guesses = _guesses_of_springs(completed, recordings)
+    predicted = held_out.predict_all(completed.mechanism, completed.fit.values, recordings, robot.sensors, guesses)
+    for recording, prediction in zip(recordings, predicted, strict=True):
+        window = recording.window
+        if isinstance(prediction, RefusedError):
+            refused[window.id] = str(prediction)
             continue
         found = prediction.remainder
-        if prediction.journey.lost and float(found.t[-1] - found.t[0]) < NOT_FOUND:
+        if prediction.lost and float(found.t[-1] - found.t[0]) < NOT_FOUND:
             refused[window.id] = f"Window {window.id}: no start was found from which its first motion follows."
             continue
         seen = int(np.isfinite(found.residuals).sum())
@@ -203,13 +208,15 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     return HeldOut(chi2, dof, rms, refused, tuple(leftovers), of_window)
 
 
-def _guess_of_springs(completed: Completed, recording: Recording) -> Guess | None:
+def _guesses_of_springs(
+    completed: Completed, recordings: Sequence[Recording]
+) -> tuple[Guess | RefusedError, ...] | None:
     """Of cables that stretch to first order, which is as good and far sooner found; None where they are no springs."""
     made = completed.mechanism
     if not made.springs:
         return None
     stretched = Mechanism(made.robot, made.effects, made.theta.tolist())
-    return first_guess(stretched, completed.fit.body, recording, completed.fit.values[BODY:])
+    return first_guesses(stretched, completed.fit.body, recordings, completed.fit.values[BODY:])
 
 
 def _mechanism(ground: Ground, donor: Fit, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray]) -> Mechanism:

@@ -4,13 +4,16 @@ The stretch is κ(pose) τ(t) with the tension of the motion as simulated; time 
 through the nodes of each block, so no expression of the accelerations is differentiated twice.
 """
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.model.batch import from_rows, function, over_samples
+from fidim_lab.model.batch import evaluate, from_rows, function
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.grid import Resolution, lobatto
 from fidim_lab.model.sensitivity.integrate import Trajectories
 
@@ -24,19 +27,20 @@ def stretch_of(
     """The stretch of all cables for θ = 1 along the first window of the trajectories, with two time derivatives."""
     nodes = trajectories.positions.shape[1]
     compiled = mechanism.compiled(f"unit compliance: {effect!r}", lambda made: _compile(made, effect))
-    found = over_samples(compiled, nodes, trajectories.positions[0], trajectories.rotations[0], theta)[0]
+    shared = np.broadcast_to(theta, (nodes, theta.size))
+    found = evaluate(compiled.over(nodes), trajectories.positions[0], trajectories.rotations[0], shared)[0]
     stretch = found * mechanism.robot.mass * trajectories.tensions[0]
     rate = _derivative(stretch, trajectories.grid.resolution)
     return np.stack([stretch, rate, _derivative(rate, trajectories.grid.resolution)])
 
 
-def _compile(mechanism: Mechanism, effect: NamedEffect) -> ca.Function:
+def _compile(mechanism: Mechanism, effect: NamedEffect) -> Kernel:
     position, flat = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9)
     theta = ca.SX.sym("theta", mechanism.theta.size)
     cables = mechanism.cables_at(position, from_rows(flat, 3, 3), theta)
     one = ca.SX(1)
     each = [effect.compliance(number, cable, one) for number, cable in enumerate(cables, start=1)]
-    return function("unit_compliance", [position, flat, theta], [ca.vertcat(*each)])
+    return Kernel.of(function("unit_compliance", [position, flat, theta], [ca.vertcat(*each)]), native=False)
 
 
 def _derivative(values: Float[np.ndarray, "N n"], resolution: Resolution) -> Float[np.ndarray, "N n"]:
@@ -51,6 +55,7 @@ def _derivative(values: Float[np.ndarray, "N n"], resolution: Resolution) -> Flo
     return total / weight
 
 
+@cache
 def _differentiation(intervals: int) -> Float[np.ndarray, "k+1 k+1"]:
     """Derivatives at the Lobatto nodes of [0, 1] of the polynomial through values there."""
     x = 2 * lobatto(intervals)[0] - 1
@@ -58,4 +63,6 @@ def _differentiation(intervals: int) -> Float[np.ndarray, "k+1 k+1"]:
     slopes = np.stack(
         [np.polynomial.legendre.legval(x, np.polynomial.legendre.legder(row)) for row in np.eye(intervals + 1)], axis=1
     )
-    return 2 * slopes @ np.linalg.inv(values)
+    matrix = 2 * slopes @ np.linalg.inv(values)
+    matrix.setflags(write=False)
+    return matrix

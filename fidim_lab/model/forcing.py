@@ -52,10 +52,13 @@ def sightings(mechanism: Mechanism) -> ca.Function:
 
 def _pair(mechanism: Mechanism, absent: Sequence[int]) -> tuple[MotionEquations, MotionEquations]:
     """The equations with every θ, and those with zeros for the absent ones; the same symbols."""
-    symbols = Symbols.of(mechanism)
-    return motion_equations(mechanism, symbols), motion_equations(
-        mechanism, replace(symbols, theta=_without(symbols.theta, absent))
-    )
+
+    def make(made: Mechanism) -> tuple[MotionEquations, MotionEquations]:
+        symbols = Symbols.of(made)
+        base = replace(symbols, theta=_without(symbols.theta, absent))
+        return motion_equations(made, symbols), motion_equations(made, base)
+
+    return mechanism.compiled(f"equations with and without {tuple(absent)}", make)
 
 
 def _without(theta: ca.SX, absent: Sequence[int]) -> ca.SX:

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from fidim_lab.app import compose
+from fidim_lab.app.model_check import Checked, ModelCheck
 from fidim_lab.app.run_records import RunRecords
 from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.opening import Opened, open_rig
@@ -120,6 +121,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
         known, planned = len(work.resumption.rows), len(work.experiment.roles)
         says = f"{known} windows have their verdict, {planned - known} are left"
         service.chronicle.note(kind="resumed", reason=says)
+    check = ModelCheck(work.spec.out, len(work.experiment.roles), partial(_tell_checked, service))
     handlers = dict(HANDLERS)
     unattended = work.spec.unattended
     if unattended is not None and unattended.quiet_hours is not None:
@@ -131,19 +133,26 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
             service.rig,
             work.spec.out,
             wall_time=wall_time,
-            listeners=(logs.on_event, *service.listeners()),
+            listeners=(logs.on_event, *service.listeners(), check),
             guards=guards,
             handlers=handlers,
             control=service.control,
             resumption=work.resumption,
         )
         await logs.after_run()
+        await check.close()
         return report
     finally:
+        await check.close(patience=0.0)
         if service.watcher.report is not None:
             with suppress(OSError):  # a full disk: the journal has said so
                 write_summary(work.spec.out, service.watcher.report)
         logs.close()  # writes the manifest, of all that is there
+
+
+def _tell_checked(service: Service, checked: Checked) -> None:
+    outcome = "holds" if checked.holds else " ".join(checked.suspected)
+    service.chronicle.note(kind="model-checked", window=checked.window, outcome=outcome, text=checked.says)
 
 
 def _more_guards(work: Work) -> tuple[Guard, ...]:

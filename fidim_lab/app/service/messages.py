@@ -49,12 +49,14 @@ class Happening(Message):
         "lease",
         "e-stop",
         "reset",
+        "model-checked",
     ]
     window: str = ""
     step: str = ""
     """the step's type"""
     text: str = ""
     outcome: str = ""
+    """of a step, a window or the run; of `model-checked`: holds, or the ids of suspected effects"""
     reason: str = ""
     values: tuple[float, ...] = ()
     """what the step read, SI"""

@@ -8,7 +8,6 @@ from jaxtyping import Float
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
-from fidim_lab.model.sensitivity.integrate import States
 from fidim_lab.model.sensitivity.measurement import Measurement
 
 BATCH = 12
@@ -32,12 +31,6 @@ def body_markers(
 ) -> Float[np.ndarray, "M 3"]:
     """As many of the robot's markers (body frame, m) as the windows of a batch have at most."""
     return robot.markers[: max(recordings[w].markers.shape[1] for w in members)]
-
-
-def states_of(states: States, members: np.ndarray) -> States:
-    """The initial states of a batch."""
-    tensions, astray = rows_of(states.tensions, members), rows_of(states.astray, members)
-    return States(states.positions[members], states.rotations[members], states.twists[members], tensions, astray)
 
 
 def rows_of(values: np.ndarray | None, members: np.ndarray) -> np.ndarray | None:

@@ -1,5 +1,6 @@
 """Windows that the fit has not seen: only their own initial state is fitted, the shared parameters are held."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import Journey, grow
-from fidim_lab.identification.mle.start import Guess, first_guess
+from fidim_lab.identification.mle.start import Guess, first_guesses
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 
@@ -25,7 +26,15 @@ class Prediction:
     """One window as the model predicts it from its own initial state."""
 
     journey: Journey
+    """of all windows that were predicted together"""
     remainder: Remainder
+    place: int = 0
+    """of this one among them"""
+
+    @property
+    def lost(self) -> bool:
+        """Whether its end could not be followed; it is then predicted as far as it could."""
+        return self.place in self.journey.lost
 
 
 def predict(
@@ -36,13 +45,45 @@ def predict(
     guess: where to begin, found from the first samples unless given. Raises RefusedError, naming the window, where its
     lengths contradict its markers, or where the motion cannot be simulated at all.
     """
-    body = Body.from_vector(shared[:BODY])
-    guess = first_guess(mechanism, body, recording, shared[BODY:]) if guess is None else guess
-    likelihood = likelihood_of(mechanism, shared, (recording,), [guess], sensors)
-    guesses = likelihood.guesses
+    guesses = None if guess is None else [guess]
+    found = predict_all(mechanism, shared, [recording], sensors, guesses)[0]
+    if isinstance(found, RefusedError):
+        raise found
+    return found
+
+
+def predict_all(
+    mechanism: Mechanism,
+    shared: np.ndarray,
+    recordings: Sequence[Recording],
+    sensors: Sensors,
+    guesses: Sequence[Guess | RefusedError] | None = None,
+) -> tuple[Prediction | RefusedError, ...]:
+    """The same for many recordings, far sooner than one by one; for each its prediction, or why there is none.
+
+    What they share is held, so each is fitted as if it were alone: one that cannot be followed leaves the others be.
+    """
+    if guesses is None:
+        guesses = first_guesses(mechanism, Body.from_vector(shared[:BODY]), recordings, shared[BODY:])
+    begun = [(r, g) for r, g in zip(recordings, guesses, strict=True) if isinstance(g, Guess)]
+    found = iter(_predicted(mechanism, shared, begun, sensors))
+    return tuple(next(found) if isinstance(guess, Guess) else guess for guess in guesses)
+
+
+def _predicted(
+    mechanism: Mechanism, shared: np.ndarray, begun: Sequence[tuple[Recording, Guess]], sensors: Sensors
+) -> list[Prediction | RefusedError]:
+    if not begun:
+        return []
+    recordings = tuple(recording for recording, _ in begun)
+    likelihood = likelihood_of(mechanism, shared, recordings, [guess for _, guess in begun], sensors)
     nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
     held = np.zeros(len(shared), dtype=bool)
-    journey = grow(likelihood, Point(shared, guesses), nothing, held, HORIZONS)
-    if journey is None:
-        raise RefusedError(f"Window {recording.window.id}: its motion cannot be simulated with these parameters.")
-    return Prediction(journey, remainder(likelihood, journey.optimum.simulation, 0))
+    journey = grow(likelihood, Point(shared, likelihood.guesses), nothing, held, HORIZONS)
+    if journey is not None:
+        simulation = journey.optimum.simulation
+        return [Prediction(journey, remainder(likelihood, simulation, w), w) for w in range(len(begun))]
+    if len(begun) == 1:
+        says = f"Window {recordings[0].window.id}: its motion cannot be simulated with these parameters."
+        return [RefusedError(says)]
+    return [_predicted(mechanism, shared, [one], sensors)[0] for one in begun]

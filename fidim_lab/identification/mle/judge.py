@@ -73,12 +73,12 @@ def _whiteness(t: Series, residuals: Float[np.ndarray, "T M 3"]) -> float | None
         seen = np.isfinite(column)
         if seen.sum() < 3 * LAGS:
             continue
-        x = column - column[seen].mean()
+        x, there = np.where(seen, column - column[seen].mean(), 0.0), seen.astype(float)
+        square = np.mean(x[seen] ** 2) ** 2
         for lag in range(1, LAGS + 1):
-            products = x[lag:] * x[:-lag]
-            both = np.isfinite(products)
-            if both.sum() > LAGS:
-                total += float(products[both].sum() ** 2 / both.sum() / np.mean(x[seen] ** 2) ** 2)
+            pairs = there[lag:] @ there[:-lag]
+            if pairs > LAGS:
+                total += float((x[lag:] @ x[:-lag]) ** 2 / pairs / square)
                 counted += 1
     return total / counted if counted else None
 

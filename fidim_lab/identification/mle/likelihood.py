@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body
 from fidim_lab.identification.consistency import can_move
-from fidim_lab.identification.mle.batches import body_markers, in_batches, rows_of, states_of
+from fidim_lab.identification.mle.batches import body_markers, in_batches, rows_of
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
@@ -141,6 +141,11 @@ class Simulation:
     residuals: tuple[WindowResidual, ...]
 
     @property
+    def intervals(self) -> int:
+        """Of the grid: how fine it is."""
+        return self.batches[0].trajectories.grid.resolution.intervals
+
+    @property
     def cost(self) -> float:
         """Sum of squares; infinite where a motion could not be simulated."""
         total = sum(float(residual.rows @ residual.rows) for residual in self.residuals)
@@ -169,7 +174,7 @@ def simulate(
     batches: list[_Batch] = []
     measurement, robot = Measurement(likelihood.mechanism, point.shared[BODY:]), likelihood.mechanism.robot
     for members, grid in in_batches(likelihood.recordings, measurement, ends, fine):
-        states = states_of(point.states, members)
+        states = point.states.of(members)
         begins, unstretched = likelihood.begins[members], rows_of(starts.unstretched, members)
         extra = rows_of(starts.extra, members)
         trajectories = integrate(likelihood.mechanism, point.shared, states, grid, begins, unstretched, extra)

@@ -114,6 +114,20 @@ def step(
     return Step(own=steps, shared=shared, predicted=float(left @ left + before @ before))
 
 
+def own_steps(
+    tables: Tables, own: int, damping: Float[np.ndarray, " W"]
+) -> tuple[Float[np.ndarray, "W own"], Float[np.ndarray, " W"]]:
+    """As `step`, of windows that share nothing, each with its own damping; the sum of squares foretold for each."""
+    count, size = len(tables), tables.shape[1]
+    scales = np.linalg.norm(tables, axis=1)
+    ridge = np.zeros((count, own, size))
+    ridge[:, range(own), range(own)] = np.sqrt(damping)[:, np.newaxis] * scales[:, :own]
+    damped = _triangular(np.concatenate([tables, ridge], axis=1))
+    steps = np.linalg.solve(damped[:, :own, :own], -damped[:, :own, -1:])[..., 0]
+    left = (tables[:, :, :own] @ steps[..., np.newaxis])[..., 0] + tables[:, :, -1]
+    return steps, (left**2).sum(axis=1)
+
+
 def _within(
     rows: np.ndarray, free: Bool[np.ndarray, " shared"], room: tuple[np.ndarray, np.ndarray] | None
 ) -> Float[np.ndarray, " shared"]:

@@ -100,10 +100,10 @@ def optimise(
         tables = compress(linearised(likelihood, simulation), len(ends))
         rows, room = prior.rows(simulation.point.shared), prior.room(simulation.point.shared)
         promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted
-        if promise < min(_negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
+        if promise < min(negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
         if rounds == effort.rounds:
-            ending = _edge(likelihood, simulation, promise, cost) or Ending.EXHAUSTED
+            ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.EXHAUSTED
             return Optimum(simulation, tables, cost, ending, rounds)
         while True:
             wanted = step(tables, likelihood.own, rows, damping, free, room)
@@ -114,42 +114,45 @@ def optimise(
                 break
             damping, stretch = max(4 * damping, 1e-6), min(stretch, 1.0)
             if damping > DAMPING[1]:
-                ending = _edge(likelihood, simulation, promise, cost) or Ending.STUCK
+                ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.STUCK
                 return Optimum(simulation, tables, cost, ending, rounds)
         promised = cost - wanted.predicted
         gain = (cost - there[1]) / promised if promised > 0 else 1.0  # rounding may leave nothing of a promise
-        damping = _relaxed(damping, gain / _foretold(stretch))
-        stretch = _stretched(stretch, gain)
+        damping = relaxed(damping, gain / foretold(stretch))
+        stretch = stretched(stretch, gain)
         now, rounds = there, rounds + 1
 
 
-def _edge(likelihood: Likelihood, simulation: Simulation, promise: float, cost: float) -> Ending | None:
-    """What a promise that no step keeps means with springs: less than a standard deviation is nothing, more an edge."""
+def edge(likelihood: Likelihood, count: int, promise: float, cost: float) -> Ending | None:
+    """What a promise that no step keeps means with springs: less than a standard deviation is nothing, more an edge.
+
+    count: of residuals.
+    """
     if likelihood.springs is None or promise >= EDGE * cost:
         return None
-    return Ending.CONVERGED if promise < max(1.0, cost / _residuals(simulation)) else Ending.EDGE
+    return Ending.CONVERGED if promise < max(1.0, cost / count) else Ending.EDGE
 
 
-def _negligible(effort: Effort, misfit: float) -> float:
+def negligible(effort: Effort, misfit: float) -> float:
     """The promise of a step that is not worth taking; larger where the model is wrong and the sd mean little."""
     haste = MISFIT_HASTE if misfit > MISFIT else 1.0
     return effort.promise * max(1.0, misfit) * haste
 
 
-def _relaxed(damping: float, gain: float) -> float:
+def relaxed(damping: float, gain: float) -> float:
     """Less damping where the linearised problem foretold the gain, more where it did not."""
     if gain > 0.5:
         return max(damping / 5, DAMPING[0])
     return damping if gain > 0.1 else max(4 * damping, 1e-6)
 
 
-def _foretold(stretch: float) -> float:
+def foretold(stretch: float) -> float:
     """Share of the promise that a step of this length should keep."""
     part = min(stretch, 1.0)
     return 2 * part - part**2
 
 
-def _stretched(stretch: float, gain: float) -> float:
+def stretched(stretch: float, gain: float) -> float:
     """How far to go along the next step, as a share of it.
 
     Where large residuals bend the sum of squares more than its linearised form has it, Gauss–Newton steps overshoot to

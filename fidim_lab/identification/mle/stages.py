@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fidim_lab.identification.mle.apart import optimise_apart
 from fidim_lab.identification.mle.likelihood import Likelihood, Point, Simulation, simulate
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import FINAL, ON_THE_WAY, ROUGH, Effort, Ending, Optimum, optimise
@@ -75,6 +76,8 @@ class _Way:
         return ends
 
     def optimise(self, start: Point, horizon: float, effort: Effort) -> Optimum | None:
+        if not self.free.any():
+            return optimise_apart(self.likelihood, start, self.ends(horizon), effort)
         factor = 1.0 if horizon < EARLY else FAR_PRIOR
         prior = self.prior.loosened(factor)
         return optimise(self.likelihood, start, self.ends(horizon), prior, effort, self.free)
@@ -92,7 +95,7 @@ def grow(
     way, optimum = _grown(_Way(likelihood, prior, free, limits, {}), start, horizons)
     if optimum is None:
         return None
-    if 0 < len(way.lost) < len(limits):
+    if 0 < len(way.lost) < len(limits) and free.any():
         way, optimum = _found_again(way, optimum, limits, horizons)
     return Journey(optimum, way.ends(np.inf), way.slack, way.lost)
 

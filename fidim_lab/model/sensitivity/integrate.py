@@ -38,6 +38,31 @@ class States:
     astray: Float[np.ndarray, "W extra"] | None = None
     """how far effects' own states are from where they usually begin (`Effect.extra_start`); None: nowhere"""
 
+    def of(self, chosen: np.ndarray) -> "States":
+        """Some of the windows."""
+        tensions = None if self.tensions is None else self.tensions[chosen]
+        astray = None if self.astray is None else self.astray[chosen]
+        return States(self.positions[chosen], self.rotations[chosen], self.twists[chosen], tensions, astray)
+
+    def with_one(self, window: int, other: "States", place: int) -> "States":
+        """With the state of one window taken from a place in others."""
+
+        def taken(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+            changed = ours.copy()
+            changed[window] = theirs[place]
+            return changed
+
+        def both(ours: np.ndarray | None, theirs: np.ndarray | None) -> np.ndarray | None:
+            return None if ours is None or theirs is None else taken(ours, theirs)
+
+        return States(
+            taken(self.positions, other.positions),
+            taken(self.rotations, other.rotations),
+            taken(self.twists, other.twists),
+            both(self.tensions, other.tensions),
+            both(self.astray, other.astray),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:

@@ -6,10 +6,14 @@ Position, velocity and acceleration at the nodes, and the quintic Hermite polyno
 
 import numpy as np
 from jaxtyping import Float
+from scipy.sparse import csr_array
 
 from fidim_lab.arrays import Series
 from fidim_lab.model.sensitivity.integrate import Trajectories
 from fidim_lab.model.sensitivity.variation import Variations
+
+WIDE = 30
+"""columns, from which a sparse product is faster than copies of both ends"""
 
 Nodal = Float[np.ndarray, "W N 3 M 3"]
 """marker position, velocity, acceleration at the nodes; markers; world x, y, z"""
@@ -76,9 +80,13 @@ def hermite(nodes: Series, times: Series) -> tuple[np.ndarray, Float[np.ndarray,
 
 def between(nodal: Float[np.ndarray, "N 3 ..."], index: np.ndarray, weights: Float[np.ndarray, "T 2 3"]) -> np.ndarray:
     """Values at the times for which `hermite` gave index and weights; nodal: value, slope, curvature at each node."""
-    ends = np.stack([nodal[index], nodal[index + 1]], axis=1)
-    flat = ends.reshape(len(index), 6, -1)
-    return (weights.reshape(-1, 1, 6) @ flat).reshape(len(index), *nodal.shape[2:])
+    count, shape = len(index), nodal.shape[2:]
+    if np.prod(shape) < WIDE:
+        ends = np.stack([nodal[index], nodal[index + 1]], axis=1)
+        return (weights.reshape(-1, 1, 6) @ ends.reshape(count, 6, -1)).reshape(count, *shape)
+    places = 3 * index[:, np.newaxis] + np.arange(6)
+    rows = csr_array((weights.ravel(), places.ravel(), np.arange(0, 6 * count + 1, 6)), shape=(count, 3 * len(nodal)))
+    return (rows @ nodal.reshape(3 * len(nodal), -1)).reshape(count, *shape)
 
 
 def _ends_weights(s: Series, h: Series) -> Float[np.ndarray, "T 3"]:

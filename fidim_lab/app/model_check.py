@@ -1,0 +1,164 @@
+"""During a session: after every accepted window, does the model hold so far, and what is suspected?
+
+    check = ModelCheck(folder, planned=12, tell=...)   # a listener of the run
+    ...
+    await check.close()
+
+`mismatch.so_far` answers, in a niced process of its own (this module's `main`): the loop that holds the robot only
+writes a line to it and reads one. Windows that come while it computes are taken in at its next look. Where it fails the
+run goes on without it, and that is told.
+"""
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.errors import FidimError
+from fidim_lab.mismatch.so_far import FEWEST, SoFar, Watch
+from procedures.events import Event, WindowFinished
+from procedures.outcomes import Outcome
+
+LINE = 1 << 20
+"""bytes of an answer at most"""
+NICE = 15
+LAST = 10.0
+"""s at the end of a run that the last answer is waited for"""
+COMMAND = "import sys; from fidim_lab.app.model_check import main; main(sys.argv[1])"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What one look says."""
+
+    window: str
+    """the last that was taken in"""
+    holds: bool
+    suspected: tuple[str, ...]
+    """ids of effects, the most evident first"""
+    says: str
+    seconds: float
+    """that the look took"""
+
+
+class ModelCheck:
+    """Has the worker look after every accepted window; a listener of the run, quick, and it never raises."""
+
+    def __init__(self, folder: Path, planned: int, tell: Callable[[Checked], None]) -> None:
+        """folder: the run's. planned: windows; with fewer than can be checked nothing is started."""
+        self._folder = folder
+        self._tell = tell
+        self._useful = planned >= FEWEST
+        self._process: asyncio.subprocess.Process | None = None
+        self._working: asyncio.Task[None] | None = None
+        self._waiting = ""
+        """the newest window that has not been looked at"""
+
+    def __call__(self, event: Event) -> None:
+        """Take one event of the run."""
+        if not (self._useful and isinstance(event, WindowFinished)):
+            return
+        if event.outcome not in (Outcome.PASS, Outcome.MARGINAL):
+            return
+        self._waiting = event.window
+        if self._working is None or self._working.done():
+            self._working = asyncio.ensure_future(self._work())
+
+    async def close(self, patience: float = LAST) -> None:
+        """Wait so long (s) for the last answer, then end the worker."""
+        if self._working is not None:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(asyncio.shield(self._working), patience)
+            self._working.cancel()
+            await asyncio.gather(self._working, return_exceptions=True)
+        if self._process is not None:
+            with suppress(ProcessLookupError):
+                self._process.kill()
+            await self._process.wait()
+
+    async def _work(self) -> None:
+        """Look until there is no window left that has not been looked at."""
+        while self._waiting:
+            window, self._waiting = self._waiting, ""
+            try:
+                answer = await self._asked(window)
+                if "failed" in answer:
+                    self._tell(Checked(window, False, (), f"The model cannot be checked: {answer['failed']}", 0.0))
+                else:
+                    self._tell(Checked(window, answer["holds"], _ids(answer), answer["says"], answer["took"]))
+            except (OSError, ValueError) as error:
+                self._useful = False
+                self._tell(Checked(window, False, (), f"The model is not checked any more: {error}.", 0.0))
+                return
+
+    async def _asked(self, window: str) -> dict[str, Any]:
+        if self._process is None:
+            self._process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-c", COMMAND, str(self._folder)),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.DEVNULL,
+                limit=LINE,
+                start_new_session=True,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            )
+        process = self._process
+        if process.stdin is None or process.stdout is None:
+            raise ValueError("its process has no pipes")
+        process.stdin.write(f"{window}\n".encode())
+        await process.stdin.drain()
+        line = await process.stdout.readline()
+        if not line:
+            raise ValueError(f"its process ended with exit code {await process.wait()}")
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+
+def _ids(answer: dict[str, Any]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(str(one["id"]) for one in answer["suspected"]))
+
+
+class Looker:
+    """The worker's side: reads what is new in a run's folder, and looks."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._watch: Watch | None = None
+        self._known: set[str] = set()
+
+    def look(self) -> SoFar:
+        """Take in all windows that have been accepted since the last look. Raises FileError."""
+        campaign = read_campaign(self._folder)
+        if self._watch is None:
+            self._watch = Watch(campaign.robot)
+            self._watch.prepare()
+        new = [window for window in campaign.windows if window.id not in self._known]
+        self._known |= {window.id for window in new}
+        return self._watch.look(new)
+
+
+def answer_to(looker: Looker, clock: Callable[[], float]) -> dict[str, Any]:
+    """One answer as it goes over the pipe: `SoFar` and how long it took (s), or `failed`, why there is none."""
+    begin = clock()
+    try:
+        found = looker.look()
+    except FidimError as error:
+        return {"failed": str(error).splitlines()[0]}
+    return {**asdict(found), "took": round(clock() - begin, 3)}
+
+
+def main(folder: str) -> None:
+    """The worker: for each line on standard input an answer on standard output."""
+    with suppress(OSError, AttributeError):
+        os.nice(NICE)
+    looker = Looker(Path(folder))
+    for _ in sys.stdin:
+        sys.stdout.write(json.dumps(answer_to(looker, perf_counter)) + "\n")
+        sys.stdout.flush()

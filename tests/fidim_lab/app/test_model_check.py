@@ -1,0 +1,93 @@
+"""The look after every window of a session: the worker's answers, and a run that is never held up by it."""
+
+import asyncio
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.app import model_check
+from fidim_lab.app.model_check import Checked, Looker, ModelCheck, answer_to
+from fidim_lab.data.campaign import write_campaign
+from fidim_lab.identification.random_plan import random_plan
+from procedures.events import WindowFinished
+from procedures.outcomes import Outcome
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+ECHO = """
+import json, sys
+for line in sys.stdin:
+    found = {"holds": False, "suspected": [{"id": "air-drag-linear"}], "says": f"after {line.strip()}", "took": 0.1}
+    sys.stdout.write(json.dumps(found) + chr(10)); sys.stdout.flush()
+"""
+
+
+@pytest.fixture(scope="module")
+def session(irma4):
+    plan = random_plan(irma4, "session", 3, 0, 5)
+    world = make_world(irma4, np.random.default_rng(5), ())
+    return simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Recording(2.0))[0]
+
+
+def finished(window, outcome=Outcome.PASS):
+    return WindowFinished(0.0, window, outcome, "", 1, 3)
+
+
+def checked(monkeypatch, tmp_path, command, events, planned=12):
+    """What is told of these events by a worker of this source; (event, whether it is answered before the next)."""
+    monkeypatch.setattr(model_check, "COMMAND", command)
+    told: list[Checked] = []
+
+    async def run():
+        said = asyncio.Event()
+        check = ModelCheck(tmp_path, planned, lambda one: (told.append(one), said.set()))
+        for event, answered in events:
+            said.clear()
+            check(event)
+            if answered:
+                await asyncio.wait_for(said.wait(), 60)
+        await check.close(60.0)
+
+    asyncio.run(run())
+    return told
+
+
+def test_every_accepted_window_is_looked_at(monkeypatch, tmp_path):
+    skipped, marginal = finished("i02", Outcome.SKIPPED), finished("i03", Outcome.MARGINAL)
+    events = [(finished("i01"), True), (skipped, False), (marginal, True)]
+    told = checked(monkeypatch, tmp_path, ECHO, events)
+    assert [(one.window, one.says) for one in told] == [("i01", "after i01"), ("i03", "after i03")]
+    assert told[0].suspected == ("air-drag-linear",)
+    assert not told[0].holds
+
+
+def test_plans_with_too_few_windows_start_nothing(monkeypatch, tmp_path):
+    assert checked(monkeypatch, tmp_path, "raise SystemExit(3)", [(finished("i01"), False)], planned=2) == []
+
+
+def test_a_worker_that_dies_is_told_once_and_not_asked_again(monkeypatch, tmp_path):
+    told = checked(monkeypatch, tmp_path, "raise SystemExit(3)", [(finished("i01"), True), (finished("i02"), False)])
+    (only,) = told
+    assert "is not checked any more" in only.says
+
+
+def test_windows_that_come_while_it_computes_are_one_look(monkeypatch, tmp_path):
+    events = [(finished(window), False) for window in ("i01", "i02", "i03")]
+    assert [one.window for one in checked(monkeypatch, tmp_path, ECHO, events)] == ["i03"]
+
+
+def test_the_worker_reads_what_is_new_in_the_folder(tmp_path, session):
+    looker = Looker(tmp_path)
+    write_campaign(tmp_path, replace(session, windows=session.windows[:1]))
+    first = answer_to(looker, lambda: 0.0)
+    assert "are needed" in first["says"]
+    write_campaign(tmp_path, session)
+    answer = answer_to(looker, lambda: 0.0)
+    assert answer["windows"] == 3
+    assert answer["holds"], answer["says"]
+    assert answer["took"] == 0.0
+
+
+def test_a_folder_that_cannot_be_read_is_an_answer(tmp_path):
+    assert "no such file" in answer_to(Looker(tmp_path), lambda: 0.0)["failed"].lower()
