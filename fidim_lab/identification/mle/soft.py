@@ -84,7 +84,7 @@ class SoftFit:
     def sentences(self) -> tuple[str, ...]:
         """What was fitted beside the body, how its start was found, and what was left out."""
         softness, viscous, dry, *drag = self.found.values[BODY : BODY + 6]
-        source = "assumed: without load cells none tells"
+        source = f"by the motion, from {1e6 * SOFTNESS[0]:.0f} ± {1e6 * SOFTNESS[1]:.0f} without load cells that tell"
         if self.stretch is not None and self.stretch.clear:
             lag = f"which {'lag' if self.stretch.delay >= 0 else 'lead'} by {1e3 * abs(self.stretch.delay):.0f} ms"
             source = f"{1e6 * self.stretch.softness:.0f} by statics of lengths and load cells, {lag}"
