@@ -89,7 +89,12 @@ def test_a_dry_run_by_keys_with_an_emergency_stop_left_and_attached_again(termin
     while other.until("[d] done", "THE SERVICE HAS ENDED") == "[d] done":
         other.press("d")
     other.until("✓ pass", "~ marginal")
+    other.until("THE SERVICE HAS ENDED")
+    other.press("i")
+    assert other.until("converged", "not-converged", "misfit", "refused", "✗ fidim identify") != "✗ fidim identify"
     other.press("q")
+    check = [sys.executable, "-c", FIDIM, "verify", str(run)]
+    assert "intact" in subprocess.run(check, capture_output=True, text=True, check=True).stdout
     assert list((run / "windows").glob("i01*"))
 
 
