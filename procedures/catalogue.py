@@ -4,14 +4,18 @@ A Python file is a procedure when it has a generator function `procedure(lab)`: 
 """
 
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import cast
 
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import SetupError
+from procedures.compare import compare
+from procedures.excite import excite
 from procedures.experiment import Experiment, Lab, Make, checked_experiment
 from procedures.home import home
 from procedures.identify import identify
@@ -45,11 +49,16 @@ class Entry:
     make: Make
     role: Role | None = None
     """that all its windows get, whatever the plan says"""
+    further: Callable[[Lab, AbstractSet[str]], Steps] | None = None
+    """the same for one that adds windows to the plan's: told which have their verdict when it is resumed"""
+    alone: bool = False
+    """never asks anybody anything"""
 
 
 CATALOGUE: Mapping[str, Entry] = MappingProxyType(
     {
         "identify": Entry("free motion about each equilibrium of the plan, recorded and judged", _identify),
+        "excite": Entry("the same without a hand: the winches excite, calm and travel gently", excite, alone=True),
         "cross-validate": Entry(
             f"the same, for windows that no fit will see (the paper has {CROSS_VALIDATION})",
             _identify,
@@ -61,6 +70,9 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
             Role.IDENTIFY,
         ),
         "home": Entry("the encoders' zeros, at a known or measured pose, without power", _home),
+        "compare": Entry(
+            "record the plan, explain it, record where it tells most: until the verdict is clear", compare, further=compare
+        ),
         "tension-check": Entry("every tension at rest at each equilibrium against its limits", _tension_check),
     }
 )
@@ -82,7 +94,20 @@ def experiment(
     entry = _entry(name)
     if entry.role is not None:
         plan = replace(plan, windows=tuple(replace(window, role=entry.role) for window in plan.windows))
-    return checked_experiment(entry.make, plan, robot, settings, statics, resumption)
+    make = entry.make
+    if entry.further is not None and resumption is not None:
+        make = partial(_further, entry.further, frozenset(resumption.rows))
+        resumption = replace(resumption, goes_on=True)
+    return checked_experiment(make, plan, robot, settings, statics, resumption)
+
+
+def never_asks(name: str) -> bool:
+    """Whether a procedure needs nobody to answer a prompt. Raises SetupError for an unknown name."""
+    return _entry(name).alone
+
+
+def _further(make: Callable[[Lab, AbstractSet[str]], Steps], done: AbstractSet[str], lab: Lab) -> Steps:
+    return make(lab, done)
 
 
 def _entry(name: str) -> Entry:

@@ -1,8 +1,9 @@
 """What is to be run on which robot, checked: `checked_experiment` makes one of a plan and a generator of steps."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
+from typing import Any, TypeVar
 
 from fidim_lab.data.records import Plan, Robot, Role
 from procedures.identify import Route
@@ -12,6 +13,8 @@ from procedures.resumption import Resumption
 from procedures.run_folder import check_window_ids
 from procedures.settings import Settings
 from procedures.steps import Lengths, Procedure, Steps
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +30,19 @@ class Experiment:
     settings: Settings
 
 
+class Memory:
+    """Answers that the readings of one procedure share: it is listed, checked and carried out by the same model."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, Any] = {}
+
+    def once(self, key: Hashable, compute: Callable[[], T]) -> T:
+        """`compute()`, only the first time that the key is asked for."""
+        if key not in self._known:
+            self._known[key] = compute()
+        return self._known[key]
+
+
 @dataclass(frozen=True, eq=False)
 class Lab:
     """What a procedure is made of: the plan's windows that are left, the robot, the settings, and safe ways."""
@@ -37,6 +53,7 @@ class Lab:
     route: Route
     attempts: Mapping[str, int]
     """recordings that an earlier process made, by window"""
+    memory: Memory = field(default_factory=Memory)
 
 
 Make = Callable[[Lab], Steps]

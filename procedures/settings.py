@@ -35,6 +35,18 @@ class MotionSettings:
 
 
 @dataclass(frozen=True)
+class TensionBand:
+    """How well a winch's motor current tells its cable's tension, as `fidim tension-calibrate` finds it."""
+
+    friction: float
+    """N; as a whole band where there is no scatter, else the part that changes sign with the last move"""
+    load_friction: float = 0.0
+    """the part of it that grows with the load"""
+    scatter: float | None = None
+    """N, half the band that is left when the direction of the last move is known"""
+
+
+@dataclass(frozen=True)
 class TensionSettings:
     """Tensions as motor currents tell them."""
 
@@ -43,6 +55,8 @@ class TensionSettings:
     tolerance: float = 0.1
     """what a motor current is worth as a tension: gear friction, as a part of the limit. The check at rest fails
     beyond the robot's limits widened by this much, and is marginal beyond the limits themselves"""
+    bands: tuple[TensionBand, ...] | None = None
+    """N, for each winch, where all are calibrated: they count instead of the tolerance"""
 
 
 @dataclass(frozen=True)
@@ -87,6 +101,34 @@ class HomeSettings:
     """m, root mean square of a marker coordinate against the robot file's markers"""
     encoder_still: float = 5e-4
     """m by which an encoder may move meanwhile"""
+
+
+@dataclass(frozen=True)
+class ExciteSettings:
+    """Winches that excite, calm and travel (`excite`)."""
+
+    speed: float = 0.5
+    """m/s of any cable, at most; never more than the rig file allows"""
+    acceleration: float = 1.0
+    """m/s², likewise: high damping wants more"""
+    offset: float = 0.06
+    """m off the equilibrium's lengths"""
+    seconds: float = 12.0
+    """for the strokes of one excitation"""
+    tries: int = 2
+    """recordings of a window until its swing is taken as it is"""
+    close: float = 0.15
+    """part by which the swing may miss the planned one"""
+    watch: float = 2.5
+    """s of looking before a swing is calmed"""
+    patience: float = 1.5
+    """s that the platform is given to settle by itself"""
+    calms: int = 5
+    """times that it is calmed at one equilibrium"""
+    small: float = 3e-3
+    """m of swing with which a move may begin"""
+    left: float = 1e-3
+    """m of swing that a move may leave"""
 
 
 @dataclass(frozen=True)
@@ -186,6 +228,7 @@ class Settings:
     motion: MotionSettings = field(default_factory=MotionSettings)
     tension: TensionSettings = field(default_factory=TensionSettings)
     hand: HandSettings = field(default_factory=HandSettings)
+    excite: ExciteSettings = field(default_factory=ExciteSettings)
     record: RecordSettings = field(default_factory=RecordSettings)
     guard: GuardSettings = field(default_factory=GuardSettings)
     hold: HoldSettings = field(default_factory=HoldSettings)

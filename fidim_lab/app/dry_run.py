@@ -20,13 +20,14 @@ from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import HardwareError
-from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.identification.random_plan import Taste, random_plan
 from fidim_lab.identification.result import IdentificationResult
 from fidim_lab.identification.result_file import write_result
+from procedures.catalogue import experiment as procedure_of
 from procedures.events import Event, RunFinished
 from procedures.report import RunReport
 from procedures.robot_guards import LogGuard
-from procedures.run import Experiment, identification, run_procedure
+from procedures.run import Experiment, run_procedure
 from procedures.run_folder import require_new
 from procedures.settings import MotionSettings, Settings
 
@@ -34,6 +35,8 @@ SIMULATED_DAY = "2000-01-01T00:00:00Z"
 """wall time of a simulated journal: the same seed gives the same bytes"""
 PLAN = "plan.toml"
 TRUTH = "truth.json"
+UNTOUCHED = Taste(taut=1.0, tight=1.0)
+"""places where the swing that a hand would give keeps all tension limits: winches keep them whatever the body is"""
 RESULT = "result.json"
 
 
@@ -50,6 +53,8 @@ class DryRunOptions:
     real_time: bool
     json_file: Path | None
     ui: bool = False
+    excite: bool = False
+    """the winches excite, instead of a hand"""
 
 
 def run_dry_run(options: DryRunOptions) -> int:
@@ -63,9 +68,11 @@ def run_dry_run(options: DryRunOptions) -> int:
     require_new(folder)
     world = compose.simulated_world(robot, options.seed, options.hide)
     with console.err.status("planning: equilibria where the robot can rest and swing …"):
-        plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed)
+        taste = UNTOUCHED if options.excite else None
+        plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, taste)
         motion = MotionSettings(length_limits=compose.length_limits(plan))
-        experiment = identification(plan, robot, Settings(motion=motion))
+        procedure = "excite" if options.excite else "identify"
+        experiment = procedure_of(procedure, plan, robot, Settings(motion=motion))
     truth = compose.world_truth(world, plan.name, options.seed)
     rehearsal = _Rehearsal(robot, plan, experiment, folder, options, truth)
     report = rehearsal.run(world)

@@ -15,6 +15,7 @@ from fidim_lab.app.service.main import Work, prepare
 from fidim_lab.app.service.place import place_of
 from fidim_lab.app.service.spec import AnswerSpec, RunSpec, UnattendedSpec
 from fidim_lab.errors import SetupError
+from procedures.catalogue import never_asks
 from procedures.listing import Outline
 from procedures.run_folder import require_new
 from procedures.steps import Ask
@@ -111,7 +112,9 @@ def require_answers(work: Work) -> None:
     answers = work.spec.unattended.answers if work.spec.unattended else {}
     steps = Outline(work.experiment.procedure).steps
     asked = {step.prompt.kind: step.prompt for step in steps if isinstance(step, Ask)}
-    if any(step.window for step in steps):  # a platform that does not come to rest is asked to be steadied
+    if any(step.window for step in steps) and not never_asks(
+        work.spec.procedure
+    ):  # a platform that does not come to rest is asked to be steadied
         asked.setdefault(PromptKind.STEADY, Prompt(PromptKind.STEADY, "Bring the platform to rest."))
     missing = [kind.value for kind in asked if kind not in answers]
     if missing:

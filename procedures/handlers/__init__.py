@@ -4,6 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from procedures.handlers.excitation import see_recorded_swing, strokes, think, watch_swing
 from procedures.handlers.hand import ask, await_hands_off
 from procedures.handlers.home import configure, measure_pose, set_lengths
 from procedures.handlers.motion import enable, hold, move_to
@@ -37,6 +38,7 @@ from procedures.steps import (
     TakeHold,
     Verdict,
 )
+from procedures.steps.excitation import SeeRecordedSwing, Strokes, Think, WatchSwing
 
 Handler = Callable[[Stand, Any], Awaitable[Result]]
 
@@ -54,16 +56,20 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         LetGo: let_go,
         AwaitHandsOff: await_hands_off,
         Record: record,
-        CheckWindow: check_window,
-        Accept: accept,
-        Reject: reject,
-        GiveUp: give_up,
         Configure: configure,
         AskWithoutPower: ask,
         MeasurePose: measure_pose,
         SetLengths: set_lengths,
+        CheckWindow: check_window,
+        Accept: accept,
+        Reject: reject,
+        GiveUp: give_up,
         Verdict: give_up,
         Note: note,
+        Strokes: strokes,
+        WatchSwing: watch_swing,
+        SeeRecordedSwing: see_recorded_swing,
+        Think: think,
     }
 )
 """`Stop` has none: it ends the run, which is the engine's own matter."""

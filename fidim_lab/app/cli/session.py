@@ -22,6 +22,9 @@ from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
 @click.option(
     "--validate", "validation", default=3, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
 )
+@click.option(
+    "--excite", is_flag=True, help="No hand: the winches excite, calm and travel (fidim run --procedure excite)."
+)
 @click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
 @click.option("--real-time", is_flag=True, help="Real python-can bus, real UDP sockets, real seconds.")
 @click.option("--ui", is_flag=True, help="In real time, from the terminal UI: started, answered, stopped by keys.")

@@ -27,7 +27,7 @@ from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devic
 from fidim_lab.data.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
 from fidim_lab.data.rig_serial import Loading, ReleaseEntry
 from fidim_lab.errors import SetupError
-from procedures.settings import GuardSettings, Reaction, ReleaseSettings, Settings, TensionSettings
+from procedures.settings import GuardSettings, Reaction, ReleaseSettings, Settings, TensionBand, TensionSettings
 
 REACTIONS = {
     GuardReaction.HOLD: Reaction.HOLD,
@@ -201,11 +201,17 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
         length_limits=tuple(winch.length_limits for winch in file.winches),
         together=max(base.motion.together, min(file.guards["stale_winch"].thresholds["age"], LONGEST_TOGETHER)),
     )
-    tension = replace(base.tension, tolerance=_tolerance(file, base.tension))
+    excite = replace(
+        base.excite,
+        speed=min(base.excite.speed, speed),
+        acceleration=min(base.excite.acceleration, acceleration),
+    )
+    tension = replace(base.tension, tolerance=_tolerance(file, base.tension), bands=_bands(file))
     window = min(winch.following_error for winch in file.winches)
     return replace(
         base,
         motion=motion,
+        excite=excite,
         tension=tension,
         guard=_guard_settings(file.guards, base.guard, window),
         release=None if file.release is None else _release_settings(file.release, base),
@@ -214,6 +220,16 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
 
 def _release_settings(entry: ReleaseEntry, base: Settings) -> ReleaseSettings:
     return replace(base.release or ReleaseSettings(), by_hand=entry.loading is Loading.BY_HAND)
+
+
+def _bands(file: RigFile) -> tuple[TensionBand, ...] | None:
+    """How well each winch's current tells its tension, where every one is calibrated."""
+    bands = [
+        TensionBand(entry.friction, entry.load_friction, entry.scatter)
+        for entry in (winch.tension for winch in file.winches)
+        if entry.friction is not None
+    ]
+    return tuple(bands) if len(bands) == len(file.winches) else None
 
 
 def _tolerance(file: RigFile, tension: TensionSettings) -> float:

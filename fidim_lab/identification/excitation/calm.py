@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float
 
-from fidim_lab.identification.excitation.candidates import DUTY, SPARE
+from fidim_lab.errors import OurBugError
+from fidim_lab.identification.excitation.candidates import DUTY, SPARE, direction_of
 from fidim_lab.identification.excitation.place import Place, WinchLimits
 from fidim_lab.identification.excitation.strokes import Chain, Pattern
 from fidim_lab.model.swing import Swing
 
-TURNS = (1, 2, 3, 4, 6, 8)
-GENTLE = 0.35
+TURNS = (1, 2, 3, 4, 6, 8, 12)
+GENTLE = 0.6
 """part of the acceleration allowed: a calming stroke must not pull cables slack"""
 
 
@@ -50,7 +51,7 @@ def calmed(
     for turns in TURNS:
         pattern = Pattern(np.pi / omega[mode], turns, DUTY)
         response = pattern.response(swing.rates) * swing.dragged
-        direction = swing.gain[mode] / np.abs(swing.gain[mode]).max()
+        direction = direction_of(swing, mode, np.abs(response))
         most = SPARE * min(
             limits.offset, limits.speed / pattern.speed, GENTLE * limits.acceleration / pattern.acceleration
         )
@@ -59,8 +60,8 @@ def calmed(
             best = found
         if _whole(found.left) < 0.15 * _whole(swing.amplitudes(states)):
             break
-    if best is None:  # there is a first number of turns
-        raise AssertionError
+    if best is None:
+        raise OurBugError("Calming: no number of turns to try.")
     return best
 
 

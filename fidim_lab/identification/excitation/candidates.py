@@ -58,7 +58,7 @@ def _chains(swing: Swing, mode: int, wanted: float, ratio: float, limits: WinchL
         if found and pattern.seconds > limits.seconds:
             break
         response = pattern.response(swing.rates) * swing.dragged
-        direction = _direction(swing, mode, np.abs(response))
+        direction = direction_of(swing, mode, np.abs(response))
         gained = abs(response[mode] * (swing.gain[mode] @ direction) / np.imag(swing.rates[mode])) * swing.lever[mode]
         allowed = SPARE * min(
             limits.offset,
@@ -69,7 +69,7 @@ def _chains(swing: Swing, mode: int, wanted: float, ratio: float, limits: WinchL
     return found
 
 
-def _direction(swing: Swing, mode: int, response: Float[np.ndarray, " modes"]) -> PerCable:
+def direction_of(swing: Swing, mode: int, response: Float[np.ndarray, " modes"]) -> PerCable:
     """Of largest entry 1: moves this mode, and the others little where the pattern does not spare them already."""
     own = swing.gain[mode]
     selective = np.eye(len(own))

@@ -5,6 +5,7 @@ No body enters but a first guess of the frequencies, so that a plan can be judge
 """
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -98,7 +99,26 @@ def seen_swing(
     )
 
 
-def learnt(place: Place, excitation: Excitation, seen: Seen, before: Knowledge) -> Knowledge:
+class Found(Protocol):
+    """What there is to learn from: per mode, slowest first."""
+
+    @property
+    def damping(self) -> Float[np.ndarray, " modes"]:
+        """ζ"""
+        ...
+
+    @property
+    def frequencies(self) -> Float[np.ndarray, " modes"]:
+        """Undamped, Hz."""
+        ...
+
+    @property
+    def amplitudes(self) -> Float[np.ndarray, " modes"]:
+        """m, of the marker."""
+        ...
+
+
+def learnt(place: Place, excitation: Excitation, seen: Found, before: Knowledge) -> Knowledge:
     """What a recording after an excitation taught about this place; a mode that was not excited keeps what was known.
 
     The model's own motion goes through the same fit: frequencies and damping of large swings differ from those of small

@@ -6,8 +6,10 @@ is streamed, only the time of each set-point matters. With the times given every
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -139,13 +141,20 @@ class Timeline:
         return self.patterns @ directions
 
 
+class Moves(Protocol):
+    """Anything that moves in pieces of constant acceleration."""
+
+    def pieces(self) -> Float[np.ndarray, "pieces 3"]:
+        """(begin, duration, acceleration) of each, for a unit way."""
+        ...
+
+
 def timeline(
-    patterns: tuple[Pattern, ...],
-    begins: tuple[float, ...],
-    seconds: float,
-    count: int,
+    patterns: Sequence[Moves], begins: Sequence[float], seconds: float, count: int, finest: float = FINEST
 ) -> Timeline:
     """Exactly `count` steps for patterns that begin at these times (s), until `seconds`; those over take no time.
+
+    finest: s, the longest step while they move.
 
     A fixed number lets compiled loops be reused. Raises OurBugError where it is too small.
     """
@@ -154,10 +163,10 @@ def timeline(
     edges = np.unique(np.round([*table[:, 0], *table[:, :2].sum(axis=1), seconds], 9))
     edges = edges[edges <= seconds + 1e-9]
     moving = float(table[:, :2].sum(axis=1).max())
-    finest = [FINEST if b <= moving + 1e-9 else COARSE for b in edges[1:]]
+    longest = [finest if b <= moving + 1e-9 else COARSE for b in edges[1:]]
     parts = [
         np.linspace(a, b, 1 + max(1, math.ceil((b - a) / step - 1e-6)))[1:]
-        for (a, b), step in zip(pairwise(edges), finest, strict=True)
+        for (a, b), step in zip(pairwise(edges), longest, strict=True)
     ]
     ends = np.concatenate(parts)
     if len(ends) > count:

@@ -1,0 +1,267 @@
+"""The identification protocol without a hand: the winches set the platform swinging, calm it, and travel gently.
+
+For each window: move (timed for the modes) – calm – settle – hold – read encoders – check tensions – strokes that leave
+the wanted swing – record – check – see how it swung – accept, or learn from it and try once more. Nobody is asked
+anything. What a window taught (damping, frequencies) goes into the next one's plan.
+"""
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+
+from fidim_lab.data.records import PlannedWindow, Robot
+from fidim_lab.errors import InfeasibleError, OurBugError
+from fidim_lab.identification.excitation.calm import calmed
+from fidim_lab.identification.excitation.knowledge import Knowledge
+from fidim_lab.identification.excitation.place import Place, WinchLimits, bodies_around, wanted_amplitudes
+from fidim_lab.identification.excitation.plan import Excitation, planned
+from fidim_lab.identification.excitation.seen import learnt
+from fidim_lab.identification.excitation.strokes import Chain
+from fidim_lab.identification.excitation.travel import travel
+from fidim_lab.model.mechanism import Mechanism
+from procedures.control import Retried
+from procedures.experiment import Lab, Memory
+from procedures.identify import Route, WindowProtocol, straight
+from procedures.outcomes import Outcome
+from procedures.settings import Settings
+from procedures.steps import CheckWindow, Enable, GiveUp, Lengths, Note, Result, Settle, Step, Steps
+from procedures.steps.excitation import SeenSwing, SeeRecordedSwing, StrokeChain, Strokes, Think, WatchSwing
+
+T = TypeVar("T")
+
+MARGIN = 1.08
+"""speed that a drive is given over the one that its stroke reaches, so that it never limits"""
+UNMOVED = 2e-5
+"""m: a winch with less way in a chain stands"""
+LEAD = 0.35
+"""s from having seen a swing to the first stroke that calms it: planning, and telling the drives their speeds"""
+
+
+def excite(lab: Lab) -> Steps:
+    """The steps for a plan; see the module. Raises InfeasibleError as `identify`."""
+    protocol = ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory)
+    at = (yield Enable()).values
+    swinging = False
+    for window in lab.plan.windows:
+        at, swinging = yield from protocol.window(window, at, swinging)
+
+
+class ExciteProtocol(WindowProtocol):
+    """The identification protocol with strokes in place of a hand."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        settings: Settings,
+        route: Route = straight,
+        made: Mapping[str, int] | None = None,
+        memory: Memory | None = None,
+    ) -> None:
+        super().__init__(robot, settings, route, made or {})
+        self._memory = memory or Memory()
+        self._mechanism = self._memory.once("mechanism", lambda: Mechanism(robot, native=True))
+        excite = settings.excite
+        self._limits = WinchLimits(excite.speed, excite.acceleration, excite.offset, excite.seconds)
+        self._knowledge: Knowledge | None = None
+        self._place: Place | None = None
+        self._plan: Excitation | None = None
+        self._tries = 0
+        self._amiss = ""
+        """why the last try is repeated"""
+
+    def pace(
+        self, window: PlannedWindow, start: Lengths | None, goal: Lengths
+    ) -> Generator[Step, Result, tuple[float, float]]:
+        """As fast as leaves the platform still, by the model."""
+        speed, acceleration = self._limits.speed, self._limits.acceleration
+        if start is None or start == goal:
+            return (yield from super().pace(window, start, goal))
+
+        def job() -> tuple[float, float]:
+            found = travel(self._at(start), self._at(goal), speed, acceleration, self.settings.excite.left)
+            return found.speed, found.acceleration
+
+        try:
+            return (yield from self._think(window, "plan a move that leaves the platform still", job, (start, goal)))
+        except InfeasibleError:  # where no rest is known, as fast as by hand
+            return (yield from super().pace(window, start, goal))
+
+    def settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:
+        """The measured rest, calmed by the winches where it does not come by itself."""
+        motion, excite = self.settings.motion, self.settings.excite
+        try:
+            goal = tuple(float(length) for length in planned.lengths)
+            self._place = yield from self._think(planned, "find the modes here", lambda: self._at(goal), goal)
+        except InfeasibleError as refusal:
+            yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=refusal.message)
+            return None
+        patience = motion.settle_over + excite.patience
+        settle = Settle(window=planned.id, tolerance=motion.settle_tolerance, over=motion.settle_over, timeout=patience)
+        result = yield settle
+        for _ in range(excite.calms):
+            if result.outcome.usable:
+                return result
+            yield from self._calm(planned)
+            result = yield settle
+        if result.outcome.usable:
+            return result
+        yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=f"The winches cannot calm it. {result.reason}")
+        return None
+
+    def steady(self, planned: PlannedWindow, text: str) -> Generator[Step, Result, str]:
+        """Calmed by the winches before the next move, where it swings much."""
+        if self._place is not None:
+            yield from self._calm(planned, enough=self.settings.excite.small)
+        return text and "done"
+
+    def record(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, bool]:
+        """Excite and record until a window is good, or given up; returns whether the platform swings."""
+        attempts = self.settings.record.repeats + self.settings.excite.tries
+        self._tries, reasons = 0, list[str]()
+        for _ in range(attempts):
+            try:
+                if reasons:
+                    yield from self._calm(planned)
+                    if (yield from self.settle(planned)) is None:
+                        return True
+                self._plan = yield from self._planned(planned)
+                reason = yield from self.attempt(planned, rest)
+            except Retried as word:
+                reason = word.reason
+            except InfeasibleError as refusal:
+                yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=refusal.message)
+                return bool(reasons)
+            if reason is None:
+                return True
+            reasons.append(reason)
+        reason = f"rejected {attempts} times, at last: {reasons[-1]}"
+        yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
+        return True
+
+    def set_free(self, planned: PlannedWindow) -> Generator[Step, Result, str | None]:
+        """Strokes, and hold."""
+        place, plan = self._now(planned)
+        chains = tuple(stroke_chain(chain, begin, place) for chain, begin in zip(plan.chains, plan.begins, strict=True))
+        swing = " and ".join(f"{1e3 * value:.0f}" for value in plan.reached)
+        step = Strokes(
+            window=planned.id,
+            lengths=_lengths(place),
+            chains=chains,
+            why=f"excite, for a swing of {swing} mm in its modes",
+            tolerance=self.settings.motion.position_tolerance,
+        )
+        result = yield step
+        return None if result.outcome.usable else result.reason
+
+    def judged(self, planned: PlannedWindow, check: CheckWindow, verdict: Result) -> Generator[Step, Result, Result]:
+        """How it swung against what was planned; what it teaches."""
+        if not verdict.outcome.usable:
+            return verdict
+        place, plan = self._now(planned)
+        self._tries += 1
+        result = yield SeeRecordedSwing(
+            window=planned.id, attempt=check.attempt, swing=place.swing, rest=check.equilibrium
+        )
+        if not result.outcome.usable or not result.values:
+            return verdict
+        seen = SeenSwing.of(result.values)
+        before = (self._knowledge or Knowledge.none(len(seen.damping))).fitting(len(seen.damping))
+        job = partial(learnt, place, plan, seen, before)
+        self._knowledge = yield from self._think(planned, "learn from how it swung", job)
+        found, wanted = float(np.linalg.norm(seen.amplitudes)), float(np.linalg.norm(plan.reached))
+        if abs(found / wanted - 1) <= self.settings.excite.close:
+            return verdict
+        reason = f"it swung {1e3 * found:.1f} mm, {1e3 * wanted:.1f} mm were planned"
+        if self._tries < self.settings.excite.tries:
+            return replace(verdict, outcome=Outcome.FAIL, reason=reason)
+        reason = "; ".join(filter(None, (verdict.reason, reason)))
+        return replace(verdict, outcome=Outcome.MARGINAL, reason=reason)
+
+    def _planned(self, window: PlannedWindow) -> Generator[Step, Result, Excitation]:
+        place = self._place or self._at(tuple(float(length) for length in window.lengths))
+        wanted = wanted_amplitudes(place, np.asarray(window.displacement))
+        knowledge = (self._knowledge or Knowledge.none(len(wanted))).fitting(len(wanted))
+        if not self._tries:
+            knowledge = knowledge.elsewhere()
+        bodies = bodies_around(self.robot.nominal)
+        job = partial(planned, place, wanted, knowledge, self._limits, bodies)
+        # without anything learnt every reading of the procedure plans the same
+        key = (window.id, "first") if self._knowledge is None else None
+        plan = yield from self._think(window, "plan the strokes", job, key)
+        if plan.why_less:
+            yield Note(window=window.id, remark=f"{window.id}: {plan.why_less}")
+        return plan
+
+    def _calm(self, window: PlannedWindow, enough: float = 0.0) -> Generator[Step, Result, None]:
+        """Watch, and take the swing away, until it is small or was tried often enough."""
+        place = self._place
+        if place is None:
+            return
+        enough = enough or 0.2 * self.settings.motion.settle_tolerance
+        for _ in range(len(place.swing.frequencies) + 1):
+            result = yield WatchSwing(window=window.id, swing=place.swing, over=self.settings.excite.watch)
+            if not result.outcome.usable or not result.values:
+                return
+            seen = SeenSwing.of(result.values)
+            if float(np.linalg.norm(seen.amplitudes)) <= enough:
+                return
+            swing = replace(place.swing, frequencies=seen.frequencies, damping=np.clip(seen.damping, 0.0, 0.2))
+            calming = calmed(place, swing, seen.states, seen.t, seen.t + LEAD, self._limits)
+            yield Strokes(
+                window=window.id,
+                lengths=_lengths(place),
+                chains=(stroke_chain(calming.chain, 0.0, place),),
+                why="calm",
+                begin=calming.begin,
+                tolerance=self.settings.motion.position_tolerance,
+            )
+
+    def _at(self, lengths: Lengths) -> Place:
+        return self._memory.once(("place", lengths), lambda: Place.at(self._mechanism, np.array(lengths)))
+
+    def _now(self, window: PlannedWindow) -> tuple[Place, Excitation]:
+        if self._place is None or self._plan is None:
+            raise OurBugError(f"Window {window.id}: strokes before their plan.")
+        return self._place, self._plan
+
+    def _think(
+        self, window: PlannedWindow, what: str, job: Callable[[], T], key: object = None
+    ) -> Generator[Step, Result, T]:
+        """What a job answers; carried out beside the run, or here by a reader without hardware. Raises what it does."""
+        answers: list[T | InfeasibleError] = []
+
+        def work() -> None:
+            try:
+                answers.append(job() if key is None else self._memory.once((what, key), job))
+            except InfeasibleError as refusal:
+                answers.append(refusal)
+
+        yield Think(window=window.id, what=what, job=work)
+        if not answers:
+            work()
+        answer = answers[-1]
+        if isinstance(answer, InfeasibleError):
+            raise answer
+        return answer
+
+
+def stroke_chain(chain: Chain, begin: float, place: Place) -> StrokeChain:
+    """A chain as drives are told it."""
+    pattern, held = chain.pattern, place.equilibrium.lengths
+    ways = np.where(np.abs(chain.direction) > UNMOVED, np.abs(chain.direction), 0.0)
+    targets = held + np.outer(pattern.targets, np.where(ways > 0, chain.direction, 0.0))
+    return StrokeChain(
+        begin=begin,
+        starts=tuple(float(start) for start in pattern.starts),
+        targets=tuple(tuple(float(v) for v in target) for target in targets),
+        speeds=tuple(float(v) for v in MARGIN * pattern.speed * ways),
+        accelerations=tuple(float(v) for v in pattern.acceleration * ways),
+        seconds=pattern.seconds,
+    )
+
+
+def _lengths(place: Place) -> Lengths:
+    return tuple(float(length) for length in place.equilibrium.lengths)
