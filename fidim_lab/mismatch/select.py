@@ -14,7 +14,7 @@ import numpy as np
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.ground import Ground
-from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.refit import Completed, HeldOut, evidence, predict, refit
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.views import ENOUGH, FEEBLE, View, view
@@ -180,7 +180,23 @@ class _Search:
     def _added(self, best: Completed, score: Score) -> Completed | None:
         thetas = [best.theta_of(k)[0] for k in range(len(best.tried))]
         thetas += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
-        return refit(self._ground(best), best.fit, (*best.tried, *score.tried), thetas, self.start.context)
+        found = refit(self._ground(best), best.fit, (*best.tried, *score.tried), thetas, self.start.context)
+        return None if found is None else self._widened(found, score)
+
+    def _widened(self, model: Completed, new: Score) -> Completed:
+        """With a more general form of a new term, where the simple one leaves structure and the other much less."""
+        if whiteness(model.leftovers).is_white:
+            return model
+        thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
+        fresh = {term.effect for term in new.tried}
+        found: list[Completed] = []
+        for k, term in enumerate(model.tried):
+            for effect, start in term.effect.wider(thetas[k], model.mechanism.robot) if term.effect in fresh else ():
+                tried = [*model.tried[:k], general(effect, start), *model.tried[k + 1 :]]
+                begins = [*thetas[:k], start, *thetas[k + 1 :]]
+                wide = refit(self._ground(model), model.fit, tried, begins, self.start.context)
+                found += [] if wide is None else [wide]
+        return _most_convincing(model, found)
 
     def _pruned(self, model: Completed) -> Completed:
         """Without terms that the others have made needless."""

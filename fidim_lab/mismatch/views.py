@@ -158,9 +158,14 @@ def _likely_frequencies(found: Fit, scan: Sequence[float]) -> frozenset[float]:
 
 
 def _without(tried: Hypotheses, used: Sequence[Hypothesis]) -> Hypotheses:
-    effects = {h.effect for h in used}
+    effects, kinds = {h.effect for h in used}, {(h.effect.id, h.effect.cable): type(h.effect) for h in used}
+
+    def fresh(effect: NamedEffect) -> bool:
+        """Neither there already, nor another variant of what is there."""
+        return effect not in effects and kinds.get((effect.id, effect.cable), type(effect)) is type(effect)
+
     return replace(
         tried,
-        direct=tuple(h for h in tried.direct if h.effect not in effects),
-        periodic=tuple(h for h in tried.periodic if h.effect not in effects),
+        direct=tuple(h for h in tried.direct if fresh(h.effect)),
+        periodic=tuple(h for h in tried.periodic if fresh(h.effect)),
     )
