@@ -71,7 +71,9 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
         ),
         "home": Entry("the encoders' zeros, at a known or measured pose, without power", _home),
         "compare": Entry(
-            "record the plan, explain it, record where it tells most: until the verdict is clear", compare, further=compare
+            "record the plan, explain it, record where it tells most: until the verdict is clear",
+            compare,
+            further=compare,
         ),
         "tension-check": Entry("every tension at rest at each equilibrium against its limits", _tension_check),
     }

@@ -39,6 +39,8 @@ class Ledger:
     def take(self, step: Step, result: Result, t: float) -> WindowFinished | None:
         """Account for one finished step; the verdict event when it decides about a window."""
         row = self._rows.get(step.window)
+        if row is None and isinstance(step, Accept | GiveUp):  # one that the procedure has added to the plan's
+            row = WindowRow(step.window, step.role if isinstance(step, Accept) else Role.IDENTIFY)
         if row is None:
             return None
         match step:

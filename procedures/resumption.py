@@ -92,11 +92,13 @@ class Resumption:
     """recordings begun, by window"""
     place: LastPlace | None
     """None where no winch was ever seen"""
+    goes_on: bool = False
+    """the procedure may have more to do than the plan's windows"""
 
     def left_of(self, plan: Plan) -> Plan:
         """The windows without verdict. Raises RefusedError where there are none."""
         windows = tuple(window for window in plan.windows if window.id not in self.rows)
-        if not windows:
+        if not windows and not self.goes_on:
             raise RefusedError("Every window has its verdict: there is nothing to resume.")
         return replace(plan, windows=windows)
 

@@ -16,6 +16,7 @@ from fidim_lab.app import compose
 from fidim_lab.app.model_check import Checked, ModelCheck
 from fidim_lab.app.run_records import RunRecords
 from fidim_lab.app.service.board import DefaultAnswer
+from fidim_lab.app.service.judging import explain_step
 from fidim_lab.app.service.opening import Opened, open_rig
 from fidim_lab.app.service.place import Lock, Place, held, place_of
 from fidim_lab.app.service.service import Identity, Service, new_token, wall_time
@@ -39,6 +40,7 @@ from procedures.robot_guards import LogGuard
 from procedures.run import Experiment, run_procedure
 from procedures.settings import Settings
 from procedures.steps import MoveTo
+from procedures.steps.compare import Explain
 
 PLAN = "plan.toml"
 RIG = "rig.toml"
@@ -122,7 +124,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
         says = f"{known} windows have their verdict, {planned - known} are left"
         service.chronicle.note(kind="resumed", reason=says)
     check = ModelCheck(work.spec.out, len(work.experiment.roles), partial(_tell_checked, service))
-    handlers = dict(HANDLERS)
+    handlers = {**HANDLERS, Explain: explain_step}
     unattended = work.spec.unattended
     if unattended is not None and unattended.quiet_hours is not None:
         says = partial(service.chronicle.note, kind="paused")

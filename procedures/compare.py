@@ -1,0 +1,48 @@
+"""Record, explain, and record where it tells most, until the verdict is clear or it is known why it cannot be.
+
+The plan's windows come first (some of them with the role `validate`, on which explanations are judged), then at most
+`FURTHER` windows that the explanation itself asks for. How it explains is not known here: the step `Explain` says.
+"""
+
+from collections.abc import Set as AbstractSet
+
+import numpy as np
+
+from fidim_lab.data.records import PlannedWindow, Role
+from procedures.experiment import Lab
+from procedures.identify import WindowProtocol
+from procedures.outcomes import Outcome
+from procedures.steps import Enable, Note, Steps, Stop
+from procedures.steps.compare import Clarity, Explain
+
+FURTHER = ("more1", "more2", "more3", "more4")
+"""ids of windows that are proposed"""
+ESTIMATE = 90.0
+"""s of an explanation"""
+
+
+def compare(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
+    """The steps; done: windows that have their verdict from an earlier process."""
+    protocol = WindowProtocol(lab.robot, lab.settings, lab.route, lab.attempts)
+    at = (yield Enable()).values
+    swinging = False
+    for window in lab.plan.windows:
+        at, swinging = yield from protocol.window(window, at, swinging)
+    left = [id_ for id_ in FURTHER if id_ not in done]
+    while True:
+        found = yield Explain(number=len(FURTHER) - len(left) + 1, estimate=ESTIMATE)
+        if found.answer == Clarity.CLEAR:
+            yield Note(remark=found.reason or "the verdict is clear")
+            return
+        if found.answer != Clarity.UNCLEAR or not left:
+            more = "" if left else f" {len(FURTHER)} further windows have been recorded; the next step is a person's."
+            yield Stop(outcome=Outcome.FAIL, reason=f"The verdict is not clear: {found.reason}{more}")
+        id_ = left.pop(0)
+        yield Note(window=id_, remark=found.reason)
+        at, swinging = yield from protocol.window(proposed(id_, lab.robot.n, found.values), at, swinging)
+
+
+def proposed(id_: str, n: int, values: tuple[float, ...]) -> PlannedWindow:
+    """The window that the values of `Explain` describe: n lengths, two of displacement, three of the marker's place."""
+    lengths, displacement, position = np.split(np.array(values), [n, n + 2])
+    return PlannedWindow(id_, Role.IDENTIFY, lengths, displacement, position)

@@ -1,0 +1,47 @@
+"""The step of `compare`: what was recorded so far is explained, and a further window proposed where that is needed."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from procedures.steps.base import Result, Step
+
+
+class Clarity(StrEnum):
+    """The answers of `Explain`."""
+
+    CLEAR = "clear"
+    """the verdict stands; the reason says which"""
+    UNCLEAR = "unclear"
+    """the values say which window would tell most: lengths, displacement of x and y, marker at rest; m"""
+    STUCK = "stuck"
+    """not clear, and no further window of this kind would help; the reason says why"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explain(Step):
+    """Explain the recording, as `fidim explain` does, in a process of its own; the robot is held meanwhile."""
+
+    number: int
+    """of this explanation in the run, from 1"""
+    estimate: float
+    """s"""
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return "explain what was recorded; propose the next window where the verdict is not clear"
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """Also which."""
+        return (type(self), self.number)
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return self.estimate
+
+    @property
+    def expected(self) -> Result:
+        """A clear verdict: how many windows more there will be, nobody knows beforehand."""
+        return Result(answer=Clarity.CLEAR)
