@@ -13,6 +13,7 @@ from fidim_lab.app.tui.jobs import Jobs
 from fidim_lab.app.tui.paint import Line, greyed
 from fidim_lab.app.tui.papers import Papers, read_papers, stamp
 from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_lines, tab_lines
+from fidim_lab.app.tui.screens.check import check_lines
 from fidim_lab.app.tui.screens.log import log_lines
 from fidim_lab.app.tui.screens.result import result_lines
 from fidim_lab.app.tui.screens.rig import rig_lines
@@ -128,7 +129,7 @@ class Stage:
             case "Result":
                 return result_lines(self._papers, width, self.jobs.says(view.now))
             case "Why":
-                return why_lines(self._papers, width, self.jobs.says(view.now))
+                return why_lines(self._papers, width, self.jobs.says(view.now), check_lines(view.events, width))
             case _:
                 return log_lines(view, width, self.filter.value)
 

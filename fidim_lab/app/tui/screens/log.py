@@ -48,6 +48,8 @@ def matches(event: Happening, wanted: str) -> bool:
 
 def _event(event: Happening, width: int) -> list[Line]:
     style = STYLES.get(event.kind) or OUTCOMES.get(event.outcome, "")
+    if event.kind == "model-checked" and event.outcome != "holds":
+        style = "warn"
     begin = f"{event.wall[11:19]}  {left(event.window, 5)}"
     rows = wrapped(_says(event), max(width - len(begin) - 2, 20)) or [""]
     first = line(Span(begin, "dim"), Span(rows[0], style))
@@ -64,6 +66,8 @@ def _says(event: Happening) -> str:
             parts = [outcome or "done", event.reason]
         case "window-finished":
             parts = [MARKS.get(event.outcome, "✗"), "window", event.text, event.outcome, event.reason]
+        case "model-checked":
+            parts = ["model:" if event.outcome == "holds" else "! model:", event.text]
         case kind:
             parts = [WORDS.get(kind, kind.replace("-", " ")), event.text, outcome, event.reason]
     return " ".join(part for part in parts if part)

@@ -2,6 +2,7 @@
 
 from fidim_lab.app.service.messages import EquilibriumState, Status
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, left, line, number, right, span_of_time, wrapped
+from fidim_lab.app.tui.screens.check import newest_check
 from fidim_lab.app.tui.screens.hand import hand_lines
 from fidim_lab.app.tui.view import View
 from fidim_lab.units import millimetres
@@ -26,7 +27,7 @@ def session_lines(view: View, width: int, height: int = 0) -> list[Line]:
     status = view.status
     if status is None:
         return _nothing(view)
-    rows = [*_step(status, width), EMPTY, *_table(status, width)]
+    rows = [*_step(status, width), *newest_check(view.events, width), EMPTY, *_table(status, width)]
     figures = hand_lines(view, height - len(rows) - 1)
     return [*rows, EMPTY, *figures] if figures else rows
 

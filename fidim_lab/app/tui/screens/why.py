@@ -1,5 +1,7 @@
 """Why: what the model leaves out, as `fidim explain` found it: where, what, the ranking, before and after."""
 
+from collections.abc import Sequence
+
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
 from fidim_lab.app.tui.papers import BeforeTable, EffectTable, ExplanationTable, Papers
 
@@ -14,14 +16,16 @@ BEST = 12
 """rows of the ranking"""
 
 
-def why_lines(papers: Papers, width: int, job: str = "") -> list[Line]:
-    """The whole screen; job: what is being computed."""
+def why_lines(papers: Papers, width: int, job: str = "", checked: Sequence[Line] = ()) -> list[Line]:
+    """The whole screen; job: what is being computed; checked: what was said after each window."""
     rows: list[Line] = [line(Span(job, "key"))] if job else []
     rows += [line(Span(text, "bad")) for problem in papers.problems for text in wrapped(problem, width)]
     if papers.explanation is None:
         return [
             *rows,
             line(Span("Nothing is explained yet. e asks what the model leaves out; it takes minutes.", "dim")),
+            EMPTY,
+            *checked,
         ]
     found = papers.explanation
     verdict, style = VERDICTS.get(found.verdict, (found.verdict, ""))
@@ -32,6 +36,7 @@ def why_lines(papers: Papers, width: int, job: str = "") -> list[Line]:
     rows += [EMPTY, *_ranking(found, width)]
     if found.next_experiment:
         rows += [EMPTY, *(line(Span(text, "key")) for text in wrapped(f"Next: {found.next_experiment}", width))]
+    rows += [EMPTY, *checked] if checked else []
     return [*rows, EMPTY, line(Span("In full", "head")), *(line(text) for text in wrapped(found.message, width, "  "))]
 
 

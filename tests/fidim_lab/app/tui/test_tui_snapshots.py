@@ -60,6 +60,13 @@ def _events():
         ("window-finished", "i05", "", "fail", "the marker was not seen in 14 % of the frames, 5 % are allowed"),
         ("guard-warned", "", "bus errors winch 1: 26 bus cycles of the last second brought no sample", "", ""),
         ("guard-tripped", "i07", "tension winch 1: 201.0 N, 200 N allowed", "", ""),
+        (
+            "model-checked",
+            "i06",
+            "6 windows so far: χ²/dof 3.4 over the first 2 s; suspected: swivel-friction, log-evidence 210.",
+            "swivel-friction",
+            "",
+        ),
         ("prompt", "i07", "Displace the platform by x -20 mm, y +40 mm, keep it still, and let go.", "", ""),
     ]
     return [
