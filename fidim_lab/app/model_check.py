@@ -138,7 +138,6 @@ class Looker:
         campaign = read_campaign(self._folder)
         if self._watch is None:
             self._watch = Watch(campaign.robot)
-            self._watch.prepare()
         new = [window for window in campaign.windows if window.id not in self._known]
         self._known |= {window.id for window in new}
         return self._watch.look(new)

@@ -9,13 +9,16 @@ from functools import cached_property
 
 import numpy as np
 
-from fidim_lab.data.records import Campaign, Motion, Role, Window
+from fidim_lab.data.records import Campaign, Motion, Robot, Role, Window
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.ground import NEAR, Ground, ground_of, settle, short_fit, whole_ground
 from fidim_lab.mismatch.hypotheses import Hypotheses, hypotheses
 from fidim_lab.mismatch.refit import Completed, HeldOut, predict
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import derivatives
+from fidim_lab.model.sensitivity.integrate import step_of
 
 Say = Callable[[str], None]
 
@@ -64,14 +67,25 @@ class Baseline:
         return predict(self.as_it_is, self.held_out)
 
 
-def fit_baseline(campaign: Campaign, *, native: bool, say: Say) -> Baseline:
+def ready(robot: Robot, *, native: bool) -> Mechanism:
+    """The model as it is; for a native one the machine code of its fits and first scores is being built meanwhile."""
+    mechanism = Mechanism(robot, native=native)
+    if native:
+        step_of(mechanism)
+        derivatives(mechanism)
+        Scorer(mechanism, hypotheses(robot)).prepare()
+    return mechanism
+
+
+def fit_baseline(campaign: Campaign, *, native: bool, say: Say, mechanism: Mechanism | None = None) -> Baseline:
     """Fit the windows of role `identify` with nothing beside the rigid model.
 
+    mechanism: of this robot, where `ready` has made one; what it has compiled is used again.
     Raises RefusedError where no window can be fitted at all.
     """
     say("fitting the model as it is")
     windows = campaign.of_role(Role.IDENTIFY)
-    mechanism = Mechanism(campaign.robot, native=native)
+    mechanism = Mechanism(campaign.robot, native=native) if mechanism is None else mechanism
     short = short_fit(mechanism, windows)
     near = ground_of(short)
     far = whole_ground(near, windows)

@@ -17,7 +17,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.choice import soft_mode
 from fidim_lab.mismatch.aftermath import with_cleaning
 from fidim_lab.mismatch.audit import audit
-from fidim_lab.mismatch.baseline import fit_baseline
+from fidim_lab.mismatch.baseline import fit_baseline, ready
 from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.explanation import Explanation, Verdict
 from fidim_lab.mismatch.restored import restored
@@ -39,16 +39,17 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     Raises RefusedError where no window can be fitted at all, or where the robot file is grossly and simply wrong.
     """
     begin = perf_counter()
+    mechanism = ready(campaign.robot, native=native)
     cleaned = clean(campaign, say=say)
-    baseline = fit_baseline(cleaned.campaign, native=native, say=say)
+    baseline = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism)
     audited = audit(cleaned, baseline, say=say)
     if audited is not cleaned:
-        baseline = fit_baseline(audited.campaign, native=native, say=say)
+        baseline = fit_baseline(audited.campaign, native=native, say=say, mechanism=mechanism)
     found = select(baseline, say)
     kept = restored(cleaned, audited, found.best.model, say)
     if kept is not audited:
         audited = kept
-        baseline = fit_baseline(audited.campaign, native=native, say=say)
+        baseline = fit_baseline(audited.campaign, native=native, say=say, mechanism=mechanism)
         found = select(baseline, say)
     judged = judge(found)
     told = with_timing(tell(baseline, found, judged, perf_counter() - begin), judged.named.model)

@@ -23,7 +23,7 @@ from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.optimise import optimise
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.stages import Journey
-from fidim_lab.mismatch.baseline import context_of
+from fidim_lab.mismatch.baseline import context_of, ready
 from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.ground import (
@@ -42,9 +42,7 @@ from fidim_lab.mismatch.ground import (
 from fidim_lab.mismatch.hypotheses import hypotheses
 from fidim_lab.mismatch.score import Projected, Score, WindowGram, projected, single_scores, window_grams
 from fidim_lab.mismatch.views import ENOUGH, SHORTEST
-from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import derivatives
-from fidim_lab.model.sensitivity.integrate import States, step_of
+from fidim_lab.model.sensitivity.integrate import States
 
 FEWEST = 3
 """windows, before which the body is hardly known and nothing can be said of the model"""
@@ -92,7 +90,7 @@ class Watch:
     def __init__(self, robot: Robot, *, native: bool = True) -> None:
         """native: with compiled C where there is a compiler; it is built while the first looks are taken without."""
         self._robot = robot
-        self._mechanism = Mechanism(robot, native=native)
+        self._mechanism = ready(robot, native=native)
         self._scorer = Scorer(self._mechanism, hypotheses(robot))
         self._windows: list[Window] = []
         self._fitted = 0
@@ -103,12 +101,6 @@ class Watch:
         """as far as windows are looked at; None: whole"""
         self._grams: list[WindowGram] = []
         """one for each window of the fit"""
-
-    def prepare(self) -> None:
-        """Have made what the first look needs, before there is a window: some seconds."""
-        self._scorer.prepare()
-        step_of(self._mechanism)
-        derivatives(self._mechanism)
 
     def look(self, windows: Sequence[Window]) -> SoFar:
         """Take in new windows (usually one), and say what all of them say."""

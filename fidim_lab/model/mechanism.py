@@ -6,6 +6,7 @@ with `compiled`.
 """
 
 from collections.abc import Callable, Sequence
+from threading import RLock
 from typing import Any, TypeVar
 
 import casadi as ca
@@ -53,6 +54,7 @@ class Mechanism:
         if self.theta.shape != (count,):
             raise OurBugError(f"Mechanism: {count} effect parameters expected, {self.theta.size} given.")
         self._compiled: dict[str, Any] = {}
+        self._lock = RLock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled functions stay here: another process compiles its own."""
@@ -70,9 +72,10 @@ class Mechanism:
 
     def compiled(self, name: str, build: Callable[["Mechanism"], T]) -> T:
         """`build(self)`, once for this mechanism; later calls with the same name return the same object."""
-        if name not in self._compiled:
-            self._compiled[name] = build(self)
-        return self._compiled[name]
+        with self._lock:  # threads that need the same wait for the first
+            if name not in self._compiled:
+                self._compiled[name] = build(self)
+            return self._compiled[name]
 
     def cables_at(self, position: ca.SX, rotation: ca.SX, theta: ca.SX) -> tuple[CableExpressions, ...]:
         """All cables at a symbolic pose, effects on geometry applied."""

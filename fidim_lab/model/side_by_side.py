@@ -1,4 +1,4 @@
-"""Independent pieces of numerical work on all cores of the machine, in threads.
+"""Independent pieces of numerical work on all cores of the machine, in threads (OPENBLAS_NUM_THREADS=1 suits that).
 
 CasADi's functions and numpy's linear algebra let go of Python's lock while they compute; what is mostly Python gains
 nothing here. Results are those of one core, to the bit.
@@ -16,16 +16,15 @@ MOST = 4
 
 
 def side_by_side(tasks: Sequence[Callable[[], T]]) -> list[T]:
-    """What the tasks return, in their order. The first runs alone: it makes what all of them share."""
-    if len(tasks) < 3 or cores() == 1:
+    """What the tasks return, in their order."""
+    if len(tasks) < 2 or cores() == 1:
         return [task() for task in tasks]
 
     def done(task: Callable[[], T]) -> T:
         return task()
 
-    first = tasks[0]()
-    with ThreadPoolExecutor(min(MOST, cores())) as pool:
-        return [first, *pool.map(done, tasks[1:])]
+    with ThreadPoolExecutor(min(MOST, cores(), len(tasks))) as pool:
+        return list(pool.map(done, tasks))
 
 
 def cores() -> int:

@@ -9,9 +9,12 @@ from fidim_lab.data.records import Robot
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.model.sensitivity.grid import Grid, Resolution
 from fidim_lab.model.sensitivity.measurement import Measurement
+from fidim_lab.model.side_by_side import cores
 
 BATCH = 12
 """windows integrated together, if they have one or two markers; fewer with more"""
+LONG = 30.0
+"""s of all recordings together, from which they are shared out among the cores"""
 
 
 def in_batches(
@@ -20,6 +23,8 @@ def in_batches(
     """Indices of recordings of similar length, each batch with a grid that reaches its longest end (s)."""
     most = max(recording.markers.shape[1] for recording in recordings)
     size = max(1, BATCH // max(1, most // 2))
+    if float(ends.sum()) > LONG:
+        size = min(size, -(-len(ends) // cores()))
     order = np.argsort(ends, kind="stable")
     for first in range(0, len(order), size):
         members = order[first : first + size]

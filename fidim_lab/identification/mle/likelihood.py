@@ -12,6 +12,7 @@ that effects have of their own add one row each: they begin about where their ef
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -37,6 +38,7 @@ from fidim_lab.model.sensitivity.starts import (
     yielding_encoders,
 )
 from fidim_lab.model.sensitivity.variation import variations
+from fidim_lab.model.side_by_side import side_by_side
 
 LOOSE_POSE = 1.0
 """m and rad, from the first guess"""
@@ -170,50 +172,63 @@ def simulate(
     fine = _fine_enough(likelihood, point, resolution)
     if fine is None:
         return None
-    found: dict[int, WindowResidual] = {}
-    batches: list[_Batch] = []
-    measurement, robot = Measurement(likelihood.mechanism, point.shared[BODY:]), likelihood.mechanism.robot
-    for members, grid in in_batches(likelihood.recordings, measurement, ends, fine):
-        states = point.states.of(members)
-        begins, unstretched = likelihood.begins[members], rows_of(starts.unstretched, members)
-        extra = rows_of(starts.extra, members)
-        trajectories = integrate(likelihood.mechanism, point.shared, states, grid, begins, unstretched, extra)
-        batches.append(_Batch(members, trajectories))
-        nodal = markers.at_nodes(trajectories, measurement.places(body_markers(likelihood.recordings, robot, members)))
-        for place, w in enumerate(members):
-            found[int(w)] = _residual(likelihood, point, starts, int(w), float(ends[w]), grid, nodal[place])
+    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
+    batches = in_batches(likelihood.recordings, measurement, ends, fine)
+    parts = side_by_side([partial(_simulated, likelihood, point, starts, ends, *batch) for batch in batches])
+    found = {int(w): residual for batch, of in parts for w, residual in zip(batch.members, of, strict=True)}
     residuals = tuple(found[w] for w in range(len(likelihood.recordings)))
-    return Simulation(point, ends, tuple(batches), starts, residuals)
+    return Simulation(point, ends, tuple(batch for batch, _ in parts), starts, residuals)
+
+
+def _simulated(
+    likelihood: Likelihood, point: Point, starts: Starts, ends: np.ndarray, members: np.ndarray, grid: Grid
+) -> tuple[_Batch, list[WindowResidual]]:
+    """One batch."""
+    mechanism, recordings = likelihood.mechanism, likelihood.recordings
+    begins, unstretched = likelihood.begins[members], rows_of(starts.unstretched, members)
+    extra = rows_of(starts.extra, members)
+    trajectories = integrate(mechanism, point.shared, point.states.of(members), grid, begins, unstretched, extra)
+    places = Measurement(mechanism, point.shared[BODY:]).places(body_markers(recordings, mechanism.robot, members))
+    nodal = markers.at_nodes(trajectories, places)
+    each = enumerate(int(w) for w in members)
+    residuals = [_residual(likelihood, point, starts, w, float(ends[w]), grid, nodal[place]) for place, w in each]
+    return _Batch(members, trajectories), residuals
 
 
 def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowLinear]:
     """Residuals with derivatives, one window after the other (not in their order: batch by batch)."""
-    point, own = simulation.point, likelihood.own
+    for part in side_by_side([partial(_linearised, likelihood, simulation, batch) for batch in simulation.batches]):
+        yield from part
+
+
+def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -> list[WindowLinear]:
+    """One batch."""
+    point, own, starts = simulation.point, likelihood.own, simulation.starts
     measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
-    for batch in simulation.batches:
-        starts = simulation.starts
-        by = variations(
-            likelihood.mechanism,
-            batch.trajectories,
-            point.shared,
-            starts.states_by[batch.members],
-            unstretched=rows_of(starts.unstretched_by, batch.members),
-        )
-        stated = body_markers(likelihood.recordings, likelihood.mechanism.robot, batch.members)
-        nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.places(stated))
-        for place, w in enumerate(batch.members):
-            recording = likelihood.recordings[w]
-            use, seen = recording.seen_until(simulation.ends[w])
-            count, t = seen.shape[1], recording.t[use]
-            given = (stated[:count], nodal[place][:, :, :count], t, recording.begin)
-            by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
-            known = np.isfinite(recording.lengths)
-            jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
-            jacobian[: len(by_markers)] = by_markers / likelihood.noise
-            lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
-            jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution
-            jacobian[lengths.stop :] = priors_by(likelihood, starts, int(w))
-            yield WindowLinear(int(w), simulation.residuals[w].rows, jacobian[:, :own], jacobian[:, own:])
+    by = variations(
+        likelihood.mechanism,
+        batch.trajectories,
+        point.shared,
+        starts.states_by[batch.members],
+        unstretched=rows_of(starts.unstretched_by, batch.members),
+    )
+    stated = body_markers(likelihood.recordings, likelihood.mechanism.robot, batch.members)
+    nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.places(stated))
+    found: list[WindowLinear] = []
+    for place, w in enumerate(batch.members):
+        recording = likelihood.recordings[w]
+        use, seen = recording.seen_until(simulation.ends[w])
+        count, t = seen.shape[1], recording.t[use]
+        given = (stated[:count], nodal[place][:, :, :count], t, recording.begin)
+        by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
+        known = np.isfinite(recording.lengths)
+        jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
+        jacobian[: len(by_markers)] = by_markers / likelihood.noise
+        lengths = slice(len(by_markers), len(by_markers) + int(known.sum()))
+        jacobian[lengths] = starts.lengths_by[w][known] / likelihood.resolution
+        jacobian[lengths.stop :] = priors_by(likelihood, starts, int(w))
+        found.append(WindowLinear(int(w), simulation.residuals[w].rows, jacobian[:, :own], jacobian[:, own:]))
+    return found
 
 
 def stepped(

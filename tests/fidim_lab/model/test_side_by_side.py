@@ -1,7 +1,5 @@
 """Work in threads: in order, with what goes wrong."""
 
-import threading
-
 import pytest
 
 from fidim_lab.model.side_by_side import cores, side_by_side
@@ -9,16 +7,6 @@ from fidim_lab.model.side_by_side import cores, side_by_side
 
 def test_results_come_in_the_order_of_the_tasks():
     assert side_by_side([lambda k=k: k * k for k in range(7)]) == [k * k for k in range(7)]
-
-
-def test_the_first_task_is_done_before_any_other_begins():
-    first = threading.Event()
-
-    def begin() -> bool:
-        first.set()
-        return True
-
-    assert side_by_side([begin, *[first.is_set] * 5]) == [True] * 6
 
 
 def test_an_error_in_a_task_is_that_of_the_whole():
