@@ -63,6 +63,8 @@ class WinchSample:
     """emergency messages of the drive so far"""
     lost: int = 0
     """bus cycles so far that brought no whole sample"""
+    moved: int = 0
+    """which way the winch went last: +1 paid out, −1 wound, 0 where that is not known"""
 
 
 class Winch(Protocol):

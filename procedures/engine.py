@@ -185,7 +185,7 @@ class Engine:
             window=step.window,
             outcome=result.outcome,
             reason=result.reason,
-            data=step_data(result.measurements, result.values, result.answer),
+            data=step_data(result.measurements, result.values, result.answer, result.readings),
         )
         now = self._rig.clock.now()
         self._publish(

@@ -1,18 +1,25 @@
 """What came of a step, as its line in the journal has it: JSON, without infinities and NaN. Pure."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from procedures.outcomes import Measurement, Outcome
 
 
-def step_data(measurements: Sequence[Measurement], values: Sequence[float], answer: str) -> dict[str, Any]:
+def step_data(
+    measurements: Sequence[Measurement],
+    values: Sequence[float],
+    answer: str,
+    readings: Mapping[str, Sequence[float]] | None = None,
+) -> dict[str, Any]:
     """Only what there is."""
     data: dict[str, Any] = {}
     if measurements:
         data["measurements"] = [_measurement_data(m) for m in measurements]
     if values:
         data["values"] = [round(value, 6) for value in values]
+    for name, numbers in (readings or {}).items():
+        data.setdefault("readings", {})[name] = [round(value, 6) for value in numbers]
     if answer:
         data["answer"] = answer
     return data

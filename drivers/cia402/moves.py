@@ -48,6 +48,7 @@ class Beside:
     """s"""
     emergencies: int = 0
     lost: int = 0
+    moved: int = 0
 
 
 def make_sample(
@@ -71,4 +72,5 @@ def make_sample(
         heartbeat_age=beside.heartbeat_age,
         emergencies=beside.emergencies,
         lost=beside.lost,
+        moved=beside.moved,
     )

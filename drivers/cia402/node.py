@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from drivers.canbus.transport import CanFrame, CanTransport
 from drivers.cia402.emcy import Emergency, decode_emergency
+from drivers.cia402.last_motion import LastMotion
 from drivers.cia402.nmt import Heartbeat, NmtCommand, NmtState, decode_heartbeat, nmt_frame
 from drivers.cia402.pdo import RPDO, TARGET_RPDO, TPDOS, DriveValues, SampleDecoder
 from drivers.cia402.sdo import SdoChannel
@@ -66,6 +67,8 @@ class NodeLink:
         """the first emergency since somebody acknowledged"""
         self.counters = NodeCounters()
         self.decoder = SampleDecoder(TPDOS)
+        self.motion: LastMotion | None = None
+        """which way the drum turned last, where somebody wants to know"""
         self.brought_up = False
         self._restarted = False
         self._transport = transport
@@ -88,6 +91,8 @@ class NodeLink:
         values = self.decoder.feed(part, frame.data, t)
         if values is not None:
             self.values = values
+            if self.motion is not None:
+                self.motion.feed(values.position)
 
     def on_heartbeat(self, frame: CanFrame) -> None:
         """A heartbeat, or a boot-up message."""

@@ -10,6 +10,7 @@ from drivers.cia402.bringup import bring_up
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.drive import Drive
 from drivers.cia402.health import HealthPoll
+from drivers.cia402.last_motion import LastMotion
 from drivers.cia402.machine import Command, state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.moves import Beside, make_sample, profile, refuse_beyond_limits
@@ -22,6 +23,8 @@ from drivers.cia402.zero import Zeroed, read_zero
 from drivers.ports import Clock, DriveState, WinchSample
 from fidim_lab.errors import DeviceError, RefusedError
 
+_TRAVEL = 2e-3
+"""m of cable that a winch must go one way for friction to have turned"""
 STANDSTILL = 0.005
 """of the highest speed"""
 
@@ -45,6 +48,7 @@ class Cia402Winch:
         self._prepared: tuple[float, float] | None = None
         self.zeroed: Zeroed | None = None
         """what `set_length` found"""
+        self.link.motion = LastMotion(self._scale.magnitude(_TRAVEL))
         self._health = HealthPoll(self.link, master.clock, config.temperature)
 
     @property
@@ -190,6 +194,7 @@ class Cia402Winch:
             None if heartbeat is None else max(self._master.clock.now() - heartbeat.t, 0.0),
             counters.emergencies,
             counters.lost,
+            0 if self.link.motion is None else self.config.direction * self.link.motion.direction,
         )
         return make_sample(values, self.config, self._scale, state, beside)
 

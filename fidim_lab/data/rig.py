@@ -50,7 +50,11 @@ class StopEntry:
 
 @dataclass(frozen=True)
 class TensionEntry:
-    """Cable tension from the motor current I: gain · I + offset, within ± friction."""
+    """Cable tension from the motor current I: gain · I + offset, within ± friction.
+
+    With a scatter, friction is the part that changes sign with the direction D of the last move (+1 paid out):
+    (gain · I + offset + D · friction) / (1 − D · load_friction), within ± scatter.
+    """
 
     gain: float | None = None
     """N/A; None takes the robot file's drum, gear, efficiency and torque constant"""
@@ -58,6 +62,10 @@ class TensionEntry:
     """N"""
     friction: float | None = None
     """N, half the band between winding and paying out; None: not measured"""
+    load_friction: float = 0.0
+    """the part of it that grows with the load: a gear's efficiency differs by direction"""
+    scatter: float | None = None
+    """N, half the band that is left when the direction of the last move is known"""
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,14 @@ class TensionTable(Table):
     gain: Positive | None = None
     offset: float = 0.0
     friction: NotNegative | None = None
+    load_friction: Annotated[float, Field(gt=-0.9, lt=0.9)] = 0.0
+    scatter: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> "TensionTable":
+        if self.friction is None and (self.scatter is not None or self.load_friction):
+            raise ValueError("friction: is missing; scatter and load_friction are what is left beside it")
+        return self
 
 
 class TemperatureTable(Table):

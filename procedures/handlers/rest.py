@@ -1,11 +1,14 @@
 """Handlers that measure the robot at rest: settling, encoders, tensions."""
 
+import asyncio
+
 import numpy as np
 
-from procedures.handlers.trace import MarkerTrace, winch_means
+from procedures.handlers.trace import MarkerTrace, load_cell_means, winch_means
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.stand import Stand
 from procedures.steps import CheckTension, ReadEncoders, Result, Settle
+from procedures.tensions import known_tensions, measured
 from procedures.timing import POLL
 
 
@@ -45,20 +48,19 @@ async def read_encoders(stand: Stand, step: ReadEncoders) -> Result:
 
 
 async def check_tension(stand: Stand, step: CheckTension) -> Result:
-    """Mean tensions against limits: marginal beyond a limit, failed beyond its tolerance."""
-    currents = await winch_means(stand, step.over, lambda sample: sample.current)
-    tensions = np.array(stand.newton_per_ampere) * currents
-    low, high = step.limits
-    found = tuple(
-        Measurement(
-            f"tension of cable {cable}",
-            float(tension),
-            "N",
-            low=low * (1 - step.tolerance),
-            high=high * (1 + step.tolerance),
-            margin=low * step.tolerance,
-        )
-        for cable, tension in enumerate(tensions, start=1)
+    """Mean tensions against limits, as well as each is known: by load cell, by calibrated current, or by current."""
+    currents, lengths, cells = await asyncio.gather(
+        winch_means(stand, step.over, lambda sample: sample.current),
+        winch_means(stand, step.over, lambda sample: sample.length),
+        load_cell_means(stand, step.over),
     )
+    moved = [sample.moved for sample in stand.samples()]
+    by_current = np.array(stand.newton_per_ampere) * currents
+    known = known_tensions(by_current.tolist(), moved, stand.settings.tension.bands, cells)
+    found = tuple(measured(cable, one, step.limits, step.tolerance) for cable, one in enumerate(known, start=1))
     outcome, reason = judge(found)
-    return Result(outcome, reason, found, values=tuple(float(v) for v in tensions))
+    readings = {"currents": currents.tolist(), "lengths": lengths.tolist(), "moved": moved}
+    if len(cells) == len(known):
+        readings["load_cells"] = [cells[cable][0] for cable in sorted(cells)]
+    rounded = {name: tuple(float(v) for v in values) for name, values in readings.items()}
+    return Result(outcome, reason, found, values=tuple(one.value for one in known), readings=rounded)

@@ -1,5 +1,6 @@
 """Short looks back: what markers and winches did during the last moments."""
 
+import re
 from collections import deque
 from collections.abc import Callable
 
@@ -12,6 +13,8 @@ from procedures.timing import POLL
 
 ENOUGH = 0.5
 """part of the frames that must have come for a look back to be believed (frames between two polls go unseen)"""
+
+_LOAD_CELL = re.compile(r"f[1-9]\d*")
 
 
 class MarkerTrace:
@@ -74,3 +77,27 @@ async def winch_means(stand: Stand, over: float, value: Callable[[WinchSample], 
             return np.mean(taken, axis=0)
         stand.progress(passed / over)
         await clock.sleep(POLL)
+
+
+async def load_cell_means(stand: Stand, over: float) -> dict[int, tuple[float, float]]:
+    """Mean reading and uncertainty (N) of each cable's load cell over some seconds, by cable from 1.
+
+    A cable whose load cell is silent for a part of them has none.
+    """
+    clock, cells = stand.rig.clock, [gauge for gauge in stand.rig.gauges if _LOAD_CELL.fullmatch(gauge.columns[0])]
+    taken: dict[int, list[float]] = {int(column[1:]): [] for gauge in cells for column in gauge.columns}
+    spread = {int(column[1:]): gauge.uncertainty for gauge in cells for column in gauge.columns}
+    begin, looks = clock.now(), 0
+    while cells and clock.now() - begin < over:
+        looks += 1
+        for gauge in cells:
+            reading = gauge.latest()
+            if reading is not None and clock.now() - reading.t <= gauge.age:
+                for column, value in zip(gauge.columns, reading.values, strict=True):
+                    taken[int(column[1:])].append(value)
+        await clock.sleep(POLL)
+    return {
+        cable: (float(np.mean(values)), spread[cable])
+        for cable, values in taken.items()
+        if values and len(values) == looks
+    }

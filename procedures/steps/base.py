@@ -1,7 +1,7 @@
 """What every step is: text, estimate, what guards may expect meanwhile, and what may come of it."""
 
 from collections.abc import Callable, Generator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, ClassVar
 
@@ -45,6 +45,8 @@ class Result:
     """of a prompt"""
     values: tuple[float, ...] = ()
     """what the step read: encoder lengths, tensions, or the marker's position at rest"""
+    readings: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
+    """what it was made of, by name, for the journal: motor currents, for a calibration afterwards"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from fidim_lab.data.records import Role, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.identification.tension_calibration import Rests, calibrate, rests_of
+from fidim_lab.identification.tension_calibration import Reading, Rests, calibrate, rests_of, rests_of_readings
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 
@@ -86,3 +86,61 @@ def test_too_few_rests_are_refused():
     robot = read_robot(PAPERS_ROBOT)
     with pytest.raises(RefusedError, match="0 of 0 windows have lengths and currents; 5 rests are needed"):
         rests_of(robot, robot.nominal, ())
+
+
+LOAD = 0.12
+
+
+def made_with_gear(count, rng, noise=NOISE, load=LOAD):
+    """Winches whose gear has another efficiency in each direction."""
+    tension = rng.uniform(20.0, 120.0, (count, 1))
+    direction = np.where(np.arange(count) % 2, 1.0, -1.0)[:, None]
+    shown = tension * (1.0 - direction * load) - FRICTION * direction - OFFSET
+    return Rests(tension, shown / GAIN + noise * rng.standard_normal((count, 1)), direction)
+
+
+def test_friction_that_grows_with_the_load_is_found():
+    (found,) = calibrate(made_with_gear(14, np.random.default_rng(5)))
+    assert found.load_friction == pytest.approx(LOAD, abs=0.02)
+    assert found.directed == pytest.approx(FRICTION, abs=1.0)
+    assert found.scatter < 3.0 < found.friction
+
+
+def test_with_the_direction_known_19_of_20_lie_in_a_narrow_band():
+    inside, bands = [], []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        (found,) = calibrate(made_with_gear(14, rng))
+        new = made_with_gear(20, rng)
+        bands.append((found.scatter, found.friction))
+        for current, true, moved in zip(new.currents[:, 0], new.tensions[:, 0], new.directions[:, 0], strict=True):
+            low, high = found.certainly(float(current), int(moved))
+            inside.append(low <= true <= high)
+    assert np.mean(inside) > 0.94
+    scatter, friction = np.mean(bands, axis=0)
+    assert scatter < friction / 4.0
+
+
+def test_a_gear_alike_in_both_directions_gets_no_such_term():
+    for seed in range(20):
+        (found,) = calibrate(made(12, np.random.default_rng(seed)))
+        assert abs(found.load_friction) < 0.2
+
+
+def test_tension_checks_at_rest_are_narrower_than_means_of_swings():
+    """Why a calibration from windows was too wide for use: the mean of a swing is not the tension of its rest."""
+    robot = read_robot(PAPERS_ROBOT)
+    plan = random_plan(robot, "rests", 8, 0, seed=4)
+    mechanism = Mechanism(robot)
+    rng = np.random.default_rng(1)
+    readings = []
+    for window in plan.windows:
+        tension = pose_from_lengths(mechanism, robot.nominal, window.lengths).tensions_in_newton(robot.mass)
+        currents = tension / GAIN + 0.02 * rng.standard_normal(robot.n)
+        readings.append(Reading(window.lengths, currents, np.zeros(robot.n)))
+    found = calibrate(rests_of_readings(robot, robot.nominal, readings))
+    assert all(winch.friction < 4.0 and winch.gain == pytest.approx(GAIN, rel=0.03) for winch in found)
+    by_cells = [replace(reading, load_cells=2.0 * GAIN * reading.currents) for reading in readings]
+    assert calibrate(rests_of_readings(robot, robot.nominal, by_cells))[0].gain == pytest.approx(2.0 * GAIN)
+    with pytest.raises(RefusedError, match="4 tension checks at rest; 5 are needed"):
+        rests_of_readings(robot, robot.nominal, readings[:4])
