@@ -1,22 +1,22 @@
 """Mistakes in the robot file (or the files beside it) that are gross and simple: which one change makes the data fit?
 
-Cables in another order, millimetres or feet for metres, a mirrored axis, a robot turned by a quarter or half: each is
-undone in turn, and a few poses are fitted to markers, lengths and an upright platform. `find_mistakes` is for a
-kinematic misfit of several millimetres; small errors of geometry are for the effects of the catalogue.
+Cables, anchors or attachments in another order, millimetres or feet for metres, a mirrored or exchanged axis, a robot
+turned by a quarter or half: each is undone in turn (`robot_changes`), and a few poses are fitted to markers, lengths
+and an upright platform. `find_mistakes` is for a kinematic misfit of several millimetres; small errors of geometry are
+for the effects of the catalogue.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from itertools import permutations
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.data.records import Cable, Robot, Window
+from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import FidimError
 from fidim_lab.identification import surface
 from fidim_lab.mismatch.clock_check import even_grid
+from fidim_lab.mismatch.robot_changes import Change, robot_changes
 from fidim_lab.model.mechanism import Mechanism
 
 SAMPLES = 4
@@ -31,14 +31,12 @@ LONGEST = 0.3
 """m or rad in one step"""
 BETTER = 5.0
 """times smaller the misfit must become"""
-UNITS = (
-    (1e-3, "millimetres for metres"),
-    (0.3048, "feet for metres"),
-    (0.01, "centimetres for metres"),
-    (0.0254, "inches for metres"),
-)
 TIE = 1.5
 """within this factor of the best, another change is named beside it"""
+PART = 5e-3
+"""m, from which on something is wrong besides"""
+HOPELESS = 0.05
+"""m: what misses by more is no fit, and no effect of the catalogue makes as much"""
 
 
 @dataclass(frozen=True)
@@ -55,45 +53,51 @@ class Mistake:
 
 
 @dataclass(frozen=True, eq=False)
-class _Change:
-    says: str
-    robot: Robot
-    order: tuple[int, ...] | None = None
-    length_scale: float = 1.0
-    turn: np.ndarray = field(default_factory=lambda: np.eye(3))
-    about: np.ndarray = field(default_factory=lambda: np.zeros(3))
-
-
-@dataclass(frozen=True, eq=False)
 class _Sample:
     markers: Float[np.ndarray, "S M 3"]
     lengths: Float[np.ndarray, "S n"]
 
 
 def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3) -> tuple[Mistake, ...]:
-    """The simple changes that make a gross misfit (m, more than `least`) fit, best first; none where none does."""
+    """The simple changes that make a gross misfit (m, more than `least`) fit, best first; none where none does.
+
+    A misfit so large that nothing can be made of the recording, and that no change cures, is a mistake as well.
+    """
     sample = _sampled(robot, windows)
     if sample is None:
         return ()
-    before = _misfit(_Change("as it is", robot), sample, None)
+    before = _misfit(Change("as it is", robot), sample, None)
     if before < least:
         return ()
     unchanged = Mechanism(robot)
     tried = [
-        (_misfit(change, sample, unchanged if change.robot is robot else None), change) for change in _changes(robot)
+        (_misfit(change, sample, unchanged if change.robot is robot else None), change)
+        for change in robot_changes(robot)
     ]
     tried.sort(key=lambda pair: pair[0])
     best = tried[0][0]
-    if not best * BETTER < min(before, 1e3):
-        return ()
-    return tuple(_mistake(change, before, after) for after, change in tried[:3] if after <= TIE * best)
+    if best < HOPELESS and best * BETTER < min(before, 1e3):
+        return tuple(_mistake(change, before, after) for after, change in tried[:3] if after <= TIE * best)
+    return (_uncured(tried[0][1], before, best, len(tried)),) if before > HOPELESS else ()
 
 
-def _mistake(change: _Change, before: float, after: float) -> Mistake:
-    was = "no pose fits" if not np.isfinite(before) else f"they miss by {before * 1e3:.3g} mm"
+def _mistake(change: Change, before: float, after: float) -> Mistake:
     says = f"{change.says}: with that undone, markers and cable lengths agree within {after * 1e3:.2g} mm; "
-    says += f"as the files are, {was}."
+    says += f"as the files are, {_missed(before)}."
+    if after > PART:
+        says += " That is still too much: something else is wrong as well."
     return Mistake(says, before, after, None if change.order is None else tuple(k + 1 for k in change.order))
+
+
+def _uncured(nearest: Change, before: float, after: float, tried: int) -> Mistake:
+    says = f"Markers and cable lengths contradict it: {_missed(before)}. None of {tried} simple changes cures that "
+    says += "(order of cables, units, axes, turns); nearest: "
+    says += f"{nearest.says[0].lower()}{nearest.says[1:]} ({after * 1e3:.2g} mm)."
+    return Mistake(says, before, after)
+
+
+def _missed(before: float) -> str:
+    return "no pose fits" if not np.isfinite(before) else f"they miss by {before * 1e3:.3g} mm"
 
 
 def _sampled(robot: Robot, windows: tuple[Window, ...]) -> _Sample | None:
@@ -116,7 +120,7 @@ def _sampled(robot: Robot, windows: tuple[Window, ...]) -> _Sample | None:
     return _Sample(np.array(markers), np.array(lengths))
 
 
-def _misfit(change: _Change, sample: _Sample, mechanism: Mechanism | None) -> float:
+def _misfit(change: Change, sample: _Sample, mechanism: Mechanism | None) -> float:
     """rms of what markers and lengths are off the best nearly upright poses, m; the median over the poses."""
     made = mechanism or Mechanism(change.robot)
     lengths = sample.lengths * change.length_scale
@@ -160,80 +164,3 @@ def _step(
     step = np.linalg.solve(across @ rows, (across @ right[..., np.newaxis]))[..., 0]
     size = np.abs(step).max(axis=1, keepdims=True)
     return step * np.minimum(1.0, LONGEST / np.maximum(size, 1e-300))
-
-
-def _changes(robot: Robot) -> Iterator[_Change]:
-    identity = tuple(range(robot.n))
-    for order in permutations(identity):
-        if order != identity:
-            yield _Change(_order_in_words(order), robot, order)
-    yield from _units(robot)
-    middle = np.mean([cable.d for cable in robot.cables], axis=0)
-    for name, turn in _turns():
-        yield _Change(f"The motion capture's frame is {name}", robot, turn=turn)
-        yield _Change(
-            f"The motion capture's frame is {name} (about the middle of the anchors)", robot, turn=turn, about=middle
-        )
-        yield _Change(f"The attachments are {name}", _with(robot, lambda a, turn=turn: turn @ a))
-        yield _Change(f"The anchors are {name}", _moved(robot, turn, np.zeros(3)))
-        yield _Change(f"The anchors are {name} (about their middle)", _moved(robot, turn, middle))
-        if name.startswith("mirrored"):
-            both = _with(_moved(robot, turn, np.zeros(3)), lambda a, turn=turn: turn @ a)
-            yield _Change(f"Anchors and attachments are {name}", both)
-
-
-def _units(robot: Robot) -> Iterator[_Change]:
-    for factor, words in UNITS:
-        for scale, said in ((factor, words), (1 / factor, _reversed(words))):
-            yield _Change(f"Anchors, attachments and radii are in {said}", _scaled(robot, scale, scale))
-            yield _Change(f"The anchors are in {said}", _scaled(robot, scale, 1.0))
-            yield _Change(f"The attachments are in {said}", _scaled(robot, 1.0, scale))
-            yield _Change(f"The cable lengths are in {said}", robot, length_scale=scale)
-            yield _Change(f"The markers are in {said}", robot, turn=scale * np.eye(3))
-
-
-def _reversed(words: str) -> str:
-    other, _, metres = words.partition(" for ")
-    return f"{metres} for {other}"
-
-
-def _turns() -> Iterator[tuple[str, np.ndarray]]:
-    for axis, name in enumerate("xyz"):
-        yield f"mirrored in {name}", np.diag([-1.0 if k == axis else 1.0 for k in range(3)])
-    for angle in (90, 180, 270):
-        yield f"turned by {angle}° about z", Rotation.from_euler("z", -angle, degrees=True).as_matrix().round(12)
-
-
-def _with(robot: Robot, a: Callable[[np.ndarray], np.ndarray]) -> Robot:
-    return replace(robot, cables=tuple(replace(cable, a=a(cable.a)) for cable in robot.cables))
-
-
-def _scaled(robot: Robot, anchors: float, attachments: float) -> Robot:
-    radius = anchors if anchors == attachments else 1.0
-    cables = tuple(
-        replace(cable, d=anchors * cable.d, a=attachments * cable.a, radius=radius * cable.radius)
-        for cable in robot.cables
-    )
-    return replace(robot, cables=cables)
-
-
-def _moved(robot: Robot, turn: np.ndarray, about: np.ndarray) -> Robot:
-    """Anchors and swivels turned or mirrored; y is made anew, so that x × y = z."""
-
-    def image(cable: Cable) -> Cable:
-        x, z = turn @ cable.x, turn @ cable.z
-        return replace(cable, d=turn @ (cable.d - about) + about, x=x, y=np.cross(z, x), z=z)
-
-    return replace(robot, cables=tuple(image(cable) for cable in robot.cables))
-
-
-def _order_in_words(order: tuple[int, ...]) -> str:
-    moved = [k for k, other in enumerate(order) if k != other]
-    if len(moved) == 2:
-        return f"Cables {moved[0] + 1} and {moved[1] + 1} are swapped"
-    count = len(order)
-    shift = (order[0]) % count
-    if all(other == (k + shift) % count for k, other in enumerate(order)):
-        angle = f", as on a robot turned by {360 * shift // count}°" if (360 * shift) % count == 0 else ""
-        return f"The cables are numbered from another corner (cable 1 is the recording's cable {shift + 1}{angle})"
-    return "The cables are in another order: " + ", ".join(f"{k + 1} is {other + 1}" for k, other in enumerate(order))

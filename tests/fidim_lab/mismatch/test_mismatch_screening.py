@@ -10,6 +10,7 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Body, Campaign, Role, Window
 from fidim_lab.mismatch.displaced import Limits
 from fidim_lab.mismatch.finding import Kind
+from fidim_lab.mismatch.robot_changes import robot_changes
 from fidim_lab.mismatch.robot_mistakes import find_mistakes
 from fidim_lab.mismatch.samples import inspect
 from fidim_lab.mismatch.screening import screen
@@ -244,6 +245,43 @@ def _in_feet(robot):
     return replace(robot, cables=cables)
 
 
+def _with_attachments(robot, order):
+    return replace(
+        robot, cables=tuple(replace(c, a=robot.cables[k].a) for c, k in zip(robot.cables, order, strict=True))
+    )
+
+
+def _with_radii(robot, factor):
+    return replace(robot, cables=tuple(replace(c, radius=factor * c.radius) for c in robot.cables))
+
+
+def test_a_recording_whose_z_axis_is_another_is_named(clean):
+    campaign = clean()
+    y_up = tuple(replace(w, markers=w.markers[:, :, [0, 2, 1]] * [1.0, 1.0, -1.0]) for w in campaign.windows)
+    found = find_mistakes(campaign.robot, y_up)
+    assert found[0].says.startswith("The motion capture's axes are others: the robot's x, y, z are its x, −z, y")
+    assert found[0].after < 1e-3
+
+
+def test_what_no_simple_change_cures_is_said_not_guessed(clean):
+    """Two mistakes at once: the nearest single one is named as no more than that."""
+    campaign = clean()
+    wrong = _with_radii(_with_attachments(_in_feet(campaign.robot), (1, 2, 0, 3)), 4.0)
+    (found,) = find_mistakes(wrong, campaign.windows)
+    assert "None of" in found.says
+    assert found.after > 0.05
+
+
+@pytest.mark.parametrize("cables", [4, 8])
+def test_orders_that_are_tried_stay_few_and_hold_every_exchange(irma4, cables):
+    robot = replace(irma4, cables=(irma4.cables * 2)[:cables])
+    orders = [change.order for change in robot_changes(robot) if change.order is not None]
+    assert len(orders) < 100
+    assert len(set(orders)) == len(orders)
+    assert (1, 0, *range(2, cables)) in orders
+    assert (*range(1, cables), 0) in orders
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -251,6 +289,9 @@ def _in_feet(robot):
         (lambda r: replace(r, cables=tuple(replace(c, a=c.a * 1000) for c in r.cables)), "millimetres for metres"),
         (lambda r: _anchors(r, np.diag([1.0, -1.0, 1.0])), "mirrored in y"),
         (lambda r: _anchors(r, np.diag([-1.0, -1.0, 1.0])), "turned by 180° about z"),
+        (lambda r: _with_attachments(r, (1, 0, 2, 3)), "The attachments are in another order (2, 1, 3, 4)"),
+        (lambda r: _with_attachments(r, (1, 2, 3, 0)), "The attachments are in another order (4, 1, 2, 3)"),
+        (lambda r: _with_radii(r, 1 / 0.3048), "The pulley radii are in feet for metres"),
     ],
 )  # fmt: skip
 def test_a_gross_mistake_in_the_robot_file_is_named(clean, wrong, said):
