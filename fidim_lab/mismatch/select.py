@@ -97,7 +97,7 @@ class _Search:
     def _over_first_seconds(self) -> list[Completed]:
         """The few best models of the first seconds, the best first."""
         best = Completed((), self.start.short, whole=False)
-        while len(best.tried) < MOST_TERMS:
+        while True:
             seen = self._view(best)
             if seen.unfitted is not None:
                 break
@@ -142,7 +142,7 @@ class _Search:
     def _over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
         """Additions until none is asked for; the view from the last model."""
         seen = self._view(best.model)
-        while len(best.model.tried) < MOST_TERMS and best.model.whole and seen.unfitted is None:
+        while best.model.whole and seen.unfitted is None:
             fresh: list[Candidate] = []
             for score in seen.additions(MOST_TERMS - len(best.model.tried)):
                 self.say(f"fitting {' + '.join([best.model.label, score.label][not best.model.tried :])}")
@@ -178,9 +178,12 @@ class _Search:
         return seen
 
     def _added(self, best: Completed, score: Score) -> Completed | None:
-        thetas = [best.theta_of(k)[0] for k in range(len(best.tried))]
+        """The model with these terms; one that it has already begins anew where the score says (another frequency)."""
+        kept = [k for k, h in enumerate(best.tried) if all(h.effect != new.effect for new in score.tried)]
+        thetas = [best.theta_of(k)[0] for k in kept]
         thetas += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
-        found = refit(self._ground(best), best.fit, (*best.tried, *score.tried), thetas, self.start.context)
+        tried = (*(best.tried[k] for k in kept), *score.tried)
+        found = refit(self._ground(best), best.fit, tried, thetas, self.start.context)
         return None if found is None else self._widened(found, score)
 
     def _widened(self, model: Completed, new: Score) -> Completed:

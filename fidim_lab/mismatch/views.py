@@ -72,11 +72,14 @@ class View:
     def additions(self, room: int) -> tuple[Score, ...]:
         """What is worth fitting beside the model: the best of each effect, then pairs that say more than any alone.
 
-        Where the motion is followed the scores are all but exact, and only ties are fitted; else what has half as much.
+        room: for so many more terms; a periodic one that is in may move to another frequency without any. Where the
+        motion is followed the scores are all but exact, and only ties are fitted; else what has half as much.
         """
         chosen: dict[object, Score] = {}
+        inside = {h.effect for h in self.model.tried}
         for score in self.singles:
-            if score.log_evidence > ENOUGH and self._can_be_fitted(score.tried[0].effect):
+            allowed = room > 0 or score.tried[0].effect in inside
+            if allowed and score.log_evidence > ENOUGH and self._can_be_fitted(score.tried[0].effect):
                 chosen.setdefault(score.tried[0].effect, score)
         singles = list(chosen.values())[:SINGLES]
         pairs: list[Score] = []
@@ -158,14 +161,14 @@ def _likely_frequencies(found: Fit, scan: Sequence[float]) -> frozenset[float]:
 
 
 def _without(tried: Hypotheses, used: Sequence[Hypothesis]) -> Hypotheses:
+    """All but what the model has, and other variants of it; a periodic term may be there at a wrong frequency."""
     effects, kinds = {h.effect for h in used}, {(h.effect.id, h.effect.cable): type(h.effect) for h in used}
 
-    def fresh(effect: NamedEffect) -> bool:
-        """Neither there already, nor another variant of what is there."""
-        return effect not in effects and kinds.get((effect.id, effect.cable), type(effect)) is type(effect)
+    def is_variant(effect: NamedEffect) -> bool:
+        return kinds.get((effect.id, effect.cable), type(effect)) is not type(effect)
 
     return replace(
         tried,
-        direct=tuple(h for h in tried.direct if fresh(h.effect)),
-        periodic=tuple(h for h in tried.periodic if fresh(h.effect)),
+        direct=tuple(h for h in tried.direct if h.effect not in effects and not is_variant(h.effect)),
+        periodic=tuple(h for h in tried.periodic if not is_variant(h.effect)),
     )
