@@ -6,7 +6,7 @@ in PRE-OPERATIONAL, where it takes no controlword by PDO.
 
 from collections.abc import Iterable
 
-from drivers.cia402.config import WinchConfig
+from drivers.cia402.config import Load, WinchConfig
 from drivers.cia402.machine import state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.nmt import NmtCommand, NmtState
@@ -16,6 +16,7 @@ from drivers.cia402.pdo import (
     COB_OFF,
     RPDO,
     TARGET_RPDO,
+    TORQUE_TPDOS,
     TPDOS,
     ObjectValue,
     PdoMap,
@@ -116,8 +117,9 @@ async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig,
 
 def used_pdos(config: WinchConfig) -> tuple[PdoMap, ...]:
     """Those that the config's mode needs."""
+    told = TORQUE_TPDOS if config.load is Load.TORQUE else TPDOS
     cyclic = config.mode is Mode.CYCLIC_POSITION
-    return (*TPDOS, RPDO, TARGET_RPDO) if cyclic else (*TPDOS, RPDO)
+    return (*told, RPDO, TARGET_RPDO) if cyclic else (*told, RPDO)
 
 
 async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[Check]:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
 from drivers.cia402.scale import COUNT_MAX, COUNT_MIN, LengthScale
@@ -60,6 +61,15 @@ class TemperatureObject:
     index: int
     sub: int = 0
     scale: float = 1.0
+
+
+class Load(StrEnum):
+    """What a drive tells of its load, in each bus cycle."""
+
+    CURRENT = "current"
+    """6078, per mille of 6075"""
+    TORQUE = "torque"
+    """6077, per mille of 6076, for drives without 6078"""
 
 
 @dataclass(frozen=True)
@@ -136,6 +146,9 @@ class WinchConfig:
     """in which the winch moves: profile position, or cyclic position (`CyclicWinch`)"""
     zero: StoredZero | None = None
     """what an earlier session has left of home_count; None: the rig file says it, and nothing is checked"""
+    load: Load = Load.CURRENT
+    torque_constant: float | None = None
+    """N m/A, which turns a torque that the drive tells into the current that it stands for (load: torque)"""
     current_offset: float = 0.0
     """A added to what the drive says, from a calibration against known tensions"""
 
@@ -158,6 +171,13 @@ class WinchConfig:
         """For messages: winch and node."""
         return f"{self.name} (node {self.node_id})"
 
+    @property
+    def ampere_per_mille(self) -> float:
+        """A for one per mille of what the drive tells of its load."""
+        if self.load is Load.CURRENT or self.rated_torque is None or self.torque_constant is None:
+            return self.rated_current / 1000.0
+        return self.rated_torque / self.torque_constant / 1000.0
+
     def _range_mistakes(self) -> list[str]:
         positive = {
             key: getattr(self, key)
@@ -176,6 +196,8 @@ class WinchConfig:
             found.append("name: empty, every winch needs one")
         if not 1 <= self.node_id <= 126:
             found.append(f"node_id: {self.node_id} found, allowed is 1 to 126 (127 is the host's)")
+        if self.load is Load.TORQUE and not (self.rated_torque and self.torque_constant):
+            found.append("rated_torque, torque_constant: are missing; a torque is told as a part of the rated one")
         if self.mode not in MOVING_MODES:
             found.append(f"mode: {self.mode!r} found, allowed are profile position and cyclic position")
         if self.direction not in (-1, 1):

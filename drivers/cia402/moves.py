@@ -64,7 +64,7 @@ def make_sample(
         state=state,
         length=scale.length(values.position),
         velocity=scale.velocity(values.velocity),
-        current=config.rated_current * (-config.direction * values.current) / 1000.0 + config.current_offset,
+        current=config.ampere_per_mille * (-config.direction * values.current) + config.current_offset,
         target_reached=bool(values.statusword & TARGET_REACHED),
         fault=beside.fault,
         following_error=None if lag is None else scale.velocity(lag),

@@ -82,6 +82,9 @@ TPDOS = (
 )
 """Sampled at every SYNC."""
 
+TORQUE_TPDOS = (TPDOS[0], PdoMap(2, transmit=True, entries=(Entry.VELOCITY, Entry.TORQUE), transmission=1))
+"""Likewise, for drives that tell torque (6077) and no current; the decoder takes its per mille for the current's."""
+
 COB_OFF = 1 << 31
 NO_REMOTE = 1 << 30
 COB_MASK = 0x7FF
@@ -136,7 +139,7 @@ class DriveValues:
     velocity: int
     """counts/s"""
     current: int
-    """per mille of rated"""
+    """per mille of rated current, or of rated torque where the drive tells that"""
 
 
 _SAMPLED = (Entry.STATUSWORD, Entry.POSITION, Entry.MODE_DISPLAY, Entry.VELOCITY, Entry.CURRENT)

@@ -113,6 +113,8 @@ class WinchEntry:
     """m, to the middle of the cable"""
     rated_current: float
     """A"""
+    torque_constant: float
+    """N m/A, by the robot file"""
     rated_torque: float | None
     """N m, None: not compared"""
     current_limit: float
@@ -143,6 +145,8 @@ class WinchEntry:
     vendor_id: int | None
     product_code: int | None
     serial_number: int | None
+    load: str
+    """what the drive tells of its load: "current" (6078) or "torque" (6077)"""
     mode: str
     """CiA 402 mode of moves: "profile-position" or "cyclic-position\""""
     multi_turn: bool

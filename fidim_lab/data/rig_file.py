@@ -45,7 +45,8 @@ def read_rig(path: Path) -> RigFile:
     _check_cables(path, table, robot)
     homes = read_homes(path)
     winches = tuple(
-        _winch(path, number, winch, homes.get(winch.name)) for number, winch in enumerate(table.winch, start=1)
+        _winch(path, number, winch, homes.get(winch.name), drum.torque_constant)
+        for number, (winch, drum) in enumerate(zip(table.winch, robot.winches or (), strict=True), start=1)
     )
     return RigFile(
         path=path,
@@ -96,7 +97,7 @@ def _check_cables(path: Path, table: RigTable, robot: Robot) -> None:
             )
 
 
-def _winch(path: Path, number: int, table: WinchTable, home: WinchHome | None) -> WinchEntry:
+def _winch(path: Path, number: int, table: WinchTable, home: WinchHome | None, torque_constant: float) -> WinchEntry:
     eds = None
     if table.eds != GENERIC:
         eds = path.parent / table.eds
@@ -112,6 +113,7 @@ def _winch(path: Path, number: int, table: WinchTable, home: WinchHome | None) -
     return WinchEntry(
         **values,
         eds=eds,
+        torque_constant=torque_constant,
         multi_turn=table.encoder == "multi-turn",
         home=home,
         temperature=temperature,

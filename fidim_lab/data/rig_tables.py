@@ -112,6 +112,7 @@ class WinchTable(Table):
     product_code: Annotated[int, Field(ge=0)] | None = None
     serial_number: Annotated[int, Field(ge=0)] | None = None
     mode: Literal["profile-position", "cyclic-position"] = "profile-position"
+    load: Literal["current", "torque"] = "current"
     encoder: Literal["multi-turn", "incremental"] = "incremental"
     turned: NotNegative = 2e-3
     temperature: TemperatureTable | None = None
@@ -120,6 +121,8 @@ class WinchTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> "WinchTable":
+        if self.load == "torque" and self.rated_torque is None:
+            raise ValueError("rated_torque: is missing; a drive tells its torque as a part of it (load)")
         low, high = self.length_limits
         if low >= high:
             raise ValueError(f"length_limits: the shortest, {low:g} m, is not below the longest, {high:g} m")

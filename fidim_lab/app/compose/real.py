@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import GENERIC_EDS, StopReactions, StoredZero, TemperatureObject, WinchConfig
+from drivers.cia402.config import GENERIC_EDS, Load, StopReactions, StoredZero, TemperatureObject, WinchConfig
 from drivers.cia402.cyclic import make_winch
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.takeover import refuse_other_master
@@ -162,6 +162,8 @@ def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float
         sample_age=sample_age,
         current_offset=entry.tension.offset / newton_per_ampere,
         temperature=_temperature(entry),
+        load=Load(entry.load),
+        torque_constant=entry.torque_constant,
         mode=MODES[entry.mode],
         zero=None if homing else _stored_zero(entry),
     )
