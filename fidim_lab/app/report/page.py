@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from fidim_lab.app.report import figures, tables, words
 from fidim_lab.app.report.copies import Copy, copies
+from fidim_lab.app.report.correlations import correlations
 from fidim_lab.app.report.drawing import Drawing
 from fidim_lab.app.report.explained import ExplanationSection
 from fidim_lab.app.report.folder import Contents
@@ -32,6 +33,7 @@ class Page:
     """what a sentence is about, the sentence"""
     warnings: tuple[str, ...]
     parameters: Drawing | None
+    correlations: Drawing | None
     parameter_tables: tuple[Table, ...]
     copies: tuple[Copy, ...]
     explanation: ExplanationSection | None
@@ -69,6 +71,7 @@ def make_page(
         summary=_summary(contents, result, trust),
         warnings=() if result is None else result.warnings,
         parameters=None if result is None else _parameters(contents, result),
+        correlations=None if result is None else correlations(result),
         parameter_tables=() if result is None else _parameter_tables(contents, result),
         copies=() if result is None else copies(result, campaign.robot.mass),
         explanation=explanation,

@@ -113,7 +113,8 @@ def test_what_is_referred_to_is_there_once(full):
 
 def test_every_picture_is_there_and_says_what_it_is(full):
     read = Reader(full)
-    assert read.tags.count("svg") == 2 * 4 + 4 + 3  # windows; views of the robot; parameters, validation, timeline
+    # windows; views of the robot; parameters, their correlations, validation, timeline
+    assert read.tags.count("svg") == 2 * 4 + 4 + 4
     assert read.tags.count("figure") == read.tags.count("svg")
     assert all(read.values("aria-label"))
 
@@ -300,4 +301,4 @@ def test_a_recorded_campaign_gets_its_report(shared, tmp_path, monkeypatch, caps
     assert str(out) in capsys.readouterr().out
     page = out.read_text(encoding="utf-8")
     assert len(page.encode()) < 3e6
-    assert Reader(page).tags.count("svg") == 18 * 3 + 4 + 2
+    assert Reader(page).tags.count("svg") == 18 * 3 + 12 + 4 + 3  # spectra of the fitted windows, which are simulated
