@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.errors import RefusedError
@@ -207,7 +207,7 @@ def hausman(windows: Sequence[Sampled]) -> Hausman:
     plain, instruments = fit([Sampled.plain(w.W, w.rank) for w in windows]), fit(windows)
     shifts = np.abs(plain.values - instruments.values) / instruments.sd
     most = int(np.argmax(shifts))
-    p = float(chi2.sf(statistic, dof))
+    p = float(chdtrc(dof, statistic))
     return Hausman(statistic, dof, p, float(shifts[most]), PARAMETER_NAMES[most])
 
 

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import maximum_filter1d
-from scipy.stats import chi2, norm
+from scipy.special import chdtri, ndtri
 
 from fidim_lab.identification.signals import runs
 from fidim_lab.mismatch.neighbours import look
@@ -47,8 +47,8 @@ class Limits:
         """For so many samples of markers in the campaign: `FALSE_ALARM` over all of them."""
         tests = 2 * max(1, samples)
         return Limits(
-            MARGIN * float(norm.isf(FALSE_ALARM / (6 * tests))),
-            MARGIN * float(np.sqrt(chi2.isf(FALSE_ALARM / tests, 3))),
+            MARGIN * float(-ndtri(FALSE_ALARM / (6 * tests))),
+            MARGIN * float(np.sqrt(chdtri(3, FALSE_ALARM / tests))),
         )
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from fidim_lab.arrays import Mask, PerCable, Positions, Rotations, Series
 from fidim_lab.data.records import Motion
@@ -149,6 +148,8 @@ def smooth_motion(t: Series, positions: Positions, rotations: Rotations, low_pas
 
     Gaps are bridged by straight lines. Coarser than what identification uses: enough to see a hand.
     """
+    from scipy.signal import butter, sosfiltfilt  # half a second to import, and hardly ever used
+
     step = float(np.median(np.diff(t)))
     sections = butter(FILTER_ORDER, low_pass, fs=1.0 / step, output="sos")
     poses = _bridged(np.column_stack([positions, rotations.reshape(-1, 9)]))

@@ -137,7 +137,8 @@ def projected(scorer: Scorer | SprungScorer, fit_: Fit, grams: Sequence[WindowGr
 def _quick(likelihood: Likelihood, simulation: Simulation) -> Simulation:
     if likelihood.springs is not None or simulation.intervals <= QUICK.intervals:
         return simulation
-    return simulate(likelihood, simulation.point, simulation.ends, QUICK) or simulation
+    quick = simulate(likelihood, simulation.point, simulation.ends, QUICK)
+    return quick if quick is not None and np.isfinite(quick.cost) else simulation
 
 
 def _reduced_gram(compute: Callable[[], WindowColumns], steady: int) -> tuple[np.ndarray, int]:

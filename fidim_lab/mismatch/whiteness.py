@@ -13,8 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2 as chi2_law
-from scipy.stats import f as f_law
+from scipy.special import chdtrc, fdtrc
 
 from fidim_lab.mismatch.leftover import Leftover
 
@@ -148,7 +147,7 @@ def _ratio(pair: np.ndarray, level: float) -> float:
 def _tail(pairs: np.ndarray, level: float, reference: float) -> np.ndarray:
     """p-values of (χ², dof) against the noise level."""
     chi2, dof = pairs[:, 0] / level, np.maximum(pairs[:, 1], 1e-9)
-    p = chi2_law.sf(chi2, dof) if np.isinf(reference) else f_law.sf(chi2 / dof, dof, reference)
+    p = chdtrc(dof, chi2) if np.isinf(reference) else fdtrc(dof, reference, chi2 / dof)
     return np.where(pairs[:, 1] > 0.5, p, 1.0)
 
 
