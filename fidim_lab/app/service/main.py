@@ -16,10 +16,11 @@ from fidim_lab.app import compose
 from fidim_lab.app.model_check import Checked, ModelCheck
 from fidim_lab.app.run_records import RunRecords
 from fidim_lab.app.service.board import DefaultAnswer
+from fidim_lab.app.service.broadcast import wall_time
 from fidim_lab.app.service.judging import explain_step
 from fidim_lab.app.service.opening import Opened, open_rig
 from fidim_lab.app.service.place import Lock, Place, held, place_of
-from fidim_lab.app.service.service import Identity, Service, new_token, wall_time
+from fidim_lab.app.service.service import Identity, Service, new_token
 from fidim_lab.app.service.spec import NAME as SPEC
 from fidim_lab.app.service.spec import RunSpec, overridden, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
@@ -118,7 +119,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
     logs = RunRecords(work.spec.out, opened.rig, lambda: _write_papers(work))
     opened.tap(logs.on_frame)
     guards = (LogGuard(logs.error), *_more_guards(work))
-    service.more_guards(guards)
+    service.broadcast.more_guards(guards)
     if work.resumption is not None:
         known, planned = len(work.resumption.rows), len(work.experiment.roles)
         says = f"{known} windows have their verdict, {planned - known} are left"
