@@ -71,13 +71,10 @@ def presliding(angle: float) -> type[AttachmentFriction]:
 
 def variants() -> Iterator[tuple[str, dict[str, Any]]]:
     """What is said of each, and what is changed in `soft` for it."""
-    yield "as it is", {}
-    for angle in (0.05, 0.1, 0.2):
+    for angle in (0.05, 0.1):
         yield f"dry friction yields over {angle:g} rad first", {"AttachmentFriction": presliding(angle)}
     yield "model error taken for half as large", {"SHARE": soft.SHARE / 2}
-    yield "twice as large", {"SHARE": 2 * soft.SHARE}
-    yield "softness from 10 µm/N instead of statics", {"seen_stretch": lambda *_: None, "SOFTNESS": (1e-5, 1e-6)}
-    yield "from 40 µm/N", {"seen_stretch": lambda *_: None, "SOFTNESS": (4e-5, 4e-6)}
+    yield "softness from 40 µm/N instead of statics", {"seen_stretch": lambda *_: None, "SOFTNESS": (4e-5, 4e-6)}
 
 
 @dataclass(frozen=True)
@@ -115,11 +112,15 @@ def tried(campaign: Campaign, name: str, changes: dict[str, Any]) -> Tried | Non
         for what, value in changes.items():
             stack.enter_context(patch.object(soft, what, value))
         try:
-            found = soft.fit_soft(campaign, native=True)
+            return answer(campaign, name, soft.fit_soft(campaign, native=True))
         except RefusedError as refusal:
             print(name, refusal)
             return None
-        held = [found.predict(window).remainder.rms * 1e3 for window in campaign.of_role(Role.VALIDATE)]
+
+
+def answer(campaign: Campaign, name: str, found: soft.SoftFit) -> Tried:
+    """What is shown of a fit."""
+    held = [found.predict(window).remainder.rms * 1e3 for window in campaign.of_role(Role.VALIDATE)]
     body = found.found.body
     fitted = float(np.sqrt(np.mean([left.rms**2 for left in found.found.remainders]))) * 1e3
     return Tried(name, body.com[2], body.com[2] - plane(campaign), body.inertia[:3], fitted, tuple(held))
@@ -137,7 +138,11 @@ def main() -> None:
     base = soft.fit_soft(campaign, native=True)
     kept = {recording.window.id: recording.window for recording in base.found.likelihood.recordings}
     campaign = replace(campaign, windows=tuple(kept.get(window.id, window) for window in campaign.windows))
-    found = [one for name, changes in variants() if (one := tried(campaign, name, changes)) is not None]
+    found = [answer(campaign, "as it is", base)]
+    for name, changes in variants():
+        if (one := tried(campaign, name, changes)) is not None:
+            found.append(one)
+            print(one, flush=True)
     nominal = campaign.robot.nominal.com[2]
     lever = nominal - plane(campaign)
     alike = [one for one in found if one.both < TIE * found[0].both and one.fitted < TIE * found[0].fitted]
