@@ -12,6 +12,7 @@ from fidim_lab.app import console
 from fidim_lab.app.compare_sessions import read_session
 from fidim_lab.app.comparison import Comparison, compared
 from fidim_lab.app.report.numerals import short
+from fidim_lab.app.working import Working
 from fidim_lab.errors import FileError
 from fidim_lab.units import millimetres
 
@@ -21,7 +22,7 @@ def compare_command(first: Path, second: Path, json_file: Path | None, report: P
 
     Raises FileError for a wrong folder or file.
     """
-    with console.err.status("identifying …"):
+    with Working("identifying two sessions"):
         found = compared(read_session(first), read_session(second))
     if json_file is not None:
         _written(json_file, json.dumps(found.table, indent=1, allow_nan=False, ensure_ascii=False) + "\n")

@@ -11,6 +11,7 @@ from fidim_lab.app import console
 from fidim_lab.app.design_picture import write_picture
 from fidim_lab.app.design_study import study_command
 from fidim_lab.app.spread_out import workers
+from fidim_lab.app.working import Working
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import PARAMETER_NAMES, Plan, PlannedWindow, Robot, Role
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -69,7 +70,10 @@ def design_command(options: DesignOptions) -> int:
             processes=options.processes,
             scheduler=options.scheduler,
         )
-    with console.err.status("designing") as shown, workers(options.processes, options.scheduler) as run:
+    with (
+        Working("designing", options.starts * options.equilibria) as shown,
+        workers(options.processes, options.scheduler) as run,
+    ):
         found = design(task, options.starts, options.seed, run, lambda text: shown.update(f"designing: {text}"))
     if options.json_file is not None:
         options.json_file.write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from fidim_lab.app import console
 from fidim_lab.app.spread_out import workers
+from fidim_lab.app.working import Working
 from fidim_lab.identification.design.study import Cell, study
 from fidim_lab.identification.design.task import DesignTask
 
@@ -26,7 +27,7 @@ def study_command(
     scheduler: str | None,
 ) -> int:
     """Compute, write and print the study; returns the exit code. Raises as `identification.design.study.study`."""
-    with console.err.status("study") as shown, workers(processes, scheduler) as run:
+    with Working("study", starts) as shown, workers(processes, scheduler) as run:
         cells = study(task, starts, seed, run, lambda text: shown.update(f"study: {text}"))
     told = json.dumps(_as_json(cells), indent=1) + "\n"
     if json_file is not None:

@@ -16,6 +16,7 @@ from fidim_lab.app.model_check import Checked, ModelCheck
 from fidim_lab.app.report.write import write_report
 from fidim_lab.app.run_display import display
 from fidim_lab.app.run_records import RunRecords
+from fidim_lab.app.working import Working, windows_of
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -67,7 +68,7 @@ def run_dry_run(options: DryRunOptions) -> int:
         return run_ui_dry_run(options, folder)
     require_new(folder)
     world = compose.simulated_world(robot, options.seed, options.hide)
-    with console.err.status("planning: equilibria where the robot can rest and swing …"):
+    with Working("planning: equilibria where the robot can rest and swing", options.equilibria + options.validation):
         taste = UNTOUCHED if options.excite else None
         plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, taste)
         motion = MotionSettings(length_limits=compose.length_limits(plan))
@@ -96,7 +97,7 @@ def _says(report: RunReport) -> str:
 
 
 def _identify(folder: Path, truth: dict[str, object], options: DryRunOptions) -> None:
-    with console.err.status("identifying …"):
+    with Working("identifying", windows_of(folder)):
         result = run_identify(folder)
     write_result(folder / RESULT, result)
     if options.json_file is not None:

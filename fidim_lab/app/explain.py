@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app import console
+from fidim_lab.app.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Explanation, NamedCause, write_explanation
@@ -26,10 +27,10 @@ def explain_command(
     Raises FileError for a wrong campaign, RefusedError where no window can be fitted.
     """
     campaign = read_campaign(campaign_folder)
-    with console.err.status("explaining …") as status:
+    with Working("explaining", windows_of(campaign_folder)) as status:
 
         def say(sentence: str) -> None:
-            status.update(escape(sentence))
+            status.update(sentence)
             if not console.err.is_terminal:
                 console.err.print(sentence, markup=False)
 
@@ -40,7 +41,7 @@ def explain_command(
     if report is not None:
         from fidim_lab.app.report.explain_page import write_explain_page
 
-        with console.err.status("predicting held-out windows and drawing …"):
+        with Working("predicting held-out windows and drawing", windows_of(campaign_folder)):
             path = write_explain_page(campaign_folder, explanation, report, pictures)
         console.out.print(f"Report      {path}", markup=False)
     return 0

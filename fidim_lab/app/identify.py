@@ -16,6 +16,7 @@ from fidim_lab.app import console
 from fidim_lab.app.pose_from import Posed, comparison, read_posed
 from fidim_lab.app.report.write import write_report
 from fidim_lab.app.scaling import Forms, scaling_table
+from fidim_lab.app.working import Working, windows_of
 from fidim_lab.data.records import Role
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import Choice, suited_method
@@ -100,7 +101,7 @@ def identify_command(
     """
     if poses is not PoseSource.MOCAP:
         return _from_own_sensors(campaign_folder, poses, method, json_file, report, paper=paper)
-    with console.err.status("identifying …"):
+    with Working("identifying by the paper" if paper else "identifying", windows_of(campaign_folder)):
         result = run_identify(campaign_folder, method, paper=paper)
         ours = run_identify(campaign_folder, Method.TLS, predict=False) if paper else None
     if json_file is not None:
@@ -120,7 +121,7 @@ def _from_own_sensors(
         raise SetupError(f"--pose-from {poses.value} goes with neither --paper nor --report: both are about markers.")
     if method is not None:
         method_named(method)
-    with console.err.status("identifying …"):
+    with Working("identifying from own sensors", windows_of(folder)):
         posed = read_posed(folder, poses)
         result = identify_posed(posed, method)
         beside = run_identify(folder, result.method.value, predict=False) if posed.differences else None

@@ -9,6 +9,7 @@ from rich.table import Table
 from fidim_lab.app import console
 from fidim_lab.app.identify import UNUSABLE, run_identify, summary
 from fidim_lab.app.report.write import write_report
+from fidim_lab.app.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.payload_mass import (
@@ -75,9 +76,9 @@ def payload_command(
     """
     robot = read_campaign(campaign).robot
     refuse_other_geometry(robot, read_campaign(option.campaign).robot)
-    with console.err.status("identifying without the payload …"):
+    with Working("identifying without the payload", windows_of(campaign)):
         empty = run_identify(campaign, method, paper=paper)
-    with console.err.status("identifying with the payload …"):
+    with Working("identifying with the payload", windows_of(option.campaign)):
         loaded = run_identify(option.campaign, empty.method.value, paper=paper, predict=False)
     console.out.print(summary(empty))
     console.out.print(f"With the payload: {loaded.message}", markup=False)

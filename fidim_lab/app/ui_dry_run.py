@@ -23,6 +23,7 @@ from fidim_lab.app.service.place import Place, holder, in_use, place_of
 from fidim_lab.app.service.spec import RunSpec
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.ui import run_ui
+from fidim_lab.app.working import Working
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot, write_robot
@@ -52,7 +53,9 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
     """Plan, start the service, attach; returns 0 when the person has left. Raises FidimError before anything opens."""
     require_new(folder)
     with tempfile.TemporaryDirectory(prefix="fidim-ui-") as papers:
-        with console.err.status("planning: equilibria where the robot can rest and swing …"):
+        with Working(
+            "planning: equilibria where the robot can rest and swing", options.equilibria + options.validation
+        ):
             spec = _spec(options, folder, Path(papers))
             work = prepare(spec)
         place = place_of(work.file, embedded=True)

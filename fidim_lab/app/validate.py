@@ -9,6 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from fidim_lab.app import console
+from fidim_lab.app.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.errors import SetupError
@@ -46,7 +47,7 @@ def validate_command(options: ValidateOptions) -> int:
     campaign = read_campaign(options.campaign)
     roles = (Role.IDENTIFY, Role.VALIDATE) if options.everything else (Role.VALIDATE,)
     rule, recipe = Rule(chi2_per_dof=options.limit), PAPER if options.paper else BEST
-    with console.err.status("predicting each window from its initial state …"):
+    with Working("predicting each window from its initial state", windows_of(options.campaign)):
         found = cross_validate(campaign, given.body, given.sigma_W, roles=roles, rule=rule, recipe=recipe)
     console.warn(_doubts(campaign, given))
     if options.json_file is not None:

@@ -13,8 +13,9 @@ def report_command(folder: Path, out: Path | None, pictures: Path | None = None,
     from fidim_lab.app import console
     from fidim_lab.app.answer_file import write_answer
     from fidim_lab.app.report.write import write_report
+    from fidim_lab.app.working import Working, windows_of
 
-    with console.err.status("identifying and drawing …"):
+    with Working("identifying and drawing", windows_of(folder)):
         path = write_report(folder, None, out, pictures)
     console.out.print(f"Report      {path}", markup=False)
     if pictures is not None:

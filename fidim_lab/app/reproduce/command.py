@@ -16,6 +16,7 @@ from fidim_lab.app import compose, console
 from fidim_lab.app.reproduce import tables
 from fidim_lab.app.reproduce.file import write
 from fidim_lab.app.reproduce.words import sentences
+from fidim_lab.app.working import Working
 from fidim_lab.data import paper
 from fidim_lab.data.records import Campaign, Plan, Robot, Role
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -46,7 +47,7 @@ def reproduce_command(options: ReproduceOptions) -> int:
     """Simulate, identify, print, write; returns the exit code. Raises SetupError for options that cannot be."""
     if options.seed < 0:
         raise SetupError(f"--seed {options.seed}: a seed is a whole number from 0 on.")
-    with console.err.status("") as status:
+    with Working("reproducing the paper's experiment") as status:
         found = reproduce(options, status.update)
     if options.json_file is not None:
         write(options.json_file, found)
