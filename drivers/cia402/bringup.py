@@ -5,6 +5,7 @@ in PRE-OPERATIONAL, where it takes no controlword by PDO.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from drivers.cia402.config import Load, WinchConfig
 from drivers.cia402.machine import state_of
@@ -18,8 +19,10 @@ from drivers.cia402.pdo import (
     TARGET_RPDO,
     TORQUE_TPDOS,
     TPDOS,
+    Entry,
     ObjectValue,
     PdoMap,
+    VendorEntry,
     mapping_expected,
     mapping_writes,
 )
@@ -118,6 +121,9 @@ async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig,
 def used_pdos(config: WinchConfig) -> tuple[PdoMap, ...]:
     """Those that the config's mode needs."""
     told = TORQUE_TPDOS if config.load is Load.TORQUE else TPDOS
+    if config.load is Load.VENDOR and (own := config.family.load_object) is not None:
+        load = VendorEntry(f"{own.index:04X}:{own.sub:X}", own.index, own.sub, Entry.CURRENT.code)
+        told = (told[0], replace(told[1], entries=(Entry.VELOCITY, load)))
     cyclic = config.mode is Mode.CYCLIC_POSITION
     return (*told, RPDO, TARGET_RPDO) if cyclic else (*told, RPDO)
 

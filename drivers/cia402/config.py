@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from drivers.cia402.family import GENERIC_FAMILY, DriveFamily
 from drivers.cia402.scale import COUNT_MAX, COUNT_MIN, LengthScale
 from drivers.cia402.words import Mode
 from fidim_lab.errors import SetupError
@@ -66,6 +67,8 @@ class TemperatureObject:
 class Load(StrEnum):
     """What a drive tells of its load, in each bus cycle."""
 
+    VENDOR = "vendor"
+    """the family's own object"""
     CURRENT = "current"
     """6078, per mille of 6075"""
     TORQUE = "torque"
@@ -146,6 +149,10 @@ class WinchConfig:
     """in which the winch moves: profile position, or cyclic position (`CyclicWinch`)"""
     zero: StoredZero | None = None
     """what an earlier session has left of home_count; None: the rig file says it, and nothing is checked"""
+    family: DriveFamily = GENERIC_FAMILY
+    """units, vendor objects, and what it lacks"""
+    motor_counts: float | None = None
+    """encoder counts for one turn of the motor, for families that speak of rpm; None: no gear"""
     load: Load = Load.CURRENT
     torque_constant: float | None = None
     """N m/A, which turns a torque that the drive tells into the current that it stands for (load: torque)"""
@@ -172,9 +179,25 @@ class WinchConfig:
         return f"{self.name} (node {self.node_id})"
 
     @property
+    def counts_per_speed(self) -> float:
+        """counts/s for one digit of the drive's speeds; with another /s of its accelerations."""
+        turn = self.counts_per_turn if self.motor_counts is None else self.motor_counts
+        return turn / 60.0 if self.family.speed == "rpm" else 1.0
+
+    def drive_speed(self, metres: float) -> int:
+        """A speed (m/s) or acceleration (m/s²) without direction in the drive's units, at least 1."""
+        return max(1, round(abs(metres) * self.scale.counts_per_metre / self.counts_per_speed))
+
+    def cable_speed(self, digits: float) -> float:
+        """m/s of cable, positive pays out, of a velocity as the drive tells it (606C)."""
+        return self.scale.direction * digits * self.counts_per_speed / self.scale.counts_per_metre
+
+    @property
     def ampere_per_mille(self) -> float:
-        """A for one per mille of what the drive tells of its load."""
-        if self.load is Load.CURRENT or self.rated_torque is None or self.torque_constant is None:
+        """A for one digit (per mille of rated, unless a vendor object) of what the drive tells of its load."""
+        if self.load is Load.VENDOR and self.family.load_object is not None:
+            return self.family.load_object.ampere
+        if self.load is not Load.TORQUE or self.rated_torque is None or self.torque_constant is None:
             return self.rated_current / 1000.0
         return self.rated_torque / self.torque_constant / 1000.0
 

@@ -80,7 +80,7 @@ class CyclicWinch(Cia402Winch):
                 await self._drive.word(order, lambda _word: not self._moving, "the end of the stop ramp", seconds)
         elif state is not DriveState.QUICK_STOP_ACTIVE:
             raise DeviceError(self.config.device, f"cannot hold, it has no power: {state}.")
-        slowest = STANDSTILL * self._scale.magnitude(self.config.max_speed)
+        slowest = STANDSTILL * self.config.drive_speed(self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout)
 
     def latest(self) -> WinchSample | None:

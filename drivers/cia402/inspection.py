@@ -10,7 +10,7 @@ from drivers.cia402.bringup import used_pdos
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.machine import state_of
 from drivers.cia402.node import NodeLink
-from drivers.cia402.pdo import COB_MASK, COB_OFF, Entry, PdoMap, mapping_expected
+from drivers.cia402.pdo import COB_MASK, COB_OFF, Entry, PdoMap, VendorEntry, mapping_expected
 from drivers.cia402.sdo import SdoChannel, SdoRefusedError
 from drivers.cia402.settings import Check, Setting, identity, limits
 from drivers.cia402.zero import check_zero
@@ -139,6 +139,6 @@ async def _interpolation(sdo: SdoChannel) -> Inspected:
     return Inspected("60C2", "interpolation period", "any (profile position mode)", found, Standing.HOLDS)
 
 
-def _place(entry: Entry) -> tuple[int, int]:
+def _place(entry: Entry | VendorEntry) -> tuple[int, int]:
     index, sub, _ = entry.value
     return index, sub

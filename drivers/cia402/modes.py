@@ -31,7 +31,7 @@ async def switch_mode(winch: Cia402Winch, mode: Mode) -> None:
     if not await link.sdo.read(0x6502) >> (mode - 1) & 1:
         raise DeviceError(device, f"does not have the mode {mode_name(mode)} (6502).")
     order = drive.begin()
-    await drive.stand_still(order, STANDSTILL * winch.config.scale.magnitude(winch.config.max_speed), _STILL_WITHIN)
+    await drive.stand_still(order, STANDSTILL * winch.config.drive_speed(winch.config.max_speed), _STILL_WITHIN)
     values = drive.healthy()
     before, link.mode = link.mode, mode
     drive.target = values.position
@@ -60,7 +60,7 @@ async def jog(winch: Cia402Winch, speed: float, seconds: float) -> None:
     await switch_mode(winch, Mode.PROFILE_VELOCITY)
     order = winch.drive.begin()
     try:
-        signed = int(math.copysign(config.scale.magnitude(speed), speed * config.direction))
+        signed = int(math.copysign(config.drive_speed(speed), speed * config.direction))
         await sdo.write_verified(0x60FF, 0, signed)
         winch.drive.send(order, controlword(Command.ENABLE_OPERATION))
         await winch.clock.sleep(seconds)

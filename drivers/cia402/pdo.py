@@ -41,12 +41,32 @@ class Entry(Enum):
 
 
 @dataclass(frozen=True)
+class VendorEntry:
+    """A mappable object that the profile does not name."""
+
+    name: str
+    index: int
+    sub: int
+    code: str
+
+    @property
+    def value(self) -> tuple[int, int, str]:
+        """As of an `Entry`."""
+        return self.index, self.sub, self.code
+
+    @property
+    def mapping(self) -> int:
+        """As of an `Entry`."""
+        return self.index << 16 | self.sub << 8 | struct.calcsize(self.code) * 8
+
+
+@dataclass(frozen=True)
 class PdoMap:
     """One PDO of a drive: receive (host to drive) or transmit (drive to host), numbered from 1."""
 
     number: int
     transmit: bool
-    entries: tuple[Entry, ...]
+    entries: tuple[Entry | VendorEntry, ...]
     transmission: int
     """1: at every SYNC; 255: at once"""
 

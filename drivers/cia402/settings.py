@@ -1,5 +1,6 @@
 """What is compared with and written to a drive before it may have power, as a table. Pure."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from drivers.cia402.config import WinchConfig
@@ -75,7 +76,7 @@ def identity(config: WinchConfig, eds_identity: tuple[int, int]) -> tuple[Settin
     wanted.append(Setting(0x6075, 0, milliamperes, "rated current, mA", write=False))
     if config.rated_torque is not None:
         wanted.append(Setting(0x6076, 0, round(config.rated_torque * 1000), "rated torque, mN m", write=False))
-    return tuple(wanted)
+    return _as_family_has_it(config, wanted)
 
 
 def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
@@ -83,8 +84,8 @@ def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
     scale, stop = config.scale, config.stop
     low, high = sorted(scale.count(length) for length in config.length_limits)
     per_mille = round(1000 * config.current_limit / config.rated_current)
-    acceleration = scale.magnitude(config.max_acceleration)
-    return (
+    acceleration = config.drive_speed(config.max_acceleration)
+    wanted = (
         Setting(0x1017, 0, _milliseconds(config.heartbeat), "heartbeat of the drive, ms"),
         Setting(0x1016, 1, host_id << 16 | _milliseconds(config.host_timeout), "watch of the host's heartbeat"),
         Setting(0x1029, 1, stop.communication_error, "behaviour on communication error"),
@@ -98,11 +99,25 @@ def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
         Setting(0x6066, 0, _milliseconds(config.following_error_time), "following error time, ms"),
         Setting(0x6072, 0, per_mille, "highest torque, per mille of rated"),
         Setting(0x6073, 0, per_mille, "highest current, per mille of rated"),
-        Setting(0x607F, 0, scale.magnitude(config.max_speed), "highest profile velocity, counts/s"),
-        Setting(0x6083, 0, acceleration, "profile acceleration, counts/s²"),
-        Setting(0x6084, 0, acceleration, "profile deceleration, counts/s²"),
-        Setting(0x6085, 0, scale.magnitude(config.quick_stop_deceleration), "quick stop deceleration, counts/s²"),
+        Setting(0x607F, 0, config.drive_speed(config.max_speed), "highest profile velocity"),
+        Setting(0x6083, 0, acceleration, "profile acceleration"),
+        Setting(0x6084, 0, acceleration, "profile deceleration"),
+        Setting(0x6085, 0, config.drive_speed(config.quick_stop_deceleration), "quick stop deceleration"),
     )
+    return _as_family_has_it(config, (*wanted, *_current_limit(config)))
+
+
+def _current_limit(config: WinchConfig) -> tuple[Setting, ...]:
+    """Where the family keeps it in an object of its own."""
+    own = config.family.current_limit
+    if own is None:
+        return ()
+    return (Setting(own.index, own.sub, round(config.current_limit / own.ampere), "highest current, vendor object"),)
+
+
+def _as_family_has_it(config: WinchConfig, wanted: Iterable[Setting]) -> tuple[Setting, ...]:
+    """Without the objects that the drive family lacks."""
+    return tuple(setting for setting in wanted if setting.object not in config.family.absent)
 
 
 def interpolation(config: WinchConfig, period: float) -> tuple[Setting, ...]:

@@ -67,8 +67,7 @@ async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState
         link.send_controlword(controlword(Command.QUICK_STOP), 0)
     elif state is DriveState.SWITCHED_ON:  # on its way to be enabled: the motor does not hold anything yet
         link.send_controlword(controlword(Command.DISABLE_VOLTAGE), 0)
-    scale = config.scale
-    slowest = _STANDSTILL * scale.magnitude(config.max_speed)
+    slowest = _STANDSTILL * config.drive_speed(config.max_speed)
     deadline = clock.now() + config.step_timeout + config.max_speed / config.quick_stop_deceleration
     while True:
         state, speed = state_of(await link.sdo.read(0x6041)), abs(await link.sdo.read(0x606C))
@@ -76,7 +75,7 @@ async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState
         if not leaves and state not in (*_MOVES, DriveState.SWITCHED_ON) and speed <= slowest:
             return state
         if clock.now() >= deadline:
-            found = f"{state}, {scale.velocity(round(speed)):+.3f} m/s"
+            found = f"{state}, {config.cable_speed(speed):+.3f} m/s"
             raise DeviceError(config.device, f"was left running and does not stop: {found}.", hint="Stop it by hand.")
         await clock.sleep(_LOOK)
 

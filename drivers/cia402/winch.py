@@ -151,8 +151,8 @@ class Cia402Winch:
             self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
         elif state is not DriveState.QUICK_STOP_ACTIVE:
             raise DeviceError(self.config.device, f"cannot hold, it has no power: {state}.")
-        speed = abs(self._scale.velocity(values.velocity))
-        slowest = STANDSTILL * self._scale.magnitude(self.config.max_speed)
+        speed = abs(self.config.cable_speed(values.velocity))
+        slowest = STANDSTILL * self.config.drive_speed(self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
 
     def quick_stop(self) -> None:

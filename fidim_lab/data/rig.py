@@ -145,8 +145,10 @@ class WinchEntry:
     vendor_id: int | None
     product_code: int | None
     serial_number: int | None
-    load: str
-    """what the drive tells of its load: "current" (6078) or "torque" (6077)"""
+    family: str
+    """a built-in drive family, or a file of one"""
+    load: str | None
+    """what the drive tells of its load: "current" (6078) or "torque" (6077); None: as its family does"""
     mode: str
     """CiA 402 mode of moves: "profile-position" or "cyclic-position\""""
     multi_turn: bool

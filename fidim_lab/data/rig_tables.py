@@ -112,7 +112,8 @@ class WinchTable(Table):
     product_code: Annotated[int, Field(ge=0)] | None = None
     serial_number: Annotated[int, Field(ge=0)] | None = None
     mode: Literal["profile-position", "cyclic-position"] = "profile-position"
-    load: Literal["current", "torque"] = "current"
+    family: Name = "generic"
+    load: Literal["current", "torque"] | None = None
     encoder: Literal["multi-turn", "incremental"] = "incremental"
     turned: NotNegative = 2e-3
     temperature: TemperatureTable | None = None

@@ -8,10 +8,12 @@ import math
 from collections.abc import AsyncGenerator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.config import GENERIC_EDS, Load, StopReactions, StoredZero, TemperatureObject, WinchConfig
 from drivers.cia402.cyclic import make_winch
+from drivers.cia402.family import DriveFamily, family_path, read_family
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.takeover import refuse_other_master
 from drivers.cia402.winch import Cia402Winch
@@ -125,14 +127,17 @@ def winch_configs(file: RigFile, *, homing: bool = False) -> tuple[WinchConfig, 
     age = file.guards["stale_winch"].thresholds["age"]
     try:
         return tuple(
-            _winch_config(entry, winch.newton_per_ampere, age, homing)
+            _winch_config(entry, winch.newton_per_ampere, age, homing, file.path.parent)
             for entry, winch in zip(file.winches, winches, strict=True)
         )
     except SetupError as error:
         raise SetupError(f"{file.path}: {error.message}", hint=error.hint) from error
 
 
-def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float, homing: bool) -> WinchConfig:
+def _winch_config(
+    entry: WinchEntry, newton_per_ampere: float, sample_age: float, homing: bool, folder: Path
+) -> WinchConfig:
+    family = read_family(family_path(entry.family, folder))
     return WinchConfig(
         name=entry.name,
         node_id=entry.node_id,
@@ -162,11 +167,19 @@ def _winch_config(entry: WinchEntry, newton_per_ampere: float, sample_age: float
         sample_age=sample_age,
         current_offset=entry.tension.offset / newton_per_ampere,
         temperature=_temperature(entry),
-        load=Load(entry.load),
+        family=family,
+        motor_counts=entry.counts_per_turn,
+        load=_load(entry, family),
         torque_constant=entry.torque_constant,
         mode=MODES[entry.mode],
         zero=None if homing else _stored_zero(entry),
     )
+
+
+def _load(entry: WinchEntry, family: DriveFamily) -> Load:
+    if entry.load is None and family.load_object is not None:
+        return Load.VENDOR
+    return Load(entry.load or family.load)
 
 
 def _stored_zero(entry: WinchEntry) -> StoredZero | None:
