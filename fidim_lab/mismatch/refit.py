@@ -21,6 +21,7 @@ from fidim_lab.mismatch.ground import NEAR, Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.mismatch.sprung import begins_anew, stiffest
+from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown
 from fidim_lab.model.sensitivity.starts import tied
@@ -142,12 +143,17 @@ def refit(
     tried: Sequence[Hypothesis],
     starts: Sequence[Float[np.ndarray, " theta"]],
     context: Context,
+    *,
+    springs: bool = False,
+    phases: Float[np.ndarray, " W"] | None = None,
 ) -> Completed | None:
     """Fit the model with these effects from these θ; None where it does not get there.
 
     donor: the fit whose body and states are the start. Bounds hold inside the fit: what would cross one is held on it.
+    springs: cables that stretch are springs even where the donor follows the motion so well that first order does.
+    phases: of the last effect in each window (rad), where it has such as its one extra state.
     """
-    mechanism = _mechanism(ground, donor, tried, starts)
+    mechanism = _mechanism(ground, donor, tried, starts, springs)
     prior = ground.prior(
         np.concatenate([np.zeros(0), *(h.absent for h in tried)]),
         np.concatenate([np.zeros(0), *(_theta_sd(h) for h in tried)]),
@@ -160,6 +166,9 @@ def refit(
     states = donor.journey.optimum.point.states
     if begins_anew(mechanism, donor) or not mechanism.springs:
         states = replace(states, tensions=None)
+    if phases is not None and len(phases) == len(states.positions):
+        others = np.zeros((len(phases), extra_count(mechanism) - 1)) if states.astray is None else states.astray
+        states = replace(states, astray=np.column_stack([others, phases]))
     for _ in range(ROUNDS):
         start = Point(shared, tied(mechanism, shared, states, ground.likelihood.begins))
         found = settle(ground, donor, mechanism, start, prior, free)
@@ -219,11 +228,16 @@ def _guesses_of_springs(
     return first_guesses(stretched, completed.fit.body, recordings, completed.fit.values[BODY:])
 
 
-def _mechanism(ground: Ground, donor: Fit, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray]) -> Mechanism:
+def _mechanism(
+    ground: Ground, donor: Fit, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray], springs: bool
+) -> Mechanism:
     """The model with the effects."""
     base = ground.likelihood.mechanism
     effects, theta = tuple(h.effect for h in tried), np.concatenate([np.zeros(0), *starts]).tolist()
-    if any(stretches(effect) for effect in effects) and (donor.likelihood.mechanism.springs or donor.excess >= NEAR):
+    # first order differentiates forces twice: beside states of their own its expressions grow beyond reason
+    springs = springs or any(effect.extra_states for effect in effects)
+    springs = springs or donor.likelihood.mechanism.springs or donor.excess >= NEAR
+    if springs and any(stretches(effect) for effect in effects):
         return Mechanism(base.robot, effects, theta, native=base.native, springs=True)
     return Mechanism(base.robot, effects, theta, native=base.native)
 

@@ -42,6 +42,8 @@ class Score:
     """half the gain less what its freedom costs (Laplace): of the completed model against the model as it is"""
     share: float = 0.0
     """of what the best possible combination of all hypotheses would take away"""
+    phases: Float[np.ndarray, " W"] | None = None
+    """of a periodic effect in each window, rad; None where it has none of its own"""
 
     @property
     def label(self) -> str:

@@ -135,7 +135,7 @@ class _Search:
             thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
             found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context)
             if found is not None:
-                fresh.append(self._judged(found))
+                fresh.append(self._judged(self._widened(found, found.tried)))
         self.tried += fresh
         return self._accepted(baseline, fresh)
 
@@ -183,16 +183,22 @@ class _Search:
         thetas = [best.theta_of(k)[0] for k in kept]
         thetas += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
         tried = (*(best.tried[k] for k in kept), *score.tried)
-        found = refit(self._ground(best), best.fit, tried, thetas, self.start.context)
-        return None if found is None else self._widened(found, score)
+        found = refit(self._ground(best), best.fit, tried, thetas, self.start.context, phases=score.phases)
+        return None if found is None else self._widened(found, score.tried)
 
-    def _widened(self, model: Completed, new: Score) -> Completed:
-        """With a more general form of a new term, where the simple one leaves structure and the other much less."""
+    def _widened(self, model: Completed, new: Sequence[Hypothesis]) -> Completed:
+        """With a more general form of a new term, where the simple one leaves structure and the other much less.
+
+        For cables that stretch these are springs: let go by hand they ring, which first order does not know.
+        """
         if whiteness(model.leftovers).is_white:
             return model
         thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
-        fresh = {term.effect for term in new.tried}
+        fresh = {term.effect for term in new}
         found: list[Completed] = []
+        if not model.mechanism.springs and any(stretches(effect) for effect in fresh):
+            sprung = refit(self._ground(model), model.fit, model.tried, thetas, self.start.context, springs=True)
+            found += [] if sprung is None else [sprung]
         for k, term in enumerate(model.tried):
             for effect, start in term.effect.wider(thetas[k], model.mechanism.robot) if term.effect in fresh else ():
                 tried = [*model.tried[:k], general(effect, start), *model.tried[k + 1 :]]

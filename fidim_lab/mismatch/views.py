@@ -12,8 +12,16 @@ from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.columns_sprung import SprungScorer
 from fidim_lab.mismatch.ground import NEAR, SHORT, nearer
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
+from fidim_lab.mismatch.own_phase import own_phase_scores
 from fidim_lab.mismatch.refit import Completed, can_refit
-from fidim_lab.mismatch.score import Projected, Score, pair_scores, project, single_scores
+from fidim_lab.mismatch.score import (
+    Projected,
+    Score,
+    pair_scores,
+    projected,
+    single_scores,
+    window_grams,
+)
 from fidim_lab.mismatch.whiteness import spectrum
 
 ENOUGH = 5.0
@@ -117,8 +125,22 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     likely = _likely_frequencies(found, sorted({float(h.absent[-1]) for h in left.periodic}))
     left = replace(left, periodic=tuple(h for h in left.periodic if float(h.absent[-1]) in likely))
     scorer = SprungScorer if model.mechanism.springs else Scorer
-    projected = project(scorer(model.mechanism, left), found, found.likelihood, simulation)
-    return View(model, projected, single_scores(projected, context), context)
+    scored = scorer(model.mechanism, left)
+    grams = window_grams(scored, found.likelihood, simulation)
+    seen = projected(scored, found, grams)
+    same = single_scores(seen, context)
+    singles = (*same, *_own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model))
+    return View(model, seen, tuple(sorted(singles, key=lambda score: -score.log_evidence)), context)
+
+
+def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) -> tuple[Score, ...]:
+    """Tones with a phase of each window, where they say more than the same ones with one phase."""
+    inside = {h.effect.id for h in model.tried}
+    least: dict[str, float] = {}
+    for score in same:
+        least.setdefault(score.tried[0].effect.id, score.log_evidence + ENOUGH)
+    useful = (score for score in own if score.log_evidence > least.get(score.tried[0].effect.id, ENOUGH))
+    return tuple(score for score in useful if score.tried[0].effect.id not in inside)
 
 
 def _followed(found: Fit) -> Fit:

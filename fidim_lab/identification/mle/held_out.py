@@ -1,7 +1,7 @@
 """Windows that the fit has not seen: only their own initial state is fitted, the shared parameters are held."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,16 +9,20 @@ from fidim_lab.data.records import Body, Sensors
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import likelihood_of
 from fidim_lab.identification.mle.judge import Remainder, remainder
-from fidim_lab.identification.mle.likelihood import Point
+from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import Journey, grow
 from fidim_lab.identification.mle.start import Guess, first_guesses
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.integrate import States
+from fidim_lab.model.sensitivity.starts import spreads
 
 HORIZONS = (0.5, 3.0)
 """s; the parameters are known, so the strides may be long"""
+PHASES = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
+"""rad, at which own states begin that may have any value"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +83,32 @@ def _predicted(
     likelihood = likelihood_of(mechanism, shared, recordings, [guess for _, guess in begun], sensors)
     nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
     held = np.zeros(len(shared), dtype=bool)
-    journey = grow(likelihood, Point(shared, likelihood.guesses), nothing, held, HORIZONS)
-    if journey is not None:
-        simulation = journey.optimum.simulation
-        return [Prediction(journey, remainder(likelihood, simulation, w), w) for w in range(len(begun))]
+    tried = [
+        grow(likelihood, Point(shared, states), nothing, held, HORIZONS)
+        for states in _starts(mechanism, likelihood.guesses)
+    ]
+    journeys = [journey for journey in tried if journey is not None]
+    if journeys:
+        return [_best([_prediction(likelihood, journey, w) for journey in journeys]) for w in range(len(begun))]
     if len(begun) == 1:
         says = f"Window {recordings[0].window.id}: its motion cannot be simulated with these parameters."
         return [RefusedError(says)]
     return [_predicted(mechanism, shared, [one], sensors)[0] for one in begun]
+
+
+def _starts(mechanism: Mechanism, guesses: States) -> list[States]:
+    """Where to begin: of which nothing is known before (a phase), at several values, for it may be found or missed."""
+    spread = spreads(mechanism)
+    if not np.isinf(spread).any():
+        return [guesses]
+    shape = (len(guesses.positions), len(spread))
+    return [replace(guesses, astray=np.where(np.isinf(spread), phase, np.zeros(shape))) for phase in PHASES]
+
+
+def _prediction(likelihood: Likelihood, journey: Journey, w: int) -> Prediction:
+    return Prediction(journey, remainder(likelihood, journey.optimum.simulation, w), w)
+
+
+def _best(found: list[Prediction]) -> Prediction:
+    """The one that follows longest, and of those the closest."""
+    return min(found, key=lambda one: (-one.remainder.dof, one.remainder.chi2))
