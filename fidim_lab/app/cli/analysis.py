@@ -209,9 +209,31 @@ def benchmark_explain(**options: Any) -> None:
 @click.option("--processes", type=click.IntRange(1), default=None, help="Local processes; default one a core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Of a dask cluster, instead of local processes.")
 @click.option("--study", is_flag=True, help="C over 8–16 equilibria and 50–150 samples instead of one design.")
-@example("fidim design --robot robot.toml --starts 20 --out design")
-def design(**options: Any) -> None:
-    """Find the equilibria and displacements whose free motion tells most about the body."""
+@click.option(
+    "--after", type=FILE, default=None, help="What to record next after an explanation.json or a result.json."
+)
+@click.option("--campaign", type=FOLDER, default=None, help="Of --after; default the folder that the file is in.")
+@example(
+    "fidim design --robot robot.toml --starts 20 --out design\n"
+    "      fidim design --after runs/dry-run-1/explanation.json --out next"
+)
+def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
+    """Find the equilibria and displacements whose free motion tells most about the body.
+
+    With --after: those that tell effects apart that the recordings could not, with the odds; exit 1 where none does.
+    After a result, or where nothing is in question, the window that tells most about the body.
+    """
+    if after is not None:
+        from fidim_lab.app.design_after import AfterOptions, after_command
+        from fidim_lab.identification.design.task import Criterion
+
+        given = options["criterion"]
+        criterion = Criterion.A if given == Criterion.C else Criterion(given)
+        sys.exit(
+            after_command(
+                AfterOptions(after, campaign, criterion, options["seed"], options["out"], options["json_file"])
+            )
+        )
     from fidim_lab.app.design import DesignOptions, design_command
 
     sys.exit(design_command(DesignOptions(**options)))

@@ -206,4 +206,5 @@ def _figures(motions: Motions) -> tuple[Float[np.ndarray, "W 10 10"], Float[np.n
     with np.errstate(invalid="ignore"):
         beyond = np.nan_to_num(worst_of_kinds(motions), nan=np.inf)
     W = motions.regressors[:, motions.sampled].reshape(len(beyond), -1, 10)
-    return np.swapaxes(W, 1, 2) @ W, beyond
+    with np.errstate(over="ignore", invalid="ignore"):  # of motions that break down, which are beyond every limit
+        return np.swapaxes(W, 1, 2) @ W, beyond

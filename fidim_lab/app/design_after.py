@@ -1,0 +1,147 @@
+"""`fidim design --after FILE`: what to record next, after an explanation or a result."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.app import console
+from fidim_lab.app.report.explanation_file import ExplanationTable, read_explanation
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.plan_file import write_plan
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Plan, PlannedWindow, Role
+from fidim_lab.data.toml_file import read_text
+from fidim_lab.errors import FileError, SetupError
+from fidim_lab.identification.design.next_window import NextWindow
+from fidim_lab.identification.design.task import Criterion
+from fidim_lab.identification.result_file import read_result
+from fidim_lab.mismatch.next_windows import to_know, to_separate
+from fidim_lab.mismatch.separate import Claim, Proposal
+from fidim_lab.model.equilibria import pose_from_lengths
+from fidim_lab.model.mechanism import Mechanism
+
+FORMAT = "fidim-next/1"
+
+
+@dataclass(frozen=True)
+class AfterOptions:
+    """As on the command line."""
+
+    after: Path
+    """explanation.json or result.json"""
+    campaign: Path | None
+    """its folder; that of the file unless given"""
+    criterion: Criterion
+    seed: int
+    out: Path | None
+    json_file: Path | None
+
+
+def after_command(options: AfterOptions) -> int:
+    """Propose, write, print. 1 where nothing that can be recorded separates what is in question.
+
+    Raises FileError for what is neither file, SetupError without a campaign, or as the design does.
+    """
+    folder = options.campaign or options.after.parent
+    if not (folder / "campaign.toml").exists():
+        raise SetupError(
+            f"{folder} is no campaign; odds depend on what has been recorded.", hint="Say which: --campaign FOLDER."
+        )
+    campaign = read_campaign(folder)
+    explained = _explanation(options.after)
+    claims = [] if explained is None else claims_of(explained)
+    with console.err.status("looking at windows that could be recorded"):
+        if explained is None or not claims:
+            known = to_know(campaign, criterion=options.criterion, seed=options.seed)
+            plan, table, code = _plan(campaign, [known.z]), _known_table(known), 0
+            lines = _known_lines(known)
+        else:
+            noise = float(np.sqrt(max(1.0, explained.held_out.chi2_per_dof.after or 1.0)))
+            body = np.array([explained.parameters[name].value for name in PARAMETER_NAMES])
+            found = to_separate(campaign, claims, body, noise=noise, seed=options.seed)
+            windows = [np.concatenate([w.lengths, w.displacement]) for one in found for w in one.windows]
+            plan, table = _plan(campaign, windows), {"claims": [_claim_table(one) for one in found]}
+            lines, code = [one.says for one in found], int(not all(one.separates for one in found))
+    _write(options, plan, {"format": FORMAT, "campaign": campaign.name, **table})
+    console.out.print("\n".join(lines), markup=False)
+    return code
+
+
+def claims_of(explained: ExplanationTable) -> list[Claim]:
+    """The effects that something else may stand for."""
+    return [
+        Claim(e.id, e.cable, tuple(float(p.value or 0.0) for p in e.parameters.values()), e.equivalent_to)
+        for e in explained.effects
+        if e.equivalent_to and e.parameters
+    ]
+
+
+def _explanation(path: Path) -> ExplanationTable | None:
+    """None for a result."""
+    try:
+        format_ = json.loads(read_text(path)).get("format")
+    except (ValueError, AttributeError):
+        raise FileError(path, "", "is no JSON object", hint="An explanation or a result is expected.") from None
+    if format_ == "fidim-explanation/1":
+        return read_explanation(path)
+    read_result(path)  # its mistakes are said
+    return None
+
+
+def _plan(campaign: Campaign, windows: list[np.ndarray]) -> Plan:
+    robot = campaign.robot
+    mechanism, n = Mechanism(robot), robot.n
+    planned: list[PlannedWindow] = []
+    for number, z in enumerate(windows, start=1):
+        rest = pose_from_lengths(mechanism, robot.nominal, z[:n])
+        aside = np.pad(z[n:], (0, max(0, 2 - len(z[n:]))))[:2]
+        place = rest.marker_position(robot.marker)
+        planned.append(PlannedWindow(f"next{number:02d}", Role.IDENTIFY, z[:n], aside, place))
+    return Plan(f"{campaign.name}-next", tuple(planned))
+
+
+def _write(options: AfterOptions, plan: Plan, table: dict[str, object]) -> None:
+    if options.json_file is not None:
+        options.json_file.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    if options.out is not None and plan.windows:
+        options.out.mkdir(parents=True, exist_ok=True)
+        write_plan(options.out / "plan.toml", plan)
+        (options.out / "next.json").write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+
+
+def _claim_table(found: Proposal) -> dict[str, object]:
+    return {
+        "effect": found.claim.id,
+        "cable": found.claim.cable,
+        "rivals": list(found.claim.rivals),
+        "markers": found.markers,
+        "separates": found.separates,
+        "odds_now": round(found.before.probability, 4),
+        "windows": [
+            {
+                "lengths": [round(float(v), 5) for v in window.lengths],
+                "displacement": [round(float(v), 5) for v in window.displacement],
+                "odds": round(odds.probability, 4),
+                "rival": odds.rival,
+            }
+            for window, odds in zip(found.windows, found.after, strict=True)
+        ],
+        "says": found.says,
+    }
+
+
+def _known_table(known: NextWindow) -> dict[str, object]:
+    return {
+        "window": [round(float(v), 5) for v in known.z],
+        "sd_now": dict(zip(PARAMETER_NAMES, known.sd_before.tolist(), strict=True)),
+        "sd_after": dict(zip(PARAMETER_NAMES, known.sd_after.tolist(), strict=True)),
+    }
+
+
+def _known_lines(known: NextWindow) -> list[str]:
+    parts = ", ".join(
+        f"{name} {before:.1e} → {after:.1e}"
+        for name, before, after in zip(PARAMETER_NAMES, known.sd_before, known.sd_after, strict=True)
+    )
+    return ["Nothing is in question but the body. The window that tells most about it:", f"predicted sd  {parts}"]

@@ -1,0 +1,111 @@
+"""What to record next for a campaign: `to_separate` for effects that could not be told apart, `to_know` for the body.
+
+Both look at random windows that obey all the robot's limits. `compare` and `fidim design --after` ask here.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Campaign, Robot, Role, Window
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.design import pool
+from fidim_lab.identification.design.information import information
+from fidim_lab.identification.design.next_window import NextWindow, next_window
+from fidim_lab.identification.design.task import Criterion, DesignTask
+from fidim_lab.identification.design.windows import place
+from fidim_lab.mismatch.separate import MOST_WINDOWS, Claim, Proposal, Trial, separating, with_markers
+from fidim_lab.model.mechanism import Mechanism
+
+POOL = 36
+"""random windows among which the best is chosen"""
+
+
+def to_separate(
+    campaign: Campaign,
+    claims: Sequence[Claim],
+    body: Float[np.ndarray, "9"] | None = None,
+    *,
+    noise: float = 1.0,
+    seed: int = 1,
+    native: bool = True,
+) -> tuple[Proposal, ...]:
+    """For each claim the windows that tell it from its rivals; with three markers where one is not enough.
+
+    campaign: what has been recorded. body: nine base parameters as identified. noise: √(χ²/dof) of the completed model.
+    A proposal whose `separates` is False says that no window of the pool does, with any of these sensors. Raises
+    SetupError for robots that windows cannot be designed for, InfeasibleError where hardly any obeys the limits.
+    """
+    robot = campaign.robot
+    task = DesignTask(robot, equilibria=1, native=native)
+    mechanism = task.mechanism()
+    recorded = _recorded(mechanism, task, campaign)
+    trials = [_trial(mechanism, task, z) for z in _pool(mechanism, task, seed).z]
+    found: list[Proposal] = []
+    for claim in claims:
+        first = separating(robot, claim, recorded, trials, body, noise=noise, native=native)
+        if not first.separates:
+            better = _with_more(robot, claim, recorded, trials, body, noise, native)
+            first = better if better.after[-1].non_centrality > 2 * first.after[-1].non_centrality else first
+        found.append(first)
+    return tuple(found)
+
+
+def to_know(
+    campaign: Campaign, *, criterion: Criterion = Criterion.A, seed: int = 1, native: bool = True
+) -> NextWindow:
+    """The window that shrinks the covariance of the body most, given the windows there are.
+
+    Raises as `to_separate`.
+    """
+    task = DesignTask(campaign.robot, equilibria=1, criterion=criterion, native=native)
+    mechanism = task.mechanism()
+    placed = [place(mechanism, task, z) for z in _seen(task, campaign)]
+    if not placed:
+        raise InfeasibleError("No window of the campaign tells lengths, marker and equilibrium: nothing is known yet.")
+    known = information(mechanism, task, placed).sum(axis=0)
+    return next_window(mechanism, task, np.linalg.pinv(known), _pool(mechanism, task, seed))
+
+
+def _with_more(
+    robot: Robot,
+    claim: Claim,
+    recorded: Sequence[Trial],
+    trials: Sequence[Trial],
+    body: np.ndarray | None,
+    noise: float,
+    native: bool,
+) -> Proposal:
+    """With more windows, and with three markers on the platform."""
+    return separating(with_markers(robot), claim, recorded, trials, body, more=MOST_WINDOWS, noise=noise, native=native)
+
+
+def _pool(mechanism: Mechanism, task: DesignTask, seed: int) -> pool.Pool:
+    return pool.draw(mechanism, task, POOL, np.random.default_rng([seed, 3]), lambda _: None)
+
+
+def _trial(mechanism: Mechanism, task: DesignTask, z: np.ndarray) -> Trial:
+    return Trial(z[: task.robot.n], z[task.robot.n :], place(mechanism, task, z).start)
+
+
+def _recorded(mechanism: Mechanism, task: DesignTask, campaign: Campaign) -> list[Trial]:
+    return [_trial(mechanism, task, z) for z in _seen(task, campaign)]
+
+
+def _seen(task: DesignTask, campaign: Campaign) -> list[Float[np.ndarray, " z"]]:
+    """Lengths and displacement of each window that was recorded to identify from, as they were."""
+    found = (_unknowns(task, window) for window in campaign.of_role(Role.IDENTIFY))
+    return [z for z in found if z is not None]
+
+
+def _unknowns(task: DesignTask, window: Window) -> Float[np.ndarray, " z"] | None:
+    if window.lengths is None or window.equilibrium is None:
+        return None
+    there = np.flatnonzero(np.isfinite(window.markers[:, 0]).all(axis=1))
+    lengths = np.nanmean(window.lengths, axis=0)
+    if not len(there) or not np.isfinite(lengths).all():
+        return None
+    away = window.markers[there, 0][:, list(task.axes)] - window.equilibrium[list(task.axes)]
+    # where it swings through its largest displacement it is nearly at rest, as where it was let go
+    return np.concatenate([lengths, away[int(np.argmax(np.linalg.norm(away, axis=1)))]])

@@ -1,0 +1,151 @@
+"""The next best experiment: odds, gauges that nothing separates, the windows that are proposed."""
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import ncx2
+
+from fidim_lab.app.design_after import AfterOptions, after_command, claims_of
+from fidim_lab.app.report.explanation_file import ExplanationTable
+from fidim_lab.data.campaign import write_campaign
+from fidim_lab.data.plan_file import read_plan
+from fidim_lab.data.records import Campaign, Robot, Role, Window
+from fidim_lab.data.robot_file import write_robot
+from fidim_lab.errors import InfeasibleError, SetupError
+from fidim_lab.identification.design import pool
+from fidim_lab.identification.design.task import Criterion, DesignTask
+from fidim_lab.identification.design.windows import place
+from fidim_lab.mismatch.next_windows import to_know, to_separate
+from fidim_lab.mismatch.separate import Claim, Odds, Trial, separating, with_markers
+
+
+@pytest.fixture(scope="module")
+def trials(irma4: Robot) -> list[Trial]:
+    task = DesignTask(irma4, equilibria=1)
+    mechanism = task.mechanism()
+    drawn = pool.draw(mechanism, task, 12, np.random.default_rng(4), lambda _: None)
+    return [Trial(z[:4], z[4:], place(mechanism, task, z).start) for z in drawn.z]
+
+
+def campaign_of(robot: Robot, trials: list[Trial]) -> Campaign:
+    task = DesignTask(robot, equilibria=1)
+    mechanism = task.mechanism()
+    t = np.arange(0, 1, 0.01)
+    windows = []
+    for number, one in enumerate(trials, start=1):
+        placed = place(mechanism, task, np.concatenate([one.lengths, one.displacement]))
+        rest = placed.rest.position + placed.rest.rotation @ robot.marker
+        start = one.start.position + one.start.rotation @ robot.marker
+        markers = rest + np.cos(2 * t)[:, None] * (start - rest)
+        lengths = np.tile(one.lengths, (len(t), 1))
+        windows.append(Window(f"i{number:02d}", Role.IDENTIFY, t, markers[:, None], lengths, None, rest))
+    return Campaign("c", robot, 100.0, tuple(windows))
+
+
+def test_more_windows_separate_an_anchor_from_a_length(irma4: Robot, trials: list[Trial]):
+    claim = Claim("cable-length-bias", 2, (2e-3,), ("anchor-offset",))
+    found = separating(irma4, claim, trials[:2], trials[2:], more=4)
+    values = [found.before.non_centrality, *(odds.non_centrality for odds in found.after)]
+    assert all(b > a for a, b in pairwise(values))
+    # the first proposal is the best of all single ones
+    for one in trials[2:5]:
+        alone = separating(irma4, claim, trials[:2], [one], more=1)
+        assert alone.after[0].non_centrality <= found.after[0].non_centrality * (1 + 1e-9)
+    odds = found.after[-1]
+    assert odds.probability == pytest.approx(ncx2.sf(10.0, 1, odds.non_centrality))
+    assert odds.rival in found.says
+
+
+def test_twice_the_effect_is_four_times_as_clear_and_noise_undoes_it(irma4: Robot, trials: list[Trial]):
+    def clear(size: float, noise: float = 1.0) -> float:
+        claim = Claim("rotational-drag", None, (size,), ("swivel-damping",))
+        return separating(irma4, claim, trials[:1], trials[1:2], more=1, noise=noise).before.non_centrality
+
+    assert clear(0.02) == pytest.approx(4 * clear(0.01), rel=1e-6)
+    assert clear(0.02, noise=2.0) == pytest.approx(clear(0.01), rel=1e-2)  # priors of a start stay
+
+
+def test_a_gauge_is_said_to_be_none_that_free_motion_separates(irma4: Robot, trials: list[Trial]):
+    claim = Claim("gravity-tilt", None, (2e-3, 1e-3), ("constant-force",))
+    found = to_separate(campaign_of(irma4, trials[:3]), [claim])[0]
+    assert not found.separates
+    assert "hardly separates" in found.says
+    assert found.after[-1].probability < 0.1
+
+
+def test_what_has_no_score_is_refused_by_name(irma4: Robot, trials: list[Trial]):
+    with pytest.raises(InfeasibleError, match="hand-contact"):
+        separating(irma4, Claim("hand-contact", None, (1.0,), ("constant-force",)), trials[:1], trials[1:2])
+    with pytest.raises(InfeasibleError, match="stand in its place"):
+        separating(irma4, Claim("rotational-drag", None, (0.1,), ("unknown",)), trials[:1], trials[1:2])
+
+
+def test_three_markers_are_three_in_general_position(irma4: Robot):
+    one = replace(irma4, extra_markers=())
+    markers = with_markers(one).markers
+    assert len(markers) == 3
+    assert np.linalg.matrix_rank(markers[1:] - markers[0]) == 2
+    assert with_markers(with_markers(one)).markers.shape == markers.shape
+
+
+def test_after_a_result_the_window_that_tells_most(irma4: Robot, trials: list[Trial]):
+    found = to_know(campaign_of(irma4, trials[:2]))
+    assert (found.sd_after <= found.sd_before * (1 + 1e-9)).all()
+    assert found.sd_after.sum() < 0.9 * found.sd_before.sum()
+
+
+def test_command_writes_a_plan_that_runs(irma4: Robot, trials: list[Trial], tmp_path: Path):
+    campaign = campaign_of(irma4, trials[:2])
+    write_robot(tmp_path / "robot.toml", irma4)
+    write_campaign(tmp_path, campaign)
+    parameters = {
+        name: {"value": float(v), "sd": 1e-5, "nominal": float(v)}
+        for name, v in zip(
+            ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz"), irma4.nominal.vector, strict=True
+        )
+    }
+    explanation = {
+        "format": "fidim-explanation/1",
+        "campaign": "c",
+        "verdict": "explained",
+        "effects": [
+            {
+                "id": "cable-length-bias",
+                "cable": 2,
+                "equivalent_to": ["anchor-offset"],
+                "parameters": {"bias": {"value": 5e-3, "sd": 1e-4, "unit": "m"}},
+            }
+        ],
+        "where": [],
+        "held_out": {"chi2_per_dof": {"before": 9.0, "after": 1.0}, "rms_mm": {"before": 1.0, "after": 0.1}},
+        "ranking": [],
+        "parameters": parameters,
+        "parameters_before": parameters,
+        "next_experiment": None,
+        "message": "m",
+        "seconds": 1.0,
+    }
+    (tmp_path / "explanation.json").write_text(json.dumps(explanation))
+    assert claims_of(ExplanationTable.model_validate(explanation))[0].theta == (5e-3,)
+    options = AfterOptions(tmp_path / "explanation.json", None, Criterion.A, 1, tmp_path / "next", tmp_path / "n.json")
+    after_command(options)
+    table = json.loads((tmp_path / "n.json").read_text())
+    assert table["format"] == "fidim-next/1"
+    assert table["claims"][0]["windows"]
+    plan = read_plan(tmp_path / "next" / "plan.toml", irma4.n)
+    assert len(plan.windows) == len(table["claims"][0]["windows"])
+
+
+def test_without_a_campaign_it_says_so(tmp_path: Path):
+    (tmp_path / "explanation.json").write_text("{}")
+    with pytest.raises(SetupError, match="--campaign"):
+        after_command(AfterOptions(tmp_path / "explanation.json", None, Criterion.A, 1, None, None))
+
+
+def test_odds_know_what_is_clear():
+    assert Odds("x", 40.0, 0.95).clear
+    assert not Odds("x", 4.0, 0.2).clear
