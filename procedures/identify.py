@@ -12,6 +12,7 @@ from fidim_lab.data.records import Plan, PlannedWindow, Robot
 from fidim_lab.errors import InfeasibleError
 from procedures.control import Retried, Skipped
 from procedures.displacing import displace, free
+from procedures.enough import windows_of
 from procedures.outcomes import Outcome
 from procedures.settings import Settings
 from procedures.steps import (
@@ -64,9 +65,7 @@ def identify(
     protocol = WindowProtocol(robot, settings or Settings(), route, made or {})
     at = (yield Enable()).values
     yield from free(protocol.settings)
-    swinging = False
-    for planned in plan.windows:
-        at, swinging = yield from protocol.window(planned, at, swinging)
+    yield from windows_of(plan, protocol, at)
 
 
 class WindowProtocol:

@@ -8,7 +8,7 @@ import tomli_w
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.data.records import Plan, PlannedWindow, Pose, Role
+from fidim_lab.data.records import Accuracy, Plan, PlannedWindow, Pose, Role
 from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.errors import FileError
 
@@ -34,11 +34,19 @@ class PlannedWindowTable(Table):
     pose: PoseTable | None = None
 
 
+class AccuracyTable(Table):
+    """`accuracy = { s = …, I = … }`: largest standard deviations, m and m² per unit mass."""
+
+    s: Annotated[float, Field(gt=0)]
+    inertia: Annotated[float, Field(gt=0, alias="I")]
+
+
 class PlanTable(Table):
     """The whole file."""
 
     format: Literal["fidim-plan/1"]
     name: str
+    accuracy: AccuracyTable | None = None
     window: Annotated[list[PlannedWindowTable], Field(min_length=1)]
 
 
@@ -62,6 +70,7 @@ def read_plan(path: Path, cables: int) -> Plan:
             )
             for w in table.window
         ),
+        accuracy=None if table.accuracy is None else Accuracy(table.accuracy.s, table.accuracy.inertia),
     )
 
 
@@ -76,6 +85,7 @@ def write_plan(path: Path, plan: Plan) -> None:
     table = {
         "format": FORMAT,
         "name": plan.name,
+        **({} if plan.accuracy is None else {"accuracy": {"s": plan.accuracy.s, "I": plan.accuracy.inertia}}),
         "window": [
             {
                 "id": w.id,

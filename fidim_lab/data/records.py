@@ -217,9 +217,26 @@ class PlannedWindow:
     """that the platform is known to have there, for homing; None: its lengths are known"""
 
 
+@dataclass(frozen=True)
+class Accuracy:
+    """How well the body is to be known: largest standard deviations, per unit mass, about P."""
+
+    s: float
+    """m, of each coordinate of the centre of mass"""
+    inertia: float
+    """m², of each moment and product of inertia"""
+
+    @property
+    def says(self) -> str:
+        """For people."""
+        return f"s within {self.s:g} m and I within {self.inertia:g} m²"
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """The windows of one experiment, in the order in which they are visited."""
 
     name: str
     windows: tuple[PlannedWindow, ...]
+    accuracy: Accuracy | None = None
+    """once it is reached, no further window is recorded to identify from"""

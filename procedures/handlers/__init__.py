@@ -4,6 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from procedures.handlers.accuracy import check_accuracy
 from procedures.handlers.excitation import see_recorded_swing, strokes, think, watch_swing
 from procedures.handlers.hand import ask, await_hands_off
 from procedures.handlers.home import configure, measure_pose, set_lengths
@@ -38,6 +39,7 @@ from procedures.steps import (
     TakeHold,
     Verdict,
 )
+from procedures.steps.accuracy import CheckAccuracy
 from procedures.steps.excitation import SeeRecordedSwing, Strokes, Think, WatchSwing
 
 Handler = Callable[[Stand, Any], Awaitable[Result]]
@@ -70,6 +72,7 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         WatchSwing: watch_swing,
         SeeRecordedSwing: see_recorded_swing,
         Think: think,
+        CheckAccuracy: check_accuracy,
     }
 )
 """`Stop` has none: it ends the run, which is the engine's own matter."""

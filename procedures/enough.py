@@ -1,0 +1,39 @@
+"""Windows one after another, until all are recorded or the plan's accuracy is reached: `windows_of`."""
+
+from collections.abc import Generator
+from typing import Protocol
+
+from fidim_lab.data.records import Plan, PlannedWindow, Role
+from procedures.outcomes import Outcome
+from procedures.steps import GiveUp, Lengths, Note, Result, Step, Steps
+from procedures.steps.accuracy import REACHED, CheckAccuracy
+
+FEWEST = 4
+"""identify windows before the first look: fewer give no spread between windows to hold the stated sd against"""
+
+
+class Records(Protocol):
+    """What records one window: a `WindowProtocol`."""
+
+    def window(
+        self, planned: PlannedWindow, at: Lengths, swinging: bool
+    ) -> Generator[Step, Result, tuple[Lengths, bool]]:
+        """Returns where the robot is, and whether it swings."""
+        ...
+
+
+def windows_of(plan: Plan, protocol: Records, at: Lengths) -> Steps:
+    """All windows; once the accuracy is reached, those to identify from are left out, held-out ones are not."""
+    swinging, recorded, enough = False, 0, ""
+    for planned in plan.windows:
+        identifies = planned.role is Role.IDENTIFY
+        if identifies and enough:
+            yield GiveUp(window=planned.id, outcome=Outcome.PASS, reason=f"not needed: {enough}")
+            continue
+        at, swinging = yield from protocol.window(planned, at, swinging)
+        recorded += identifies
+        if plan.accuracy is not None and identifies and recorded >= FEWEST:
+            result = yield CheckAccuracy(window=planned.id, accuracy=plan.accuracy)
+            if result.answer == REACHED:
+                enough = result.reason
+                yield Note(remark=enough)

@@ -1,0 +1,26 @@
+"""The step of a plan that names an accuracy: is the body known well enough already?"""
+
+from dataclasses import dataclass
+
+from fidim_lab.data.records import Accuracy
+from procedures.steps.base import Step
+
+REACHED = "reached"
+"""the answer of `CheckAccuracy` where no further window is needed"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckAccuracy(Step):
+    """Identify from the windows so far, in a process of its own. Answer REACHED, or none; the reason says how far."""
+
+    accuracy: Accuracy
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return f"identify from the windows so far: {self.accuracy.says} is wanted"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return 8.0
