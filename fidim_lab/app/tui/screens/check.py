@@ -34,5 +34,5 @@ def _said(event: Happening, width: int) -> list[Line]:
     holds = event.outcome == HOLDS
     style: Style = "" if holds else "warn"
     begin = f"{event.window}: " if event.window else ""
-    mark = "model  " if holds else "! model  "
+    mark = "model " if holds else "! model "
     return [line(Span(text, style)) for text in wrapped(f"{mark}{begin}{event.text}", width)]

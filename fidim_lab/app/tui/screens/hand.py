@@ -43,7 +43,7 @@ def hand_lines(view: View, height: int) -> list[Line]:
     question = view.question
     if question is None or not question.displacement or view.contact is not Contact.LIVE:
         return []
-    axes = min((height - 1) // (ROWS + 1), 3)
+    axes = min(height // (ROWS + 1), 3)
     if axes < len(question.displacement):
         return []
     wanted = [*(f"{round(millimetres(v)):+d}" for v in question.displacement), "", ""]
