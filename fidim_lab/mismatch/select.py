@@ -178,8 +178,9 @@ class _Search:
         return seen
 
     def _added(self, best: Completed, score: Score) -> Completed | None:
-        """The model with these terms; one that it has already begins anew where the score says (another frequency)."""
-        kept = [k for k, h in enumerate(best.tried) if all(h.effect != new.effect for new in score.tried)]
+        """The model with these terms; one that it has already begins anew as the score says (at another frequency)."""
+        new = {(h.effect.id, h.effect.cable) for h in score.tried}
+        kept = [k for k, h in enumerate(best.tried) if (h.effect.id, h.effect.cable) not in new]
         thetas = [best.theta_of(k)[0] for k in kept]
         thetas += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
         tried = (*(best.tried[k] for k in kept), *score.tried)

@@ -11,7 +11,7 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.columns_sprung import SprungScorer
 from fidim_lab.mismatch.ground import NEAR, SHORT, nearer
-from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
+from fidim_lab.mismatch.hypotheses import PERIODIC, Hypotheses, Hypothesis
 from fidim_lab.mismatch.own_phase import own_phase_scores
 from fidim_lab.mismatch.refit import Completed, can_refit
 from fidim_lab.mismatch.score import (
@@ -80,13 +80,14 @@ class View:
     def additions(self, room: int) -> tuple[Score, ...]:
         """What is worth fitting beside the model: the best of each effect, then pairs that say more than any alone.
 
-        room: for so many more terms; a periodic one that is in may move to another frequency without any. Where the
-        motion is followed the scores are all but exact, and only ties are fitted; else what has half as much.
+        room: for so many more terms; a periodic one that is in may move, to another frequency or to own phases, without
+        any. Where the motion is followed the scores are all but exact, and only ties are fitted; else what has half as
+        much.
         """
         chosen: dict[object, Score] = {}
-        inside = {h.effect for h in self.model.tried}
+        inside = {h.effect.id for h in self.model.tried if h.effect.id in PERIODIC}
         for score in self.singles:
-            allowed = room > 0 or score.tried[0].effect in inside
+            allowed = room > 0 or score.tried[0].effect.id in inside
             if allowed and score.log_evidence > ENOUGH and self._can_be_fitted(score.tried[0].effect):
                 chosen.setdefault(score.tried[0].effect, score)
         singles = list(chosen.values())[:SINGLES]
@@ -135,7 +136,7 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
 
 def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) -> tuple[Score, ...]:
     """Tones with a phase of each window, where they say more than the same ones with one phase."""
-    inside = {h.effect.id for h in model.tried}
+    inside = {h.effect.id for h in model.tried if h.effect.of_each_window}
     least: dict[str, float] = {}
     for score in same:
         least.setdefault(score.tried[0].effect.id, score.log_evidence + ENOUGH)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
+from fidim_lab.effects.catalogue import by_id
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.score import Score
-from fidim_lab.mismatch.views import View, _without
+from fidim_lab.mismatch.views import View, _own_phase, _without
 
 
 @pytest.fixture(scope="module")
@@ -69,3 +70,12 @@ def test_with_no_room_left_only_the_frequency_may_move(every: Hypotheses) -> Non
 
 def test_where_nothing_asks_for_another_frequency_nothing_moves(every: Hypotheses) -> None:
     assert seen((at(every, 1.3),), score(at(every, 0.5), 3.0)).additions(0) == ()
+
+
+def test_a_tone_that_is_there_with_one_phase_may_get_a_phase_of_each_window(every: Hypotheses, irma4: Robot) -> None:
+    wide = replace(at(every, 1.3), effect=next(e for e in by_id(irma4, "periodic-force") if e.of_each_window))
+    same, own = score(at(every, 1.3), 100.0), score(wide, 1900.0)
+    assert _own_phase((same,), (own,), SimpleNamespace(tried=(at(every, 1.3),))) == (own,)
+    assert _own_phase((same,), (own,), SimpleNamespace(tried=(wide,))) == ()
+    assert _own_phase((same,), (score(wide, 103.0),), SimpleNamespace(tried=())) == ()
+    assert seen((at(every, 1.3),), own).additions(0) == (own,)
