@@ -7,8 +7,13 @@ from fidim_lab.mismatch.select import Candidate, Selection
 
 WHITE = 1.03
 """χ²/dof up to which what an effect known by its score alone would leave is called noise"""
+ALL_BUT_NOISE = 1.1
+"""held-out χ²/dof up to which little is left, whatever it is"""
 MOSTLY = 0.9
-"""of the excess that named effects must take away to count as a part of the truth"""
+"""of the excess that named effects must take away, where little is left, to count as a part of the truth"""
+BEYOND_SIBLINGS = 0.99
+"""the same where more is left: of what something else does, a sibling takes 0.94 to 0.97 (drag by swivel damping, dry
+friction by damping: FINDINGS.md), so that a name which takes no more may be a mere stand-in"""
 HALF = 0.5
 """of the excess that an effect known by its score alone must explain"""
 
@@ -46,4 +51,6 @@ def _verdict(found: Selection) -> Verdict:
     if not best.model.tried:
         return Verdict.UNKNOWN_PHYSICS
     before, after = found.baseline.whiteness.excess, best.whiteness.excess
-    return Verdict.PARTLY_EXPLAINED if after < (1 - MOSTLY) * before else Verdict.UNKNOWN_PHYSICS
+    left = best.held_out.chi2_per_dof if best.held_out.dof else best.model.fit.chi2_per_dof
+    taken = MOSTLY if left <= ALL_BUT_NOISE else BEYOND_SIBLINGS
+    return Verdict.PARTLY_EXPLAINED if after < (1 - taken) * before else Verdict.UNKNOWN_PHYSICS

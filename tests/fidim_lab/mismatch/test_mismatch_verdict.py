@@ -1,0 +1,49 @@
+"""What is concluded from what a search leaves: names only where they are more than stand-ins."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.verdict import judge
+
+
+def candidate(terms: int, excess: float, held_out: float, *, white: bool = False, windows: int = 6):
+    return SimpleNamespace(
+        model=SimpleNamespace(tried=("effect",) * terms, fit=SimpleNamespace(chi2_per_dof=held_out)),
+        held_out=SimpleNamespace(chi2_per_dof=held_out if windows else float("nan"), dof=3000 * windows),
+        whiteness=SimpleNamespace(excess=excess),
+        is_white=white,
+    )
+
+
+def verdict(best, before: float = 1e5):
+    found = SimpleNamespace(best=best, baseline=candidate(0, before, 3.0), last=SimpleNamespace(unfitted=None))
+    judged = judge(found)
+    assert judged.known == (judged.named is best)
+    return judged.verdict
+
+
+def test_white_is_explained_or_nothing() -> None:
+    assert verdict(candidate(2, 30.0, 1.0, white=True)) is Verdict.EXPLAINED
+    assert judge(
+        SimpleNamespace(
+            best=candidate(0, 30.0, 1.0, white=True),
+            baseline=candidate(0, 30.0, 1.0, white=True),
+            last=SimpleNamespace(unfitted=None),
+        )
+    ).verdict is Verdict.NOTHING_MISSING  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("left", "held_out", "windows", "said"),
+    [
+        (0.05, 1.05, 6, Verdict.PARTLY_EXPLAINED),  # little is left
+        (0.05, 1.5, 6, Verdict.UNKNOWN_PHYSICS),  # as a sibling would leave
+        (0.005, 1.5, 6, Verdict.PARTLY_EXPLAINED),  # a tenth of the millimetres: no sibling does that
+        (0.2, 1.05, 6, Verdict.UNKNOWN_PHYSICS),
+        (0.05, 1.5, 0, Verdict.UNKNOWN_PHYSICS),  # nothing held out: the fitted windows say it
+    ],
+)
+def test_a_stand_in_is_no_part_of_the_truth(left: float, held_out: float, windows: int, said: Verdict) -> None:
+    assert verdict(candidate(1, left * 1e5, held_out, windows=windows)) is said
