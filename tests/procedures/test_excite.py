@@ -8,7 +8,7 @@ import pytest
 from drivers.ports import Prompt
 from fidim_lab.app import compose
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Plan, Robot
 from fidim_lab.identification.random_plan import Taste, random_plan
 from procedures.catalogue import experiment, never_asks
 from procedures.events import Event, StepFinished
@@ -28,11 +28,11 @@ class Nobody:
 
 
 @pytest.fixture(scope="module")
-def plan(irma4: Robot):
+def plan(irma4: Robot) -> Plan:
     return random_plan(irma4, "alone", 2, 0, 1, Taste(taut=1.0, tight=1.0))
 
 
-def carried_out(robot: Robot, plan, folder: Path, hide: tuple[str, ...]) -> tuple[RunReport, list[StepFinished]]:
+def carried_out(robot: Robot, plan: Plan, folder: Path, hide: tuple[str, ...]) -> tuple[RunReport, list[StepFinished]]:
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
     made = experiment("excite", plan, robot, settings)
     world = compose.simulated_world(robot, 1, hide)
@@ -51,7 +51,7 @@ def carried_out(robot: Robot, plan, folder: Path, hide: tuple[str, ...]) -> tupl
     return compose.run_loop(run(), real_time=False), done
 
 
-def test_every_step_is_known_before_and_none_asks(irma4: Robot, plan):
+def test_every_step_is_known_before_and_none_asks(irma4: Robot, plan: Plan):
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
     steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps
     assert not [step for step in steps if isinstance(step, Ask)]
@@ -62,7 +62,7 @@ def test_every_step_is_known_before_and_none_asks(irma4: Robot, plan):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("hide", [(), ("rotational-drag:c=0.06",)], ids=["undamped", "damped"])
-def test_windows_are_recorded_without_a_hand(irma4: Robot, plan, tmp_path: Path, hide: tuple[str, ...]):
+def test_windows_are_recorded_without_a_hand(irma4: Robot, plan: Plan, tmp_path: Path, hide: tuple[str, ...]):
     report, done = carried_out(irma4, plan, tmp_path / "run", hide)
     assert report.outcome.usable, report.reason
     campaign = read_campaign(tmp_path / "run")
@@ -76,11 +76,12 @@ def test_windows_are_recorded_without_a_hand(irma4: Robot, plan, tmp_path: Path,
     assert sum(isinstance(e.step, Reject) for e in done) <= len(plan.windows)
     assert sum(isinstance(e.step, Accept) for e in done) == len(plan.windows)
     low, high = irma4.limits.tension
-    tensions = np.vstack([w.currents * [x.newton_per_ampere for x in irma4.winches] for w in campaign.windows])
+    factors = [winch.newton_per_ampere for winch in irma4.winches or ()]
+    tensions = np.vstack([np.asarray(window.currents) * factors for window in campaign.windows])
     assert low * 0.9 < np.nanmin(tensions) < np.nanmax(tensions) < high * 1.05
 
 
-def test_moves_are_timed_for_the_modes(irma4: Robot, plan):
+def test_moves_are_timed_for_the_modes(irma4: Robot, plan: Plan):
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
     steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps
     moves = [step for step in steps if isinstance(step, MoveTo) and step.start is not None]
