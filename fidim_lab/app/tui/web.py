@@ -18,6 +18,7 @@ from aiohttp_jinja2 import render_template
 from textual_serve.server import Server
 
 from fidim_lab.app.tui.themes import DARK, LIGHT
+from fidim_lab.errors import SetupError
 
 HOST = "127.0.0.1"
 COOKIE = "fidim-ui"
@@ -107,6 +108,10 @@ def command_line(folder: Path | None, rig: Path | None, *, light: bool) -> str:
 
 
 def serve(folder: Path | None, rig: Path | None, port: int, *, light: bool = False) -> None:
-    """Serve until Ctrl-C. Raises OSError where the port is taken."""
+    """Serve until Ctrl-C. Raises SetupError where the port is taken."""
     server = TokenServer(command_line(folder, rig, light=light), port, secrets.token_urlsafe(24), light=light)
-    web.run_app(server.make_app(), host=HOST, port=port, print=None)
+    try:
+        web.run_app(server.make_app(), host=HOST, port=port, print=None)
+    except OSError as error:
+        what = f"--port {port}: {HOST}:{port} cannot be listened at: {error.strerror or error}."
+        raise SetupError(what, hint="Another fidim ui --web may be there; give another --port.") from error

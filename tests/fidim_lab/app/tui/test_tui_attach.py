@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import socket
 
 import pytest
 import tomli_w
@@ -9,7 +10,7 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from fidim_lab.app.service.place import Place, held
 from fidim_lab.app.tui.find import Finder
-from fidim_lab.app.tui.web import COOKIE, TokenServer, command_line
+from fidim_lab.app.tui.web import COOKIE, TokenServer, command_line, serve
 from fidim_lab.app.ui import finder_for
 from fidim_lab.app.ui_dry_run import rig_table, with_winches
 from fidim_lab.data.rig_file import read_rig
@@ -94,3 +95,21 @@ def test_another_host_name_is_refused_even_with_the_token():
 
 def test_the_browser_runs_the_same_ui(tmp_path):
     assert command_line(tmp_path, None, light=True).endswith(f" ui {tmp_path} --light")
+
+
+def test_a_port_that_is_taken_is_said(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(SetupError, match="cannot be listened at"):
+            serve(tmp_path, None, taken.getsockname()[1])
+
+
+def test_the_page_asks_no_other_computer_and_keeps_to_the_name_it_was_asked_by():
+    cookie = {"Cookie": f"{COOKIE}={TOKEN}"}
+    [(_, text, _)] = _browse(("/", {**cookie, "Host": "localhost:8420"}))
+    assert 'data-session-websocket-url="ws://localhost:8420/ws"' in text
+    assert re.findall(r"https?://", text) == []
+    [(_, large, _), (_, wrong, _)] = _browse(("/?fontsize=32", cookie), ("/?fontsize=9999", cookie))
+    assert 'data-font-size="32"' in large
+    assert 'data-font-size="16"' in wrong
