@@ -40,7 +40,8 @@ class Checked:
 
     window: str
     """the last that was taken in"""
-    holds: bool
+    holds: bool | None
+    """None: it could not be checked, or not yet"""
     suspected: tuple[str, ...]
     """ids of effects, the most evident first"""
     says: str
@@ -90,12 +91,12 @@ class ModelCheck:
             try:
                 answer = await self._asked(window)
                 if "failed" in answer:
-                    self._tell(Checked(window, False, (), f"The model cannot be checked: {answer['failed']}", 0.0))
+                    self._tell(Checked(window, None, (), f"The model cannot be checked: {answer['failed']}", 0.0))
                 else:
-                    self._tell(Checked(window, answer["holds"], _ids(answer), answer["says"], answer["took"]))
+                    self._tell(_checked(window, answer))
             except (OSError, ValueError) as error:
                 self._useful = False
-                self._tell(Checked(window, False, (), f"The model is not checked any more: {error}.", 0.0))
+                self._tell(Checked(window, None, (), f"The model is not checked any more: {error}.", 0.0))
                 return
 
     async def _asked(self, window: str) -> dict[str, Any]:
@@ -121,8 +122,10 @@ class ModelCheck:
         return answer
 
 
-def _ids(answer: dict[str, Any]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(str(one["id"]) for one in answer["suspected"]))
+def _checked(window: str, answer: dict[str, Any]) -> Checked:
+    ids = tuple(dict.fromkeys(str(one["id"]) for one in answer["suspected"]))
+    early = answer["holds"] and answer["chi2_per_dof"] is None
+    return Checked(window, None if early else answer["holds"], ids, answer["says"], answer["took"])
 
 
 class Looker:

@@ -154,7 +154,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
 
 
 def _tell_checked(service: Service, checked: Checked) -> None:
-    outcome = "holds" if checked.holds else " ".join(checked.suspected)
+    outcome = {True: "holds", False: " ".join(checked.suspected) or "does not hold", None: ""}[checked.holds]
     service.chronicle.note(kind="model-checked", window=checked.window, outcome=outcome, text=checked.says)
 
 

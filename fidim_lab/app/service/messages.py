@@ -56,7 +56,8 @@ class Happening(Message):
     """the step's type"""
     text: str = ""
     outcome: str = ""
-    """of a step, a window or the run; of `model-checked`: holds, or the ids of suspected effects"""
+    """of a step, a window or the run; of `model-checked`: holds, does not hold, the ids of suspected effects, or
+    nothing before there is enough to tell"""
     reason: str = ""
     values: tuple[float, ...] = ()
     """what the step read, SI"""

@@ -18,7 +18,8 @@ from sim_backends.simulate import Recording, simulate_campaign
 ECHO = """
 import json, sys
 for line in sys.stdin:
-    found = {"holds": False, "suspected": [{"id": "air-drag-linear"}], "says": f"after {line.strip()}", "took": 0.1}
+    found = {"holds": False, "took": 0.1, "chi2_per_dof": 2.0, "suspected": [{"id": "air-drag-linear"}]}
+    found["says"] = f"after {line.strip()}"
     sys.stdout.write(json.dumps(found) + chr(10)); sys.stdout.flush()
 """
 
@@ -59,7 +60,7 @@ def test_every_accepted_window_is_looked_at(monkeypatch, tmp_path):
     told = checked(monkeypatch, tmp_path, ECHO, events)
     assert [(one.window, one.says) for one in told] == [("i01", "after i01"), ("i03", "after i03")]
     assert told[0].suspected == ("air-drag-linear",)
-    assert not told[0].holds
+    assert told[0].holds is False
 
 
 def test_plans_with_too_few_windows_start_nothing(monkeypatch, tmp_path):
@@ -69,6 +70,7 @@ def test_plans_with_too_few_windows_start_nothing(monkeypatch, tmp_path):
 def test_a_worker_that_dies_is_told_once_and_not_asked_again(monkeypatch, tmp_path):
     told = checked(monkeypatch, tmp_path, "raise SystemExit(3)", [(finished("i01"), True), (finished("i02"), False)])
     (only,) = told
+    assert only.holds is None
     assert "is not checked any more" in only.says
 
 
