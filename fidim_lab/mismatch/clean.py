@@ -82,10 +82,28 @@ def clean(campaign: Campaign, *, say: Say = lambda _: None) -> Cleaned:
         if others:
             hint += " Nearly as good: " + "; ".join(other.says.split(":")[0] for other in others) + "."
         raise RefusedError(f"The robot file and the recording do not belong together. {best.says}", hint=hint)
+    _refuse_gravity(seen.campaign)
     _refuse_stillness(seen.campaign)
     for fault in seen.faults[:3]:
         say(fault.says)
     return Cleaned(seen.campaign, seen, seen.faults)
+
+
+def _refuse_gravity(campaign: Campaign) -> None:
+    """Raise RefusedError where every cable pulls the way that gravity pulls, in every window: nothing rests so."""
+    robot = campaign.robot
+    middles = [np.nanmean(w.markers[:, 0], axis=0) for w in campaign.windows if np.isfinite(w.markers[:, 0]).any()]
+    if not middles:
+        return
+    up = -robot.gravity / np.linalg.norm(robot.gravity)
+    heights = np.array([[(cable.d - middle) @ up for cable in robot.cables] for middle in middles])
+    if heights.max() >= 0:
+        return
+    raise RefusedError(
+        f"The robot file and the recording do not belong together. All anchors are {-heights.max():.2g} m or more "
+        f"below the marker, as gravity {robot.gravity.tolist()} m/s² goes: cables cannot hold a platform so.",
+        hint="Check gravity's sign in the robot file, and that anchors and markers have the same z axis.",
+    )
 
 
 def _refuse_stillness(campaign: Campaign) -> None:

@@ -118,6 +118,12 @@ def test_a_robot_file_with_swapped_cables_is_refused_with_that_reason(recorded) 
         clean(swapped)
 
 
+def test_gravity_that_points_up_is_refused_with_that_reason(recorded) -> None:
+    campaign = recorded()
+    with pytest.raises(RefusedError, match=r"gravity \[-?0.0, -?0.0, 9.81\] m/s² goes"):
+        clean(replace(campaign, robot=replace(campaign.robot, gravity=-campaign.robot.gravity)))
+
+
 @pytest.mark.parametrize("scatter", [1e-4, 0.01])
 def test_markers_that_only_scatter_are_refused(recorded, scatter: float) -> None:
     """Noise about one place, as small as declared and far larger; one window that swings is enough to go on."""
