@@ -10,7 +10,7 @@ from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.timing import OFFSET, timing, with_timing
+from fidim_lab.mismatch.timing import OFFSET, RATE, timing, with_timing
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -59,6 +59,18 @@ def test_none_is_named_where_there_is_none(irma4: Robot) -> None:
     assert found is not None
     assert not found.is_off
     assert abs(found.offset) < 4 * found.sd
+    assert not found.runs_away
+    assert abs(found.rate) < 4 * found.rate_sd
+
+
+def test_a_rate_is_no_offset(irma4: Robot) -> None:
+    drifting = fitted(irma4, "clock-rate:rate=2e-3")
+    found = timing(drifting)
+    assert found is not None
+    assert found.runs_away
+    assert abs(found.rate - 2e-3) < 4 * found.rate_sd
+    assert not found.is_off
+    assert [cause.id for cause in with_timing(told(), drifting).effects] == [RATE]
 
 
 def test_without_currents_it_is_said_that_it_was_not_tested(irma4: Robot) -> None:
