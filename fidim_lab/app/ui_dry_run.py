@@ -13,7 +13,7 @@ from pathlib import Path
 
 import tomli_w
 
-from fidim_lab.app import console
+from fidim_lab.app import compose, console
 from fidim_lab.app.dry_run import DryRunOptions
 from fidim_lab.app.run_process import service_process, until_it_listens
 from fidim_lab.app.service.client import ServiceGoneError, connect
@@ -69,6 +69,7 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
 
 def _spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
     robot = with_winches(read_robot(options.robot or PAPERS_ROBOT))
+    compose.simulated_world(robot, options.seed, options.hide)  # an effect that nobody knows is said before planning
     plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed)
     write_plan(papers / "plan.toml", plan)
     write_robot(papers / "robot.toml", robot)

@@ -64,6 +64,7 @@ def prepare(spec: RunSpec) -> Work:
     file = read_rig(spec.rig)
     if spec.embedded:
         file = compose.rehearsal_file(file, compose.Ports())
+        compose.simulated_world(file.robot, spec.seed, spec.hide)  # refuses an effect that nobody knows
     plan = read_plan_or_design(spec.out / PLAN if spec.resume else spec.plan, file.robot.n)
     resumption = None
     if spec.resume:

@@ -8,6 +8,7 @@ import pytest
 import tomli_w
 from aiohttp.test_utils import TestClient, TestServer
 
+from fidim_lab.app.cli import run
 from fidim_lab.app.service.place import Place, held
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.web import COOKIE, TokenServer, command_line, serve
@@ -113,3 +114,10 @@ def test_the_page_asks_no_other_computer_and_keeps_to_the_name_it_was_asked_by()
     [(_, large, _), (_, wrong, _)] = _browse(("/?fontsize=32", cookie), ("/?fontsize=9999", cookie))
     assert 'data-font-size="32"' in large
     assert 'data-font-size="16"' in wrong
+
+
+def test_an_effect_that_nobody_knows_is_said_before_anything_starts(runtime, tmp_path, capsys):
+    assert run(["dry-run", "--ui", "--hide", "gremlins", "--out", str(tmp_path / "run")]) == 2
+    assert "no effect is called 'gremlins'" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+    assert list(runtime.iterdir()) == []
