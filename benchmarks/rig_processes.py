@@ -44,6 +44,8 @@ class Bench:
     """of a window"""
     slow: float = 1.0
     """how much later than on an idle computer everything may be"""
+    markers: float = 200.0
+    """frames a second"""
     processes: "list[subprocess.Popen[str]]" = field(default_factory=list)
 
     @property
@@ -51,12 +53,12 @@ class Bench:
         return {**os.environ, "XDG_RUNTIME_DIR": str(self.folder / "runtime"), "OPENBLAS_NUM_THREADS": "1"}
 
     def make(self, windows: int) -> None:
-        """Rig (200 Hz markers) and plan."""
+        """Rig and plan."""
         text = RIG.read_text(encoding="utf-8")
         for old in (20100, 20101, 20102):
             text = text.replace(str(old), str(free_port()))
-        text = text.replace("sync_rate = 100.0", f"sync_rate = {self.sync}").replace("rate = 100.0", "rate = 200.0")
-        text = text.replace("sync_rate = 200.0", f"sync_rate = {self.sync}")
+        text = text.replace("\nrate = 100.0", f"\nrate = {self.markers}")
+        text = text.replace("sync_rate = 100.0", f"sync_rate = {self.sync}")
         if self.slow > 1.0:  # simulators on a busy computer miss what hardware would not
             text = text.replace("age = 1.0 ", f"age = {0.2 * self.slow} ").replace("= 0.3 ", f"= {0.1 * self.slow} ")
             text = text.replace("host_timeout = 1.5 ", f"host_timeout = {0.25 * self.slow} ")
@@ -113,9 +115,11 @@ class Bench:
 
 
 @contextmanager
-def bench(folder: Path, sync: float, seconds: float, windows: int, slow: float) -> Generator[Bench]:
+def bench(
+    folder: Path, sync: float, seconds: float, windows: int, slow: float = 1.0, markers: float = 200.0
+) -> Generator[Bench]:
     """Devices that serve, until the context ends."""
-    made = Bench(folder, sync, seconds, slow)
+    made = Bench(folder, sync, seconds, slow, markers)
     made.make(windows)
     try:
         devices = made.start("simulators", folder / "rig.toml", "--plan", folder / "plan.toml")

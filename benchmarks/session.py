@@ -30,7 +30,6 @@ SECONDS = 3.0
 """of a window"""
 LONGEST = 9.0
 """s until something happens at the latest, counted from motion-ready"""
-RATE = 200.0
 QUICK_STOP, ENABLED, READY = 0x02, 0x27, 0x21
 NODES = (1, 2, 3, 4)
 WINDOWS = 400
@@ -58,7 +57,7 @@ def chain(options: argparse.Namespace) -> str:
     rng = random.Random(options.seed)
     rounds: list[Round] = []
     with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
-        made = stack.enter_context(bench(Path(place), options.sync, SECONDS, WINDOWS, options.slow))
+        made = stack.enter_context(bench(Path(place), options.sync, SECONDS, WINDOWS, options.slow, options.markers))
         folder, since = made.folder / "run", time.monotonic()
         process = made.run("run")
         wait_for(folder, Kind.STEP_FINISHED, "Enable", since, process)
@@ -71,7 +70,7 @@ def chain(options: argparse.Namespace) -> str:
             began = time.monotonic()
             process = made.start("resume", folder)
             entry = wait_for(folder, Kind.STEP_FINISHED, "Enable", began, process)
-            rounds.append(Round(kill, entry.t - began, found[0], found[1], _whole(folder)))
+            rounds.append(Round(kill, entry.t - began, found[0], found[1], _whole(made, folder)))
             print(number, rounds[-1], flush=True)
         os.kill(made.service(), signal.SIGTERM)
         process.communicate(timeout=60)
@@ -87,8 +86,9 @@ def _kill(made: Bench, folder: Path) -> tuple[float | None, None]:
     ended = newest(folder, Kind.STEP_FINISHED, "Record", 0.0)
     if begun is None or (ended is not None and ended.number > begun.number):
         return None, None
+    rate = made.markers
     rows = [path.read_bytes().count(b"\n") - 1 for path in (folder / "windows").glob("*.csv.part")]
-    return at - begun.t - max([0, *rows]) / RATE, None
+    return at - begun.t - max([0, *rows]) / rate, None
 
 
 def _trip(made: Bench, folder: Path, process: "subprocess.Popen[str]", node: int) -> tuple[None, float | None]:
@@ -111,11 +111,11 @@ def _trip(made: Bench, folder: Path, process: "subprocess.Popen[str]", node: int
     return None, max(stops.values()) - violation if violation is not None and len(stops) == len(NODES) else None
 
 
-def _whole(folder: Path) -> bool:
+def _whole(made: Bench, folder: Path) -> bool:
     """Accepted windows by the journal are in the campaign, with all their rows."""
     accepted = {e.window for e in read_journal(folder / "journal.jsonl") if (e.kind, e.step) == WINDOW_KEPT}
     rows = {window.id: len(window.t) for window in read_campaign(folder).windows} if accepted else {}
-    return all(rows.get(window) == round(SECONDS * RATE) + 1 for window in accepted)
+    return all(rows.get(window) == round(SECONDS * made.markers) + 1 for window in accepted)
 
 
 WINDOW_KEPT = (Kind.STEP_FINISHED, "Accept")
@@ -148,7 +148,7 @@ def _quantiles(values: list[float], which: tuple[float, ...], unit: str, digits:
 def memory(options: argparse.Namespace) -> str:
     """One session; the service's resident memory after its first minute and at the end."""
     with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
-        made = stack.enter_context(bench(Path(place), options.sync, 10.0, WINDOWS, options.slow))
+        made = stack.enter_context(bench(Path(place), options.sync, 10.0, WINDOWS, options.slow, options.markers))
         folder, since = made.folder / "run", time.monotonic()
         process = made.run("run")
         wait_for(folder, Kind.STEP_FINISHED, "Accept", since, process)
@@ -198,6 +198,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=100)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--sync", type=float, default=250.0)
+    parser.add_argument("--markers", type=float, default=200.0, help="frames a second")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--slow", type=float, default=1.0, help="how much later than on an idle computer guards look")
     parser.add_argument("--no-ui", dest="ui", action="store_false")
@@ -207,7 +208,8 @@ def main() -> None:
     before = os.getloadavg()[0]
     text = {"chain": chain, "memory": memory}[options.what](options)
     shown = f"--rounds {options.rounds}" if options.what == "chain" else f"--minutes {options.minutes:g}"
-    text += f"\n\nLoad of the computer by others, before: {before:.1f} on {os.cpu_count()} cores."
+    text += f"\n\nSYNC {options.sync:g} Hz, markers {options.markers:g} Hz, UI {'on' if options.ui else 'off'}."
+    text += f" Load of the computer by others, before: {before:.1f} on {os.cpu_count()} cores."
     text += f" Priority (nice): {os.nice(0)}."
     if options.printed:
         print(text)
