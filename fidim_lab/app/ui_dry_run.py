@@ -14,7 +14,7 @@ from pathlib import Path
 import tomli_w
 
 from fidim_lab.app import compose, console
-from fidim_lab.app.dry_run import DryRunOptions
+from fidim_lab.app.dry_run import UNTOUCHED, DryRunOptions
 from fidim_lab.app.run_process import service_process, until_it_listens
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown, TakeLease
@@ -56,7 +56,7 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
         with Working(
             "planning: equilibria where the robot can rest and swing", options.equilibria + options.validation
         ):
-            spec = _spec(options, folder, Path(papers))
+            spec = make_spec(options, folder, Path(papers))
             work = prepare(spec)
         place = place_of(work.file, embedded=True)
         if (other := holder(place)) is not None:
@@ -67,10 +67,12 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
             return _leave(place, process, folder)
 
 
-def _spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
+def make_spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
+    """What the service is to run, its files in `papers`. Raises SetupError for an effect that nobody knows."""
     robot = with_winches(read_robot(options.robot or PAPERS_ROBOT))
     compose.simulated_world(robot, options.seed, options.hide)  # an effect that nobody knows is said before planning
-    plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed)
+    taste = UNTOUCHED if options.excite else None
+    plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, taste)
     write_plan(papers / "plan.toml", plan)
     write_robot(papers / "robot.toml", robot)
     (papers / "rig.toml").write_text(tomli_w.dumps(rig_table(robot)), encoding="utf-8")
@@ -78,6 +80,7 @@ def _spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
         plan=papers / "plan.toml",
         rig=papers / "rig.toml",
         out=folder.absolute(),
+        procedure="excite" if options.excite else "identify",
         embedded=True,
         seed=options.seed,
         hide=options.hide,

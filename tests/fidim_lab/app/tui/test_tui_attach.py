@@ -9,11 +9,13 @@ import tomli_w
 from aiohttp.test_utils import TestClient, TestServer
 
 from fidim_lab.app.cli import run
+from fidim_lab.app.dry_run import DryRunOptions
+from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import Place, held
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.web import COOKIE, TokenServer, command_line, serve
 from fidim_lab.app.ui import finder_for
-from fidim_lab.app.ui_dry_run import rig_table, with_winches
+from fidim_lab.app.ui_dry_run import make_spec, rig_table, with_winches
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.errors import SetupError
@@ -121,3 +123,11 @@ def test_an_effect_that_nobody_knows_is_said_before_anything_starts(runtime, tmp
     assert "no effect is called 'gremlins'" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
     assert list(runtime.iterdir()) == []
+
+
+@pytest.mark.parametrize(("excite", "procedure"), [(False, "identify"), (True, "excite")])
+def test_a_rehearsal_by_keys_runs_the_procedure_that_was_asked_for(excite, procedure, tmp_path):
+    options = DryRunOptions(None, 1, None, 1, 0, (), True, None, ui=True, excite=excite)
+    spec = make_spec(options, tmp_path / "run", tmp_path)
+    assert spec.procedure == procedure
+    assert prepare(spec).experiment.roles
