@@ -7,6 +7,7 @@ nothing here. Results are those of one core, to the bit.
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import Context, copy_context
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -20,11 +21,12 @@ def side_by_side(tasks: Sequence[Callable[[], T]]) -> list[T]:
     if len(tasks) < 2 or cores() == 1:
         return [task() for task in tasks]
 
-    def done(task: Callable[[], T]) -> T:
-        return task()
+    def done(task: Callable[[], T], here: Context) -> T:
+        return here.run(task)
 
+    contexts = [copy_context() for _ in tasks]  # what numpy is to ignore is said in the caller's
     with ThreadPoolExecutor(min(MOST, cores(), len(tasks))) as pool:
-        return list(pool.map(done, tasks))
+        return list(pool.map(done, tasks, contexts))
 
 
 def cores() -> int:
