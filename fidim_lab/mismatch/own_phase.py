@@ -2,8 +2,9 @@
 
 Of each window the amplitudes x = (s, c) of sin and cos that suit it best follow from its gradient g and curvature H.
 One amplitude A for all with a phase φ of each window, x = R(φ) A, turns them in the plane of sin and cos; A and the φ
-are found in turn. What the body could take up of it is left out of account: a tone at a phase that differs from window
-to window is nothing that parameters of a body do.
+are found in turn. A tone that is the same in all windows takes nearly all that tones of their own would; what is left
+of something else, at the frequencies at which a platform swings, is larger where it swings more. What the body could
+take up is left out of account: a tone whose phase differs from window to window is nothing that a body's parameters do.
 """
 
 from collections.abc import Sequence
@@ -22,6 +23,8 @@ ROUNDS = 6
 """of finding phases and amplitude in turn"""
 PHASES = 72
 """angles that are tried"""
+SAME = 0.85
+"""of what tones with amplitudes of their own would take in each window"""
 
 
 def own_phase_scores(found: Projected, grams: Sequence[WindowGram], robot: Robot) -> tuple[Score, ...]:
@@ -33,8 +36,18 @@ def own_phase_scores(found: Projected, grams: Sequence[WindowGram], robot: Robot
     for tried, place in zip(found.tried, found.slices, strict=True):
         effect = wide.get(tried.effect.id)
         if effect is not None and tried.effect.id in PERIODIC:
-            scores.append(_score(found, _turned(grams, place), replace(tried, effect=effect)))
+            windows = _turned(grams, place)
+            score = _score(found, windows, replace(tried, effect=effect))
+            scores += [score] if score.gain > SAME * _own_gain(*windows, found.inflation) else []
     return tuple(scores)
+
+
+def _own_gain(curvature: np.ndarray, gradient: np.ndarray, inflation: float) -> float:
+    """χ² that amplitudes of each window would take, beyond what they take of noise."""
+    scale = np.sqrt(np.maximum(np.einsum("wii->wi", curvature), 1e-300))
+    scaled = curvature / (scale[:, :, np.newaxis] * scale[:, np.newaxis]) + 1e-9 * np.eye(6)
+    own = np.linalg.solve(scaled, (gradient / scale)[..., np.newaxis])[..., 0]
+    return float(np.einsum("wi,wi->", own, gradient / scale)) - inflation * gradient.size
 
 
 def _with_own_phase(robot: Robot, id: str) -> NamedEffect | None:

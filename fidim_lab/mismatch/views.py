@@ -140,8 +140,13 @@ def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) ->
     least: dict[str, float] = {}
     for score in same:
         least.setdefault(score.tried[0].effect.id, score.log_evidence + ENOUGH)
-    useful = (score for score in own if score.log_evidence > least.get(score.tried[0].effect.id, ENOUGH))
-    return tuple(score for score in useful if score.tried[0].effect.id not in inside)
+    found: list[Score] = []
+    for score in own:
+        effect = score.tried[0].effect
+        evident = score.log_evidence > least.get(effect.id, ENOUGH)
+        if evident and effect.id not in inside and can_refit(effect, model.mechanism):
+            found.append(score)
+    return tuple(found)
 
 
 def _followed(found: Fit) -> Fit:

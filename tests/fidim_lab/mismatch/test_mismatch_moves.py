@@ -11,6 +11,7 @@ from fidim_lab.effects.catalogue import by_id
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.views import View, _own_phase, _without
+from fidim_lab.model.mechanism import Mechanism
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +76,11 @@ def test_where_nothing_asks_for_another_frequency_nothing_moves(every: Hypothese
 def test_a_tone_that_is_there_with_one_phase_may_get_a_phase_of_each_window(every: Hypotheses, irma4: Robot) -> None:
     wide = replace(at(every, 1.3), effect=next(e for e in by_id(irma4, "periodic-force") if e.of_each_window))
     same, own = score(at(every, 1.3), 100.0), score(wide, 1900.0)
-    assert _own_phase((same,), (own,), SimpleNamespace(tried=(at(every, 1.3),))) == (own,)
-    assert _own_phase((same,), (own,), SimpleNamespace(tried=(wide,))) == ()
-    assert _own_phase((same,), (score(wide, 103.0),), SimpleNamespace(tried=())) == ()
+
+    def model(*tried: Hypothesis) -> SimpleNamespace:
+        return SimpleNamespace(tried=tried, mechanism=Mechanism(irma4))
+
+    assert _own_phase((same,), (own,), model(at(every, 1.3))) == (own,)
+    assert _own_phase((same,), (own,), model(wide)) == ()
+    assert _own_phase((same,), (score(wide, 103.0),), model()) == ()
     assert seen((at(every, 1.3),), own).additions(0) == (own,)
