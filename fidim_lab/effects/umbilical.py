@@ -31,7 +31,8 @@ class Umbilical(NamedEffect):
     """F = h − k A − c Ȧ at the point A = p + R b of the platform: a spring without rest length to the fixed point h/k.
 
     h = k E with E the fixed end: in h and k the force is linear, so the score needs no guess of where the end is. b has
-    no score at k = 0; it starts at P.
+    no score at k = 0; it starts at P, or where a platform's centre of mass is likely to be: at the wrong height a hose
+    turns the platform, and drag at the centre of mass looked more like it.
     """
 
     id: ClassVar[str] = "umbilical"
@@ -42,7 +43,8 @@ class Umbilical(NamedEffect):
         STIFFNESS,
         DAMPING,
         *vector("h", "N", "stiffness times the place of the fixed end", scale=0.5, most=5000.0),
-        *vector("b", "m", "platform's end, body frame", scale=0.1, most=0.5),
+        *vector("b", "m", "platform's end, body frame", scale=0.1, most=0.5)[:2],
+        Parameter("bz", "m", "platform's end, body frame, z", 0.1, low=-0.5, high=0.5, start=0.0, scan=(0.0, 0.2)),
     )
 
     @property
