@@ -81,7 +81,7 @@ class ExciteProtocol(WindowProtocol):
 
         def job() -> tuple[float, float]:
             found = travel(self._at(start), self._at(goal), speed, acceleration, self.settings.excite.left)
-            return found.speed, found.acceleration
+            return min(found.speed, speed), min(found.acceleration, acceleration)  # equal but for rounding
 
         try:
             return (yield from self._think(window, "plan a move that leaves the platform still", job, (start, goal)))
@@ -143,7 +143,10 @@ class ExciteProtocol(WindowProtocol):
     def set_free(self, planned: PlannedWindow) -> Generator[Step, Result, str | None]:
         """Strokes, and hold."""
         place, plan = self._now(planned)
-        chains = tuple(stroke_chain(chain, begin, place) for chain, begin in zip(plan.chains, plan.begins, strict=True))
+        chains = tuple(
+            stroke_chain(chain, begin, place, self._limits)
+            for chain, begin in zip(plan.chains, plan.begins, strict=True)
+        )
         swing = " and ".join(f"{1e3 * value:.0f}" for value in plan.reached)
         step = Strokes(
             window=planned.id,
@@ -212,7 +215,7 @@ class ExciteProtocol(WindowProtocol):
             yield Strokes(
                 window=window.id,
                 lengths=_lengths(place),
-                chains=(stroke_chain(calming.chain, 0.0, place),),
+                chains=(stroke_chain(calming.chain, 0.0, place, self._limits),),
                 why="calm",
                 begin=calming.begin,
                 tolerance=self.settings.motion.position_tolerance,
@@ -247,8 +250,8 @@ class ExciteProtocol(WindowProtocol):
         return answer
 
 
-def stroke_chain(chain: Chain, begin: float, place: Place) -> StrokeChain:
-    """A chain as drives are told it."""
+def stroke_chain(chain: Chain, begin: float, place: Place, limits: WinchLimits) -> StrokeChain:
+    """A chain as drives are told it, never beyond the limits."""
     pattern, held = chain.pattern, place.equilibrium.lengths
     ways = np.where(np.abs(chain.direction) > UNMOVED, np.abs(chain.direction), 0.0)
     targets = held + np.outer(pattern.targets, np.where(ways > 0, chain.direction, 0.0))
@@ -256,8 +259,8 @@ def stroke_chain(chain: Chain, begin: float, place: Place) -> StrokeChain:
         begin=begin,
         starts=tuple(float(start) for start in pattern.starts),
         targets=tuple(tuple(float(v) for v in target) for target in targets),
-        speeds=tuple(float(v) for v in MARGIN * pattern.speed * ways),
-        accelerations=tuple(float(v) for v in pattern.acceleration * ways),
+        speeds=tuple(float(v) for v in np.minimum(MARGIN * pattern.speed * ways, limits.speed)),
+        accelerations=tuple(float(v) for v in np.minimum(pattern.acceleration * ways, limits.acceleration)),
         seconds=pattern.seconds,
     )
 

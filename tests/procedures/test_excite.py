@@ -81,6 +81,15 @@ def test_windows_are_recorded_without_a_hand(irma4: Robot, plan: Plan, tmp_path:
     assert low * 0.9 < np.nanmin(tensions) < np.nanmax(tensions) < high * 1.05
 
 
+def test_no_stroke_asks_a_winch_for_more_than_it_may_do(irma4: Robot, plan: Plan):
+    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+    steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps
+    chains = [chain for step in steps if isinstance(step, Strokes) for chain in step.chains]
+    assert chains
+    assert max(max(chain.speeds) for chain in chains) <= settings.excite.speed
+    assert max(max(chain.accelerations) for chain in chains) <= settings.excite.acceleration
+
+
 def test_moves_are_timed_for_the_modes(irma4: Robot, plan: Plan):
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
     steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps

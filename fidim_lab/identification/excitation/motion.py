@@ -21,6 +21,8 @@ STEPS = (300, 600, 900, 1800)
 NEWTON = 6
 CLOSED = 0.01
 """part of the wanted amplitudes"""
+MOST = 0.99
+"""of what the winches may do"""
 SMALLEST = 0.02
 """part of the chains at which making them smaller ends"""
 
@@ -34,7 +36,7 @@ def swings_after(
     """
     if ratio is not None:
         chains = retimed(chains, modes, 1 / ratio)
-    line, swing = _line(chains, 0.0), place.swing
+    line, swing = line_of(chains, 0.0), place.swing
     accelerations = line.accelerations(np.array([chain.direction for chain in chains]))
     by = np.zeros((*accelerations.shape, len(chains)))
     pose = place.equilibrium.pose
@@ -47,7 +49,7 @@ def marker_after(
 ) -> tuple[Series, Positions]:
     """The model's marker (m) during the free motion after these chains, as `swings_after`; t is 0 at the hold."""
     chains = retimed(chains, modes, 1 / ratio)
-    line = _line(chains, seconds)
+    line = line_of(chains, seconds)
     accelerations = line.accelerations(np.array([chain.direction for chain in chains]))[np.newaxis]
     pose, damping = place.equilibrium.pose, place.swing.damping_matrix()
     found = driven_motions(place.mechanism, place.body, pose, accelerations, line.steps, damping)
@@ -70,7 +72,7 @@ def solved(
     place: Place, chains: tuple[Chain, ...], modes: tuple[int, ...], wanted: Float[np.ndarray, " modes"]
 ) -> tuple[Chain, ...]:
     """Sizes by Newton's method on the nonlinear model: as many amplitudes as chains."""
-    line, swing, index = _line(chains, 0.0), place.swing, list(modes)
+    line, swing, index = line_of(chains, 0.0), place.swing, list(modes)
     directions = np.array([chain.direction for chain in chains])
     by = np.einsum("kc,cn->knc", line.patterns, directions)
     sizes = np.ones(len(chains))
@@ -92,7 +94,7 @@ def solved(
         jacobian = ((np.conj(states) / np.abs(states))[:, np.newaxis] * slopes).real
         jacobian *= (swing.lever / np.abs(np.imag(swing.rates)))[:, np.newaxis]
         step = np.linalg.lstsq(jacobian[index], -miss, rcond=1e-3)[0]
-        sizes = np.clip(sizes + np.clip(step, -0.3, 0.3), 0.2, 1 / SPARE)
+        sizes = np.clip(sizes + np.clip(step, -0.3, 0.3), 0.2, MOST / SPARE)
     return tuple(chain.scaled(float(size)) for chain, size in zip(chains, best[1], strict=True))
 
 
@@ -100,7 +102,7 @@ def within_tensions(
     place: Place, chains: tuple[Chain, ...], gains: np.ndarray, bodies: Sequence[Body], tension: tuple[float, float]
 ) -> tuple[float, tuple[float, float]]:
     """How large the chains may be for all bodies' tensions to keep their limits, and the extremes then (N)."""
-    line, factor = _line(chains, LOOK), 1.0
+    line, factor = line_of(chains, LOOK), 1.0
     # chains that were found to do less have been made larger for it: that they then do all of it is allowed for
     directions = np.array([gain * chain.direction for gain, chain in zip(gains, chains, strict=True)])
     trials = [(place.body, place.equilibrium.pose)]
@@ -121,7 +123,8 @@ def within_tensions(
         factor *= min(max(0.5, 0.97 * room), 0.97)
 
 
-def _line(chains: tuple[Chain, ...], after: float) -> Timeline:
+def line_of(chains: tuple[Chain, ...], after: float) -> Timeline:
+    """The steps in which chains are integrated, with so many seconds of free motion after them."""
     begins = begins_of(chains)
     moving = begins[-1] + chains[-1].pattern.seconds
     pieces = sum(2 * (chain.pattern.turns + 1) + 2 for chain in chains)
