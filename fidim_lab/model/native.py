@@ -98,15 +98,16 @@ class Kernel:
             self.build = None
             if self.library.exists():
                 self.function = _loaded(self.function, self.library)
-                self._derived.clear()
         return self.function
 
     def derived(self, key: Hashable, make: Callable[[ca.Function], ca.Function]) -> ca.Function:
         """`make` of the fastest there is, made once for each key: CasADi takes its time for maps and loops."""
         function = self.now()
-        if key not in self._derived:
-            self._derived[key] = make(function)
-        return self._derived[key]
+        whole = (function.class_name(), key)
+        found = self._derived.get(whole)
+        if found is None:  # two threads may both make one: neither is wrong
+            found = self._derived[whole] = make(function)
+        return found
 
     def over(self, samples: int) -> ca.Function:
         """The function of so many samples at once."""
