@@ -129,8 +129,10 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     scored = scorer(model.mechanism, left)
     grams = window_grams(scored, found.likelihood, simulation)
     seen = projected(scored, found, grams)
-    same = single_scores(seen, context)
-    singles = (*same, *_own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model))
+    singles = same = single_scores(seen, context)
+    if not model.tried or (model.whole and found is model.fit):
+        # in a few seconds a tone at any phase passes for what other effects leave: beside them, in whole windows alone
+        singles = (*same, *_own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model))
     return View(model, seen, tuple(sorted(singles, key=lambda score: -score.log_evidence)), context)
 
 

@@ -8,9 +8,12 @@ from fidim_lab.mismatch.explanation import Verdict
 from fidim_lab.mismatch.verdict import judge
 
 
-def candidate(terms: int, excess: float, held_out: float, *, white: bool = False, windows: int = 6):
+def candidate(
+    terms: int, excess: float, held_out: float, *, white: bool = False, windows: int = 6, own_phase: bool = False
+):
+    term = SimpleNamespace(effect=SimpleNamespace(of_each_window=own_phase))
     return SimpleNamespace(
-        model=SimpleNamespace(tried=("effect",) * terms, fit=SimpleNamespace(chi2_per_dof=held_out)),
+        model=SimpleNamespace(tried=(term,) * terms, fit=SimpleNamespace(chi2_per_dof=held_out)),
         held_out=SimpleNamespace(chi2_per_dof=held_out if windows else float("nan"), dof=3000 * windows),
         whiteness=SimpleNamespace(excess=excess),
         is_white=white,
@@ -47,3 +50,8 @@ def test_white_is_explained_or_nothing() -> None:
 )
 def test_a_stand_in_is_no_part_of_the_truth(left: float, held_out: float, windows: int, said: Verdict) -> None:
     assert verdict(candidate(1, left * 1e5, held_out, windows=windows)) is said
+
+
+def test_a_tone_with_own_phases_is_named_where_nothing_stays_and_no_part_of_the_truth_else() -> None:
+    assert verdict(candidate(1, 30.0, 1.0, white=True, own_phase=True)) is Verdict.EXPLAINED
+    assert verdict(candidate(1, 200.0, 1.04, own_phase=True)) is Verdict.UNKNOWN_PHYSICS
