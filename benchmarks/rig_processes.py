@@ -172,11 +172,19 @@ def newest(folder: Path, kind: Kind, step: str, since: float) -> Entry | None:
 
 def wait_for(folder: Path, kind: Kind, step: str, since: float, process: "subprocess.Popen[str]") -> Entry:
     """Wait for such a line; raises SystemExit where the process ends without one."""
+    entry = comes(folder, kind, step, since, process)
+    if entry is None:
+        process.kill()
+        sys.exit(f"{folder}: no {step} {kind.value}:\n{process.communicate()[0]}")
+    return entry
+
+
+def comes(folder: Path, kind: Kind, step: str, since: float, process: "subprocess.Popen[str]") -> Entry | None:
+    """Wait for such a line; None where the process ends without one."""
     deadline = time.monotonic() + READY_WITHIN
     while (entry := newest(folder, kind, step, since)) is None:
         if time.monotonic() > deadline or process.poll() is not None:
-            process.kill()
-            sys.exit(f"{folder}: no {step} {kind.value}:\n{process.communicate()[0]}")
+            return None
         pause(0.02)
     return entry
 
