@@ -62,7 +62,7 @@ def make_sample(
         t=values.t,
         state=state,
         length=scale.length(values.position),
-        velocity=config.cable_speed(values.velocity),
+        velocity=scale.velocity(values.velocity * config.counts_per_speed),
         current=config.ampere_per_mille * (-config.direction * values.current) + config.current_offset,
         target_reached=bool(values.statusword & TARGET_REACHED),
         fault=beside.fault,

@@ -49,7 +49,7 @@ class LengthScale:
         """Encoder count of a cable length (m), as a drive shows it."""
         return wrap32(self.unwrapped_count(length))
 
-    def velocity(self, counts_per_second: int) -> float:
+    def velocity(self, counts_per_second: float) -> float:
         """Cable velocity, m/s, positive pays out."""
         return self.direction * counts_per_second / self.counts_per_metre
 
