@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.ground import Ground
@@ -194,19 +195,31 @@ class _Search:
         """
         if whiteness(model.leftovers).is_white:
             return model
-        thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
         fresh = {term.effect for term in new}
-        found: list[Completed] = []
+        found = self._general(model, fresh)
         if not model.mechanism.springs and any(stretches(effect) for effect in fresh):
+            thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
             sprung = refit(self._ground(model), model.fit, model.tried, thetas, self.start.context, springs=True)
             found += [] if sprung is None else [sprung]
+        return _most_convincing(model, found)
+
+    def _general(self, model: Completed, fresh: set[NamedEffect]) -> list[Completed]:
+        """The model with wider forms of these effects, from the first seconds on: else they lose phase."""
+        thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
+        near: list[Completed] = []
         for k, term in enumerate(model.tried):
             for effect, start in term.effect.wider(thetas[k], model.mechanism.robot) if term.effect in fresh else ():
                 tried = [*model.tried[:k], general(effect, start), *model.tried[k + 1 :]]
                 begins = [*thetas[:k], start, *thetas[k + 1 :]]
-                wide = refit(self._ground(model), model.fit, tried, begins, self.start.context)
-                found += [] if wide is None else [wide]
-        return _most_convincing(model, found)
+                donor = self.start.short if model.whole else model.fit
+                wide = refit(self.start.short_ground, donor, tried, begins, self.start.context)
+                near += [] if wide is None else [wide]
+        if not model.whole or not near:
+            return near
+        best = _best_of(near)
+        thetas = [best.theta_of(k)[0] for k in range(len(best.tried))]
+        whole = refit(self.start.whole_ground, best.fit, best.tried, thetas, self.start.context)
+        return [] if whole is None else [whole]
 
     def _pruned(self, model: Completed) -> Completed:
         """Without terms that the others have made needless."""
