@@ -136,7 +136,7 @@ class _Search:
             thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
             found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context)
             if found is not None:
-                fresh.append(self._judged(self._widened(found, found.tried)))
+                fresh.append(self._judged_or_wider(self._widened(found, found.tried), found.tried))
         self.tried += fresh
         return self._accepted(baseline, fresh)
 
@@ -150,7 +150,7 @@ class _Search:
                 found = self._added(best.model, score)
                 if found is None:
                     continue
-                fresh.append(self._judged(self._pruned(found)))
+                fresh.append(self._judged_or_wider(self._pruned(found), score.tried))
                 if fresh[-1].is_white and len(fresh[-1].model.tried) <= len(best.model.tried) + 1:
                     break
             self.tried += fresh
@@ -203,16 +203,28 @@ class _Search:
             found += [] if sprung is None else [sprung]
         return _most_convincing(model, found)
 
+    def _judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
+        """A model that fits and does not predict may be a simple form of the truth: then the wider ones are tried."""
+        judged = self._judged(model)
+        if judged.is_white or not whiteness(model.leftovers).is_white:
+            return judged
+        wide = _most_convincing(model, self._general(model, {term.effect for term in new}))
+        return judged if wide is model else self._judged(wide)
+
     def _general(self, model: Completed, fresh: set[NamedEffect]) -> list[Completed]:
         """The model with wider forms of these effects, from the first seconds on: else they lose phase."""
-        thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
+        simple = model
+        if model.whole:
+            begins = [model.theta_of(k)[0] for k in range(len(model.tried))]
+            found = refit(self.start.short_ground, self.start.short, model.tried, begins, self.start.context)
+            simple = model if found is None else found
+        thetas = [simple.theta_of(k)[0] for k in range(len(model.tried))]
         near: list[Completed] = []
         for k, term in enumerate(model.tried):
             for effect, start in term.effect.wider(thetas[k], model.mechanism.robot) if term.effect in fresh else ():
                 tried = [*model.tried[:k], general(effect, start), *model.tried[k + 1 :]]
                 begins = [*thetas[:k], start, *thetas[k + 1 :]]
-                donor = self.start.short if model.whole else model.fit
-                wide = refit(self.start.short_ground, donor, tried, begins, self.start.context)
+                wide = refit(self.start.short_ground, simple.fit, tried, begins, self.start.context)
                 near += [] if wide is None else [wide]
         if not model.whole or not near:
             return near
