@@ -137,7 +137,10 @@ def _across(
     right += moving[:, np.newaxis] + feedback[:, :, 0] @ moving[:, np.newaxis]
     system = np.eye(m * k) - feedback[:, :, 1:].transpose(0, 1, 3, 2, 4).reshape(count, m * k, m * k)
     columns = pose.shape[-1]
+    known = np.isfinite(system).all(axis=(1, 2))
+    system[~known] = np.eye(m * k)  # LAPACK may call a table of NaN singular: what was to follow it is NaN anyhow
     found = np.linalg.solve(system, right.reshape(count, m * k, columns)).reshape(count, k, m, columns)
+    found[~known] = np.nan
     rates = linear.pose_rates(np.concatenate([moving[:, np.newaxis], found], axis=1))
     moved = np.tensordot(rates, later, axes=(1, 1)).transpose(0, 3, 1, 2)
     return pose[:, np.newaxis] + moved, found

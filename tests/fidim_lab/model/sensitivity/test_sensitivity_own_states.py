@@ -1,5 +1,7 @@
 """Trajectories of effects with states of their own: against the other integrator, and finite differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,21 @@ def test_a_loose_mass_moves_as_in_the_other_integrator(started):
         np.testing.assert_allclose(found.positions[w], other.motion.positions, atol=1e-8)
         np.testing.assert_allclose(found.extra[w], other.extra_states, atol=2e-7)
         np.testing.assert_allclose(found.tensions[w], other.tensions, atol=1e-5)
+
+
+def test_a_window_that_is_lost_on_the_way_leaves_the_others_their_derivatives(started):
+    mechanism, shared, states = started
+    starts, found = run(mechanism, shared, states)
+    whole = variations(mechanism, found, shared, starts.states_by)
+    kept = np.arange(found.positions.shape[1]) < 12
+    motion = {name: getattr(found, name).copy() for name in ("positions", "rotations", "twists", "extra")}
+    for values in motion.values():
+        values[0, ~kept] = np.nan
+    lost = replace(found, **motion)
+    by = variations(mechanism, lost, shared, starts.states_by)
+    np.testing.assert_array_equal(by.poses[1], whole.poses[1])
+    assert np.isnan(by.poses[0, -1]).any()
+    np.testing.assert_array_equal(by.poses[0, :9], whole.poses[0, :9])
 
 
 def test_every_column_agrees_with_finite_differences(started):
