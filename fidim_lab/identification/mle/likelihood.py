@@ -188,10 +188,13 @@ def _simulated(
     begins, unstretched = likelihood.begins[members], rows_of(starts.unstretched, members)
     extra = rows_of(starts.extra, members)
     trajectories = integrate(mechanism, point.shared, point.states.of(members), grid, begins, unstretched, extra)
-    places = Measurement(mechanism, point.shared[BODY:]).places(body_markers(recordings, mechanism.robot, members))
-    nodal = markers.at_nodes(trajectories, places)
-    each = enumerate(int(w) for w in members)
-    residuals = [_residual(likelihood, point, starts, w, float(ends[w]), grid, nodal[place]) for place, w in each]
+    measurement = Measurement(mechanism, point.shared[BODY:])
+    nodal = markers.at_nodes(trajectories, measurement.places(body_markers(recordings, mechanism.robot, members)))
+    residuals: list[WindowResidual] = []
+    for place, w in enumerate(int(w) for w in members):
+        if trajectories.breaks_down(place, measurement.latest(float(ends[w]))):
+            nodal[place] = np.nan
+        residuals.append(_residual(likelihood, point, starts, w, float(ends[w]), grid, nodal[place]))
     return _Batch(members, trajectories), residuals
 
 

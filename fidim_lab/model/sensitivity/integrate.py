@@ -91,6 +91,15 @@ class Trajectories:
         forces = (self.accelerations[k], self.tensions[k])
         return Trajectories(self.grid, self.begins[k], *state, *forces, unstretched, extra)
 
+    def breaks_down(self, window: int, until: float) -> bool:
+        """Whether a motion ends before the block in which `until` (s of the grid) lies is over.
+
+        Derivatives are collocated on whole blocks: up to there they need the motion.
+        """
+        k, block = self.grid.resolution.intervals, self.grid.resolution.block
+        last = k * min(self.grid.blocks, max(1, int(np.ceil(until / block - 1e-9))))
+        return not bool(np.isfinite(self.positions[window, last]).all())
+
     @property
     def own_states(self) -> Float[np.ndarray, "W N extra"]:
         """Effects' own states, none where there are none."""

@@ -76,6 +76,10 @@ def test_a_window_that_is_lost_on_the_way_leaves_the_others_their_derivatives(st
     np.testing.assert_array_equal(by.poses[1], whole.poses[1])
     assert np.isnan(by.poses[0, -1]).any()
     np.testing.assert_array_equal(by.poses[0, :9], whole.poses[0, :9])
+    t = found.grid.t
+    assert not lost.breaks_down(0, t[8])
+    assert lost.breaks_down(0, t[11])  # it is known there, and its derivatives, of a whole block, are not
+    assert not lost.breaks_down(1, t[-1])
 
 
 def test_every_column_agrees_with_finite_differences(started):
