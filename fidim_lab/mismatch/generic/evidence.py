@@ -27,6 +27,8 @@ WEAKER = (1.0, 0.3, 0.1, 0.03)
 BEST_STARTS = 2
 SEARCH = 90
 """evaluations from each of the best starts"""
+UNSEEN = 1e-200
+"""curvature of a push that falls between two samples, or after the last one: rounding"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +222,9 @@ def _squares(gram: np.ndarray, step: np.ndarray) -> float:
 
 
 def _modes(curvature: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Eigenvalues and vectors of A over its mean size, and the root of that."""
-    size = float(np.sqrt(max(np.trace(curvature) / max(1, len(curvature)), 1e-300)))
+    """Eigenvalues and vectors of A over its mean size, and the root of that; 1 where nothing that it does is seen."""
+    square = float(np.trace(curvature)) / max(1, len(curvature))
+    size = float(np.sqrt(square)) if square > UNSEEN else 1.0
     values, vectors = np.linalg.eigh(curvature / size**2)
     return np.maximum(values, 0.0), vectors, size
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.model.batch import evaluate, function, over_samples, rows
@@ -239,11 +239,24 @@ def _free_twists(structure: Float[np.ndarray, "W held 6"]) -> Float[np.ndarray, 
     count, held = structure.shape[:2]
     if held == 0:
         return np.broadcast_to(np.eye(6), (count, 6, 6))
-    return np.swapaxes(np.linalg.svd(structure)[2][:, held:], 1, 2)
+    known = _known(structure)
+    free = np.full((count, 6, max(0, 6 - held)), np.nan)
+    free[known] = np.swapaxes(np.linalg.svd(structure[known])[2][:, held:], 1, 2)
+    return free
 
 
 def _pinv(structure: Float[np.ndarray, "W held 6"]) -> Float[np.ndarray, "W 6 held"]:
-    return np.linalg.pinv(structure) if structure.shape[1] else np.swapaxes(structure, 1, 2)
+    if not structure.shape[1]:
+        return np.swapaxes(structure, 1, 2)
+    known = _known(structure)
+    found = np.full((len(structure), 6, structure.shape[1]), np.nan)
+    found[known] = np.linalg.pinv(structure[known])
+    return found
+
+
+def _known(structure: Float[np.ndarray, "W held 6"]) -> Bool[np.ndarray, " W"]:
+    """Windows whose pose has a Ξ: a cable that would have to lie inside its pulley has none."""
+    return np.isfinite(structure).all(axis=(1, 2))
 
 
 def _compile_starts(mechanism: Mechanism) -> ca.Function:

@@ -176,3 +176,11 @@ def test_monomials_and_bells() -> None:
 def test_splines_add_up_to_one() -> None:
     t = np.linspace(0.3, 2.3, 50)
     np.testing.assert_allclose(splines(t).sum(axis=1), 1.0)
+
+
+def test_a_push_that_no_sample_meets_explains_nothing(base: Fit, answers: Responses) -> None:
+    """A search may end after the last sample: no curvature at all is left there."""
+    evidence = Evidence(answers, base.prior.rows(base.values))
+    found = evidence.weigh(_named(base, answers, "a push at a moment"), np.array([40.0, np.log(1e-3)]))
+    assert np.isfinite([found.log_evidence, found.gain, found.effective]).all()
+    assert found.gain < 1e-3 * found.excess
