@@ -256,7 +256,7 @@ def _pinv(structure: Float[np.ndarray, "W held 6"]) -> Float[np.ndarray, "W 6 he
 
 def _known(structure: Float[np.ndarray, "W held 6"]) -> Bool[np.ndarray, " W"]:
     """Windows whose pose has a Ξ: a cable that would have to lie inside its pulley has none."""
-    return np.isfinite(structure).all(axis=(1, 2))
+    return np.asarray(np.isfinite(structure).all(axis=(1, 2)))
 
 
 def _compile_starts(mechanism: Mechanism) -> ca.Function:
