@@ -1,5 +1,6 @@
 """What all tests share: where recordings lie beside the checkout, and a robot to work on."""
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,8 @@ SHARED = ROOT.parent / "shared"
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "fault(area, fault, …): a row of docs/faults.md, which the test asserts")
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in a shell's background: tests press Ctrl-C
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
