@@ -26,7 +26,7 @@ KINDS: Mapping[str, tuple[float, tuple[str, ...]]] = {
     "null": (7.0, ()),
     "one": (15.0, ("air-drag-linear:c=0.4",)),
     "elastic": (40.0, ("cable-elasticity:EA=4e4",)),
-    "two": (40.0, ("anchor-offset:cable=2,x=0.004", "rotational-drag:c=0.02")),
+    "two": (40.0, ("anchor-offset:cable=2,dx=0.004", "rotational-drag:c=0.02")),
     "unknown": (40.0, ("unknown-eddy",)),
 }
 """wall seconds allowed, and what is hidden"""
