@@ -14,7 +14,7 @@ from drivers.cia402.master import CanopenMaster
 from drivers.cia402.moves import refuse_beyond_limits
 from drivers.cia402.scale import wrap32
 from drivers.cia402.trajectory import StopRamp, Trajectory, Trapezoid
-from drivers.cia402.winch import STANDSTILL, Cia402Winch
+from drivers.cia402.winch import STANDSTILL, Cia402Winch, begin_hold, begin_move
 from drivers.cia402.words import Mode, controlword
 from drivers.ports import DriveState, WinchSample
 from fidim_lab.errors import DeviceError
@@ -49,10 +49,7 @@ class CyclicWinch(Cia402Winch):
         refuse_beyond_limits(self.config, length, speed, acceleration)
         if self._moving:
             raise DeviceError(self.config.device, "is still moving.", hint="Hold it first.")
-        order = self._drive.begin()
-        state = state_of(self._drive.healthy().statusword)
-        if state is not DriveState.OPERATION_ENABLED:
-            raise DeviceError(self.config.device, f"cannot move: {state}.", hint="Enable it first.")
+        order = begin_move(self._drive, self.config.device)
         await self.prepare(speed, acceleration)
         goal = self._demand + wrap32(self._scale.count(length) - wrap32(round(self._demand)))
         per_metre = self._scale.counts_per_metre
@@ -64,22 +61,13 @@ class CyclicWinch(Cia402Winch):
 
         Raises DeviceError where the drive has no power. Where its state is unknown, a quick stop is sent instead.
         """
-        order = self._drive.begin()
-        try:
-            values = self._drive.believed()
-        except DeviceError:
-            self.quick_stop()
-            raise
-        state = state_of(values.statusword)
-        if state is DriveState.OPERATION_ENABLED:
-            if (way := self._way) is not None:
-                position, velocity = way[1].at(way[2] * self._master.period)
-                stop = StopRamp(position, velocity, self._ramp * self._scale.counts_per_metre)
-                self._way = order, stop, 0
-                seconds = self.config.step_timeout + 2.0 * stop.duration
-                await self._drive.word(order, lambda _word: not self._moving, "the end of the stop ramp", seconds)
-        elif state is not DriveState.QUICK_STOP_ACTIVE:
-            raise DeviceError(self.config.device, f"cannot hold, it has no power: {state}.")
+        order, values = begin_hold(self._drive, self.config.device)
+        if state_of(values.statusword) is DriveState.OPERATION_ENABLED and (way := self._way) is not None:
+            position, velocity = way[1].at(way[2] * self._master.period)
+            stop = StopRamp(position, velocity, self._ramp * self._scale.counts_per_metre)
+            self._way = order, stop, 0
+            seconds = self.config.step_timeout + 2.0 * stop.duration
+            await self._drive.word(order, lambda _word: not self._moving, "the end of the stop ramp", seconds)
         slowest = STANDSTILL * self.config.drive_speed(self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout)
 

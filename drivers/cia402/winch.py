@@ -15,6 +15,7 @@ from drivers.cia402.machine import Command, state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.moves import Beside, make_sample, profile, refuse_beyond_limits
 from drivers.cia402.node import NodeLink
+from drivers.cia402.pdo import DriveValues
 from drivers.cia402.scale import LengthScale
 from drivers.cia402.settings import Check
 from drivers.cia402.takeover import take_over
@@ -127,10 +128,7 @@ class Cia402Winch:
         set-point, or a stop overtook the move.
         """
         refuse_beyond_limits(self.config, length, speed, acceleration)
-        order = self._drive.begin()
-        state = state_of(self._drive.healthy().statusword)
-        if state is not DriveState.OPERATION_ENABLED:
-            raise DeviceError(self.config.device, f"cannot move: {state}.", hint="Enable it first.")
+        order = begin_move(self._drive, self.config.device)
         if self._prepared != (speed, acceleration):
             await self.prepare(speed, acceleration)
         await self._drive.take_set_point(order, self._scale.count(length))
@@ -140,24 +138,16 @@ class Cia402Winch:
 
         Raises DeviceError where the drive has no power. Where its state is unknown, a quick stop is sent instead.
         """
-        order = self._drive.begin()
-        try:
-            values = self._drive.believed()
-        except DeviceError:
-            self.quick_stop()
-            raise
-        state = state_of(values.statusword)
-        if state is DriveState.OPERATION_ENABLED:
+        order, values = begin_hold(self._drive, self.config.device)
+        if state_of(values.statusword) is DriveState.OPERATION_ENABLED:
             self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
-        elif state is not DriveState.QUICK_STOP_ACTIVE:
-            raise DeviceError(self.config.device, f"cannot hold, it has no power: {state}.")
         speed = abs(self.config.cable_speed(values.velocity))
         slowest = STANDSTILL * self.config.drive_speed(self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
 
     def quick_stop(self) -> None:
         """Stop on the quick-stop ramp: one frame, never waits."""
-        self._drive.send(self._drive.begin(), controlword(Command.QUICK_STOP))
+        quick_stop(self._drive)
 
     def power_off(self) -> None:
         """Take the power away: one frame, never waits."""
@@ -201,3 +191,34 @@ class Cia402Winch:
     async def watch_health(self) -> None:
         """Ask the drive what its PDOs do not carry, for ever: a task beside `CanopenMaster.run()`."""
         await self._health.run()
+
+
+def begin_move(drive: Drive, device: str) -> int:
+    """The order of a move. Raises DeviceError where there is a fault or no power."""
+    order = drive.begin()
+    state = state_of(drive.healthy().statusword)
+    if state is not DriveState.OPERATION_ENABLED:
+        raise DeviceError(device, f"cannot move: {state}.", hint="Enable it first.")
+    return order
+
+
+def begin_hold(drive: Drive, device: str) -> tuple[int, DriveValues]:
+    """The order of a hold, and what the drive told last: it is enabled, or already in its quick stop.
+
+    Raises DeviceError where it has no power, and where its state is unknown: then a quick stop has been sent.
+    """
+    order = drive.begin()
+    try:
+        values = drive.believed()
+    except DeviceError:
+        quick_stop(drive)
+        raise
+    state = state_of(values.statusword)
+    if state not in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
+        raise DeviceError(device, f"cannot hold, it has no power: {state}.")
+    return order, values
+
+
+def quick_stop(drive: Drive) -> None:
+    """Stop on the quick-stop ramp: one frame, never waits."""
+    drive.send(drive.begin(), controlword(Command.QUICK_STOP))
