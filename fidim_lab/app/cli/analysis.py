@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from fidim_lab.app.cli.completion import hide_option
 from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
 
 
@@ -107,7 +108,7 @@ def reproduce(**options: Any) -> None:
 @fidim.command()
 @click.option("--robot", type=FILE, required=True, help="Robot file.")
 @click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
-@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@hide_option("Hide physics in the simulated world.")
 @click.option("--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True)
 @click.option(
     "--noise", type=click.FloatRange(0), default=None, help="Marker noise, m; default that of the robot file."

@@ -20,7 +20,8 @@ names its format.
 
 ## Completion
 
-The Tab key completes commands, options and choices, after one line in the shell's start file:
+The Tab key completes commands, options, choices, and after `--hide` the effects and their keys. It needs one line in
+the shell's start file:
 
 | shell | file | line |
 |---|---|---|

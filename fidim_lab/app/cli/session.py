@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from fidim_lab.app.cli.completion import hide_option
 from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
 
 
@@ -25,7 +26,7 @@ from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
 @click.option(
     "--excite", is_flag=True, help="No hand: the winches excite, calm and travel (fidim run --procedure excite)."
 )
-@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@hide_option("Hide physics in the simulated world.")
 @click.option("--real-time", is_flag=True, help="Real python-can bus, real UDP sockets, real seconds.")
 @click.option("--ui", is_flag=True, help="In real time, from the terminal UI: started, answered, stopped by keys.")
 @click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
@@ -45,7 +46,7 @@ def dry_run(**options: Any) -> None:
 @click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
 @click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of an embedded world.")
-@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in an embedded world.")
+@hide_option("Hide physics in an embedded world.")
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=NUMBER", help="Change a setting of the procedure.")
 @click.option("--unattended", is_flag=True, help="Refuse to start where a prompt has no stated answer.")
 @click.option(
@@ -117,7 +118,7 @@ def stop(rig: Path | None, reason: str, json_file: Path | None) -> None:
 @fidim.command()
 @click.argument("rig", type=FILE)
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the true robot and all noise.")
-@click.option("--hide", multiple=True, metavar="EFFECT[:key=value,…]", help="Hide physics in the simulated world.")
+@hide_option("Hide physics in the simulated world.")
 @click.option("--plan", type=FILE, default=None, help="Begin at rest at the first lengths of this plan.")
 @click.option("--ports", default=None, metavar="BUS,MOCAP,HAND", help="Of 127.0.0.1, instead of what the rig names.")
 @click.option("--until-input-ends", is_flag=True, hidden=True)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         SYNC_RATE,
         SimulatedRig,
         World,
+        hidden_keys,
         length_limits,
         simulated_campaign,
         simulated_rig,
@@ -36,6 +37,7 @@ __all__ = [
     "SimulatedRig",
     "World",
     "embedded_devices",
+    "hidden_keys",
     "length_limits",
     "patient_settings",
     "real_rig",
@@ -55,6 +57,7 @@ _HOMES = {
     **dict.fromkeys(("real_rig", "RealRig", "rig_settings"), "real"),
     **dict.fromkeys(
         (
+            "hidden_keys",
             "length_limits",
             "MARKER_RATE",
             "simulated_campaign",

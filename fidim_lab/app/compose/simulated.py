@@ -31,7 +31,7 @@ from sim_backends.mocap.encoders import ViconEncoder
 from sim_backends.mocap.faults import Faults
 from sim_backends.mocap.server import ServerFeed
 from sim_backends.mocap.sockets import UdpSender
-from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.hidden import KNOWN, parse_effect
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World, make_world
 from sim_backends.served_bus import ServedBus
@@ -63,6 +63,18 @@ def simulated_world(robot: Robot, seed: int, hide: tuple[str, ...]) -> World:
     """A true robot near the robot file's, with hidden effects. Raises SetupError for an effect it does not know."""
     effects = tuple(parse_effect(text, robot.n) for text in hide)
     return make_world(robot, np.random.default_rng([seed, 0]), effects)
+
+
+def hidden_keys() -> dict[str, dict[str, str]]:
+    """Each effect that a simulated world can hide → its keys, each with what it is, its unit and default."""
+    cable = {"cable": "number of the cable"}
+    return {
+        name: {
+            **(cable if kind.one_cable or kind.any_cable else {}),
+            **{key: f"{one.says}, {one.unit} (default {one.default:g})" for key, one in kind.keys.items()},
+        }
+        for name, kind in KNOWN.items()
+    }
 
 
 def world_truth(world: World, name: str, seed: int) -> dict[str, object]:

@@ -1,6 +1,7 @@
 """Pages of docs that are made from the code say what the code does now."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import click
 import pytest
 
 from fidim_lab.app.cli import fidim
+from fidim_lab.app.cli.completion import Bash
 from fidim_lab.app.cli.reference import commands_page
 from fidim_lab.app.file_keys import file_keys_page
 from fidim_lab.app.schema_words import range_words, type_words
@@ -45,9 +47,49 @@ def test_types_and_ranges_are_said_in_words():
     ("words", "found"),
     [("fidim exp", "explain export"), ("fidim export --to mj", "mjcf"), ("fidim dry-run --hi", "--hide")],
 )
-def test_the_tab_key_completes(words, found):
+def test_the_tab_key_completes(words, found, monkeypatch):
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    assert _offered() == found.split()
+
+
+def _offered():
+    said = Bash(fidim, {}, "fidim", "_FIDIM_COMPLETE").complete()
+    return [line.partition(",")[2] for line in said.splitlines()]
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("fidim dry-run --hide rot", "rotational-drag rotational-drag:"),
+        ("fidim run plan.toml --hide cable-elasticity:", "cable= EA= k= c="),
+        ("fidim simulate --hide cable-elasticity:k=1,c", "1,cable= 1,c="),
+        ("fidim simulators rig.toml --hide cable-elasticity:k=1,k", ""),
+        ("fidim dry-run --hide no-such-effect:", ""),
+    ],
+)
+def test_the_tab_key_knows_effects_and_their_keys_and_where_bash_breaks_words(line, found, monkeypatch):
+    monkeypatch.setenv("COMP_LINE", line)
+    monkeypatch.setenv("COMP_WORDBREAKS", " \"'><=;|&(:")
+    assert _offered() == found.split()
+
+
+def test_the_command_itself_answers_the_tab_key():
     command = "from fidim_lab.app.cli import main; main()"
-    asked = {"_FIDIM_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
     program = [sys.executable, "-c", f"import sys; sys.argv[0] = 'fidim'; {command}"]
-    told = subprocess.run(program, env={**os.environ, **asked}, capture_output=True, text=True, timeout=60, check=False)
-    assert [line.partition(",")[2] for line in told.stdout.splitlines()] == found.split()
+    environment = {**os.environ, "_FIDIM_COMPLETE": "bash_complete", "COMP_LINE": "fidim exp"}
+    told = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert told.stdout.split() == ["plain,explain", "plain,export"]
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_bash_takes_the_completion_that_it_is_given(tmp_path):
+    told = tmp_path / "fidim"
+    told.write_text("#!/bin/sh\nprintf 'plain,c=\\nplain,dx=\\n'\n", encoding="utf-8")
+    told.chmod(0o755)
+    source = Bash(fidim, {}, "fidim", "_FIDIM_COMPLETE").source()
+    asked = f"{source}\ncompopt() {{ :; }}; COMP_LINE='fidim x' COMP_POINT=7; {Bash(fidim, {}, 'fidim', '').func_name}"
+    script = f"{asked} {told}; printf '%s ' \"${{COMPREPLY[@]}}\""
+    shown = subprocess.run(["bash", "--norc", "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    assert shown.stdout == "c= dx= "
+    assert shown.stderr == ""
