@@ -2,6 +2,7 @@
 
 from fidim_lab.app.service.messages import Happening
 from fidim_lab.app.tui.paint import Line, Span, Style, left, line, wrapped
+from fidim_lab.app.tui.screens.check import KIND, check_mark, check_style
 from fidim_lab.app.tui.view import View
 
 STYLES: dict[str, Style] = {
@@ -48,8 +49,8 @@ def matches(event: Happening, wanted: str) -> bool:
 
 def _event(event: Happening, width: int) -> list[Line]:
     style = STYLES.get(event.kind) or OUTCOMES.get(event.outcome, "")
-    if event.kind == "model-checked" and event.outcome != "holds":
-        style = "warn"
+    if event.kind == KIND:
+        style = check_style(event)
     begin = f"{event.wall[11:19]}  {left(event.window, 5)}"
     rows = wrapped(_says(event), max(width - len(begin) - 2, 20)) or [""]
     first = line(Span(begin, "dim"), Span(rows[0], style))
@@ -67,7 +68,7 @@ def _says(event: Happening) -> str:
         case "window-finished":
             parts = [MARKS.get(event.outcome, "✗"), "window", event.text, event.outcome, event.reason]
         case "model-checked":
-            parts = ["model:" if event.outcome == "holds" else "! model:", event.text]
+            parts = [f"{check_mark(event)}model:", event.text]
         case kind:
             parts = [WORDS.get(kind, kind.replace("-", " ")), event.text, outcome, event.reason]
     return " ".join(part for part in parts if part)

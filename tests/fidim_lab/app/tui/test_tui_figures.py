@@ -86,6 +86,24 @@ def test_what_the_model_check_suspects_is_said_with_a_mark_on_three_screens():
     assert "! model: suspected: air-drag" in text_of(log_lines(View(events=events), 79))
 
 
+def test_before_there_is_enough_to_tell_the_model_check_is_faint_and_doubts_nothing():
+    early = (_checked(1, "i01", "", "1 window so far: 3 are needed to check the model."),)
+    [row] = newest_check(early, 79)
+    assert text_of([row]) == "model i01: 1 window so far: 3 are needed to check the model."
+    assert {span.style for span in row} == {"dim"}
+    assert "  model: 1 window so far" in text_of(log_lines(View(events=early), 79))
+
+
+def test_a_long_suspicion_is_cut_on_session_where_a_reader_sees_it_and_whole_on_why():
+    says = "5 windows so far: χ²/dof 17.1 over the first 1 s; suspected: rotational-drag, " + "and more of it, " * 6
+    events = (_checked(1, "v01", "rotational-drag", says + "to the end"),)
+    rows = newest_check(events, 79)
+    assert len(rows) == 2
+    assert text_of(rows).endswith("…")
+    assert all(len(row) <= 79 for row in text_of(rows).splitlines())
+    assert "to the end" in text_of(check_lines(events, 79))
+
+
 def test_each_key_below_is_a_button_and_all_fit_in_80_columns():
     [row] = key_lines(80)
     assert len(text_of([row])) <= 80
