@@ -13,19 +13,27 @@ from fidim_lab.app import console
 from fidim_lab.app.answer_file import write_summary
 from fidim_lab.app.run_process import start_and_watch
 from fidim_lab.app.service.place import place_of
-from fidim_lab.app.service.spec import read_spec, read_summary
+from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, read_spec, read_summary
 from fidim_lab.data.rig_file import read_rig
 
 
 def resume_command(folder: Path, *, accept_place: bool, json_file: Path | None = None) -> int:
     """Returns the run's exit code. Raises FileError for no run, RefusedError where nothing is left to do."""
-    spec = read_spec(folder).model_copy(update={"out": folder.absolute(), "resume": True, "accept_place": accept_place})
+    spec = _again(read_spec(folder), folder.absolute(), accept_place=accept_place)
     code = start_and_watch(spec, place_of(read_rig(spec.rig), embedded=spec.embedded))
     if code:
         for line in power_hint(str(read_summary(folder).get("reason", "")), spec.rig, folder):
             console.err.print(line, markup=False, soft_wrap=True)
     write_summary(json_file, folder.absolute(), code)
     return code
+
+
+def _again(spec: RunSpec, folder: Path, *, accept_place: bool) -> RunSpec:
+    """The same run, to go on. A rehearsal's papers were made for it and are gone: the folder has copies."""
+    update: dict[str, object] = {"out": folder, "resume": True, "accept_place": accept_place}
+    if spec.embedded and not spec.rig.exists():
+        update |= {"rig": folder / RIG, "plan": folder / PLAN}
+    return spec.model_copy(update=update)
 
 
 def power_hint(reason: str, rig: Path, folder: Path) -> tuple[str, ...]:

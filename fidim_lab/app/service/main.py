@@ -22,7 +22,7 @@ from fidim_lab.app.service.opening import Opened, open_rig
 from fidim_lab.app.service.place import Lock, Place, held, place_of
 from fidim_lab.app.service.service import Identity, Service, new_token
 from fidim_lab.app.service.spec import NAME as SPEC
-from fidim_lab.app.service.spec import RunSpec, overridden, write_spec
+from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, overridden, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
 from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import write_plan
@@ -42,10 +42,6 @@ from procedures.run import Experiment, run_procedure
 from procedures.settings import Settings
 from procedures.steps import MoveTo
 from procedures.steps.compare import Explain
-
-PLAN = "plan.toml"
-RIG = "rig.toml"
-"""byte for byte the rig file; paths in it are relative to where it was (run.json)"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,6 +68,5 @@ async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | No
 
 
 def _resting_at(plan: Plan, start: Lengths) -> Plan:
-    """The plan with a first window at these lengths: a simulated laboratory begins at its first ones."""
-    first = replace(plan.windows[0], lengths=np.array(start))
-    return replace(plan, windows=(first, *plan.windows))
+    """A plan of one window at these lengths: a simulated laboratory begins at the first ones."""
+    return replace(plan, windows=(replace(plan.windows[0], lengths=np.array(start)),))

@@ -17,6 +17,9 @@ from fidim_lab.errors import FileError, SetupError
 from procedures.settings import Settings
 
 NAME = "run.json"
+PLAN = "plan.toml"
+RIG = "rig.toml"
+"""byte for byte the rig file; paths in it are relative to where it was (run.json)"""
 SUMMARY = "summary.json"
 """how the run ended, beside it (`unattended` writes it)"""
 FORMAT = "fidim-run/1"

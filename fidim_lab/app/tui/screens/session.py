@@ -1,5 +1,7 @@
 """Session: the step at hand and the table of equilibria."""
 
+import shlex
+
 from fidim_lab.app.service.messages import EquilibriumState, Status
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, left, line, number, right, span_of_time, wrapped
 from fidim_lab.app.tui.screens.check import newest_check
@@ -27,7 +29,7 @@ def session_lines(view: View, width: int, height: int = 0) -> list[Line]:
     status = view.status
     if status is None:
         return _nothing(view)
-    rows = [*_step(status, width), *newest_check(view.events, width), EMPTY, *_table(status, width)]
+    rows = [*_step(view, status, width), *newest_check(view.events, width), EMPTY, *_table(status, width)]
     figures = hand_lines(view, height - len(rows) - 1)
     return [*rows, EMPTY, *figures] if figures else rows
 
@@ -36,11 +38,12 @@ def _nothing(view: View) -> list[Line]:
     return [line(Span(f"No service yet: {view.why or 'connecting …'}", "dim"))]
 
 
-def _step(status: Status, width: int) -> list[Line]:
+def _step(view: View, status: Status, width: int) -> list[Line]:
     step = status.step
     if status.phase == "ended":
         return [
             line(Span(f"The run has ended: {_done(status)}.", "head")),
+            *_what_is_left(view, status, width),
             line("i identifies, e asks what the model leaves out; q leaves."),
         ]
     if step is None:
@@ -52,6 +55,14 @@ def _step(status: Status, width: int) -> list[Line]:
     drawn = bar(step.fraction, max(width - len(begin) - len(end), 5))
     rows = [line(Span(row, "head")) for row in wrapped(f"{step.window}  {text}", width)] or [EMPTY]
     return [*rows, line(begin, Span(drawn, "good"), end)]
+
+
+def _what_is_left(view: View, status: Status, width: int) -> list[Line]:
+    """How to go on with a run that was cut off."""
+    if view.welcome is None or all(row.state == "done" for row in status.equilibria):
+        return []
+    says = f"What is left goes on with: fidim resume {shlex.quote(view.welcome.folder)}"
+    return [line(Span(text, "key")) for text in wrapped(says, width)]
 
 
 def _done(status: Status) -> str:

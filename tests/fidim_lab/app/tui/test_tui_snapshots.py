@@ -124,7 +124,9 @@ async def _become(screen, state):
             screen.kill_service()
             await screen.until(lambda: "no service listens" in screen.bars, "the loss")
         case _:
-            service.become(phase="ended", equilibria=_table())
+            whole = {"state": "done", "verdict": "pass", "attempts": 1, "margin": 20.0, "amplitude": 0.06}
+            rows = tuple(row if row.state == "done" else row.model_copy(update=whole) for row in _table())
+            service.become(phase="ended", equilibria=rows)
             service.say(Bye(says="run pass: 15 of 15 windows accepted. All winches stand still, held.", exit_code=0))
             await screen.until(lambda: "HAS ENDED" in screen.bars, "the end")
 
