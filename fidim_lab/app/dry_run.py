@@ -56,6 +56,8 @@ class DryRunOptions:
     ui: bool = False
     excite: bool = False
     """the winches excite, instead of a hand"""
+    light: bool = False
+    """the UI dark on light"""
 
 
 def run_dry_run(options: DryRunOptions) -> int:

@@ -63,7 +63,7 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
             raise SetupError(in_use(other))
         with service_process(spec, place) as process:
             asyncio.run(until_it_listens(place, process))
-            run_ui(Finder(socket=place.socket), folder)
+            run_ui(Finder(socket=place.socket), folder, light=options.light)
             return _leave(place, process, folder)
 
 

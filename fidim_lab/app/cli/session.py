@@ -29,6 +29,7 @@ from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
 @hide_option("Hide physics in the simulated world.")
 @click.option("--real-time", is_flag=True, help="Real python-can bus, real UDP sockets, real seconds.")
 @click.option("--ui", is_flag=True, help="In real time, from the terminal UI: started, answered, stopped by keys.")
+@click.option("--light", is_flag=True, help="The UI dark on light.")
 @click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
 @example("fidim dry-run --seed 7 --hide air-drag-linear:c=0.4")
 def dry_run(**options: Any) -> None:
