@@ -18,7 +18,7 @@ from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import FINAL, Effort, optimise
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
-from fidim_lab.mismatch.sprung import begins_anew, bounded, grown, likelihood_with
+from fidim_lab.mismatch.sprung import begins_anew, bounded, carried_on, grown, likelihood_with
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
@@ -82,7 +82,10 @@ def settle(
     """
     prior = bounded(prior, mechanism)
     if begins_anew(mechanism, donor):
-        found = grown(ground.likelihood, donor, mechanism, prior, free)
+        if donor.excess < NEAR and _is_whole(ground, donor):
+            found = carried_on(ground.likelihood, donor, mechanism, start, prior, free)
+        else:
+            found = grown(ground.likelihood, donor, mechanism, prior, free)
         return None if found is None else as_fit(donor, *found, prior)
     likelihood = likelihood_with(ground.likelihood, mechanism, start.shared)
     if ground.whole and not _is_whole(ground, donor):

@@ -236,7 +236,6 @@ def _mechanism(
     effects, theta = tuple(h.effect for h in tried), np.concatenate([np.zeros(0), *starts]).tolist()
     # first order differentiates forces twice: beside states of their own its expressions grow beyond reason
     springs = springs or any(effect.extra_states for effect in effects)
-    springs = springs or donor.likelihood.mechanism.springs or donor.excess >= NEAR
     if springs and any(stretches(effect) for effect in effects):
         return Mechanism(base.robot, effects, theta, native=base.native, springs=True)
     return Mechanism(base.robot, effects, theta, native=base.native)

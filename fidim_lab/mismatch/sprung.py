@@ -1,8 +1,15 @@
 """Models in which cables are springs, fitted beside others to the same recordings (MODEL.md §6).
 
 Stretch that is more than a small correction moves the platform in ways that first order does not tell. So what
-stretches cables is fitted with springs wherever the motion is not followed without: from the first 0.3 s on, because
-their twelve freedoms are in none of the fits made before, and from several stiffnesses (`identification.mle.springs`).
+stretches cables is fitted with springs. Two ways lead there:
+
+carried_on   from a fit that follows the motion without them, at the stiffness that its score proposes. Stiff cables
+             ask for no more: the body is nearly right, the springs begin quiet, and two steps are enough.
+grown        from the first 0.3 s on and from several stiffnesses (`identification.mle.springs`), where no fit without
+             springs follows.
+
+Stretch to first order (`model.equations`) is no third way: what it leaves out, the square of (motion/stretch)², is small
+at any moment but adds up in phase, and after 10 s is a multiple of the noise from 1/EA = 3e-7 on.
 """
 
 from dataclasses import replace
@@ -12,15 +19,20 @@ import numpy as np
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior
-from fidim_lab.identification.mle.optimise import ROUGH, optimise
+from fidim_lab.identification.mle.optimise import ON_THE_WAY, ROUGH, Effort, optimise
 from fidim_lab.identification.mle.springs import spring_prior, starts, stretches, with_springs
 from fidim_lab.identification.mle.stages import FAR_PRIOR, HORIZONS, Journey, grow
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, sprung
+from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.model.sensitivity.starts import tied
 
 STIFFEST = 1e-7
 """m/N, and 1/N for a cable of a metre: a cable stiffer than that is fitted as rigid"""
+ON = (1.0, 3.0)
+"""s, of the way from a fit without springs to one with them"""
+AT_LAST = Effort(resolution=FINE, promise=0.1, rounds=10, damping=1e-6)
+"""a third of a standard deviation: nearer, fast oscillations that no sample shows bend the sum of squares"""
 
 
 def likelihood_with(likelihood: Likelihood, mechanism: Mechanism, shared: np.ndarray) -> Likelihood:
@@ -33,6 +45,26 @@ def likelihood_with(likelihood: Likelihood, mechanism: Mechanism, shared: np.nda
 def begins_anew(mechanism: Mechanism, donor: Fit) -> bool:
     """Whether the mechanism has springs whose state the donor does not know."""
     return mechanism.springs and sprung(mechanism) != sprung(donor.likelihood.mechanism)
+
+
+def carried_on(
+    likelihood: Likelihood, donor: Fit, mechanism: Mechanism, start: Point, prior: Prior, free: np.ndarray
+) -> tuple[Likelihood, Journey] | None:
+    """The fit of a model with springs from a fit of the same recordings without; None where it gets no better.
+
+    start: the donor's, with θ as proposed. The prior is in force at the optimum.
+    """
+    made = likelihood_with(likelihood, mechanism, start.shared)
+    ends, point = donor.journey.ends, start
+    nearby = replace(prior, sd=prior.sd / FAR_PRIOR) if ends.max() > HORIZONS[2] + 1e-9 else prior
+    for horizon in ON:
+        if horizon < ends.max():
+            found = optimise(made, point, np.minimum(ends, horizon), nearby, ON_THE_WAY, free)
+            point = point if found is None else found.point
+    found = optimise(made, point, ends, prior, AT_LAST, free)
+    if found is None or found.cost > donor.journey.optimum.cost:
+        return None
+    return made, replace(donor.journey, optimum=found)
 
 
 def grown(

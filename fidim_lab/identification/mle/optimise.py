@@ -112,7 +112,7 @@ def optimise(
             there = _try(likelihood, point, ends, prior, effort)
             if there is not None and there[1] < cost:
                 break
-            damping, stretch = max(4 * damping, 1e-6), min(stretch, 1.0)
+            damping, stretch = _damped(likelihood, damping), min(stretch, 1.0)
             if damping > DAMPING[1]:
                 ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.STUCK
                 return Optimum(simulation, tables, cost, ending, rounds)
@@ -121,6 +121,15 @@ def optimise(
         damping = relaxed(damping, gain / foretold(stretch))
         stretch = stretched(stretch, gain)
         now, rounds = there, rounds + 1
+
+
+def _damped(likelihood: Likelihood, damping: float) -> float:
+    """More damping after a step that did not keep its promise.
+
+    Fast oscillations of springs bend the sum of squares along directions of which the data say little: there a millionth
+    changes nothing, and each try is dear.
+    """
+    return max(4 * damping, 1e-6) if likelihood.springs is None else max(10 * damping, 1e-4)
 
 
 def edge(likelihood: Likelihood, count: int, promise: float, cost: float) -> Ending | None:
