@@ -147,13 +147,17 @@ def summary(result: IdentificationResult) -> RenderableType:
 
 
 def parameter_table(result: IdentificationResult) -> Table:
-    """CAD, identified, nominal sd, spread between windows, and that spread in percent, for all nine."""
+    """CAD, identified, nominal sd, spread between windows, and that spread in percent, for all nine.
+
+    Where parameters were dropped as non-essential, the others fitted anew without them stand beside.
+    """
     table = Table(title="Inertial parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
-    _columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %", "re-fit")
+    refits = ["re-fit"] if result.non_essential else []
+    _columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %", *refits)
     for name, parameter in result.parameters.items():
         refit = parameter.without_non_essential
         shown = "" if refit is None else "dropped" if name in result.non_essential else f"{millimetres(refit):.3f}"
-        table.add_row(*_cells(name, parameter), shown)
+        table.add_row(*_cells(name, parameter), *(shown for _ in refits))
     return table
 
 
