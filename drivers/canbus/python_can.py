@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import can
 
+from drivers.canbus.slcan import SlcanBus
 from drivers.canbus.transport import CanFrame
 from fidim_lab.errors import BusError, SetupError
 
@@ -105,7 +106,7 @@ class PythonCanTransport:
         """`interface`, `channel`, `options` as python-can names them. Raises SetupError where it cannot be opened."""
         self._label = f"{interface} {channel}"
         try:
-            self._bus = can.Bus(channel, interface, bitrate=bitrate, **options)
+            self._bus = _open(interface, channel, bitrate=bitrate, **options)
         except Exception as error:  # each interface has its own
             raise SetupError(
                 f"The CAN bus {self._label} cannot be opened: {error}.",
@@ -175,6 +176,11 @@ class PythonCanTransport:
         except Exception as error:  # each interface has its own; one that died cannot be told that it may go
             self._receiver.latch(f"closing it failed ({type(error).__name__}: {error})")
             _free_port(self._bus)
+
+
+def _open(interface: str, channel: str, **options: Any) -> can.BusABC:
+    """The bus by python-can's name, but for slcan, whose own reader is too slow for a full bus."""
+    return SlcanBus(channel, **options) if interface == "slcan" else can.Bus(channel, interface, **options)
 
 
 def _free_port(bus: can.BusABC) -> None:

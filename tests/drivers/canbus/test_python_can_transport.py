@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 import can
 import pytest
 
+from drivers.canbus import python_can
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame, CanTransport
 from fidim_lab.errors import BusError, SetupError
@@ -95,8 +96,9 @@ class FailingBus(can.BusABC):
         raise can.CanOperationError("no buffer space")
 
 
-def open_failing(channel: str, interface: str, **options: object) -> FailingBus:
-    return FailingBus(channel)
+class FailingSlcan(FailingBus):
+    def __init__(self, channel: str, **options: object) -> None:
+        super().__init__(channel)
 
 
 @pytest.fixture
@@ -105,7 +107,7 @@ def failing(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., PythonCan
 
     def make(*script: "can.Message | Exception") -> PythonCanTransport:
         monkeypatch.setattr(FailingBus, "script", list(script))
-        monkeypatch.setattr(can, "Bus", open_failing)
+        monkeypatch.setattr(python_can, "SlcanBus", FailingSlcan)
         made.append(PythonCanTransport("slcan", "/dev/ttyX"))
         return made[-1]
 
