@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from drivers.clock import LoopClock
 from fidim_lab.app.service.place import Place, held
+from fidim_lab.app.tui.keys import SETTLE
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
 COMMAND = "from fidim_lab.app.cli import main; main()"
@@ -86,6 +88,7 @@ async def _used(page, address, fake):
     await page.until(deaf, "a warning that keys go elsewhere")
     await page.tell("Emulation.setFocusEmulationEnabled", enabled=True)
     await page.until(f"!{deaf}")
+    await LoopClock().sleep(2 * SETTLE)  # until then the prompt takes no key, and all this may have been quick
     await page.press("d")
     await page.wait(lambda: "answer" in fake.commands(), "an answer")
     await page.press("F12")
