@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.benchmark.child import Outcome, Verb, in_child
-from fidim_lab.app.benchmark.seal import MUJOCO_SHARE, SealTask, recipe_of, recipes
+from fidim_lab.app.benchmark.seal import MUJOCO_NOISE, MUJOCO_SHARE, SealTask, recipe_of, recipes
 from fidim_lab.app.compose.sealed import MUJOCO, NATIVE
 from fidim_lab.data.robot_file import read_robot, write_robot
 from sim_backends.mujoco_world.forces import SUPPORTED
@@ -48,6 +48,7 @@ def test_mujoco_takes_its_share_of_what_it_can_hide_and_the_native_world_follows
             assert ids <= set(SUPPORTED)
             assert tried[1][0].backend == NATIVE
             assert tried[1][0].seed == recipe.seed
+            assert recipe.robot.sensors.marker_noise >= MUJOCO_NOISE  # its own error is no secret
     assert 0 < in_mujoco < 2.5 * MUJOCO_SHARE * possible
 
 
