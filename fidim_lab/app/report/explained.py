@@ -8,6 +8,7 @@ from fidim_lab.app.report.explanation_file import BeforeTable, EffectTable, Expl
 from fidim_lab.app.report.numerals import decimals, fixed, short
 from fidim_lab.app.report.proof import Proof
 from fidim_lab.app.report.tables import Table
+from fidim_lab.app.report.words import explained_sentence
 from fidim_lab.mismatch.explanation import Verdict
 from fidim_lab.units import millimetres, percent
 
@@ -26,6 +27,8 @@ class ExplanationSection:
     """What the template sets."""
 
     verdict: str
+    sentence: str
+    """for the page's summary"""
     message: str
     next: str
     effects: tuple[Table, ...]
@@ -44,6 +47,7 @@ def explained(found: ExplanationTable, shown: Proof, noise: float) -> Explanatio
     field = None if unknown is None else unknown.field
     return ExplanationSection(
         verdict=VERDICTS[found.verdict],
+        sentence=explained_sentence(found),
         message=found.message,
         next=found.next_experiment or "",
         effects=tuple(effect_table(effect) for effect in found.effects),

@@ -68,7 +68,7 @@ def make_page(
     return Page(
         title=campaign.name,
         badges=_badges(contents, result),
-        summary=_summary(contents, result, trust),
+        summary=(*_summary(contents, result, trust), *_missing(explanation)),
         warnings=() if result is None else result.warnings,
         parameters=None if result is None else _parameters(contents, result),
         correlations=None if result is None else correlations(result),
@@ -114,6 +114,10 @@ def _summary(contents: Contents, result: IdentificationResult | None, trust: str
     if beside := words.truth_sentence(rows):
         sentences.append(("Truth", beside))
     return tuple(sentences)
+
+
+def _missing(explanation: ExplanationSection | None) -> tuple[tuple[str, str], ...]:
+    return () if explanation is None else (("Left out", explanation.sentence),)
 
 
 def _true(contents: Contents) -> Body | None:

@@ -81,6 +81,7 @@ def _shifts(found: ExplanationTable) -> str:
     figure, (axis,) = sheet(WIDTH, 2.4)
     axis.bar(range(len(names)), moved, color=COLOURS[0], width=0.6)
     axis.set_yscale("symlog", linthresh=3.0)
+    axis.set_yticks(_levels(min(*moved, 0.0), max(*moved, 0.0)))
     plain_ticks(axis.yaxis)
     axis.axhline(0.0, color="black", lw=0.6)
     for level in (-2.0, 2.0):
@@ -89,6 +90,12 @@ def _shifts(found: ExplanationTable) -> str:
     axis.grid(visible=False, axis="x")
     axis.set_ylabel("moved / sd")
     return to_svg(figure)
+
+
+def _levels(low: float, high: float) -> list[float]:
+    """Ticks within what is drawn: 2 sd, and from there on what is needed to read a bar."""
+    steps = [2.0, *([5.0] if max(-low, high) < 50.0 else []), *(10.0**k for k in range(1, 9))]
+    return [*(-step for step in reversed(steps) if -step >= low), 0.0, *(step for step in steps if step <= high)]
 
 
 def field_drawings(field: Field) -> tuple[Drawing, ...]:

@@ -2,11 +2,14 @@
 
 import numpy as np
 
+from fidim_lab.app.report.explanation_file import ExplanationTable
 from fidim_lab.app.report.figures import ParameterRow
 from fidim_lab.app.report.folder import Contents
-from fidim_lab.app.report.numerals import counted, duration, interval
+from fidim_lab.app.report.numerals import counted, duration, interval, short
 from fidim_lab.app.report.tables import stated
-from fidim_lab.data.records import Campaign, Role
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
+from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.units import millimetres
 from procedures.outcomes import Outcome
 
 
@@ -54,6 +57,27 @@ def _with_cad(rows: tuple[ParameterRow, ...], unit: str) -> str:
     values = ", ".join(f"{interval(row.value, stated(row))}" for row in rows)
     nominal = ", ".join(f"{row.nominal or 0.0:.4g}" for row in rows)
     return f"({values}) {unit} (CAD: {nominal})"
+
+
+def explained_sentence(found: ExplanationTable) -> str:
+    """What `fidim explain` made of it, and the centre of mass with that: the summary's own is that of a sound model."""
+    held = found.held_out.chi2_per_dof
+    better = f"held-out χ²/dof goes from {short(held.before)} to {short(held.after)}"
+    names = " and ".join(", ".join(one.label for one in found.effects).rsplit(", ", 1))
+    centre = [found.parameters[name] for name in PARAMETER_NAMES[:3]]
+    s = ", ".join(interval(millimetres(one.value), millimetres(one.sd)) for one in centre)
+    where = f"With it the centre of mass lies at s = ({s}) mm from P"
+    match found.verdict:
+        case Verdict.NOTHING_MISSING:
+            return "fidim explain finds nothing missing from the model."
+        case Verdict.EXPLAINED:
+            return f"fidim explain names what is missing, {names}: {better}. {where}."
+        case Verdict.PARTLY_EXPLAINED:
+            return f"fidim explain names a part of what is missing, {names}: {better}. {where}; the rest is open."
+        case Verdict.UNKNOWN_PHYSICS:
+            return f"fidim explain finds physics that no effect of its catalogue is: {better}."
+        case Verdict.SENSOR_FAULT:
+            return "fidim explain finds a fault of a sensor, not of the model."
 
 
 def truth_sentence(rows: tuple[ParameterRow, ...]) -> str:

@@ -11,7 +11,8 @@ from fidim_lab.app.report.explain_page import write_explain_page
 from fidim_lab.app.report.explained import explained
 from fidim_lab.app.report.explanation_file import as_file, read_explanation
 from fidim_lab.app.report.proof import proof, rms
-from fidim_lab.app.report.proof_figures import field_drawings
+from fidim_lab.app.report.proof_figures import _levels, field_drawings
+from fidim_lab.app.report.words import explained_sentence
 from fidim_lab.app.report.write import write_report
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
 from fidim_lab.effects.catalogue import by_id
@@ -139,7 +140,43 @@ def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folde
     folder = write_folder(dragged)
     assert "What was left out" not in write_report(folder, result_of(dragged)).read_text()
     write_explanation(folder / "explanation.json", explanation)
-    assert "Repeat it by night." in words_of(write_report(folder, result_of(dragged)).read_text())
+    words = words_of(write_report(folder, result_of(dragged)).read_text())
+    assert "Repeat it by night." in words
+    said = "fidim explain names what is missing, air-drag-linear: held-out χ²/dof goes from 41 to 1.02. With it"
+    assert said in words[: words.index("Parameters")]  # in the summary
+
+
+@pytest.mark.parametrize(
+    ("verdict", "says"),
+    [
+        (Verdict.NOTHING_MISSING, "nothing missing"),
+        (Verdict.PARTLY_EXPLAINED, "a part of what is missing, air-drag-linear: held-out χ²/dof goes from 41 to 1.02"),
+        (Verdict.UNKNOWN_PHYSICS, "no effect of its catalogue"),
+        (Verdict.SENSOR_FAULT, "a fault of a sensor"),
+    ],
+)
+def test_the_summary_tells_what_became_of_the_explanation(explanation, verdict, says):
+    assert says in explained_sentence(as_file(replace(explanation, verdict=verdict)))
+
+
+def test_several_effects_are_listed_and_the_centre_of_mass_has_its_interval(explanation):
+    second = replace(explanation.effects[0], id="clock-rate", equivalent_to=())
+    third = replace(second, id="anchor-offset", cable=2)
+    said = explained_sentence(as_file(replace(explanation, effects=(*explanation.effects, second, third))))
+    assert "air-drag-linear, clock-rate and anchor-offset (cable 2): held-out" in said
+    assert "190.000 ± 0.010) mm from P" in said
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [
+        (-5.3, 2.3, [-5, -2, 0, 2]),
+        (0.0, 1.0, [0]),
+        (-300.0, 30.0, [-100, -10, -2, 0, 2, 10]),
+    ],
+)
+def test_ticks_of_the_shifts_lie_where_the_bars_are(low, high, ticks):
+    assert _levels(low, high) == ticks
 
 
 def test_a_wrong_file_names_the_key(explanation, tmp_path):
