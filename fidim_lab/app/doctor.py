@@ -11,6 +11,7 @@ from pathlib import Path
 
 from fidim_lab.app import console
 from fidim_lab.app.checks import Check, Verdict, make_table, summary, write_checks
+from fidim_lab.app.permissions_doctor import check_permissions
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import FidimError, HardwareError, RefusedError
@@ -135,6 +136,7 @@ CHECKS: tuple[Callable[[], Check], ...] = (
     check_python,
     check_libraries,
     check_package_names,
+    check_permissions,
     check_can,
     check_udp,
     check_clock,

@@ -3,10 +3,11 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from fidim_lab.app import cli, doctor
+from fidim_lab.app import cli, doctor, permissions_doctor
 from fidim_lab.app.doctor import Check, Verdict
 from fidim_lab.data.records import Limits
 from fidim_lab.data.robot_file import write_robot
@@ -28,7 +29,7 @@ def well(monkeypatch):
 def test_every_check_of_this_machine_gives_a_verdict_and_advice_where_it_fails(tmp_path, capsys):
     code = cli.run(["doctor", "--json", str(tmp_path / "d.json")])
     checks = _read(tmp_path / "d.json")
-    assert list(checks) == ["Python", "libraries", "package names", "CAN", "UDP", "clock", "disk"]
+    assert list(checks) == ["Python", "libraries", "package names", "permissions", "CAN", "UDP", "clock", "disk"]
     assert code == int(any(check["verdict"] == "failed" for check in checks.values()))
     for check in checks.values():
         assert check["found"]
@@ -64,6 +65,48 @@ def test_a_missing_library_is_named(monkeypatch):
     monkeypatch.setattr(doctor, "LIBRARIES", ("numpy", "no-such-library"))
     check = doctor.check_libraries()
     assert (check.verdict, check.found) == (Verdict.FAILED, "without no-such-library")
+
+
+def _port(tmp_path, monkeypatch, *, open_: bool, group: str):
+    port = tmp_path / "ttyUSB0"
+    port.touch()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(permissions_doctor, "comports", lambda: [SimpleNamespace(device=str(port))])
+    monkeypatch.setattr(permissions_doctor.os, "access", lambda path, mode: open_)
+    monkeypatch.setattr(Path, "group", lambda self: group)
+    return permissions_doctor.check_permissions()
+
+
+def test_a_serial_port_that_is_closed_names_the_group_that_opens_it(tmp_path, monkeypatch):
+    check = _port(tmp_path, monkeypatch, open_=False, group="dialout")
+    assert check.verdict is Verdict.WARNING
+    assert "ttyUSB0 cannot be opened by you" in check.found
+    assert "sudo usermod -aG dialout $USER, then log in anew" in check.advice
+
+
+def test_a_port_of_root_is_for_the_administrator(tmp_path, monkeypatch):
+    check = _port(tmp_path, monkeypatch, open_=False, group="root")
+    assert "administrator" in check.advice
+    assert "usermod" not in check.advice
+
+
+def test_an_open_port_is_named(tmp_path, monkeypatch):
+    check = _port(tmp_path, monkeypatch, open_=True, group="dialout")
+    assert check.verdict is Verdict.OK
+    assert "ttyUSB0" in check.found
+
+
+def test_a_folder_for_sockets_that_is_open_to_others_or_impossible_fails(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "fidim").mkdir(mode=0o755)
+    open_to_all = permissions_doctor.check_permissions()
+    assert open_to_all.verdict is Verdict.FAILED
+    assert "must belong to you alone" in open_to_all.found
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "file"))
+    impossible = permissions_doctor.check_permissions()
+    assert impossible.verdict is Verdict.FAILED
+    assert "XDG_RUNTIME_DIR" in impossible.advice
 
 
 def test_a_full_disk_is_seen(monkeypatch):
