@@ -15,8 +15,9 @@ from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import Kernel
-from fidim_lab.model.sensitivity.equations import slopes
+from fidim_lab.model.sensitivity.equations import BODY, slopes
 from fidim_lab.model.sensitivity.grid import Grid
+from fidim_lab.model.sensitivity.stiff import Began, follow
 
 STAGES = DOP853.n_stages
 # scipy's stubs do not know the tableau
@@ -52,15 +53,19 @@ class States:
             changed[window] = theirs[place]
             return changed
 
-        def both(ours: np.ndarray | None, theirs: np.ndarray | None) -> np.ndarray | None:
-            return None if ours is None or theirs is None else taken(ours, theirs)
-
+        tensions = None
+        if self.tensions is not None and other.tensions is not None:
+            tensions = taken(self.tensions, other.tensions)
+        astray = self.astray
+        if other.astray is not None:
+            nowhere = np.zeros((len(self.positions), other.astray.shape[1]))
+            astray = taken(nowhere if astray is None else astray, other.astray)
         return States(
             taken(self.positions, other.positions),
             taken(self.rotations, other.rotations),
             taken(self.twists, other.twists),
-            both(self.tensions, other.tensions),
-            both(self.astray, other.astray),
+            tensions,
+            astray,
         )
 
 
@@ -152,8 +157,10 @@ def integrate(
 
     unstretched: of the mechanism's springs, m; extra: effects' own states at the begins (`starts.linearised_starts`
     gives both). Cables are not watched here: see
-    `Trajectories.first_slack`. Never raises for the physics: NaN instead.
+    `Trajectories.first_slack`. Never raises for the physics: NaN instead. Quiet springs ask for a stiff grid.
     """
+    if mechanism.quiet:
+        return _followed(mechanism, shared, states, grid, begins, unstretched, extra)
     count, nodes, t = len(states.positions), grid.nodes, grid.t
     loop = step_of(mechanism).derived(
         (count, nodes), lambda step: step.mapaccum("motion", nodes, {"base": 8}).map(count)
@@ -178,6 +185,44 @@ def integrate(
         tensions=outputs[..., 6 + own.shape[1] :],
         unstretched=unstretched,
         extra=None if extra is None else at[..., 18:],
+    )
+
+
+def _followed(
+    mechanism: Mechanism,
+    shared: np.ndarray,
+    states: States,
+    grid: Grid,
+    begins: np.ndarray,
+    unstretched: np.ndarray | None,
+    extra: np.ndarray | None,
+) -> Trajectories:
+    """The motions of all windows, block by block (`stiff`)."""
+    rigid = mechanism.compiled("rigid cables", lambda made: Mechanism(made.robot, native=made.native))
+    one = Grid(1, grid.resolution)
+
+    def nearby(began: Began, at: float) -> np.ndarray:
+        """How rigid cables would let the platform move in the block that begins so."""
+        there = States(began.positions, began.rotations, began.moving[:, :6])
+        return integrate(rigid, shared[:BODY], there, one, begins + at).twists
+
+    count = len(states.positions)
+    own = np.zeros((count, 0)) if extra is None else extra
+    lengths = np.zeros((count, 0)) if unstretched is None else unstretched
+    constants = np.concatenate([lengths, np.broadcast_to(shared, (count, len(shared)))], axis=1)
+    moving = np.concatenate([states.twists, own], axis=1)
+    began = Began(states.positions, states.rotations, moving)
+    found = follow(mechanism, grid, begins, constants, began, nearby)
+    return Trajectories(
+        grid=grid,
+        begins=begins,
+        positions=found.positions,
+        rotations=found.rotations,
+        twists=found.moving[..., :6],
+        accelerations=found.slopes[..., :6],
+        tensions=found.slopes[..., 6 + own.shape[1] :],
+        unstretched=unstretched,
+        extra=None if extra is None else found.moving[..., 6:],
     )
 
 

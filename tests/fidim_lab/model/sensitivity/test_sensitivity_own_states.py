@@ -106,3 +106,11 @@ def test_every_column_agrees_with_finite_differences(started):
         np.testing.assert_allclose(exact[..., column], slope, atol=3e-6 * scale, err_msg=f"column {column}")
         scale = max(1.0, np.abs(drift).max())
         np.testing.assert_allclose(by.extra[..., column], drift, atol=2e-5 * scale, err_msg=f"column {column}")
+
+
+def test_a_window_that_takes_a_better_state_takes_the_own_states_too(started):
+    _, _, states = started
+    nowhere = replace(states, astray=None)
+    taken = nowhere.with_one(1, states.of(np.array([1])), 0)
+    np.testing.assert_array_equal(taken.astray, [np.zeros(6), states.astray[1]])
+    np.testing.assert_array_equal(states.with_one(0, nowhere, 1).astray, states.astray)
