@@ -38,9 +38,10 @@ class SprungScorer:
         self.tried = replace(tried, direct=tuple(h for h in tried.direct if _goes_with(mechanism, h)))
         effects = [*mechanism.effects, *(h.effect for h in self.tried.direct)]
         theta = np.concatenate([mechanism.theta, *(h.absent for h in self.tried.direct)])
-        self._all = Mechanism(mechanism.robot, effects, theta.tolist(), native=mechanism.native, springs=True)
+        kind = {"springs": True, "quiet": mechanism.quiet}
+        self._all = Mechanism(mechanism.robot, effects, theta.tolist(), native=mechanism.native, **kind)
         pushed = [*mechanism.effects, ConstantForce()]
-        self._pushed = Mechanism(mechanism.robot, pushed, [*mechanism.theta.tolist(), 0.0, 0.0, 0.0], springs=True)
+        self._pushed = Mechanism(mechanism.robot, pushed, [*mechanism.theta.tolist(), 0.0, 0.0, 0.0], **kind)
         self._frequencies = tuple(dict.fromkeys(frequency_of(h) for h in self.tried.periodic))
         places = scored_places(list(self.tried.direct), mechanism.theta.size)
         self._places = np.concatenate([*places, np.zeros(0)]).astype(int)

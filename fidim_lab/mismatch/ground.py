@@ -18,15 +18,13 @@ from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import FINAL, Effort, optimise
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
-from fidim_lab.mismatch.sprung import begins_anew, bounded, carried_on, grown, likelihood_with
+from fidim_lab.mismatch.sprung import NEAR, begins_anew, bounded, carried_on, grown, likelihood_with
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
 
 SHORT = 3.0
 """s"""
-NEAR = 3.0
-"""χ²/dof below which a motion is followed well enough for first-order statements about it"""
 HORIZONS = (3.0, 10.0)
 """s; the start is that of a good fit, so the strides may be long"""
 IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6)

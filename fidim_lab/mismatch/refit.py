@@ -17,13 +17,13 @@ from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.identification.mle.start import Guess, first_guesses
-from fidim_lab.mismatch.ground import NEAR, Ground, settle
+from fidim_lab.mismatch.ground import Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover
-from fidim_lab.mismatch.sprung import begins_anew, stiffest
+from fidim_lab.mismatch.sprung import are_stiff, begins_anew, stiffest
 from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown
+from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown, sprung
 from fidim_lab.model.sensitivity.starts import tied
 
 NOT_FOUND = 0.5
@@ -144,16 +144,16 @@ def refit(
     starts: Sequence[Float[np.ndarray, " theta"]],
     context: Context,
     *,
-    springs: bool = False,
+    ringing: bool = False,
     phases: Float[np.ndarray, " W"] | None = None,
 ) -> Completed | None:
     """Fit the model with these effects from these θ; None where it does not get there.
 
     donor: the fit whose body and states are the start. Bounds hold inside the fit: what would cross one is held on it.
-    springs: cables that stretch are springs even where the donor follows the motion so well that first order does.
+    ringing: the oscillations of stiff cables are followed too, which begin where the platform is let go.
     phases: of the last effect in each window (rad), where it has such as its one extra state.
     """
-    mechanism = _mechanism(ground, donor, tried, starts, springs)
+    mechanism = _mechanism(ground, donor, tried, starts, ringing)
     prior = ground.prior(
         np.concatenate([np.zeros(0), *(h.absent for h in tried)]),
         np.concatenate([np.zeros(0), *(_theta_sd(h) for h in tried)]),
@@ -229,16 +229,17 @@ def _guesses_of_springs(
 
 
 def _mechanism(
-    ground: Ground, donor: Fit, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray], springs: bool
+    ground: Ground, donor: Fit, tried: Sequence[Hypothesis], starts: Sequence[np.ndarray], ringing: bool
 ) -> Mechanism:
-    """The model with the effects."""
+    """The model with the effects; cables that stretch are springs, quiet ones where they are stiff."""
     base = ground.likelihood.mechanism
     effects, theta = tuple(h.effect for h in tried), np.concatenate([np.zeros(0), *starts]).tolist()
-    # first order differentiates forces twice: beside states of their own its expressions grow beyond reason
-    springs = springs or any(effect.extra_states for effect in effects)
-    if springs and any(stretches(effect) for effect in effects):
-        return Mechanism(base.robot, effects, theta, native=base.native, springs=True)
-    return Mechanism(base.robot, effects, theta, native=base.native)
+    if not any(stretches(effect) for effect in effects):
+        return Mechanism(base.robot, effects, theta, native=base.native)
+    made = Mechanism(base.robot, effects, theta, native=base.native, springs=True)
+    known = donor.likelihood.mechanism
+    quiet = not ringing and (known.quiet if sprung(known) == sprung(made) else are_stiff(made, donor))
+    return Mechanism(base.robot, effects, theta, native=base.native, springs=True, quiet=True) if quiet else made
 
 
 def _bounds(tried: Sequence[Hypothesis], context: Context) -> tuple[np.ndarray, np.ndarray]:

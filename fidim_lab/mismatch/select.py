@@ -191,16 +191,16 @@ class _Search:
     def _widened(self, model: Completed, new: Sequence[Hypothesis]) -> Completed:
         """With a more general form of a new term, where the simple one leaves structure and the other much less.
 
-        For cables that stretch these are springs: let go by hand they ring, which first order does not know.
+        For stiff cables these are their oscillations: let go by hand they ring.
         """
         if whiteness(model.leftovers).is_white:
             return model
         fresh = {term.effect for term in new}
         found = self._general(model, fresh)
-        if not model.mechanism.springs and any(stretches(effect) for effect in fresh):
+        if model.mechanism.quiet and any(stretches(effect) for effect in fresh):
             thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
-            sprung = refit(self._ground(model), model.fit, model.tried, thetas, self.start.context, springs=True)
-            found += [] if sprung is None else [sprung]
+            rung = refit(self._ground(model), model.fit, model.tried, thetas, self.start.context, ringing=True)
+            found += [] if rung is None else [rung]
         return _most_convincing(model, found)
 
     def _judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:

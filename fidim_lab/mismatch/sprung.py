@@ -8,8 +8,9 @@ carried_on   from a fit that follows the motion without them, at the stiffness t
 grown        from the first 0.3 s on and from several stiffnesses (`identification.mle.springs`), where no fit without
              springs follows.
 
-Stretch to first order (`model.equations`) is no third way: what it leaves out, the square of (motion/stretch)², is small
-at any moment but adds up in phase, and after 10 s is a multiple of the noise from 1/EA = 3e-7 on.
+Stiff springs are quiet (`model.sensitivity.stiff`): what they stretch is seen in the markers, how they ring is not.
+Stretch to first order (`model.equations`) would be cheaper, but what it leaves out, the square of (motion/stretch)²,
+is small at any moment, adds up in phase, and hides the effect after 10 s wherever it can be seen at all.
 """
 
 from dataclasses import replace
@@ -25,10 +26,14 @@ from fidim_lab.identification.mle.stages import FAR_PRIOR, HORIZONS, Journey, gr
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.grid import FINE
-from fidim_lab.model.sensitivity.starts import tied
+from fidim_lab.model.sensitivity.starts import quiet_springs, tied
 
 STIFFEST = 1e-7
 """m/N, and 1/N for a cable of a metre: a cable stiffer than that is fitted as rigid"""
+STIFF = 300.0
+"""rad/s, of the fastest oscillation on the springs: from here on they are quiet, at no higher price however stiff"""
+NEAR = 3.0
+"""χ²/dof below which a motion is followed well enough for first-order statements about it"""
 ON = (1.0, 3.0)
 """s, of the way from a fit without springs to one with them"""
 AT_LAST = Effort(resolution=FINE, promise=0.1, rounds=10, damping=1e-6)
@@ -45,6 +50,14 @@ def likelihood_with(likelihood: Likelihood, mechanism: Mechanism, shared: np.nda
 def begins_anew(mechanism: Mechanism, donor: Fit) -> bool:
     """Whether the mechanism has springs whose state the donor does not know."""
     return mechanism.springs and sprung(mechanism) != sprung(donor.likelihood.mechanism)
+
+
+def are_stiff(mechanism: Mechanism, donor: Fit) -> bool:
+    """Whether the springs of a mechanism are so stiff that their oscillations are too dear to follow at first."""
+    low = stiffest(mechanism)
+    shared = np.concatenate([donor.values[:BODY], np.maximum(mechanism.theta, low)])
+    states = replace(donor.journey.optimum.point.states, tensions=None)
+    return donor.excess < NEAR and quiet_springs(mechanism, shared, states, donor.likelihood.begins).fastest > STIFF
 
 
 def carried_on(

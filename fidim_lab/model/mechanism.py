@@ -32,7 +32,8 @@ class Mechanism:
     `theta` are the parameters of all effects, in their order; absent unless given. `native`: simulate and
     solve with compiled C where a compiler is found, the same digits faster after a second of building (see `native`).
     `springs`: trajectories with derivatives treat the cables that an effect stretches as springs, which their θ must
-    then make compliant (positive), instead of stretching them to first order (`equations`).
+    then make compliant (positive), instead of stretching them to first order (`equations`). `quiet`: springs so stiff
+    that their own oscillations are not followed but die at once (`sensitivity.stiff`); any stiffness costs the same.
     """
 
     def __init__(
@@ -43,10 +44,12 @@ class Mechanism:
         *,
         native: bool = False,
         springs: bool = False,
+        quiet: bool = False,
     ) -> None:
         self.robot = robot
         self.native = native
         self.springs = springs
+        self.quiet = springs and quiet
         self.effects = tuple(effects)
         count = sum(len(effect.parameters) for effect in self.effects)
         absent = np.concatenate([np.zeros(0), *(effect.absent for effect in self.effects)])
@@ -58,7 +61,7 @@ class Mechanism:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled functions stay here: another process compiles its own."""
-        return (_remake, (self.robot, self.effects, tuple(self.theta), self.native, self.springs))
+        return (_remake, (self.robot, self.effects, tuple(self.theta), self.native, self.springs, self.quiet))
 
     @property
     def n(self) -> int:
@@ -162,9 +165,9 @@ def states_of(mechanism: Mechanism, state: PlatformState) -> list[PlatformState]
 
 
 def _remake(
-    robot: Robot, effects: tuple[Effect, ...], theta: tuple[float, ...], native: bool, springs: bool
+    robot: Robot, effects: tuple[Effect, ...], theta: tuple[float, ...], native: bool, springs: bool, quiet: bool
 ) -> Mechanism:
-    return Mechanism(robot, effects, theta, native=native, springs=springs)
+    return Mechanism(robot, effects, theta, native=native, springs=springs, quiet=quiet)
 
 
 def structure_expression(cables: Sequence[CableExpressions]) -> ca.SX:

@@ -302,5 +302,7 @@ def _fine_enough(likelihood: Likelihood, point: Point, resolution: Resolution) -
     """The resolution that the springs ask for; None where they are none, or stiffer than is simulated."""
     if not sprung(likelihood.mechanism):
         return resolution
+    if likelihood.mechanism.quiet:
+        return resolution.for_stiff
     fastest = quiet_springs(likelihood.mechanism, point.shared, point.states, likelihood.begins).fastest
     return resolution.for_frequency(fastest) if fastest < STIFFEST else None

@@ -126,8 +126,8 @@ def optimise(
 def _damped(likelihood: Likelihood, damping: float) -> float:
     """More damping after a step that did not keep its promise.
 
-    Fast oscillations of springs bend the sum of squares along directions of which the data say little: there a millionth
-    changes nothing, and each try is dear.
+    Fast oscillations of springs bend the sum of squares along directions of which the data say little: there a
+    millionth changes nothing, and each try is dear.
     """
     return max(4 * damping, 1e-6) if likelihood.springs is None else max(10 * damping, 1e-4)
 

@@ -97,7 +97,9 @@ class Sample:
         shared, unstretched = ca.SX.sym("shared", shared_count(mechanism)), ca.SX.sym("unstretched", len(chosen))
         symbols = replace(Symbols.of(mechanism), body=shared[:BODY], theta=shared[BODY:])
         equations = motion_equations(mechanism, symbols)
-        pulled = _only_pulling(spring_tensions(mechanism, equations, unstretched)) if chosen else ca.SX(0, 1)
+        pulled = spring_tensions(mechanism, equations, unstretched) if chosen else ca.SX(0, 1)
+        # quiet ones are followed by Newton's method, which a slack spring would mislead; slack ends their validity
+        pulled = pulled if mechanism.quiet else _only_pulling(pulled)
         solver = _solver(equations, held)
         return Sample(equations, unstretched, shared, pulled, chosen, held, solver)
 

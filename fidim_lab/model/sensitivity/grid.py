@@ -1,6 +1,7 @@
 """The time grid of a batch: blocks of equal length, each with its Lobatto nodes, both ends included.
 
-The states are integrated from node to node; the variational equation is collocated on the nodes of a block.
+The states are integrated from node to node; the variational equation is collocated on the nodes of a block. For stiff
+springs both are collocated, on the begin of the block and its Radau nodes (`stiff`).
 """
 
 from dataclasses import dataclass, replace
@@ -24,6 +25,13 @@ class Resolution:
     """k nodes after the first in each block"""
     block: float = 0.1
     """s"""
+    stiff: bool = False
+    """Radau nodes: what oscillates too fast for a block dies within it"""
+
+    @property
+    def for_stiff(self) -> "Resolution":
+        """As good where cables are stiff: of two orders less, so with two nodes more."""
+        return replace(self, intervals=self.intervals + 2, stiff=True)
 
     def for_frequency(self, fastest: float) -> "Resolution":
         """As fine as an oscillation of `fastest` rad/s asks for; blocks are a whole part of the usual ones."""
@@ -57,14 +65,14 @@ class Grid:
     @property
     def t(self) -> Series:
         """Time of every node, s."""
-        inner = lobatto(self.resolution.intervals)[0][1:]
+        inner = _collocation(self.resolution)[0][1:]
         ends = (np.arange(self.blocks)[:, np.newaxis] + inner) * self.resolution.block
         return np.concatenate([[0.0], ends.ravel()])
 
     @property
     def quadrature(self) -> Float[np.ndarray, "k+1 k+1"]:
         """∫ from the begin of a block to node i of the polynomial through all its nodes: Σ_j Q_ij f_j, s."""
-        return lobatto(self.resolution.intervals)[1] * self.resolution.block
+        return _collocation(self.resolution)[1] * self.resolution.block
 
 
 @cache
@@ -79,3 +87,22 @@ def lobatto(intervals: int) -> tuple[Series, Float[np.ndarray, "k+1 k+1"]]:
     nodes.setflags(write=False)
     matrix.setflags(write=False)
     return nodes, matrix
+
+
+@cache
+def radau(intervals: int) -> tuple[Series, Float[np.ndarray, "k+1 k+1"]]:
+    """0 and the k Radau nodes of (0, 1], with the matrix of Radau IIA (order 2 k − 1, L-stable); 0 has no weight."""
+    polynomial = np.eye(intervals + 1)[intervals] - np.eye(intervals + 1)[intervals - 1]
+    x = np.sort(legendre.legroots(polynomial))
+    x[-1] = 1.0
+    values = legendre.legvander(x, intervals - 1)
+    integrals = [legendre.legval(x, legendre.legint(row, lbnd=-1)) for row in np.eye(intervals)]
+    nodes, matrix = np.zeros(intervals + 1), np.zeros((intervals + 1, intervals + 1))
+    nodes[1:], matrix[1:, 1:] = (x + 1) / 2, np.stack(integrals, axis=1) @ np.linalg.inv(values) / 2
+    nodes.setflags(write=False)
+    matrix.setflags(write=False)
+    return nodes, matrix
+
+
+def _collocation(resolution: Resolution) -> tuple[Series, Float[np.ndarray, "k+1 k+1"]]:
+    return radau(resolution.intervals) if resolution.stiff else lobatto(resolution.intervals)
