@@ -14,7 +14,7 @@ from typing import cast
 
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import SetupError
-from procedures.compare import compare
+from procedures.compare import compare, compare_by_winches
 from procedures.excite import excite
 from procedures.experiment import Experiment, Lab, Make, checked_experiment
 from procedures.home import home
@@ -74,6 +74,12 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
             "record the plan, explain it, record where it tells most: until the verdict is clear",
             compare,
             further=compare,
+        ),
+        "compare-by-winches": Entry(
+            "compare without a hand, excited as by excite",
+            compare_by_winches,
+            further=compare_by_winches,
+            alone=True,
         ),
         "tension-check": Entry("every tension at rest at each equilibrium against its limits", _tension_check),
     }

@@ -2,6 +2,7 @@
 
 The plan's windows come first (some of them with the role `validate`, on which explanations are judged), then at most
 `FURTHER` windows that the explanation itself asks for. How it explains is not known here: the step `Explain` says.
+`compare` has windows displaced as `identify` does, `compare_by_winches` as `excite`: no hand, no prompt.
 """
 
 from collections.abc import Set as AbstractSet
@@ -9,6 +10,9 @@ from collections.abc import Set as AbstractSet
 import numpy as np
 
 from fidim_lab.data.records import PlannedWindow, Role
+from fidim_lab.errors import InfeasibleError
+from procedures.displacing import free
+from procedures.excite import ExciteProtocol
 from procedures.experiment import Lab
 from procedures.identify import WindowProtocol
 from procedures.outcomes import Outcome
@@ -23,8 +27,17 @@ ESTIMATE = 90.0
 
 def compare(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
     """The steps; done: windows that have their verdict from an earlier process."""
-    protocol = WindowProtocol(lab.robot, lab.settings, lab.route, lab.attempts)
+    return _compare(lab, done, WindowProtocol(lab.robot, lab.settings, lab.route, lab.attempts))
+
+
+def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
+    """The same without a hand."""
+    return _compare(lab, done, ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory))
+
+
+def _compare(lab: Lab, done: AbstractSet[str], protocol: WindowProtocol) -> Steps:
     at = (yield Enable()).values
+    yield from free(lab.settings)
     swinging = False
     for window in lab.plan.windows:
         at, swinging = yield from protocol.window(window, at, swinging)
@@ -32,14 +45,17 @@ def compare(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
     while True:
         found = yield Explain(number=len(FURTHER) - len(left) + 1, estimate=ESTIMATE)
         if found.answer == Clarity.CLEAR:
-            yield Note(remark=found.reason or "the verdict is clear")
+            yield Note(remark="the verdict is clear")
             return
         if found.answer != Clarity.UNCLEAR or not left:
             more = "" if left else f" {len(FURTHER)} further windows have been recorded; the next step is a person's."
             yield Stop(outcome=Outcome.FAIL, reason=f"The verdict is not clear: {found.reason}{more}")
         id_ = left.pop(0)
-        yield Note(window=id_, remark=found.reason)
-        at, swinging = yield from protocol.window(proposed(id_, lab.robot.n, found.values), at, swinging)
+        yield Note(window=id_, remark="recorded because the verdict is not clear yet")
+        try:
+            at, swinging = yield from protocol.window(proposed(id_, lab.robot.n, found.values), at, swinging)
+        except InfeasibleError as refusal:  # no safe way from here; the next look proposes another
+            yield Note(window=id_, remark=refusal.message)
 
 
 def proposed(id_: str, n: int, values: tuple[float, ...]) -> PlannedWindow:

@@ -23,6 +23,7 @@ from fidim_lab.identification.excitation.strokes import Chain
 from fidim_lab.identification.excitation.travel import travel
 from fidim_lab.model.mechanism import Mechanism
 from procedures.control import Retried
+from procedures.displacing import free
 from procedures.enough import windows_of
 from procedures.experiment import Lab, Memory
 from procedures.identify import Route, WindowProtocol, straight
@@ -45,6 +46,7 @@ def excite(lab: Lab) -> Steps:
     """The steps for a plan; see the module. Raises InfeasibleError as `identify`."""
     protocol = ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory)
     at = (yield Enable()).values
+    yield from free(lab.settings)
     yield from windows_of(lab.plan, protocol, at)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Generator
 
 from fidim_lab.data.records import Plan, Robot
 from procedures.control import Retried, Skipped
+from procedures.displacing import free
 from procedures.identify import Route, straight
 from procedures.outcomes import Outcome
 from procedures.settings import Settings
@@ -20,6 +21,7 @@ def tension_check(plan: Plan, robot: Robot, settings: Settings | None = None, ro
     """
     settings = settings or Settings()
     at = (yield Enable()).values
+    yield from free(settings)
     for planned in plan.windows:
         goal = tuple(float(length) for length in planned.lengths)
         try:

@@ -1,6 +1,7 @@
 """What to record next for a campaign: `to_separate` for effects that could not be told apart, `to_know` for the body.
 
-Both look at random windows that obey all the robot's limits. `compare` and `fidim design --after` ask here.
+Both look at random windows that obey all the robot's limits, and the winches' where they are given. `compare` and
+`fidim design --after` ask here.
 """
 
 from collections.abc import Sequence
@@ -15,11 +16,15 @@ from fidim_lab.identification.design.information import information
 from fidim_lab.identification.design.next_window import NextWindow, next_window
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
+from fidim_lab.identification.mle.possible import scales
 from fidim_lab.mismatch.separate import MOST_WINDOWS, Claim, Proposal, Trial, separating, with_markers
 from fidim_lab.model.mechanism import Mechanism
 
 POOL = 36
 """random windows among which the best is chosen"""
+
+Reach = Sequence[tuple[float, float]]
+"""m, the shortest and longest length of each cable that its winch allows"""
 
 
 def to_separate(
@@ -29,11 +34,16 @@ def to_separate(
     *,
     noise: float = 1.0,
     seed: int = 1,
+    more: int = 3,
+    more_markers: bool = True,
+    reach: Reach | None = None,
     native: bool = True,
 ) -> tuple[Proposal, ...]:
     """For each claim the windows that tell it from its rivals; with three markers where one is not enough.
 
     campaign: what has been recorded. body: nine base parameters as identified. noise: √(χ²/dof) of the completed model.
+    more: windows at most, with the markers that there are.
+    more_markers: whether markers may be asked for that the platform does not carry (a person has to mount them).
     A proposal whose `separates` is False says that no window of the pool does, with any of these sensors. Raises
     SetupError for robots that windows cannot be designed for, InfeasibleError where hardly any obeys the limits.
     """
@@ -41,11 +51,11 @@ def to_separate(
     task = DesignTask(robot, equilibria=1, native=native)
     mechanism = task.mechanism()
     recorded = _recorded(mechanism, task, campaign)
-    trials = [_trial(mechanism, task, z) for z in _pool(mechanism, task, seed).z]
+    trials = [_trial(mechanism, task, z) for z in _pool(mechanism, task, seed, reach).z]
     found: list[Proposal] = []
     for claim in claims:
-        first = separating(robot, claim, recorded, trials, body, noise=noise, native=native)
-        if not first.separates:
+        first = separating(robot, claim, recorded, trials, body, more=more, noise=noise, native=native)
+        if not first.separates and more_markers:
             better = _with_more(robot, claim, recorded, trials, body, noise, native)
             first = better if better.after[-1].non_centrality > 2 * first.after[-1].non_centrality else first
         found.append(first)
@@ -53,19 +63,26 @@ def to_separate(
 
 
 def to_know(
-    campaign: Campaign, *, criterion: Criterion = Criterion.A, seed: int = 1, native: bool = True
+    campaign: Campaign,
+    body: Float[np.ndarray, "9"] | None = None,
+    *,
+    criterion: Criterion = Criterion.A,
+    seed: int = 1,
+    reach: Reach | None = None,
+    native: bool = True,
 ) -> NextWindow:
-    """The window that shrinks the covariance of the body most, given the windows there are.
+    """The window that shrinks the covariance of the body most, given the windows there are and what is plausible.
 
-    Raises as `to_separate`.
+    body: nine base parameters as identified; nominal without. Raises as `to_separate`.
     """
     task = DesignTask(campaign.robot, equilibria=1, criterion=criterion, native=native)
     mechanism = task.mechanism()
     placed = [place(mechanism, task, z) for z in _seen(task, campaign)]
     if not placed:
         raise InfeasibleError("No window of the campaign tells lengths, marker and equilibrium: nothing is known yet.")
-    known = information(mechanism, task, placed).sum(axis=0)
-    return next_window(mechanism, task, np.linalg.pinv(known), _pool(mechanism, task, seed))
+    # with what is plausible beforehand: one or two windows alone may leave a direction without any information
+    known = information(mechanism, task, placed, body).sum(axis=0) + np.diag(scales(campaign.robot.nominal) ** -2.0)
+    return next_window(mechanism, task, np.linalg.inv(known), _pool(mechanism, task, seed, reach), body)
 
 
 def _with_more(
@@ -81,8 +98,19 @@ def _with_more(
     return separating(with_markers(robot), claim, recorded, trials, body, more=MOST_WINDOWS, noise=noise, native=native)
 
 
-def _pool(mechanism: Mechanism, task: DesignTask, seed: int) -> pool.Pool:
-    return pool.draw(mechanism, task, POOL, np.random.default_rng([seed, 3]), lambda _: None)
+def _pool(mechanism: Mechanism, task: DesignTask, seed: int, reach: Reach | None) -> pool.Pool:
+    drawn = pool.draw(mechanism, task, POOL, np.random.default_rng([seed, 3]), lambda _: None)
+    if reach is None:
+        return drawn
+    low, high = np.array(reach).T
+    lengths = drawn.z[:, : task.robot.n]
+    there = ((lengths >= low) & (lengths <= high)).all(axis=1)
+    if not there.any():
+        raise InfeasibleError(
+            f"Of {len(there)} random windows within the robot's limits none is within those of the winches.",
+            hint="Compare length_limits in the rig file with the robot's workspace.",
+        )
+    return pool.Pool(drawn.z[there], drawn.tables[there])
 
 
 def _trial(mechanism: Mechanism, task: DesignTask, z: np.ndarray) -> Trial:

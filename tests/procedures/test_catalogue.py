@@ -1,6 +1,7 @@
 """Every procedure can be listed without hardware, runs on the small laboratory, and one's own is a short file."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,13 @@ from fidim_lab.errors import SetupError
 from procedures.catalogue import CATALOGUE, experiment
 from procedures.control import Control, Verb, Word
 from procedures.events import StepStarted
+from procedures.excite import ExciteProtocol
 from procedures.handlers import HANDLERS
+from procedures.identify import WindowProtocol
 from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.run import run_procedure
+from procedures.settings import ReleaseSettings
 from procedures.steps import Result
 from procedures.steps.compare import Clarity, Explain
 from sim_backends.jumping_loop import run
@@ -48,7 +52,7 @@ async def clear(_stand, _step):
     return Result(answer=Clarity.CLEAR)
 
 
-ELSEWHERE = {"home", "excite"}
+ELSEWHERE = {"home", "excite", "compare-by-winches"}
 """need drives without power, and physics: see their own tests"""
 
 
@@ -59,6 +63,16 @@ def test_each_is_listed_without_hardware_and_runs_as_listed(name, world, lab, tm
     report = carry_out(name, world, lab, tmp_path / "run")
     assert report.outcome.usable, report.reason
     assert [type(e.step).__name__ for e in world.events if isinstance(e, StepStarted)] == listed
+
+
+@pytest.mark.parametrize("name", sorted(set(CATALOGUE) - {"home"}))
+def test_no_winch_moves_before_a_release_has_let_go(name, world, lab, irma4, monkeypatch):
+    monkeypatch.setattr(ExciteProtocol, "visit", lambda *_: iter(()))  # excitation is planned elsewhere
+    monkeypatch.setattr(ExciteProtocol, "pace", WindowProtocol.pace)
+    settings = replace(world.settings, release=ReleaseSettings())
+    made = experiment(name, lab.plan, irma4, settings, statics=comfortable)
+    listed = [type(s).__name__ for s in Outline(made.procedure).steps]
+    assert listed[:3] == ["Enable", "LetGo", "MoveTo"]
 
 
 @pytest.mark.parametrize("name", CATALOGUE)

@@ -23,7 +23,8 @@ async def explain_step(stand: Stand, step: Explain) -> Result:
     folder, clock = stand.folder.path, stand.rig.clock
     (folder / JUDGEMENT).unlink(missing_ok=True)
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", MODULE, str(folder)),
+        *(sys.executable, "-m", MODULE, str(folder), str(step.number)),
+        json.dumps(stand.settings.motion.length_limits),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE,
