@@ -26,6 +26,11 @@ READERS: Mapping[str, Callable[[Path, int], WindowColumns]] = MappingProxyType(
 """(file, cables of the robot) → its columns, by suffix"""
 
 
+WANTED = (
+    "Give a run or campaign folder: fidim dry-run makes one on simulators, fidim import one of another lab's recording."
+)
+
+
 class WindowTable(Table):
     """`[[window]]`."""
 
@@ -64,9 +69,11 @@ class IndexEntry:
 def read_campaign(folder: Path) -> Campaign:
     """Read a campaign folder whole. Raises FileError with file, key or line."""
     if not folder.is_dir():
-        what = "is a file; a campaign is a folder" if folder.exists() else "no such folder"
-        raise FileError(folder, "", what)
+        what = "is a file; a campaign is a folder." if folder.exists() else "no such folder."
+        raise FileError(folder, "", what, hint=WANTED)
     index = folder / INDEX
+    if not index.exists():
+        raise FileError(index, "", "no such file.", hint=WANTED)
     table = read_toml(index, CampaignTable, FORMAT)
     if not table.window:
         raise FileError(index, "window", "the campaign lists no windows")

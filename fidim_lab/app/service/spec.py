@@ -91,7 +91,7 @@ def read_spec(folder: Path) -> RunSpec:
     """Raises FileError where the folder is no run of a service."""
     path = folder / NAME
     if not path.exists():
-        raise FileError(path, "", "no such file", hint="Only what `fidim run` began can be resumed.")
+        raise FileError(path, "", "no such file.", hint="Only what `fidim run` began can be resumed.")
     try:
         return RunSpec.model_validate_json(read_text(path))
     except ValidationError as error:
