@@ -137,17 +137,17 @@ class PythonCanTransport:
         """Put one frame on the bus. Raises BusError where that is impossible."""
         if self._closed:
             raise BusError(f"The CAN bus {self._label} is closed.")
-        frame = CanFrame(frame_id, data, time.monotonic())
-        try:
-            with (
-                self._sending
-            ):  # SYNC and SDO come from different threads; slcan writes text, which must not interleave
-                self._bus.send(can.Message(arbitration_id=frame_id, data=data, is_extended_id=False))
-        except Exception as error:  # each interface has its own
-            self._receiver.latch(f"sending failed ({type(error).__name__}: {error})")
-            raise BusError(f"The CAN bus {self._label} does not take frames: {error}.") from error
-        for observer in self._receiver.observers:
-            observer(frame)
+        message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=False)
+        # SYNC and SDO come from different threads; slcan writes text, which must not interleave
+        with self._sending:
+            frame = CanFrame(frame_id, data, time.monotonic())
+            for observer in self._receiver.observers:  # first, so that no answer stands before it in the log
+                observer(frame)
+            try:
+                self._bus.send(message)
+            except Exception as error:  # each interface has its own
+                self._receiver.latch(f"sending failed ({type(error).__name__}: {error})")
+                raise BusError(f"The CAN bus {self._label} does not take frames: {error}.") from error
 
     def subscribe(self, receiver: Callable[[CanFrame], None]) -> None:
         """Call `receiver` for each frame from the other nodes, on the receiving thread."""

@@ -17,9 +17,10 @@ from drivers.canbus.transport import CanFrame, CanTransport
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.machine import Command
 from drivers.cia402.nmt import heartbeat_frame
-from drivers.cia402.node import NodeLink, SyncTimes
+from drivers.cia402.node import NodeLink
 from drivers.cia402.pdo import RPDO, TPDOS
 from drivers.cia402.sdo import SdoChannel
+from drivers.cia402.sync import SyncTimes
 from drivers.cia402.words import controlword
 from drivers.ports import Clock
 from fidim_lab.errors import BusError, SetupError
@@ -136,8 +137,7 @@ class CanopenMaster:
             self.quick_stop_all()
             raise BusError(f"The CAN bus cannot be trusted any more: {fault}.", hint="The drives were told to stop.")
         for link in self._links.values():
-            if link.brought_up and (link.values is None or link.values.t != self.sync.current):
-                link.counters.lost += 1
+            link.count_missing()
         for stream in self._before_sync:
             stream()
         now = self.clock.now()

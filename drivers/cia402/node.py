@@ -13,6 +13,7 @@ from drivers.cia402.last_motion import LastMotion
 from drivers.cia402.nmt import Heartbeat, NmtCommand, NmtState, decode_heartbeat, nmt_frame
 from drivers.cia402.pdo import RPDO, TARGET_RPDO, TPDOS, DriveValues, SampleDecoder
 from drivers.cia402.sdo import SdoChannel
+from drivers.cia402.sync import SyncAnswers, SyncTimes
 from drivers.cia402.words import Mode
 
 _CONTROLWORD_MULTIPLEXER = bytes((0x40, 0x60, 0x00))
@@ -22,27 +23,11 @@ _MISSED_HEARTBEATS = 3.0
 
 
 @dataclass
-class SyncTimes:
-    """The instants of the last two SYNCs, monotonic s; written by the control loop alone."""
-
-    current: float = float("-inf")
-    previous: float = float("-inf")
-
-    def advance(self, t: float) -> None:
-        """A SYNC goes out at `t`."""
-        self.previous, self.current = self.current, t
-
-    def of(self, arrival: float) -> float:
-        """The SYNC that sampled a TPDO which arrived at `arrival`."""
-        return self.current if arrival >= self.current else self.previous
-
-
-@dataclass
 class NodeCounters:
     """What went wrong on the way, for the report."""
 
     lost: int = 0
-    """SYNCs without a whole sample"""
+    """cycles in which no whole sample came"""
     malformed: int = 0
     """heartbeats and emergencies that were none"""
     refused_controlwords: int = 0
@@ -72,7 +57,9 @@ class NodeLink:
         self.brought_up = False
         self._restarted = False
         self._transport = transport
-        self._sync = sync
+        self.answers = SyncAnswers(sync, len(TPDOS))
+        """which SYNC a TPDO belongs to"""
+        self._whole = 0
         self._heartbeat_period = heartbeat_period
         self._rpdo = RPDO.format
         self.mode = Mode.PROFILE_POSITION
@@ -84,7 +71,7 @@ class NodeLink:
 
     def on_tpdo(self, part: int, frame: CanFrame) -> None:
         """TPDO number `part`, from 0."""
-        t = self._sync.of(frame.t)
+        t = self.answers.date(part)
         if t == float("-inf"):
             self.counters.unasked += 1
             return
@@ -160,6 +147,14 @@ class NodeLink:
         self._restarted = False
         self.latched = None
         self.values = None
+        self.answers.restart()
+
+    def count_missing(self) -> None:
+        """At the end of a cycle: whether a whole sample has come since the last time."""
+        whole = self.decoder.received
+        if self.brought_up and whole == self._whole:
+            self.counters.lost += 1
+        self._whole = whole
 
     def fault(self, now: float) -> str:
         """What is wrong with this node, as words; empty where nothing is."""
