@@ -5,10 +5,11 @@ order of one node's frames, so the n-th sample belongs to the n-th SYNC, however
 that; it shows as an answer that stays behind, while one that is merely late catches up at once.
 """
 
-_KEPT = 256
-"""SYNCs whose instants are remembered"""
-_CATCHES_UP = 10
-"""SYNCs within which a late stream catches up; one that stays behind for longer has lost something"""
+_KEPT = 1024
+"""SYNCs whose instants are remembered: a second, at the highest rate"""
+_CATCHES_UP = 0.5
+"""s within which a late stream catches up; one that stays behind for longer has lost something. A busy computer can be
+behind by a cycle or two for tenths of a second; after a loss, a date is a cycle too old for so long: on the safe side"""
 
 _SURE = 25
 """cycles in a row that show another order of sending; fewer may be late frames of the cycle before"""
@@ -49,7 +50,7 @@ class SyncAnswers:
         self._number: int | None = None
         """the SYNC that the newest sample answers"""
         self._parts: set[int] = set()
-        self._behind_since: int | None = None
+        self._behind_since: float | None = None
         self._least = 0
         self._order = _SendingOrder(parts)
         self.late = 0
@@ -77,10 +78,13 @@ class SyncAnswers:
             self._behind_since = None
             return number
         self.late += 1
+        now = self._sync.current
         if self._behind_since is None:
-            self._behind_since, self._least = newest, behind
+            self._behind_since, self._least = now, behind
         self._least = min(self._least, behind)
-        if newest - self._behind_since < _CATCHES_UP:
+        if now - self._sync.time(number) > _CATCHES_UP:  # it has been silent, and begins anew
+            self._least = behind
+        elif now - self._behind_since < _CATCHES_UP:
             return number
         self._behind_since = None
         return number + self._least

@@ -1,0 +1,1 @@
+"""What the drivers do on a bus, measured: `python -m benchmarks.bus rates | saturated | time | kills`."""
