@@ -9,7 +9,7 @@ _KEPT = 1024
 """SYNCs whose instants are remembered: a second, at the highest rate"""
 _CATCHES_UP = 0.5
 """s within which a late stream catches up; one that stays behind for longer has lost something. A busy computer can be
-behind by a cycle or two for tenths of a second; after a loss, a date is a cycle too old for so long: on the safe side"""
+behind by a cycle or two for tenths of a second; after a loss, dates are a cycle too old meanwhile: on the safe side"""
 
 _SURE = 25
 """cycles in a row that show another order of sending; fewer may be late frames of the cycle before"""
