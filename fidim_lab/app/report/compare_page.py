@@ -8,7 +8,7 @@ import numpy as np
 
 from fidim_lab.app.comparison import Comparison, Shift, WindowPair, limit
 from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks
+from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks, sd_levels
 from fidim_lab.app.report.html import render
 from fidim_lab.app.report.numerals import decimals, fixed, short
 from fidim_lab.app.report.svg import COLOURS, sheet, styled, to_svg
@@ -34,7 +34,7 @@ def write_compare_page(found: Comparison, out: Path) -> Path:
     """Write the page; returns its path. Raises FileError where it cannot be written."""
     badge = "✓ the sessions agree" if found.agree else "✗ the sessions differ, or cannot be judged"
     page = ComparePage(
-        title=f"{found.a.name} and {found.b.name}",
+        title=f"{found.a.name}, twice" if found.a.name == found.b.name else f"{found.a.name} and {found.b.name}",
         badges=(badge,),
         summary=(("A", found.a.says), ("B", found.b.says), ("Found", found.message)),
         warnings=found.warnings,
@@ -55,7 +55,8 @@ def _tables(found: Comparison) -> tuple[Table, ...]:
 
 
 def _cells(shift: Shift) -> tuple[str, ...]:
-    places = decimals(millimetres(float(np.hypot(shift.sd_a, shift.sd_b))))
+    known = [sd for sd in (shift.sd_a, shift.sd_b) if sd > 0.0]
+    places = decimals(millimetres(min(known, default=0.0)))  # so that the better session's interval is to be seen
     values = (shift.a, shift.sd_a, shift.b, shift.sd_b, shift.difference)
     z = "–" if shift.z is None else f"{shift.z:+.1f}"
     return (shift.name, *(fixed(millimetres(value), places) for value in values), z)
@@ -79,11 +80,13 @@ def _drawings(found: Comparison) -> tuple[Drawing, ...]:
 @styled
 def _differences(shifts: Sequence[Shift]) -> str:
     figure, (axis,) = sheet(WIDTH, 2.4)
-    axis.bar(range(len(shifts)), [shift.z or 0.0 for shift in shifts], color=COLOURS[0], width=0.6)
+    bars = [shift.z or 0.0 for shift in shifts]
+    axis.bar(range(len(shifts)), bars, color=COLOURS[0], width=0.6)
     for level in (-limit(), limit()):
         axis.axhline(level, color="black", lw=0.8, ls=":")
     axis.axhline(0.0, color="black", lw=0.6)
     axis.set_yscale("symlog", linthresh=5.0)
+    axis.set_yticks(sd_levels(min(*bars, -limit()), max(*bars, limit())))
     plain_ticks(axis.yaxis)
     axis.set_xticks(range(len(shifts)), [shift.name for shift in shifts])
     axis.grid(visible=False, axis="x")

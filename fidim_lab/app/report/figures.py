@@ -223,6 +223,12 @@ def plain_ticks(*axes: Axis) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
+def sd_levels(low: float, high: float) -> list[float]:
+    """Ticks of bars in standard deviations: from 2 on, within what is drawn."""
+    steps = [2.0, *([5.0] if max(-low, high) < 50.0 else []), *(10.0**k for k in range(1, 9))]
+    return [*(-step for step in reversed(steps) if -step >= low), 0.0, *(step for step in steps if step <= high)]
+
+
 def legend(axis: Axes, columns: int) -> None:
     """Above the axes, where it covers nothing."""
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=columns, fontsize=8, borderaxespad=0.1)

@@ -7,7 +7,7 @@ import numpy as np
 from fidim_lab.app.report import spectra
 from fidim_lab.app.report.drawing import Drawing
 from fidim_lab.app.report.explanation_file import ExplanationTable
-from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks
+from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks, sd_levels
 from fidim_lab.app.report.proof import Compared, Proof
 from fidim_lab.app.report.svg import COLOURS, sheet, styled, thin, to_svg
 from fidim_lab.identification.mle.judge import Remainder
@@ -81,7 +81,7 @@ def _shifts(found: ExplanationTable) -> str:
     figure, (axis,) = sheet(WIDTH, 2.4)
     axis.bar(range(len(names)), moved, color=COLOURS[0], width=0.6)
     axis.set_yscale("symlog", linthresh=3.0)
-    axis.set_yticks(_levels(min(*moved, 0.0), max(*moved, 0.0)))
+    axis.set_yticks(sd_levels(min(*moved, 0.0), max(*moved, 0.0)))
     plain_ticks(axis.yaxis)
     axis.axhline(0.0, color="black", lw=0.6)
     for level in (-2.0, 2.0):
@@ -90,12 +90,6 @@ def _shifts(found: ExplanationTable) -> str:
     axis.grid(visible=False, axis="x")
     axis.set_ylabel("moved / sd")
     return to_svg(figure)
-
-
-def _levels(low: float, high: float) -> list[float]:
-    """Ticks within what is drawn: 2 sd, and from there on what is needed to read a bar."""
-    steps = [2.0, *([5.0] if max(-low, high) < 50.0 else []), *(10.0**k for k in range(1, 9))]
-    return [*(-step for step in reversed(steps) if -step >= low), 0.0, *(step for step in steps if step <= high)]
 
 
 def field_drawings(field: Field) -> tuple[Drawing, ...]:

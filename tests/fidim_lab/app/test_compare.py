@@ -1,6 +1,7 @@
 """`fidim compare`: agreement and difference in standard deviations, what cannot be compared, the page."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -75,6 +76,21 @@ def test_a_difference_beyond_chance_is_named_and_fails(file_of, tmp_path, capsys
     assert "differ beyond chance (3.3 sd) in s_z, I_yy" in told["message"]
     assert told["windows"][1]["a"]["chi2_per_dof"] == 1.02
     assert "-4.7" in capsys.readouterr().out
+
+
+def test_the_page_shows_the_better_sessions_interval_and_ticks_where_the_bars_are(file_of, tmp_path):
+    rough = result()
+    for parameter in rough["parameters"].values():
+        parameter["sd"] = 2e-3
+    page = tmp_path / "compare.html"
+    compare_command(file_of("a", table=rough), file_of("b", s_x=9e-5), None, page)
+    text = page.read_text(encoding="utf-8")
+    cells = re.findall(r"<t[dh][^>]*>([^<]*)</t[dh]>", text)
+    row = cells.index("s_x")
+    assert cells[row : row + 7] == ["s_x", "1.000", "2.000", "1.090", "0.030", "0.090", "+0.0"]
+    assert "monday, twice" in text
+    assert ">2</text>" in text
+    assert "3.5868" not in text
 
 
 def test_nine_parameters_share_the_chance_of_a_false_alarm():

@@ -10,8 +10,9 @@ from fidim_lab.app.report import spectra
 from fidim_lab.app.report.explain_page import write_explain_page
 from fidim_lab.app.report.explained import explained
 from fidim_lab.app.report.explanation_file import as_file, read_explanation
+from fidim_lab.app.report.figures import sd_levels
 from fidim_lab.app.report.proof import proof, rms
-from fidim_lab.app.report.proof_figures import _levels, field_drawings
+from fidim_lab.app.report.proof_figures import field_drawings
 from fidim_lab.app.report.words import explained_sentence
 from fidim_lab.app.report.write import write_report
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
@@ -176,7 +177,7 @@ def test_several_effects_are_listed_and_the_centre_of_mass_has_its_interval(expl
     ],
 )
 def test_ticks_of_the_shifts_lie_where_the_bars_are(low, high, ticks):
-    assert _levels(low, high) == ticks
+    assert sd_levels(low, high) == ticks
 
 
 def test_a_wrong_file_names_the_key(explanation, tmp_path):
