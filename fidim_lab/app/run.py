@@ -10,6 +10,7 @@ from pathlib import Path
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.app import console
 from fidim_lab.app.answer_file import write_answer, write_summary
+from fidim_lab.app.left_holding import left_by, power_advice
 from fidim_lab.app.run_process import start_and_watch
 from fidim_lab.app.service.main import Work, prepare
 from fidim_lab.app.service.place import place_of
@@ -61,7 +62,12 @@ def run_command(options: RunOptions) -> int:
     require_new(spec.out)
     work = prepare(spec)
     require_answers(work)
-    code = start_and_watch(spec, place_of(work.file, embedded=spec.embedded))
+    place = place_of(work.file, embedded=spec.embedded)
+    left = left_by(place)
+    code = start_and_watch(spec, place)
+    if code:
+        for line in power_advice(spec.out, spec.rig, left):
+            console.err.print(line, markup=False, soft_wrap=True)
     write_summary(options.json_file, spec.out, code)
     return code
 

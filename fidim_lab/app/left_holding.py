@@ -1,0 +1,49 @@
+"""What to type where a new run finds drives with power: who left them so, and the two ways on.
+
+A new run does not take them over as `fidim resume` does: it has no journal that says where the robot was left, and they
+may be another program's. A person decides, between going on with the old run and letting go of the load.
+"""
+
+import fcntl
+import json
+import os
+import shlex
+from pathlib import Path
+
+from drivers.cia402.bringup import HAS_POWER
+from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.spec import read_summary
+
+
+def left_by(place: Place) -> Path | None:
+    """The folder of a run whose service was killed while it had this rig; None where the last one ended by itself.
+
+    To be asked before a service of one's own takes the lock.
+    """
+    try:
+        descriptor = os.open(place.lock, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        folder = Path(json.loads(place.lock.read_bytes())["folder"])
+    except (BlockingIOError, ValueError, KeyError, TypeError):
+        return None
+    finally:
+        os.close(descriptor)
+    return folder if folder.is_dir() else None
+
+
+def power_advice(out: Path, rig: Path, left: Path | None) -> tuple[str, ...]:
+    """Lines to print after a run (its folder `out`) that ended because a drive had power; none where it did not."""
+    if HAS_POWER not in str(read_summary(out).get("reason", "")):
+        return ()
+    resume = f"    fidim resume {shlex.quote(str(left)) if left else 'FOLDER_OF_THAT_RUN'}"
+    return (
+        "The drives hold the load, as an earlier run or another program has left them. Nothing was sent to them.",
+        "To go on with a run that was cut off, the load held all the while:",
+        resume,
+        "To begin anew, secure the load, then:",
+        f"    fidim power-off {shlex.quote(str(rig))}",
+        "    and the same fidim run again, with another --out.",
+    )
