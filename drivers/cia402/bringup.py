@@ -98,7 +98,7 @@ async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
         raise DeviceError(
             config.device,
             f"{HAS_POWER} ({state}).",
-            hint="Left so by a run? fidim resume DIR keeps the load held. Otherwise secure it, then: fidim power-off RIG.",
+            hint="Left by a run? fidim resume DIR keeps the load held. Otherwise secure it, then: fidim power-off RIG.",
         )
 
 

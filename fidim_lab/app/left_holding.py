@@ -40,7 +40,7 @@ def power_advice(out: Path, rig: Path, left: Path | None) -> tuple[str, ...]:
         return ()
     resume = f"    fidim resume {shlex.quote(str(left)) if left else 'FOLDER_OF_THAT_RUN'}"
     return (
-        "The drives hold the load, as an earlier run or another program has left them. Nothing was sent to them.",
+        "The drives hold the load, as an earlier run or another program has left them.",
         "To go on with a run that was cut off, the load held all the while:",
         resume,
         "To begin anew, secure the load, then:",
