@@ -12,6 +12,8 @@ all processes share.
 
 import argparse
 import os
+import time
+from pathlib import Path
 
 from benchmarks.bus.alignment import alignment
 from benchmarks.bus.kills import kills
@@ -19,13 +21,15 @@ from benchmarks.bus.rates import rates
 from benchmarks.bus.saturated import saturated
 from benchmarks.page import write_section
 
+BUSY = 0.2
+"""cores that others use: more is felt"""
 BUSES = ("inprocess", "tcp", "slcan")
 
 
 def main(arguments: "list[str] | None" = None) -> None:
     """Measure one thing, and write its section of docs/benchmarks/bus.md."""
     options = _parser().parse_args(arguments)
-    before = os.getloadavg()[0]
+    before = _spent()
     told = f"--minutes {options.minutes:g}" if options.what in ("rates", "saturated") else ""
     match options.what:
         case "rates":
@@ -41,14 +45,23 @@ def main(arguments: "list[str] | None" = None) -> None:
         case _:
             title, text = "Master killed or stopped", kills(options.rounds, options.seed)
             told = f"--rounds {options.rounds} --seed {options.seed}"
-    text += f"\n\nLoad of the computer by others, before: {before:.1f} on {os.cpu_count()} cores."
-    if before > 0.5:
-        text += " Where it is not idle, latencies are those of its scheduler."
+    wall, others = (after - since for after, since in zip(_spent(), before, strict=True))
+    text += f"\n\nMeanwhile others used {others / wall:.1f} of {os.cpu_count()} cores."
+    if others > BUSY * wall:
+        text += " Latencies, skipped cycles and CPU are those of a busy computer: measure again on an idle one."
     text += f" Priority (nice): {os.nice(0)}."
     if options.printed:
         print(text)
         return
     write_section("bus", title, f"python -m benchmarks.bus {options.what} {told}", text)
+
+
+def _spent() -> tuple[float, float]:
+    """Monotonic s, and CPU s that other processes than ours have used since the computer started (Linux)."""
+    fields = [int(field) for field in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:]]
+    idle = fields[3] + fields[4]
+    ours = sum(os.times()[:4])
+    return time.monotonic(), (sum(fields[:8]) - idle) / os.sysconf("SC_CLK_TCK") - ours
 
 
 def _parser() -> argparse.ArgumentParser:
