@@ -28,6 +28,9 @@ from fidim_lab.errors import BusError, SetupError
 _SYNC = 0x080
 _HOST_PERIODS = 3.0
 """a drive must allow at least so many periods of the host's heartbeat"""
+_SHORTEST = 0.9
+"""of a period, between two SYNCs: what a late one has lost is made up for little by little. A drive in cyclic position
+mode that meets the next SYNC too soon is still on its way, and is asked for the rest and the next step in one"""
 
 
 class _TransportBus:
@@ -128,7 +131,8 @@ class CanopenMaster:
                 missed = math.floor(late / self.period)
                 self.skipped += missed
                 cycle += missed
-            await self.clock.sleep(max(0.0, start + cycle * self.period - self.clock.now()))
+            due = max(start + cycle * self.period, self.sync.current + _SHORTEST * self.period)
+            await self.clock.sleep(max(0.0, due - self.clock.now()))
 
     def cycle(self) -> None:
         """One turn of the control loop: look at the bus, count what is missing, SYNC, heartbeat."""

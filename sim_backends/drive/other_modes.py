@@ -109,7 +109,7 @@ class Homing(_Mode):
 
 
 class CyclicPosition(_Mode):
-    """Goes to each new 607A in a straight line within 60C2, at most 607F; without a new one it stays at the last.
+    """Goes to each new 607A in a straight line within 60C2, later at 607F; without a new one it stays at the last.
 
     Not simulated: interpolation beyond straight lines, extrapolation when a target is missing, 60B0 offsets.
     """

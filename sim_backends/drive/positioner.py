@@ -83,11 +83,11 @@ class Positioner:
         self._follow(t, trapezoid(t, self._actual.at(t), limit, fastest, acceleration, deceleration))
 
     def glide(self, t: float, target: float, period: float) -> None:
-        """Straight to `target` (counts) within `period` (s), at most as fast as 607F: cyclic position mode."""
+        """Straight to `target` (counts) within `period` (s), or as fast as 607F lets it: cyclic position mode."""
         self._positioning, self._waiting, self.target = False, None, target
         position = self._actual.at(t).position
-        way, most = target - position, period * self._dictionary.number(0x607F, default=0xFFFFFFFF)
-        self._follow(t, glide(t, position, position + max(-most, min(most, way)), period))
+        fastest = max(self._dictionary.number(0x607F, default=0xFFFFFFFF), 1)
+        self._follow(t, glide(t, position, target, max(period, abs(target - position) / fastest)))
 
     def ramp_down(self, t: float, deceleration_object: int, *, keep_target: bool = False) -> None:
         """Stop with the deceleration in that object; the target is kept for `resume`, or forgotten."""

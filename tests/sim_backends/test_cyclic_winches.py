@@ -134,6 +134,49 @@ def test_all_go_in_step_from_the_first_cycle_to_the_last():
     assert speeds.max() == pytest.approx(0.2, rel=0.02)
 
 
+class LateClock(LoopClock):
+    """Of a busy computer: now and then it wakes up late, by almost a bus cycle."""
+
+    def __init__(self, lateness):
+        self._lateness = iter(lateness)
+
+    async def sleep(self, seconds):
+        await super().sleep(seconds + (next(self._lateness, 0.0) if seconds > 0.0 else 0.0))
+
+
+def test_a_host_that_is_late_at_times_does_not_leave_the_drives_half_way():
+    """A sample shows the target before it, but for what a SYNC may come early: a tenth of a cycle."""
+    rng = np.random.default_rng(5)
+    lateness = np.where(rng.random(5000) < 0.05, rng.uniform(1e-3, 3.9e-3, 5000), rng.exponential(1e-4, 5000))
+    speed, syncs, off = 0.25, [], []  # 0.3 m/s is all that the drive may do
+
+    async def main():
+        hall = Hall(config())
+        hall.master.clock = LateClock(lateness)
+        asked = []
+
+        def look(t):
+            syncs.append(t)
+            asked.append(winch.drive.target)
+            values = winch.link.values
+            if len(asked) > 1 and values is not None and values.t == t:
+                off.append(abs(wrap32(values.position - asked[-2])) / COUNTS)
+
+        (winch,) = hall.winches
+        hall.watch = look
+        async with hall:
+            await hall.ready()
+            await winch.move_to(1.6, speed, 2.0)
+            await hall.arrive()
+
+    run(main())
+    intervals = np.diff(syncs)
+    assert intervals.max() > 0.006
+    assert intervals.min() > 0.9 * 0.004 - 1e-9
+    assert len(off) > 400
+    assert max(off) < 0.1 * speed * 0.004 + 2.0 / COUNTS  # 0.11 mm; half way would be 0.5
+
+
 def test_in_profile_position_they_begin_one_after_the_other():
     """What cyclic mode is for: the same move, each drive by itself."""
 

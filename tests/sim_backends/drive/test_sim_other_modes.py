@@ -93,7 +93,7 @@ def test_cyclic_keeps_to_limits_and_highest_speed(limited):
     limited.control(0x06, 0x07, 0x0F)
     limited.write(0x607A, 0, "i32", 90_000)
     limited.run(0.1)
-    assert limited.read(0x6064, 0, "i32") == 1_100
+    assert limited.read(0x6064, 0, "i32") == 2_000  # the host asks for 90 000 within 10 ms: at 607F it takes longer
 
 
 def test_enabled_with_an_old_target_it_goes_there_at_once(limited):
