@@ -32,7 +32,7 @@ class Ledger:
     @property
     def reason(self) -> str:
         """How many windows are there, and why some are not."""
-        missing = [f"{row.id}: {row.reason}" for row in self.rows if row.file is None]
+        missing = [f"{row.id}: {row.reason.rstrip('.') or 'not reached'}" for row in self.rows if row.file is None]
         accepted = f"{len(self._rows) - len(missing)} of {len(self._rows)} windows accepted"
         return ". ".join([accepted, *missing]) + "."
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.app.design_after import claims_of
-from fidim_lab.app.report.explanation_file import read_explanation
+from fidim_lab.app.report.explanation_file import as_file
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError
@@ -63,7 +63,7 @@ def judge(folder: Path, number: int = 1, reach: Reach | None = None) -> Judgemen
     if not unclear:
         return Judgement(Clarity.CLEAR, f"{explanation.verdict.value}: {explanation.message}")
     # where something remains, too: the wrong one of two that are alike may be what leaves it
-    claims = claims_of(read_explanation(folder / EXPLANATION))
+    claims = claims_of(as_file(explanation))
     next_look = _Next(campaign, explanation, number, reach)
     try:
         found = next_look.to_separate(claims) if claims else next_look.to_know()

@@ -165,7 +165,7 @@ class _Player:
 
     def _deliver(self, frame: CanFrame) -> None:
         if frame.id == _SYNC:
-            self._master.sync.advance(frame.t)
+            self._master.sync.advance(self._expected.sync(frame.t))
         elif frame.id not in _SDO_ANSWERS:
             self._bus.deliver(frame)
             cable = self._nodes.get(frame.id & 0x7F)

@@ -1,6 +1,7 @@
 """What the windows of a run say that its drivers read: marker frames and winch samples, each to come out again once."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,8 @@ _TOLERANCE = 1e-9
 """m, m/s, A: the same bytes by the same arithmetic"""
 _MICRO = 1e6
 """times are compared to the µs, as the raw CAN log has them"""
+_LAST_DIGIT = 1e-6
+"""s"""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,19 @@ class Expected:
     """by device frame and arrival, µs"""
     samples: dict[tuple[int, int], _Place] = field(default_factory=dict[tuple[int, int], _Place])
     """by cable (from 0) and SYNC, µs"""
+    syncs: tuple[float, ...] = ()
+    """s, in order: instants of the SYNCs that samples were recorded with"""
+    _passed: float = -math.inf
+
+    def sync(self, logged: float) -> float:
+        """The instant by which samples know the SYNC that the log has at `logged` (s); that itself where none does.
+
+        A SYNC is dated when the control loop sends it, and logged when the bus takes it: on a real bus some ten µs
+        later, on a busy computer more, but before the next one.
+        """
+        before, self._passed = self._passed, logged
+        k = bisect_right(self.syncs, logged + _LAST_DIGIT) - 1
+        return self.syncs[k] if k >= 0 and self.syncs[k] > before + _LAST_DIGIT else logged
 
     def marker(self, frame: MarkerFrame) -> str | None:
         """None where this frame was not recorded; else what differs, empty where nothing does."""
@@ -82,6 +98,7 @@ def expected_of(folder: Path) -> Expected:
             elif message.schema == WINCH:
                 key = value.cable - 1, round(value.host_time * _MICRO)
                 expected.samples[key] = _Place(name, value.host_time, value)
+    expected.syncs = tuple(sorted({place.t for place in expected.samples.values()}))
     return expected
 
 

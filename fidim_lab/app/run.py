@@ -84,15 +84,10 @@ def make_spec(options: RunOptions) -> RunSpec:
     """Options as a specification. Raises SetupError for what cannot be."""
     answers = dict(_answer(text) for text in options.answers)
     unattended = None
-    if options.unattended or answers:
-        quiet = None
-        if options.quiet_hours is not None:
-            begin, _, end = options.quiet_hours.partition("-")
-            quiet = (begin, end)
-        try:
-            unattended = UnattendedSpec(answers=answers, max_hours=options.max_hours, quiet_hours=quiet)
-        except ValueError:
-            raise SetupError(f"--quiet-hours {options.quiet_hours}: HH:MM-HH:MM is expected.") from None
+    if options.unattended or answers or options.max_hours is not None or options.quiet_hours is not None:
+        unattended = UnattendedSpec(
+            answers=answers, max_hours=options.max_hours, quiet_hours=_quiet_hours(options.quiet_hours)
+        )
     return RunSpec(
         plan=options.plan.absolute(),
         rig=options.rig.absolute(),
@@ -126,7 +121,9 @@ def require_answers(work: Work) -> None:
     if missing:
         raise SetupError(
             f"Unattended, but nobody would answer these prompts: {', '.join(missing)}.",
-            hint=" ".join(f"--answer {kind}=CHOICE" for kind in missing) + ", or do not leave it alone.",
+            hint="State an answer to each, or do not leave it alone: "
+            + "; ".join(f"--answer {kind}={' or '.join(asked[PromptKind(kind)].choices)}" for kind in missing)
+            + ". KIND=CHOICE@S answers after S s. excite and compare-by-winches need nobody.",
         )
     for kind, answer in answers.items():
         prompt = asked.get(kind)
@@ -137,6 +134,19 @@ def require_answers(work: Work) -> None:
 def _procedure(name: str) -> str:
     """A file by its absolute path, for the service works elsewhere."""
     return str(Path(name).absolute()) if name.endswith(".py") else name
+
+
+def _quiet_hours(text: str | None) -> tuple[str, str] | None:
+    if text is None:
+        return None
+    begin, _, end = text.partition("-")
+    try:
+        span = UnattendedSpec(quiet_hours=(begin, end)).quiet_hours
+    except ValueError:
+        raise SetupError(f"--quiet-hours {text}: HH:MM-HH:MM is expected, from 00:00 to 23:59.") from None
+    if begin == end:
+        raise SetupError(f"--quiet-hours {text}: they end when they begin, so no hour is quiet, or every one.")
+    return span
 
 
 def _answer(text: str) -> tuple[PromptKind, AnswerSpec]:

@@ -12,16 +12,20 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 
 from drivers.clock import LoopClock
+from fidim_lab.app import console
 from fidim_lab.app.run_console import Console
 from fidim_lab.app.service.client import connect
 from fidim_lab.app.service.commands import Start
 from fidim_lab.app.service.place import Place, holder, in_use
-from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.app.service.spec import HOOK_TIMEOUT, RunSpec
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
 
 READY_WITHIN = 60.0
 """s for the service to open its rig"""
+LEAVES_WITHIN = 10.0
+"""s for it to end after its run"""
 POLL = 0.05
+SAYS = "fidim: "
 
 
 def start_and_watch(spec: RunSpec, place: Place) -> int:
@@ -33,9 +37,19 @@ def start_and_watch(spec: RunSpec, place: Place) -> int:
         raise SetupError(in_use(other))
     with service_process(spec, place) as process:
         code = asyncio.run(_watch(spec, place, process))
+        hook = bool(spec.on_finish or spec.on_fault)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(timeout=10.0)
+            process.wait(timeout=LEAVES_WITHIN + (HOOK_TIMEOUT if hook and not spec.stay else 0.0))
+            console.warn(said_at_end(place))
         return code
+
+
+def said_at_end(place: Place) -> list[str]:
+    """What the service has left to say when the run is over: a hook that failed."""
+    with suppress(OSError):
+        lines = place.log.read_text(encoding="utf-8", errors="replace").splitlines()
+        return [line.removeprefix(SAYS) for line in lines if line.startswith(SAYS)]
+    return []
 
 
 @contextmanager

@@ -23,10 +23,15 @@ RIG = "rig.toml"
 SUMMARY = "summary.json"
 """how the run ended, beside it (`unattended` writes it)"""
 FORMAT = "fidim-run/1"
+HOOK_TIMEOUT = 60.0
+"""s that a hook may take"""
 
 
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d$")]
 
 
 class AnswerSpec(_Part):
@@ -42,9 +47,7 @@ class UnattendedSpec(_Part):
 
     answers: dict[PromptKind, AnswerSpec] = {}
     max_hours: Annotated[float, Field(gt=0)] | None = None
-    quiet_hours: (
-        tuple[Annotated[str, Field(pattern=r"^\d\d:\d\d$")], Annotated[str, Field(pattern=r"^\d\d:\d\d$")]] | None
-    ) = None
+    quiet_hours: tuple[TimeOfDay, TimeOfDay] | None = None
     """from, to (local time of day): no window begins between them"""
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.ports import Clock
-from fidim_lab.app.service.spec import SUMMARY, RunSpec
+from fidim_lab.app.service.spec import HOOK_TIMEOUT, SUMMARY, RunSpec
 from procedures.guards import Observation
 from procedures.handlers.motion import move_to
 from procedures.report import RunReport, WindowRow
@@ -22,8 +22,6 @@ from procedures.stand import Stand
 from procedures.steps import MoveTo, Result
 
 FORMAT = "fidim-summary/1"
-HOOK_TIMEOUT = 60.0
-"""s that a hook may take"""
 LOOK = 10.0
 """s between two looks at the time of day"""
 

@@ -14,6 +14,7 @@ from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from fidim_lab.app.cli import run
 from fidim_lab.app.devices_file import DEVICES, read_devices
+from fidim_lab.app.replay_windows import Expected
 from fidim_lab.app.verify import verify
 
 
@@ -62,6 +63,30 @@ def test_another_scale_is_found_and_named(folder, capsys):
     assert run(["replay", str(folder)]) == 1
     said = capsys.readouterr().out
     assert "windows/i01.mcap, winch 3: length was" in said
+
+
+def test_a_real_bus_takes_a_sync_after_the_control_loop_has_dated_it(folder, capsys):
+    """In real time the log says when the bus took a frame, some ten µs after the instant that dates samples."""
+    log = folder / "raw" / "can.log"
+    lines = [line.split(" ", 1) for line in log.read_text().splitlines(keepends=True)]
+    later = [f"({float(t[1:-1]) + 7e-5 + 3e-4 * (k % 5 == 0):017.6f}) {rest}" for k, (t, rest) in enumerate(lines)]
+    log.write_text("".join(later))
+    assert run(["replay", str(folder)]) == 0
+    assert "agrees" in capsys.readouterr().out
+
+
+def test_a_sync_belongs_to_the_newest_instant_after_the_last_one():
+    expected = Expected(syncs=(1.0, 1.01, 1.03))
+    assert [expected.sync(t) for t in (0.9, 1.00007, 1.0109, 1.02004, 1.031, 1.04)] == [
+        0.9,
+        1.0,
+        1.01,
+        1.02004,
+        1.03,
+        1.04,
+    ]
+    exact = Expected(syncs=(1.0000004, 1.0099996))  # the log has whole µs
+    assert [exact.sync(t) for t in (1.0, 1.01, 1.02)] == [1.0000004, 1.0099996, 1.02]
 
 
 def test_a_frame_that_is_not_in_the_log_is_missed(folder, capsys):

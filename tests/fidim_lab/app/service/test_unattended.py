@@ -3,10 +3,12 @@
 import json
 from datetime import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from fidim_lab.app.run import RunOptions, make_spec, require_answers
+from fidim_lab.app.run_process import said_at_end
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.spec import RunSpec, overridden, read_spec, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, quiet, run_hook, write_summary
@@ -73,11 +75,35 @@ def test_a_prompt_without_a_stated_answer_refuses_to_start(tmp_path):
         ({"answers": ("steady=done@soon",)}, "KIND=CHOICE@SECONDS"),
         ({"settings": ("record.seconds=long",)}, "TABLE.KEY=NUMBER"),
         ({"quiet_hours": "ten to six"}, "HH:MM-HH:MM"),
+        ({"quiet_hours": "25:00-06:00"}, "from 00:00 to 23:59"),
+        ({"quiet_hours": "22:00-22:00"}, "end when they begin"),
     ],
 )
 def test_wrong_options_are_told(what, says, tmp_path):
     with pytest.raises(SetupError, match=says):
         make_spec(options(tmp_path, **what))
+
+
+def test_hours_count_without_answers_too(tmp_path):
+    """Somebody answers, and the run must end all the same."""
+    spec = make_spec(options(tmp_path, unattended=False, max_hours=2.0, quiet_hours="22:00-06:00"))
+    assert spec.unattended is not None
+    assert (spec.unattended.max_hours, spec.unattended.quiet_hours) == (2.0, ("22:00", "06:00"))
+    assert (spec.alone, spec.unattended.answers) == (False, {})
+
+
+def test_a_missing_answer_is_asked_for_with_its_choices(tmp_path):
+    with pytest.raises(SetupError) as caught:
+        require_answers(prepare(make_spec(options(tmp_path))))
+    assert "--answer displace-and-release=done or skip or abort" in caught.value.hint
+    assert "--answer steady=done or skip or abort" in caught.value.hint
+
+
+def test_what_the_service_says_after_the_run_is_passed_on(tmp_path):
+    place = SimpleNamespace(log=tmp_path / "log")
+    assert said_at_end(place) == []
+    place.log.write_text("noise\nfidim: the hook “x” ended with exit code 7\n")
+    assert said_at_end(place) == ["the hook “x” ended with exit code 7"]
 
 
 def test_settings_are_changed_by_name(tmp_path):

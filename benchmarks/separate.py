@@ -1,0 +1,325 @@
+"""Effects that a short campaign cannot tell apart, and whether the windows that are proposed do, in sealed trials.
+
+python -m benchmarks.separate --trials 20 --jobs 2        all pairs of `effects.equivalences`; some 40 CPU s a trial
+python -m benchmarks.separate --pair anchor-offset cable-length-bias --trials 5
+
+In each trial one of the two is hidden at random, in a robot whose body nobody knows, so small that three windows to
+identify from should not tell it from the other (by information), where that is possible. The campaign is explained; if
+its verdict leaves the two open, `to_separate` proposes up to four windows, which are recorded in the same world, and
+all is explained again. Trials are kept in --rows: the same command goes on with what is missing.
+"""
+
+import argparse
+import json
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from benchmarks.page import table, write_section
+from fidim_lab.app.benchmark.sizes import EFFECTS
+from fidim_lab.app.benchmark.statistics import Share
+from fidim_lab.app.compose import simulated_world
+from fidim_lab.app.design_after import claims_of
+from fidim_lab.app.judgement import HOPEFUL
+from fidim_lab.app.report.explanation_file import as_file
+from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Robot, Role
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.effects.catalogue import catalogue
+from fidim_lab.effects.equivalences import EQUIVALENCES
+from fidim_lab.errors import FidimError, InfeasibleError
+from fidim_lab.identification.design.task import DesignTask
+from fidim_lab.identification.design.windows import place
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.explain import explain
+from fidim_lab.mismatch.explanation import Explanation
+from fidim_lab.mismatch.next_windows import to_separate
+from fidim_lab.mismatch.separate import CLEAR, Claim, Trial, separating
+from sim_backends.plant.plant import Plant
+from sim_backends.simulate import RecordedWindow, simulate_campaign
+
+IDENTIFY, VALIDATE = 3, 2
+MORE = 4
+"""windows that may be proposed, as in `compare`"""
+FAINT = (1.0, 6.0)
+"""non-centrality between the two that the first campaign is to have; a clear verdict takes 10"""
+MILD = 0.7
+"""of the displacement, where a cable would go slack"""
+MILDER = 4
+SOFTNESS = {"cable-elasticity": "EA", "winch-hold-compliance": "k"}
+"""the key that is the inverse of the effect's parameter"""
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One sealed trial."""
+
+    pair: Pair
+    trial: int
+    hidden: str
+    size: float
+    before: str
+    """of the first explanation: right, alike (the pair left open), wrong (the other alone), else"""
+    promised: float | None = None
+    """odds of the windows that were proposed"""
+    windows: int = 0
+    recorded: bool = False
+    says: str = ""
+    after: str = ""
+    """of the second one, as `before`"""
+    seconds: float = 0.0
+    """of CPU"""
+
+
+_ROW = TypeAdapter(Row)
+
+
+def pairs() -> tuple[Pair, ...]:
+    """Every two effects that the catalogue's list of equivalences names together."""
+    return tuple(pair for one in EQUIVALENCES for pair in combinations(one.ids, 2))
+
+
+def run(pair: Pair, trial: int, seed: int) -> Row:
+    """One trial; the same for the same numbers."""
+    begin = process_time()
+    rng = np.random.default_rng([seed, trial, *(ord(letter) for letter in "".join(pair))])
+    robot = read_robot(PAPERS_ROBOT)
+    hidden, other = (pair, pair[::-1])[int(rng.integers(2))]
+    world_seed = int(rng.integers(1 << 30))
+    plan = random_plan(robot, "short", IDENTIFY, VALIDATE, world_seed)
+    keys, size = hidden_keys(robot, hidden, other, plan.windows, rng)
+    hide = f"{hidden}:" + ",".join(f"{key}={float(value)!r}" for key, value in keys.items())
+    record = partial(recorded, robot, hide, world_seed)
+    row = Row(pair, trial, hidden, size, "else")
+    try:
+        campaign = record(plan.windows)
+        told = explain(campaign)
+        row = replace(row, before=outcome(told, hidden, other), says=_named(told))
+        if row.before == "alike":
+            row = separated(row, campaign, told, (hidden, other), record, plan.windows)
+    except FidimError as refusal:
+        row = replace(row, says=str(refusal).splitlines()[0])
+    return replace(row, seconds=process_time() - begin)
+
+
+def separated(
+    row: Row,
+    campaign: Campaign,
+    told: Explanation,
+    ids: Pair,
+    record: Callable[[Sequence[PlannedWindow]], Campaign],
+    windows: Sequence[PlannedWindow],
+) -> Row:
+    """What is proposed, recorded where it promises anything, and explained."""
+    claim = next(c for c in claims_of(as_file(told)) if c.id in ids and {c.id, *c.rivals} >= set(ids))
+    noise = float(np.sqrt(max(1.0, told.chi2_per_dof.after or 1.0)))
+    body = np.array([p.value for p in told.parameters.values()])
+    found = to_separate(campaign, [claim], body, noise=noise, seed=row.trial + 1, more=MORE, more_markers=False)[0]
+    promised = found.after[-1].probability if found.after else 0.0
+    row = replace(row, promised=promised, windows=len(found.windows), says=found.says)
+    if promised < HOPEFUL:  # `compare` ends here
+        return row
+    further = [planned(campaign.robot, k, one) for k, one in enumerate(found.windows, start=1)]
+    again = explain(record((*windows, *further)))
+    return replace(row, recorded=True, after=outcome(again, *ids), says=f"{found.says} {_named(again)}")
+
+
+def hidden_keys(
+    robot: Robot, hidden: str, other: str, windows: Sequence[PlannedWindow], rng: np.random.Generator
+) -> tuple[dict[str, float], float]:
+    """Keys of `--hide` and the size, so faint that the windows should leave the two open, within the usual sizes."""
+    spec = EFFECTS[hidden]
+    middle = float(np.sqrt(spec.low * spec.high))
+    state = rng.bit_generator.state
+    cable = int(rng.integers(1, robot.n + 1)) if spec.one_cable else None
+
+    def keys_of(size: float) -> dict[str, float]:
+        keys = spec.keys(np.random.default_rng(state["state"]["state"] % (1 << 60)), size)
+        return {**keys, **({} if cable is None else {"cable": cable})}
+
+    known = non_centrality(robot, hidden, other, keys_of(middle), windows)
+    wanted = float(np.exp(rng.uniform(*np.log(FAINT))))
+    size = spec.high / 3 if not known else middle * float(np.sqrt(wanted / known))
+    size = float(np.clip(size, spec.low, spec.high))
+    return keys_of(size), size
+
+
+def non_centrality(
+    robot: Robot, hidden: str, other: str, keys: dict[str, float], windows: Sequence[PlannedWindow]
+) -> float:
+    """Between the two with these windows; 0 where neither information nor score says anything."""
+    cable = None if "cable" not in keys else int(keys["cable"])
+    effect = next(e for e in catalogue(robot) if e.id == hidden and e.cable == cable)
+    key = SOFTNESS.get(hidden)
+    theta = tuple(1 / keys[key] if key else keys.get(p.name, 0.0) for p in effect.parameters)
+    try:
+        trials = [_trial(robot, window) for window in windows if window.role is Role.IDENTIFY]
+        return separating(robot, Claim(hidden, cable, theta, (other,)), trials, []).before.non_centrality
+    except InfeasibleError:
+        return 0.0
+
+
+def _trial(robot: Robot, window: PlannedWindow) -> Trial:
+    task = DesignTask(robot, equilibria=1)
+    aside = np.asarray(window.displacement)[: len(task.axes)]
+    return Trial(window.lengths, aside, place(task.mechanism(), task, np.concatenate([window.lengths, aside])).start)
+
+
+def planned(robot: Robot, number: int, trial: Trial) -> PlannedWindow:
+    """As a plan has it."""
+    task = DesignTask(robot, equilibria=1)
+    rest = place(task.mechanism(), task, np.concatenate([trial.lengths, trial.displacement])).rest
+    return PlannedWindow(
+        f"more{number}", Role.IDENTIFY, trial.lengths, trial.displacement, rest.position + rest.rotation @ robot.marker
+    )
+
+
+def recorded(robot: Robot, hide: str, seed: int, windows: Sequence[PlannedWindow]) -> Campaign:
+    """The windows in the world of this seed; displaced less where a cable goes slack, as one does."""
+    for _ in range(MILDER):
+        world = simulated_world(robot, seed, (hide,))
+        plan, noise = Plan("short", tuple(windows)), np.random.default_rng([seed, 1])
+        seen: list[RecordedWindow] = []
+        campaign, _ = simulate_campaign(robot, plan, world, noise, platform=Plant(world), watch=seen.append)
+        slack = {one.window.id for one in seen if one.slack}
+        if not slack:
+            return campaign
+        windows = [replace(w, displacement=MILD * w.displacement) if w.id in slack else w for w in windows]
+    raise InfeasibleError("A cable goes slack however little the platform is displaced.")
+
+
+def _named(told: Explanation) -> str:
+    names = [" or ".join((c.id, *c.equivalent_to)) + ("" if c.cable is None else f" ({c.cable})") for c in told.effects]
+    return f"{told.verdict.value}: {', '.join(names)}"
+
+
+def outcome(told: Explanation, hidden: str, other: str) -> str:
+    """Which of the two was named."""
+    for cause in told.effects:
+        named = {cause.id, *cause.equivalent_to}
+        if {hidden, other} <= named:
+            return "alike"
+        if cause.id in (hidden, other):
+            return "right" if cause.id == hidden else "wrong"
+    return "else"
+
+
+HEAD = (
+    "pair",
+    "trials",
+    "told apart at once",
+    "left open",
+    "promised ≥ 90 %, then right",
+    "promised 50–90 %, then right",
+    "says that it cannot",
+    "wrong in the end",
+    "neither named",
+)
+
+
+def report(rows: Sequence[Row]) -> str:
+    """One line for each pair, and all together."""
+    lines = [
+        _line(" / ".join(pair), [r for r in rows if r.pair == pair]) for pair in dict.fromkeys(r.pair for r in rows)
+    ]
+    sure = [r for r in rows if r.recorded and (r.promised or 0.0) >= CLEAR]
+    likely = [r for r in rows if r.recorded and (r.promised or 0.0) < CLEAR]
+    open_ = [r for r in rows if r.before == "alike"]
+    mean = float(np.mean([r.windows for r in rows if r.recorded])) if sure or likely else np.nan
+    wrong = [f"- {_wrong(r)}" for r in rows if "wrong" in (r.before, r.after)]
+    odds = 100 * float(np.mean([r.promised or 0.0 for r in likely])) if likely else np.nan
+    return f"""{len(rows)} trials on the paper's robot: {IDENTIFY} windows to identify from and {VALIDATE} held out,
+then {mean:.1f} further windows on average, at most {MORE}. A pair is right when the effect that was hidden is named and
+the other cannot stand in its place.
+
+{table(HEAD, [*lines, _line("all", list(rows))])}
+
+Where ≥ 90 % were promised: right in {Share(sum(r.after == "right" for r in sure), len(sure))}. Where 50–90 %
+were promised ({odds:.0f} % on average): right in
+{Share(sum(r.after == "right" for r in likely), len(likely))}. Of {len(open_)} that were left open,
+{sum(not r.recorded for r in open_)} were said to be beyond {MORE} windows of free motion. CPU time of a trial: median
+{float(np.median([r.seconds for r in rows])):.0f} s, longest {max(r.seconds for r in rows):.0f} s.
+
+{"Wrong:" if wrong else ""}
+{chr(10).join(wrong)}"""
+
+
+def _line(name: str, rows: Sequence[Row]) -> Sequence[object]:
+    sure = [r for r in rows if r.recorded and (r.promised or 0.0) >= CLEAR]
+    likely = [r for r in rows if r.recorded and (r.promised or 0.0) < CLEAR]
+    unable = [r for r in rows if r.before == "alike" and not r.recorded]
+    return (
+        name,
+        len(rows),
+        sum(r.before == "right" for r in rows),
+        sum(r.before == "alike" for r in rows),
+        _of(sure),
+        _of(likely),
+        len(unable),
+        sum("wrong" in (r.before, r.after) for r in rows),
+        sum(r.before == "else" for r in rows),
+    )
+
+
+def _of(rows: Sequence[Row]) -> str:
+    return f"{sum(r.after == 'right' for r in rows)}/{len(rows)}" if rows else "–"
+
+
+def _wrong(row: Row) -> str:
+    other = row.pair[1 - row.pair.index(row.hidden)]
+    when = (
+        "at once"
+        if row.before == "wrong"
+        else f"after {row.windows} windows with {100 * (row.promised or 0):.0f} % promised"
+    )
+    return f"{row.hidden} ({row.size:.2g}) called {other} {when}: trial {row.trial}"
+
+
+def read(path: Path) -> list[Row]:
+    """Trials that were made before."""
+    if not path.exists():
+        return []
+    return [_ROW.validate_json(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def carry_out(wanted: Iterable[tuple[Pair, int]], rows: Path, seed: int, jobs: int) -> None:
+    """Make the trials that are missing, each kept as soon as it is made."""
+    made = {(row.pair, row.trial) for row in read(rows)}
+    left = [one for one in wanted if one not in made]
+    with ProcessPoolExecutor(jobs) as pool, rows.open("a", encoding="utf-8") as file:
+        for done in as_completed([pool.submit(run, pair, trial, seed) for pair, trial in left]):
+            file.write(json.dumps(asdict(done.result())) + "\n")
+            file.flush()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trials", type=int, default=20, help="of each pair")
+    parser.add_argument("--pair", nargs=2, action="append", metavar="EFFECT", help="only this one; may be repeated")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--rows", type=Path, default=Path("separate.jsonl"), help="trials as they are made")
+    options = parser.parse_args()
+    chosen: list[Pair] = [(a, b) for a, b in options.pair] if options.pair else list(pairs())
+    wanted = [(pair, trial) for trial in range(options.trials) for pair in chosen]
+    carry_out(wanted, options.rows, options.seed, options.jobs)
+    text = report([row for row in read(options.rows) if (row.pair, row.trial) in set(wanted)])
+    print(text)
+    some = "".join(f" --pair {a} {b}" for a, b in options.pair or ())
+    write_section(
+        "separate",
+        "Effects told apart by the windows that are proposed",
+        f"python -m benchmarks.separate{some} --trials {options.trials} --seed {options.seed}",
+        text,
+    )
+
+
+if __name__ == "__main__":
+    main()
