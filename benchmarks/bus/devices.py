@@ -36,7 +36,7 @@ from sim_backends.slcan_pty import SlcanPtyBus
 from sim_backends.slcan_server import SlcanServerBus
 
 NODES = (1, 2, 3, 4)
-SYNC = 0x080
+SYNC, HEARTBEAT = 0x080, 0x77F
 TARGETS = {0x300 + node: node for node in NODES}
 MARKERS = ("marker1",)
 
@@ -63,12 +63,14 @@ def winch_config(node: int, mode: Mode = Mode.CYCLIC_POSITION, **change: object)
 
 @dataclass
 class Witness:
-    """A node that only listens: when SYNCs reached the drives, and how many targets."""
+    """A node that only listens: when SYNCs and the host's heartbeats reached the drives, and how many targets."""
 
     syncs: list[float] = field(default_factory=list[float])
     """monotonic s"""
+    heartbeat: float = -math.inf
+    """monotonic s, the last"""
     targets: dict[int, int] = field(default_factory=lambda: dict.fromkeys(NODES, 0))
-    listens = frozenset({SYNC, *TARGETS})
+    listens = frozenset({SYNC, HEARTBEAT, *TARGETS})
     due = math.inf
 
     def start(self, t: float) -> list[Outgoing]:
@@ -80,6 +82,8 @@ class Witness:
     def receive(self, frame: CanFrame) -> list[Outgoing]:
         if frame.id == SYNC:
             self.syncs.append(frame.t)
+        elif frame.id == HEARTBEAT:
+            self.heartbeat = frame.t
         else:
             self.targets[TARGETS[frame.id]] += 1
         return []
