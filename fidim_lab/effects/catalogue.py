@@ -12,7 +12,7 @@ from fidim_lab.effects.anchor_offset import AnchorOffset
 from fidim_lab.effects.attachment_friction import AttachmentFriction
 from fidim_lab.effects.attachment_offset import AttachmentOffset
 from fidim_lab.effects.cable_creep import CableCreep
-from fidim_lab.effects.cable_elasticity import CableElasticity, CableStiffness
+from fidim_lab.effects.cable_elasticity import DampedElasticity, DampedStiffness
 from fidim_lab.effects.cable_length_bias import CableLengthBias
 from fidim_lab.effects.cable_mass import CableMass
 from fidim_lab.effects.clock import ClockRate, TimeOffset
@@ -30,7 +30,7 @@ from fidim_lab.effects.rotational_drag import RotationalDrag, RotationalDragPerA
 from fidim_lab.effects.swivel_friction import SwivelDamping, SwivelFriction
 from fidim_lab.effects.swivel_inertia import SwivelInertia
 from fidim_lab.effects.umbilical import Umbilical, UmbilicalWithRest
-from fidim_lab.effects.winch_hold_compliance import WinchHoldCompliance
+from fidim_lab.effects.winch_hold_compliance import DampedWinch
 from fidim_lab.effects.without_term import HandContact, SensorFault, Unknown
 from fidim_lab.errors import SetupError
 
@@ -52,8 +52,8 @@ def _all_and_each(kind: type[NamedEffect]) -> Maker:
 
 
 def _elasticity(robot: Robot) -> list[NamedEffect]:
-    each = _each(CableElasticity)(robot) if robot.n > 1 else []
-    return [CableElasticity(), CableStiffness(), *each]
+    each = _each(DampedElasticity)(robot) if robot.n > 1 else []
+    return [DampedElasticity(), DampedStiffness(), *each]
 
 
 def _markers(robot: Robot) -> list[NamedEffect]:
@@ -70,7 +70,7 @@ _MAKERS: tuple[Maker, ...] = (
     _all_and_each(PulleyFriction),
     _all_and_each(AttachmentFriction),
     _elasticity,
-    _each(WinchHoldCompliance),
+    _each(DampedWinch),
     _each(CableCreep),
     _once(CableMass),
     _each(AnchorOffset),

@@ -118,7 +118,9 @@ def _stiffnesses(mechanism: Mechanism) -> list[np.ndarray]:
 
 def stiffest(mechanism: Mechanism) -> np.ndarray:
     """Lowest θ with which the cables are springs; −∞ for what stretches none."""
-    low = [np.full(len(e.parameters), STIFFEST if stretches(e) else -np.inf) for e in mechanism.effects]
+    low = [np.full(len(e.parameters), -np.inf) for e in mechanism.effects]
+    for effect, part in zip(mechanism.effects, low, strict=True):
+        part[:1] = STIFFEST if stretches(effect) else -np.inf
     return np.concatenate([np.zeros(0), *low])
 
 

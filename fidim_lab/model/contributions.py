@@ -56,17 +56,24 @@ def seen_compliances_at(mechanism: Mechanism, cables: Sequence[CableExpressions]
     return _compliances(mechanism, cables, seen)
 
 
-def stretch_dampings(mechanism: Mechanism, cables: Sequence[CableExpressions], theta: ca.SX) -> list[float]:
-    """N s/m per kg against each cable's rate of stretch; the dampers of several effects are in series."""
-    found: list[float] = []
+def stretch_dampings(mechanism: Mechanism, cables: Sequence[CableExpressions], theta: ca.SX) -> list[ca.SX]:
+    """N s/m per kg against each cable's rate of stretch: Σ κ² c / (Σ κ)² of springs κ, dampers c in a row.
+
+    Of slow motion: all have the same tension, so each takes its share κ of the stretch and of its rate.
+    """
+    found: list[ca.SX] = []
     for number, cable in enumerate(cables, start=1):
         yielding = [
-            effect.stretch_damping(number)
+            (compliance, effect.stretch_damping(number, part))
             for effect, part in parts(mechanism, theta)
-            if not effect.compliance(number, cable, part).is_zero()
+            if not (compliance := effect.compliance(number, cable, part)).is_zero()
         ]
-        total = 0.0 if not yielding or min(yielding) <= 0 else 1 / sum(1 / damping for damping in yielding)
-        found.append(total / mechanism.robot.mass)
+        if len(yielding) == 1:
+            found.append(yielding[0][1] / mechanism.robot.mass)
+            continue
+        whole = sum((compliance for compliance, _ in yielding), ca.SX(0))
+        felt = sum((compliance**2 * damping for compliance, damping in yielding), ca.SX(0))
+        found.append(felt / whole**2 / mechanism.robot.mass if yielding else ca.SX(0))
     return found
 
 

@@ -87,7 +87,7 @@ def spring_tensions(mechanism: Mechanism, equations: MotionEquations, lengths: c
     drift_rates = ca.jtimes(equations.drifts, equations.symbols.time, ca.SX(1))
     rate = (equations.structure @ equations.symbols.twist - drift_rates)[compliant]
     dampings = stretch_dampings(mechanism, equations.state.cables, equations.symbols.theta)
-    return stretch / equations.compliance[compliant] + ca.SX([dampings[k] for k in compliant]) * rate
+    return stretch / equations.compliance[compliant] + ca.vertcat(*(dampings[k] for k in compliant)) * rate
 
 
 def _compile_accelerations(mechanism: Mechanism) -> ca.Function:

@@ -124,10 +124,10 @@ class Effect:
         del number, cable, theta
         return ca.SX(0)
 
-    def stretch_damping(self, number: int) -> float:
+    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
         """N s/m against the rate of that stretch; felt only where cables are springs (`elastic`)."""
-        del number
-        return 0.0
+        del number, theta
+        return ca.SX(0)
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """A further wrench [force; torque about P] on the platform (6), N and N m, world frame."""

@@ -41,7 +41,7 @@ def with_springs(mechanism: Mechanism) -> Mechanism:
         return mechanism
     theta = mechanism.theta.copy()
     for effect, part in _parts(mechanism):
-        if stretches(effect) and not (theta[part] > 0).any():
+        if stretches(effect) and not theta[part.start] > 0:
             theta[part] = getattr(effect, "start", theta[part])
     return Mechanism(mechanism.robot, mechanism.effects, theta.tolist(), native=mechanism.native, springs=True)
 
@@ -54,7 +54,7 @@ def starts(mechanism: Mechanism) -> tuple[Float[np.ndarray, " theta"], ...]:
     proposed = with_springs(mechanism).theta
     unknown = np.zeros(len(proposed), dtype=bool)
     for effect, part in _parts(mechanism):
-        unknown[part] = stretches(effect) and not (mechanism.theta[part] > 0).any()
+        unknown[part.start : part.start + 1] = stretches(effect) and not mechanism.theta[part.start] > 0
     if not unknown.any():
         return (proposed,)
     return tuple(np.where(unknown, factor * proposed, proposed) for factor in (1.0, *SOFTER))

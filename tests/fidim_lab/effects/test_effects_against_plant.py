@@ -117,7 +117,7 @@ def test_motion(text, named, theta_of, irma4, hide):
 def _stretched(robot, hide, text, effect, softness):
     """Influence, and what first order and springs leave of it."""
     found = hide(text)
-    mechanism = Mechanism(robot, (effect,), [softness])
+    mechanism = Mechanism(robot, (effect,), [softness, *effect.absent[1:]])
     springs = simulate_elastic_motion(mechanism, robot.nominal, found.pose, found.twist, TIMES, LENGTHS).motion
     return tuple(
         np.abs(markers - found.markers).max()
@@ -170,8 +170,8 @@ def test_a_winch_that_yields_and_its_encoder(irma4, hide):
         ("attachment-offset:cable=1,dx=0.006,dy=0,dz=0", ("attachment-offset", 0, 1), [0.006, 0, 0], 1e-9),
         ("pulley-radius:dr=0.003", ("pulley-radius", 0, None), [0.003], 1e-9),
         ("cable-creep:cable=2,delta=0.003,T=2", ("cable-creep", 0, 2), [0.003, 2.0], 1e-9),
-        ("cable-elasticity:EA=1e6", ("cable-elasticity", 0, None), [1e-6], 2e-7),
-        ("winch-hold-compliance:cable=1,k=1e6", ("winch-hold-compliance", 0, 1), [1e-6], 2e-7),
+        ("cable-elasticity:EA=1e6", ("cable-elasticity", 0, None), [1e-6, 40.0], 2e-7),
+        ("winch-hold-compliance:cable=1,k=1e6", ("winch-hold-compliance", 0, 1), [1e-6, 40.0], 2e-7),
     ],
 )
 def test_lengths_at_the_start(text, named, theta, tolerance, irma4, hide):

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -33,8 +34,8 @@ class Soft(Effect):
     def compliance(self, number, cable, theta):
         return theta[0] if number in self.numbers else super().compliance(number, cable, theta)
 
-    def stretch_damping(self, number):
-        return 40.0
+    def stretch_damping(self, number, theta):
+        return ca.SX(40.0)
 
     def wrench(self, state, theta):
         return -theta[1] * state.twist
