@@ -2,7 +2,8 @@
 
 python-can reads its port byte by byte, at two system calls each: a frame costs 110 to 170 µs, and one Python process
 cannot read a full bus of 1 Mbit/s (7407 frames/s) without falling behind. This one takes whatever has arrived at once
-and cuts it into lines; what a line means, sending and options are python-can's.
+and cuts it into lines, and does not wait for the port after each line that it sends; what a line means, and options,
+are python-can's.
 """
 
 import os
@@ -47,6 +48,15 @@ class SlcanBus(slcanBus):
             if not data and not left:
                 return None
         return self._lines.popleft()
+
+    def _write(self, string: str) -> None:
+        """Hand one line to the port.
+
+        python-can waits after each until the port has sent it (tcdrain), in the control loop, five times a SYNC. The
+        kernel keeps their order without that.
+        """
+        with error_check("Could not write to serial device"):
+            self.serialPortOrig.write(string.encode() + self.LINE_TERMINATOR)
 
     def flush(self) -> None:
         """Forget what has arrived and was not asked for."""

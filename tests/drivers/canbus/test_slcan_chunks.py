@@ -93,6 +93,15 @@ def test_a_server_that_hangs_up_is_an_error_not_silence() -> None:
         bus._is_shutdown = True
 
 
+def test_sending_does_not_wait_for_the_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    """tcdrain returns at once on a pseudo terminal; on a wire, when the last bit is out."""
+    with SlcanPtyBus() as adapter, SlcanBus(adapter.path, bitrate=1_000_000, sleep_after_open=0.0) as bus:
+        monkeypatch.setattr(bus.serialPortOrig, "flush", lambda: pytest.fail("waited"))
+        for number in range(50):
+            bus.send(can.Message(arbitration_id=0x300 + number, data=b"\x01", is_extended_id=False))
+        assert [found for found, _ in heard(adapter, 50)] == [*range(0x300, 0x332)]
+
+
 def test_waiting_costs_nothing(line: tuple[int, str]) -> None:
     """python-can's own asks the port a thousand times a second."""
     _, path = line

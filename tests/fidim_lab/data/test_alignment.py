@@ -29,6 +29,21 @@ def test_the_offset_is_found_whatever_scale_zero_and_rate_the_other_has(offset: 
     assert found.correlation > 0.99
 
 
+def test_what_is_stated_of_a_short_recording_is_its_error():
+    """Twelve seconds, one signal, as of a jog."""
+    short, scores = T[:1200], []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        phase = rng.uniform(0.0, 20.0)
+        seen = swing(short + phase)[:, :1]
+        t_other = np.arange(-0.5, 12.5, 0.005) + rng.uniform(0.0, 0.01)
+        other = swing(t_other + phase - 0.004)[:, :1] + 0.6 * rng.normal(size=(len(t_other), 1))
+        found = align_clocks(short, seen, t_other, other)
+        scores.append((found.offset - 0.004) / found.sd)
+    assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.5
+    assert np.max(np.abs(scores)) < 6.0
+
+
 def test_a_slow_sensor_shows_as_spread_between_channels():
     other = np.column_stack([swing(T - delay)[:, k] for k, delay in enumerate((0.0, 0.01, 0.02))])
     found = align_clocks(T, swing(T), T, other)
