@@ -23,7 +23,7 @@ from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import MarkerFrame, WinchSample
 from drivers.recorded import RecordedBus, RecordedClock, RecordedFeed
 from fidim_lab.app import console
-from fidim_lab.app.devices_file import Devices, read_devices
+from fidim_lab.app.devices_file import DEVICES, Devices, read_devices
 from fidim_lab.app.replay_windows import Expected, expected_of
 from fidim_lab.errors import FidimError, FileError
 from procedures.raw_logs import can_logs, packet_logs
@@ -77,6 +77,8 @@ def replay_command(folder: Path, speed: float, json_file: Path | None) -> int:
 
 async def replay(folder: Path, speed: float = 0.0) -> Replayed:
     """Play a run folder back; `speed` times real time, 0: as fast as it goes. Raises FileError."""
+    if not (folder / DEVICES).exists():
+        raise FileError(folder / DEVICES, "", "no such file.", hint="Only what runs recorded can be replayed.")
     expected = expected_of(folder)
     devices = read_devices(folder)
     logs = can_logs(folder)

@@ -56,7 +56,7 @@ def verify_command(folder: Path, json_file: Path | None) -> int:
     if found.versions:
         console.warn([f"recorded with other software: {'; '.join(found.versions)}"])
     wrong = len(found.changed) + len(found.missing) + len(found.extra)
-    verdict = "intact" if found.intact else f"not intact: {wrong} differences"
+    verdict = "intact" if found.intact else f"not intact: {wrong} difference{'s' * (wrong != 1)}"
     console.out.print(f"{folder}: {verdict}, {found.checked} files as they were recorded", markup=False)
     return 0 if found.intact else 1
 

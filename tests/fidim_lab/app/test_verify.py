@@ -56,7 +56,7 @@ def test_each_difference_is_named(folder, tmp_path, capsys, spoil, says):
     assert run(["verify", str(folder), "--json", str(tmp_path / "v.json")]) == 1
     out = capsys.readouterr().out
     assert says in out
-    assert "not intact: 1 differences" in out
+    assert "not intact: 1 difference," in out
     table = json.loads((tmp_path / "v.json").read_text())
     assert table["format"] == "fidim-verification/1"
     assert not table["intact"]
