@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
-from fidim_lab.app.report.svg import COLOURS, STYLES, sheet, styled, thin, to_svg
+from fidim_lab.app.report.svg import COLOURS, POINTS, STYLES, sheet, styled, thin, to_svg
 from fidim_lab.arrays import CableSeries, Positions, Series, Vector3
 from fidim_lab.units import millimetres
 
@@ -30,14 +30,14 @@ class Line:
 
 
 @styled
-def trajectory(recorded: Line, rest: Vector3 | None, model: Line | None) -> str:
+def trajectory(recorded: Line, rest: Vector3 | None, model: Line | None, points: int = POINTS) -> str:
     """Draw the main marker against time, mm from rest (from its mean where that is unknown), the model over it."""
     figure, axes = sheet(WIDTH, 5.6, rows=3)
     origin = _mean(recorded.values) if rest is None else rest
     for k, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
-        _line(axis, recorded.t, millimetres_of(recorded.values[:, k] - origin[k]), 0, "recorded", width=1.6)
+        _line(axis, recorded.t, millimetres_of(recorded.values[:, k] - origin[k]), 0, "recorded", points, width=1.6)
         if model is not None:
-            _line(axis, model.t, millimetres_of(model.values[:, k] - origin[k]), 1, "model", width=0.9)
+            _line(axis, model.t, millimetres_of(model.values[:, k] - origin[k]), 1, "model", points, width=0.9)
         axis.set_ylabel(f"{name} / mm")
     legend(axes[0], 2)
     _time(axes[-1], recorded.t)
@@ -45,7 +45,7 @@ def trajectory(recorded: Line, rest: Vector3 | None, model: Line | None) -> str:
 
 
 @styled
-def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Line | None) -> str:
+def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Line | None, points: int = POINTS) -> str:
     """Draw what the model leaves over: ε (N, K) of the equations, and Δ = recorded − model of the main marker in mm.
 
     t: the window's, so that all its pictures have the same abscissa.
@@ -54,14 +54,14 @@ def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Line
     figure, axes = sheet(WIDTH, 1.5 * rows + 0.6, rows)
     if missed is not None:
         for k, name in enumerate("xyz"):
-            _line(axes[0], missed.t, millimetres_of(missed.values[:, k]), k, f"Δ{name}")
+            _line(axes[0], missed.t, millimetres_of(missed.values[:, k]), k, f"Δ{name}", points)
         _zero(axes[0])
         axes[0].set_ylabel("Δ / mm")
         legend(axes[0], 3)
     if epsilon is not None:
         times, values = epsilon
         for k in range(values.shape[1]):
-            _line(axes[-1], times, values[:, k], k, f"ε{k + 1}")
+            _line(axes[-1], times, values[:, k], k, f"ε{k + 1}", points)
         _zero(axes[-1])
         axes[-1].set_ylabel("ε / (m/s²)")
         legend(axes[-1], values.shape[1])
@@ -70,11 +70,11 @@ def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Line
 
 
 @styled
-def tensions(t: Series, tension: CableSeries, limits: tuple[float, float]) -> str:
+def tensions(t: Series, tension: CableSeries, limits: tuple[float, float], points: int = POINTS) -> str:
     """Draw each cable's tension (N) against the limits: the lower always, the upper where it is near."""
     figure, (axis,) = sheet(WIDTH, 2.3)
     for cable in range(tension.shape[1]):
-        _line(axis, t, tension[:, cable], cable, f"cable {cable + 1}")
+        _line(axis, t, tension[:, cable], cable, f"cable {cable + 1}", points)
     _zero(axis)
     low, high = limits
     largest = float(np.max(tension, where=np.isfinite(tension), initial=0.0))
@@ -211,9 +211,9 @@ def millimetres_of(metres: Series) -> Series:
     return metres * millimetres(1.0)
 
 
-def _line(axis: Axes, t: Series, values: Series, k: int, label: str, width: float = 0.9) -> None:
+def _line(axis: Axes, t: Series, values: Series, k: int, label: str, points: int, width: float = 0.9) -> None:
     style = STYLES[k % len(STYLES)]
-    axis.plot(*thin(t, values), color=COLOURS[k % len(COLOURS)], ls=style, lw=width, label=label)
+    axis.plot(*thin(t, values, points), color=COLOURS[k % len(COLOURS)], ls=style, lw=width, label=label)
 
 
 def plain_ticks(*axes: Axis) -> None:

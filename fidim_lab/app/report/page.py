@@ -12,6 +12,7 @@ from fidim_lab.app.report.numerals import short
 from fidim_lab.app.report.paper import is_papers_robot
 from fidim_lab.app.report.scene import scene, views
 from fidim_lab.app.report.solid import Solid, solid
+from fidim_lab.app.report.svg import points_for
 from fidim_lab.app.report.tables import MARKS, Table
 from fidim_lab.app.report.windows import WindowSection, section
 from fidim_lab.data.records import Body
@@ -63,7 +64,7 @@ def make_page(
     verdicts = {} if result is None else {verdict.id: verdict for verdict in result.windows}
     mechanism = Mechanism(campaign.robot)
     body = campaign.robot.nominal if result is None else result.body
-    drawn = scene(campaign, mechanism, body)
+    drawn, points = scene(campaign, mechanism, body), points_for(len(campaign.windows))
     robot = tuple(Drawing(svg, f"The robot {seen}.") for seen, svg in views(drawn))
     return Page(
         title=campaign.name,
@@ -80,7 +81,7 @@ def make_page(
         cross_validation=None if result is None else _cross_validation(result),
         windows_table=None if result is None else tables.window_table(result.windows, contents.story),
         windows=tuple(
-            section(contents, window, verdicts.get(window.id), (mechanism, body)) for window in campaign.windows
+            section(contents, window, verdicts.get(window.id), (mechanism, body), points) for window in campaign.windows
         ),
         rejected=tables.rejected_table(contents),
         timeline=_timeline(contents),

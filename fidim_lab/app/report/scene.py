@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 
-from fidim_lab.app.report.svg import COLOURS, sheet, styled, thin, to_svg
+from fidim_lab.app.report.svg import COLOURS, points_for, sheet, styled, thin, to_svg
 from fidim_lab.arrays import Positions
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Window
 from fidim_lab.data.rigid_body import fit_pose
@@ -108,10 +108,11 @@ def _view(drawn: Scene, axes_seen: tuple[np.ndarray, np.ndarray], labels: tuple[
     for hanging in drawn.hanging:
         if hanging.attachments is not None:
             _platform(axis, anchors, hanging.attachments @ projection)
+    most = points_for(len(drawn.hanging), PATH_POINTS)
     for hanging in drawn.hanging:
         path = hanging.path @ projection
         t = np.arange(float(len(path)))
-        kept = np.isin(t, np.concatenate([thin(t, path[:, k], PATH_POINTS)[0] for k in (0, 1)]))
+        kept = np.isin(t, np.concatenate([thin(t, path[:, k], most)[0] for k in (0, 1)]))
         axis.plot(*path[kept].T, color=COLOURS[1], lw=0.7)
     axis.plot(*anchors.T, "s", color="black", ms=5)
     for cable, place in enumerate(anchors, start=1):

@@ -8,6 +8,7 @@ import numpy as np
 
 from fidim_lab.app.report.drawing import Drawing
 from fidim_lab.app.report.scene import Scene, slanted
+from fidim_lab.app.report.svg import points_for
 from fidim_lab.arrays import Positions
 
 PATH_POINTS = 300
@@ -31,15 +32,16 @@ def solid(drawn: Scene, arrows: Sequence[tuple[np.ndarray, np.ndarray]] = (), ca
     paths = [hanging.path for hanging in drawn.hanging]
     spread = np.vstack([drawn.anchors, *paths])
     size = float(np.linalg.norm(np.nanmax(spread, axis=0) - np.nanmin(spread, axis=0)))
-    most = max((float(np.linalg.norm(force)) for _, force in arrows), default=0.0)
-    scale = LONGEST_ARROW * size / most if most > 0 else 0.0
+    longest = max((float(np.linalg.norm(force)) for _, force in arrows), default=0.0)
+    scale = LONGEST_ARROW * size / longest if longest > 0 else 0.0
+    most = points_for(len(paths), PATH_POINTS)
     scene = {
         "anchors": _rounded(drawn.anchors),
         "windows": [
             {
                 "id": hanging.window,
                 "held": None if hanging.attachments is None else _rounded(hanging.attachments),
-                "path": _rounded(hanging.path[:: max(1, -(-len(hanging.path) // PATH_POINTS))]),
+                "path": _rounded(hanging.path[:: max(1, -(-len(hanging.path) // most))]),
             }
             for hanging in drawn.hanging
         ],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks
-from fidim_lab.app.report.svg import COLOURS, STYLES, sheet, styled, thin, to_svg
+from fidim_lab.app.report.svg import COLOURS, POINTS, STYLES, sheet, styled, thin, to_svg
 from fidim_lab.arrays import Series
 from fidim_lab.units import millimetres
 
@@ -55,12 +55,12 @@ def mean(label: str, spectra: Sequence[Spectrum]) -> Spectrum | None:
 
 
 @styled
-def picture(spectra: Sequence[Spectrum], noise: float | None = None) -> str:
+def picture(spectra: Sequence[Spectrum], noise: float | None = None, points: int = POINTS) -> str:
     """Draw spectra over one another, both axes as they are; `noise`: level (m) that white marker noise would have."""
     figure, (axis,) = sheet(WIDTH, 2.6)
     for k, one in enumerate(spectra):
         shown = (one.frequencies > 0) & (one.frequencies <= HIGHEST)
-        line = thin(one.frequencies[shown], millimetres(1.0) * one.amplitudes[shown])
+        line = thin(one.frequencies[shown], millimetres(1.0) * one.amplitudes[shown], points)
         axis.plot(*line, color=COLOURS[k % len(COLOURS)], ls=STYLES[k % len(STYLES)], lw=1.1, label=one.label)
     if noise is not None:
         axis.axhline(millimetres(noise), color="black", lw=0.9, ls=":", label="noise alone")

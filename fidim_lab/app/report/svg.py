@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fidim_lab.app.report.tight import classed, shortened, ungrouped
 from fidim_lab.arrays import Series
 
 P = ParamSpec("P")
@@ -25,6 +26,10 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (1, 1)))
 POINTS = 400
 """points drawn for each line: as many as the eye sees, few enough for a small file"""
+FEWEST = 50
+"""… whatever the number of windows"""
+ROOM, BARE, EACH = 2.7e6, 34e3, 200.0
+"""bytes of a page of at most 3 MB for its windows; of a window's pictures without lines; of one point in each line"""
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "fidim",
@@ -91,6 +96,12 @@ def thin(t: Series, values: Series, most: int = POINTS) -> tuple[Series, Series]
     return t[picked], values[picked]
 
 
+def points_for(windows: int, most: int = POINTS) -> int:
+    """How many of `most` points a line may have on a page of so many windows, so that the page stays light."""
+    room = (ROOM / max(windows, 1) - BARE) / EACH
+    return max(min(FEWEST, most), int(most * min(room / POINTS, 1.0)))
+
+
 def to_svg(figure: Figure) -> str:
     """The figure as SVG for a page: a `viewBox` instead of a size, hundredths of a point, no name-space addresses."""
     buffer = io.StringIO()
@@ -102,7 +113,7 @@ def to_svg(figure: Figure) -> str:
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
     text = re.sub(r' d="([^"]*)"', lambda found: f' d="{_rounded(found[1])}"', text)
     text = re.sub(r' (x|y|transform)="([^"]*)"', lambda found: f' {found[1]}="{_rounded(found[2])}"', text)
-    return re.sub(r"\s*\n\s*", "\n", text).strip()
+    return shortened(re.sub(r"\s*\n\s*", "\n", text).strip())
 
 
 def distinct(svg: str, prefix: str) -> str:
@@ -113,7 +124,7 @@ def distinct(svg: str, prefix: str) -> str:
         return f' id="{prefix}-{found[1]}"' if found[1] in used else ""
 
     svg = re.sub(r' id="([^"]*)"', renamed, svg)
-    return re.sub(r'(url\(|href=")#', rf"\g<1>#{prefix}-", svg)
+    return classed(ungrouped(re.sub(r'(url\(|href=")#', rf"\g<1>#{prefix}-", svg)))
 
 
 def _rounded(numbers: str) -> str:

@@ -38,8 +38,10 @@ Model = tuple[Mechanism, Body]
 """the mechanism and the body found"""
 
 
-def section(contents: Contents, window: Window, verdict: WindowVerdict | None, model: Model) -> WindowSection:
-    """Everything about one window; `verdict` is None where nothing was identified."""
+def section(
+    contents: Contents, window: Window, verdict: WindowVerdict | None, model: Model, points: int
+) -> WindowSection:
+    """Everything about one window; `verdict` is None where nothing was identified. points: of each line, at most."""
     told = contents.story.of(window.id) if contents.story else None
     cut = contents.imported.of(window.id) if contents.imported else None
     return WindowSection(
@@ -50,7 +52,7 @@ def section(contents: Contents, window: Window, verdict: WindowVerdict | None, m
         origin="" if cut is None else f"Cut out from {cut.t[0]:.2f} to {cut.t[1]:.2f} s: {cut.says}",
         notes=() if verdict is None else verdict.notes,
         tables=() if told is None else _tables(told),
-        drawings=tuple(_drawings(window, verdict, model)),
+        drawings=tuple(_drawings(window, verdict, model, points)),
     )
 
 
@@ -93,40 +95,40 @@ def _tables(told: WindowStory) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def _drawings(window: Window, verdict: WindowVerdict | None, model: Model) -> list[Drawing]:
+def _drawings(window: Window, verdict: WindowVerdict | None, model: Model, points: int) -> list[Drawing]:
     prediction = None if verdict is None else verdict.prediction
-    drawings = [_trajectory(window, prediction)]
+    drawings = [_trajectory(window, prediction, points)]
     residual = None if verdict is None else verdict.residual
     if residual is not None or prediction is not None:
         epsilon = None if residual is None else (residual.t, residual.epsilon)
         missed = None if prediction is None else Line(prediction.t, prediction.residuals[:, 0])
-        svg = figures.residuals(window.t, epsilon, missed)
+        svg = figures.residuals(window.t, epsilon, missed, points)
         parts = [
             *([] if missed is None else ["Δ = recorded − model of the trajectory"]),
             *([] if epsilon is None else ["ε = W χ of the equations"]),
         ]
         drawings.append(Drawing(svg, f"What the model leaves over: {', '.join(parts)}.", f"{window.id}-residuals"))
-    if prediction is not None and (left := _spectrum(prediction, model[0].robot)) is not None:
+    if prediction is not None and (left := _spectrum(prediction, model[0].robot, points)) is not None:
         drawings.append(replace(left, name=f"{window.id}-spectrum"))
     robot = model[0].robot
     tension = measured_tension(robot, window) or _predicted_tension(prediction, model)
     if tension is not None:
         t, values, source = tension
-        svg = figures.tensions(t, values, robot.limits.tension)
+        svg = figures.tensions(t, values, robot.limits.tension, points)
         drawings.append(Drawing(svg, f"Tensions from {source}; dotted: the limits.", f"{window.id}-tensions"))
     return drawings
 
 
-def _trajectory(window: Window, prediction: Prediction | None) -> Drawing:
+def _trajectory(window: Window, prediction: Prediction | None, points: int) -> Drawing:
     rest: Vector3 | None = window.equilibrium
     model = None if prediction is None else Line(prediction.t, prediction.markers[:, 0])
-    svg = figures.trajectory(Line(window.t, window.markers[:, 0]), rest, model)
+    svg = figures.trajectory(Line(window.t, window.markers[:, 0]), rest, model, points)
     origin = "its mean" if rest is None else "rest"
     over = "" if model is None else "; dashed: the model, let go from its fitted initial state"
     return Drawing(svg, f"Main marker from {origin}{over}.", f"{window.id}-trajectory")
 
 
-def _spectrum(prediction: Prediction, robot: Robot) -> Drawing | None:
+def _spectrum(prediction: Prediction, robot: Robot, points: int) -> Drawing | None:
     """Of Δ, main marker, each axis by itself; None where too little was recorded."""
     left = prediction.residuals[:, 0]
     lines = [spectra.amplitudes(f"Δ{name}", prediction.t, left[:, k : k + 1]) for k, name in enumerate("xyz")]
@@ -134,7 +136,7 @@ def _spectrum(prediction: Prediction, robot: Robot) -> Drawing | None:
     if not known:
         return None
     noise = spectra.noise_level(robot.sensors.marker_noise, int(np.isfinite(left[:, 0]).sum()), 1)
-    return Drawing(spectra.picture(known, noise), "Spectrum of Δ; dotted: what marker noise alone would leave.")
+    return Drawing(spectra.picture(known, noise, points), "Spectrum of Δ; dotted: what marker noise alone would leave.")
 
 
 Tension = tuple[Series, CableSeries, str]
