@@ -18,6 +18,7 @@ from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.refit import Completed, HeldOut, evidence, predict, refit
 from fidim_lab.mismatch.score import Score
+from fidim_lab.mismatch.sprung import left_at_first
 from fidim_lab.mismatch.views import ENOUGH, FEEBLE, View, view
 from fidim_lab.mismatch.whiteness import Whiteness, whiteness
 
@@ -189,15 +190,12 @@ class _Search:
         return None if found is None else self._widened(found, score.tried)
 
     def _widened(self, model: Completed, new: Sequence[Hypothesis]) -> Completed:
-        """With a more general form of a new term, where the simple one leaves structure and the other much less.
-
-        For stiff cables these are their oscillations: let go by hand they ring.
-        """
+        """With a more general form of a new term, or with ringing cables, where the simple form leaves such structure."""
         if whiteness(model.leftovers).is_white:
             return model
         fresh = {term.effect for term in new}
         found = self._general(model, fresh)
-        if model.mechanism.quiet and any(stretches(effect) for effect in fresh):
+        if model.mechanism.quiet and any(stretches(effect) for effect in fresh) and left_at_first(model.leftovers):
             thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
             rung = refit(self._ground(model), model.fit, model.tried, thetas, self.start.context, ringing=True)
             found += [] if rung is None else [rung]

@@ -13,6 +13,7 @@ Stretch to first order (`model.equations`) would be cheaper, but what it leaves 
 is small at any moment, adds up in phase, and hides the effect after 10 s wherever it can be seen at all.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import ON_THE_WAY, ROUGH, Effort, optimise
 from fidim_lab.identification.mle.springs import spring_prior, starts, stretches, with_springs
 from fidim_lab.identification.mle.stages import FAR_PRIOR, HORIZONS, Journey, grow
+from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.grid import FINE
@@ -34,6 +36,8 @@ STIFF = 300.0
 """rad/s, of the fastest oscillation on the springs: from here on they are quiet, at no higher price however stiff"""
 NEAR = 3.0
 """χ²/dof below which a motion is followed well enough for first-order statements about it"""
+RINGING = 0.7
+"""s, in which 40 N s/m take nearly all of what rings at a winch of 10 kg"""
 ON = (1.0, 3.0)
 """s, of the way from a fit without springs to one with them"""
 AT_LAST = Effort(resolution=FINE, promise=0.1, rounds=10, damping=1e-6)
@@ -58,6 +62,18 @@ def are_stiff(mechanism: Mechanism, donor: Fit) -> bool:
     shared = np.concatenate([donor.values[:BODY], np.maximum(mechanism.theta, low)])
     states = replace(donor.journey.optimum.point.states, tensions=None)
     return donor.excess < NEAR and quiet_springs(mechanism, shared, states, donor.likelihood.begins).fastest > STIFF
+
+
+def left_at_first(leftovers: Sequence[Leftover]) -> bool:
+    """Whether what is left is left of the first tenths of a second, where cables ring after a platform is let go."""
+    early = [left.t - left.t[0] < RINGING for left in leftovers]
+    first, then = (
+        np.concatenate([left.values[use == which].ravel() for left, use in zip(leftovers, early, strict=True)])
+        for which in (True, False)
+    )
+    rest = float(np.nanmean(then**2)) if np.isfinite(then).any() else 1.0
+    seen = np.isfinite(first)
+    return bool(seen.any()) and float(np.mean(first[seen] ** 2)) > rest * (1 + 4 * float(np.sqrt(2 / seen.sum())))
 
 
 def carried_on(

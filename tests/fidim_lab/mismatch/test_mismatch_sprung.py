@@ -13,7 +13,8 @@ from fidim_lab.identification.mle.likelihood import Point, simulate
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.columns_sprung import SprungScorer
 from fidim_lab.mismatch.hypotheses import Hypotheses, hypotheses
-from fidim_lab.mismatch.sprung import begins_anew, stiffest
+from fidim_lab.mismatch.leftover import Leftover
+from fidim_lab.mismatch.sprung import begins_anew, left_at_first, stiffest
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import FINE
 from sim_backends.plant.hidden import parse_effect
@@ -82,3 +83,12 @@ def test_springs_begin_anew_where_others_become_springs(irma4: Robot) -> None:
     every = Mechanism(irma4, (CableStiffness(),), [1e-5], springs=True)
     assert begins_anew(every, Known)  # pyright: ignore[reportArgumentType]
     assert not begins_anew(one, Known)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(("rings", "drifts", "expected"), [(1.5, 0.0, True), (0.0, 0.0, False), (0.0, 0.5, False)])
+def test_what_rings_is_left_at_first(rings: float, drifts: float, expected: bool) -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    values = np.random.default_rng(4).normal(size=(len(t), 1, 3))
+    values += (rings * np.exp(-t / 0.3) * np.sin(250 * t) + drifts * np.sin(7 * t))[:, np.newaxis, np.newaxis]
+    values[5] = np.nan
+    assert left_at_first([Leftover(f"i{k}", t, values, 1e-4, 8) for k in range(4)]) is expected
