@@ -53,6 +53,8 @@ class Entry:
     """the same for one that adds windows to the plan's: told which have their verdict when it is resumed"""
     alone: bool = False
     """never asks anybody anything"""
+    needs: tuple[Role, ...] = ()
+    """roles of which the plan must have a window"""
 
 
 CATALOGUE: Mapping[str, Entry] = MappingProxyType(
@@ -74,12 +76,14 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
             "record the plan, explain it, record where it tells most: until the verdict is clear",
             compare,
             further=compare,
+            needs=(Role.IDENTIFY, Role.VALIDATE),
         ),
         "compare-by-winches": Entry(
             "compare without a hand, excited as by excite",
             compare_by_winches,
             further=compare_by_winches,
             alone=True,
+            needs=(Role.IDENTIFY, Role.VALIDATE),
         ),
         "tension-check": Entry("every tension at rest at each equilibrium against its limits", _tension_check),
     }
@@ -97,9 +101,17 @@ def experiment(
 ) -> Experiment:
     """A procedure of the catalogue, or of a Python file, for a plan; its limits checked (some seconds).
 
-    Raises SetupError for an unknown name or a file that is no procedure, InfeasibleError where it leaves the limits.
+    Raises SetupError for an unknown name, a file that is no procedure, or a plan without windows of a role that it
+    needs, InfeasibleError where it leaves the limits.
     """
     entry = _entry(name)
+    for role in entry.needs:
+        if all(window.role is not role for window in plan.windows):
+            raise SetupError(
+                f"The plan {plan.name} has no window of the role {role.value}, which {name} needs: what is found in "
+                "some windows is judged on others.",
+                hint=f'Write role = "{role.value}" into one window in three or four.',
+            )
     if entry.role is not None:
         plan = replace(plan, windows=tuple(replace(window, role=entry.role) for window in plan.windows))
     make = entry.make

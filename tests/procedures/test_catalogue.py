@@ -30,8 +30,16 @@ def comfortable(lengths):
     return lengths * 0 + 60.0
 
 
+def plan_for(name, lab):
+    """With a window that is held out, where the procedure needs one."""
+    if not name.startswith("compare"):
+        return lab.plan
+    first, *others = lab.plan.windows
+    return replace(lab.plan, windows=(first, *(replace(window, role=Role.VALIDATE) for window in others)))
+
+
 def carry_out(name, world, lab, folder, control=None):
-    made = experiment(name, lab.plan, world.robot, world.settings, statics=comfortable)
+    made = experiment(name, plan_for(name, lab), world.robot, world.settings, statics=comfortable)
 
     async def main():
         return await run_procedure(
@@ -58,7 +66,7 @@ ELSEWHERE = {"home", "excite", "compare-by-winches"}
 
 @pytest.mark.parametrize("name", sorted(set(CATALOGUE) - ELSEWHERE))
 def test_each_is_listed_without_hardware_and_runs_as_listed(name, world, lab, tmp_path):
-    made = experiment(name, lab.plan, world.robot, world.settings, statics=comfortable)
+    made = experiment(name, plan_for(name, lab), world.robot, world.settings, statics=comfortable)
     listed = [type(s).__name__ for s in Outline(made.procedure).steps]
     report = carry_out(name, world, lab, tmp_path / "run")
     assert report.outcome.usable, report.reason
@@ -70,9 +78,18 @@ def test_no_winch_moves_before_a_release_has_let_go(name, world, lab, irma4, mon
     monkeypatch.setattr(ExciteProtocol, "visit", lambda *_: iter(()))  # excitation is planned elsewhere
     monkeypatch.setattr(ExciteProtocol, "pace", WindowProtocol.pace)
     settings = replace(world.settings, release=ReleaseSettings())
-    made = experiment(name, lab.plan, irma4, settings, statics=comfortable)
+    made = experiment(name, plan_for(name, lab), irma4, settings, statics=comfortable)
     listed = [type(s).__name__ for s in Outline(made.procedure).steps]
     assert listed[:3] == ["Enable", "LetGo", "MoveTo"]
+
+
+@pytest.mark.parametrize("role", [Role.IDENTIFY, Role.VALIDATE])
+@pytest.mark.parametrize("name", ["compare", "compare-by-winches"])
+def test_what_is_judged_on_held_out_windows_refuses_a_plan_without(name, role, world, lab):
+    plan = replace(lab.plan, windows=tuple(replace(window, role=role) for window in lab.plan.windows))
+    lacking = "validate" if role is Role.IDENTIFY else "identify"
+    with pytest.raises(SetupError, match=f"no window of the role {lacking}, which {name} needs"):
+        experiment(name, plan, world.robot, world.settings, statics=comfortable)
 
 
 @pytest.mark.parametrize("name", CATALOGUE)

@@ -1,0 +1,90 @@
+"""The benchmark of separation: what counts as right, sizes that leave a pair open, rows that are kept."""
+
+import json
+from dataclasses import asdict, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks import separate
+from benchmarks.separate import FAINT, Row, carry_out, hidden_keys, non_centrality, outcome, pairs, read, report
+from fidim_lab.app.benchmark.sizes import EFFECTS
+from fidim_lab.identification.random_plan import random_plan
+
+PAIR = ("rotational-drag", "swivel-damping")
+
+
+def told(*effects):
+    causes = tuple(SimpleNamespace(id=id, equivalent_to=alike) for id, *alike in effects)
+    return SimpleNamespace(effects=causes)
+
+
+@pytest.mark.parametrize(
+    ("effects", "says"),
+    [
+        ([("rotational-drag",)], "right"),
+        ([("rotational-drag", "swivel-friction")], "right"),
+        ([("rotational-drag", "swivel-damping")], "alike"),
+        ([("swivel-damping", "rotational-drag")], "alike"),
+        ([("air-drag-linear",), ("swivel-damping",)], "wrong"),
+        ([("air-drag-linear",)], "else"),
+        ([], "else"),
+    ],
+)
+def test_what_is_right(effects, says):
+    assert outcome(told(*effects), *PAIR) == says
+
+
+def test_every_pair_of_the_list_of_equivalences_can_be_hidden():
+    assert len(pairs()) >= 12
+    assert all(id in EFFECTS for pair in pairs() for id in pair)
+
+
+def test_the_size_leaves_the_pair_open(irma4):
+    windows = random_plan(irma4, "short", 2, 1, 4).windows
+    keys, size = hidden_keys(irma4, *PAIR, windows, np.random.default_rng(3))
+    spec = EFFECTS["rotational-drag"]
+    assert keys == {"c": size}
+    left = non_centrality(irma4, *PAIR, keys, windows)
+    assert left == pytest.approx(np.clip(left, *FAINT)) or size in (spec.low, spec.high)
+
+
+def row(trial, before, promised=None, after="", recorded=False):
+    return Row(PAIR, trial, PAIR[0], 0.01, before, promised, 2, recorded, "", after, 30.0)
+
+
+def test_the_table_counts_what_was_promised_and_what_was_kept():
+    rows = [
+        row(0, "right"),
+        row(1, "alike", 0.95, "right", True),
+        row(2, "alike", 0.97, "wrong", True),
+        row(3, "alike", 0.6, "alike", True),
+        row(4, "alike", 0.1),
+        row(5, "else"),
+    ]
+    said = report(rows)
+    assert "| rotational-drag / swivel-damping | 6 | 1 | 4 | 1/2 | 0/1 | 1 | 1 | 1 |" in said
+    assert "Where ≥ 90 % were promised: right in 1/2 = 50.0 %" in said
+    assert "(60 % on average)" in said
+    assert "rotational-drag (0.01) called swivel-damping after 2 windows with 97 % promised: trial 2" in said
+
+
+def test_trials_that_were_made_are_not_made_again(tmp_path, monkeypatch):
+    rows = tmp_path / "rows.jsonl"
+    rows.write_text(json.dumps(asdict(row(0, "right"))) + "\n")
+
+    class Here:
+        def __init__(self, _): ...
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_): ...
+        def submit(self, work, *arguments):
+            return SimpleNamespace(result=lambda: work(*arguments))
+
+    monkeypatch.setattr(separate, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(separate, "as_completed", iter)
+    monkeypatch.setattr(separate, "run", lambda _pair, trial, _seed: replace(row(trial, "else"), says="made"))
+    carry_out([(PAIR, 0), (PAIR, 1)], rows, 1, 1)
+    assert [(one.trial, one.says) for one in read(rows)] == [(0, ""), (1, "made")]
