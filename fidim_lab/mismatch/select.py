@@ -190,7 +190,7 @@ class _Search:
         return None if found is None else self._widened(found, score.tried)
 
     def _widened(self, model: Completed, new: Sequence[Hypothesis]) -> Completed:
-        """With a more general form of a new term, or with ringing cables, where the simple form leaves such structure."""
+        """With a more general form of a new term, or cables that ring, where the simple form leaves such structure."""
         if whiteness(model.leftovers).is_white:
             return model
         fresh = {term.effect for term in new}
