@@ -8,7 +8,6 @@ from fidim_lab.app.service.messages import Happening, Question
 from fidim_lab.app.tui.paint import text_of
 from fidim_lab.app.tui.papers import Papers
 from fidim_lab.app.tui.screens.bars import KEYS, key_lines, prompt_lines, tab_lines
-from fidim_lab.app.tui.keys import SETTLE
 from fidim_lab.app.tui.screens.check import check_lines, newest_check
 from fidim_lab.app.tui.screens.hand import ROWS, SHAPES, big, hand_lines
 from fidim_lab.app.tui.screens.log import log_lines
@@ -124,7 +123,6 @@ def test_a_click_turns_to_a_screen_answers_a_prompt_and_stops(opened, fake):
             await screen.until(lambda: "[d] done" in screen.bars, "the prompt")
             row = screen.app.stage.prompt.text.splitlines().index("[d] done   [s] skip   [a] abort")
             await screen.until(lambda: screen.app.stage.prompt.region.height > row, "room for the prompt")
-            await screen.pilot.pause(SETTLE)  # until then a prompt takes no answer
             await screen.pilot.click("#prompt", offset=(1, row))
             await screen.until(lambda: "answer" in fake.commands(), "the answer")
             await screen.pilot.click("#keys", offset=(1, 0))
