@@ -1,0 +1,46 @@
+"""The simulated adapter on a pseudo terminal: its end of the line, a host that does not read, taking it away."""
+
+import os
+import tty
+
+import can
+import pytest
+
+from sim_backends.slcan_pty import SlcanPtyBus
+
+
+@pytest.fixture
+def adapter():
+    with SlcanPtyBus() as bus:
+        yield bus
+
+
+def test_commands_are_no_frames_and_lines_may_be_cut(adapter):
+    host = os.open(adapter.path, os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(host)
+    try:
+        os.write(host, b"C\rS8\rO\rt2011")
+        assert adapter.recv(0.05) is None
+        os.write(host, b"0F\r")
+        heard = adapter.recv(1.0)
+        assert heard is not None
+        assert (heard.arbitration_id, bytes(heard.data)) == (0x201, b"\x0f")
+        adapter.send(can.Message(arbitration_id=0x181, data=b"\xaa", is_extended_id=False))
+        assert os.read(host, 100) == b"t1811AA\r"
+    finally:
+        os.close(host)
+
+
+def test_what_a_host_does_not_read_is_lost_and_counted(adapter, monkeypatch):
+    monkeypatch.setattr("sim_backends.slcan_pty._SEND_TIMEOUT", 0.01)
+    message = can.Message(arbitration_id=0x181, data=bytes(8), is_extended_id=False)
+    for _ in range(20_000):
+        adapter.send(message)
+        if adapter.lost:
+            break
+    assert adapter.lost == 1
+
+
+def test_it_may_be_taken_away_twice(adapter):
+    adapter.shutdown()
+    adapter.shutdown()
