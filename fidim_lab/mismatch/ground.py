@@ -18,7 +18,7 @@ from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import FINAL, Effort, optimise
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
-from fidim_lab.mismatch.sprung import NEAR, begins_anew, bounded, carried_on, grown, likelihood_with
+from fidim_lab.mismatch.sprung import AT_LAST, NEAR, begins_anew, bounded, carried_on, grown, likelihood_with
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
@@ -88,7 +88,7 @@ def settle(
     likelihood = likelihood_with(ground.likelihood, mechanism, start.shared)
     if ground.whole and not _is_whole(ground, donor):
         nearby = replace(prior, sd=prior.sd / FAR_PRIOR)
-        journey = grow(likelihood, start, nearby, free, HORIZONS)
+        journey = grow(likelihood, start, nearby, free, HORIZONS, AT_LAST if mechanism.springs else FINAL)
     else:
         effort = BESIDE if ground.whole else IN_PASSING
         optimum = optimise(likelihood, start, donor.journey.ends, prior, effort, free)

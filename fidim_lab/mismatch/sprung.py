@@ -118,7 +118,7 @@ def grown(
     if not tries:
         return None
     _, made, start = min(tries, key=lambda each: each[0])
-    journey = grow(made, start, nearby, free, HORIZONS)
+    journey = grow(made, start, nearby, free, HORIZONS, AT_LAST)
     return None if journey is None else (made, journey)
 
 

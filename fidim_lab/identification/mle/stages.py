@@ -66,6 +66,8 @@ class _Way:
     free: Bool[np.ndarray, " shared"]
     limits: Float[np.ndarray, " W"]
     slack: dict[int, tuple[float, int]]
+    last: Effort
+    """at full length"""
     lost: tuple[int, ...] = ()
     whole: tuple[int, ...] = ()
     """recordings that are used to their limit whatever the horizon"""
@@ -89,10 +91,14 @@ def grow(
     prior: Prior,
     free: Bool[np.ndarray, " shared"],
     horizons: tuple[float, ...] = HORIZONS,
+    last: Effort = FINAL,
 ) -> Journey | None:
-    """The optimum at full length, reached by growing horizons; None where not even the first can be simulated."""
+    """The optimum at full length, reached by growing horizons; None where not even the first can be simulated.
+
+    last: how hard to try at full length.
+    """
     limits = np.array([recording.end for recording in likelihood.recordings])
-    way, optimum = _grown(_Way(likelihood, prior, free, limits, {}), start, horizons)
+    way, optimum = _grown(_Way(likelihood, prior, free, limits, {}, last), start, horizons)
     if optimum is None:
         return None
     if 0 < len(way.lost) < len(limits) and free.any():
@@ -120,7 +126,7 @@ def _grown(way: _Way, start: Point, horizons: tuple[float, ...]) -> tuple[_Way, 
     before, point, optimum = 0.0, start, None
     for stop in stops:
         last = stop == stops[-1]
-        effort = FINAL if last else ROUGH if before == 0 else ON_THE_WAY
+        effort = way.last if last else ROUGH if before == 0 else ON_THE_WAY
         way, found = _advance(way, point, before, stop, effort)
         if found is None:
             return way, None
@@ -209,7 +215,7 @@ def _motion(markers: Float[np.ndarray, "K M 3"]) -> float:
 def _cut_slack(way: _Way, found: Optimum | None, stop: float, effort: Effort) -> tuple[_Way, Optimum | None]:
     """End windows where a cable goes slack, and fit again without what follows until that moves no end any more."""
     for _ in range(CUTS):
-        if found is None or (stop < TRUSTED and effort is not FINAL):
+        if found is None or (stop < TRUSTED and effort is not way.last):
             break
         slack, limits = dict(way.slack), way.limits.copy()
         for w in range(len(limits)):
