@@ -11,7 +11,9 @@ first order   `MotionEquations.solve`: the stretch κ τ of each cable follows t
               robot's motion. Exact derivatives by the compliance at 0, which is what a score needs; cables hold no
               energy of their own, so nothing is stiff and the λ freedoms stay λ. The error is of second order: relative
               to the effect about (slowest frequency of stretch / frequency of motion)⁻².
-springs       `elastic`: τ = stretch/κ + damping, twelve freedoms; exact, but stiff and singular at κ = 0. For refits.
+              That adds up in phase: refits of whole windows need springs.
+springs       `elastic`: τ = stretch/κ + damping, twelve freedoms; exact, but stiff and singular at κ = 0. For refits;
+              `sensitivity.stiff` follows stiff ones without their oscillations.
 """
 
 from collections.abc import Callable

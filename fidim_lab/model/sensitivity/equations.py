@@ -11,7 +11,8 @@ Effects may use the slots for geometry, lengths, drift, wrench, kinetic energy a
 (`model.equations`): exact in the motion and in its derivatives by θ, while its share of the derivatives by the state,
 (frequency of motion / frequency of stretch)² of the rest, is left out: a Gauss–Newton step is a little off, its optimum
 is not. Mechanism(…, springs=True) makes the stretched cables springs instead (`model.elastic`): all exact, more
-freedoms, nodes as near to each other as the stiffest cable asks for. What cameras see is `measurement`'s.
+freedoms, nodes as near to each other as the stiffest cable asks for, or quiet ones (`stiff`). What cameras see
+is `measurement`'s.
 """
 
 from collections.abc import Sequence
