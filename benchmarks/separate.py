@@ -118,7 +118,10 @@ def separated(
     windows: Sequence[PlannedWindow],
 ) -> Row:
     """What is proposed, recorded where it promises anything, and explained."""
-    claim = next(c for c in claims_of(as_file(told)) if c.id in ids and {c.id, *c.rivals} >= set(ids))
+    # a third effect may be named, for which either of the two may stand
+    claim = next((c for c in claims_of(as_file(told)) if {c.id, *c.rivals} >= set(ids)), None)
+    if claim is None:
+        return replace(row, says=f"{row.says}: named by its score alone, without a size")
     noise = float(np.sqrt(max(1.0, told.chi2_per_dof.after or 1.0)))
     body = np.array([p.value for p in told.parameters.values()])
     found = to_separate(campaign, [claim], body, noise=noise, seed=row.trial + 1, more=MORE, more_markers=False)[0]
@@ -298,7 +301,11 @@ def carry_out(wanted: Iterable[tuple[Pair, int]], rows: Path, seed: int, jobs: i
     made = {(row.pair, row.trial) for row in read(rows)}
     left = [one for one in wanted if one not in made]
     with ProcessPoolExecutor(jobs) as pool, rows.open("a", encoding="utf-8") as file:
-        for done in as_completed([pool.submit(run, pair, trial, seed) for pair, trial in left]):
+        asked = {pool.submit(run, pair, trial, seed): (pair, trial) for pair, trial in left}
+        for done in as_completed(asked):
+            if (bug := done.exception()) is not None:  # the other trials go on; this one is made by the next command
+                print(f"{asked[done]}: {type(bug).__name__}: {bug}")
+                continue
             file.write(json.dumps(asdict(done.result())) + "\n")
             file.flush()
 

@@ -1,6 +1,7 @@
 """The benchmark of separation: what counts as right, sizes that leave a pair open, rows that are kept."""
 
 import json
+from concurrent.futures import Future
 from dataclasses import asdict, replace
 from types import SimpleNamespace
 
@@ -70,7 +71,7 @@ def test_the_table_counts_what_was_promised_and_what_was_kept():
     assert "rotational-drag (0.01) called swivel-damping after 2 windows with 97 % promised: trial 2" in said
 
 
-def test_trials_that_were_made_are_not_made_again(tmp_path, monkeypatch):
+def test_trials_that_were_made_are_not_made_again(tmp_path, monkeypatch, capsys):
     rows = tmp_path / "rows.jsonl"
     rows.write_text(json.dumps(asdict(row(0, "right"))) + "\n")
 
@@ -81,10 +82,22 @@ def test_trials_that_were_made_are_not_made_again(tmp_path, monkeypatch):
 
         def __exit__(self, *_): ...
         def submit(self, work, *arguments):
-            return SimpleNamespace(result=lambda: work(*arguments))
+            done = Future()
+            try:
+                done.set_result(work(*arguments))
+            except ValueError as bug:
+                done.set_exception(bug)
+            return done
 
     monkeypatch.setattr(separate, "ProcessPoolExecutor", Here)
     monkeypatch.setattr(separate, "as_completed", iter)
-    monkeypatch.setattr(separate, "run", lambda _pair, trial, _seed: replace(row(trial, "else"), says="made"))
-    carry_out([(PAIR, 0), (PAIR, 1)], rows, 1, 1)
-    assert [(one.trial, one.says) for one in read(rows)] == [(0, ""), (1, "made")]
+
+    def made(_pair, trial, _seed):
+        if trial == 2:
+            raise ValueError("a bug")
+        return replace(row(trial, "else"), says="made")
+
+    monkeypatch.setattr(separate, "run", made)
+    carry_out([(PAIR, 0), (PAIR, 1), (PAIR, 2), (PAIR, 3)], rows, 1, 1)
+    assert [(one.trial, one.says) for one in read(rows)] == [(0, ""), (1, "made"), (3, "made")]
+    assert "ValueError: a bug" in capsys.readouterr().out
