@@ -2,14 +2,17 @@
 
 A hand acts in some windows and for some time only. Its segments (`segments`) stand far above both neighbours, which
 are as good as the rest; physics that is missing changes smoothly from one segment to the next. What decays from every
-release (a friction that ends the motion, a loose part) is told by its coming first in most windows alike. Begin and
-end are where the motion of the free parts, carried on from both sides, leaves the recording.
+release (a friction that ends the motion, a loose part) is told by its coming first in most windows alike; and what
+grows steeply with the motion (a drag of the cube of the speed, 64 times χ² for twice the swing), by its standing no
+farther out than segments of other windows that swing as far. Begin and end are where the motion of the free parts,
+carried on from both sides, leaves the recording.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import theilslopes
 
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.identification.mle.judge import Remainder
@@ -27,6 +30,10 @@ CERTAIN = 8.0
 LIVELY, OFTEN = 1.4, 1 / 3
 """χ²/dof of a first segment over that of a usual one, and share of the windows that may begin so: more, and it is not a
 hand but how every motion begins"""
+FORESEEN = 3.0
+"""robust standard deviations above what segments as lively as this one have, within which none stands out"""
+STEEPEST = 10.0
+"""power of the liveliness with which the excess of χ²/dof may grow"""
 MOST = 0.6
 """of a window's segments; beyond, nothing in it is known to be free"""
 DEPARTED = 3.0
@@ -66,7 +73,14 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
     strict: where the kinematics are contradicted already (wrong geometry, soft cables) segments differ more, and some
     poses lie on the wrong side of a fold; then only what stands far above free motion on both sides counts.
     """
-    runs = [(one, run) for one in segments.windows for run in _runs(one, FAR_ABOVE if strict else ABOVE)]
+    above = FAR_ABOVE if strict else ABOVE
+    foreseen = _foreseen(segments)
+    runs = [
+        (one, run)
+        for one, usual in zip(segments.windows, foreseen, strict=True)
+        for run in _runs(one, above)
+        if np.nanmax((one.chi2_per_dof / usual)[slice(*run)]) > 1
+    ]
     if strict:
         runs = [(one, run) for one, run in runs if run[0] > 0 and run[1] < len(one.chi2_per_dof)]
     begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
@@ -114,6 +128,21 @@ def _runs(one: Segmented, above: float) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], high.astype(int), [0]])))
     runs = [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
     return [run for run in runs if _stands_out(chi2, *run, above)]
+
+
+def _foreseen(segments: Segments) -> list[np.ndarray]:
+    """χ²/dof up to which each segment is as those that swing as far, by a robust power law over all windows."""
+    excess = [np.log(np.maximum(one.chi2_per_dof - 1, CERTAIN * np.sqrt(2 / one.dof))) for one in segments.windows]
+    lively = [np.log(one.liveliness) for one in segments.windows]
+    x, y = np.concatenate(lively), np.concatenate(excess)
+    known = np.isfinite(x) & np.isfinite(y)
+    if known.sum() < 3 or np.ptp(x[known]) < 1e-9:
+        return [np.ones(len(one)) for one in lively]
+    law = theilslopes(y[known], x[known])
+    power = float(np.clip(law.slope, 0.0, STEEPEST))
+    level = float(np.median(y[known] - power * x[known]))
+    scatter = float(1.4826 * np.median(np.abs(y[known] - power * x[known] - level)))
+    return [1 + np.exp(level + power * one + FORESEEN * scatter) for one in lively]
 
 
 def _stands_out(chi2: np.ndarray, first: int, end: int, above: float) -> bool:

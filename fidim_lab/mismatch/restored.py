@@ -10,6 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.data.records import Campaign, Window
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.held_out import predict as predicted
+from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.mismatch.audit import OFF
 from fidim_lab.mismatch.clean import Cleaned
 from fidim_lab.mismatch.contacts import Contact, without
@@ -18,6 +22,9 @@ from fidim_lab.mismatch.refit import Completed, predict
 from fidim_lab.mismatch.whiteness import whiteness
 
 Say = Callable[[str], None]
+ALIKE = 4.0
+"""times χ²/dof of the windows in which no hand was seen, within which a window is followed like them: a hand left in
+throws a prediction off by hundreds"""
 
 
 def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = lambda _: None) -> Cleaned:
@@ -49,6 +56,35 @@ def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = la
     say("some of what was cut out follows the completed model: it is put back")
     campaign = replace(audited.campaign, windows=tuple(windows))
     return replace(audited, campaign=campaign, contacts=tuple(contacts), faults=(*cleaned.faults, *faults))
+
+
+def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, unnamed: Fit) -> Cleaned:
+    """The audit's result without the contacts of windows that a model of what has no name follows like all others.
+
+    cleaned, audited: before and after the audit. unnamed: the fit with that model, of windows without the contacts;
+    it needs no whiteness, because such a model hardly ever leaves noise alone.
+    """
+    touched = {contact.window for contact in audited.contacts}
+    likelihood = unnamed.likelihood
+    usual = [
+        left.chi2_per_dof
+        for recording, left in zip(likelihood.recordings, unnamed.remainders, strict=True)
+        if not any(recording.window.id == id or recording.window.id.startswith(f"{id}, part ") for id in touched)
+    ]
+    if not usual:
+        return audited
+    allowed = ALIKE * max(1.0, *usual)
+    robot = likelihood.mechanism.robot
+    for window in cleaned.campaign.windows:
+        if window.id not in touched:
+            continue
+        try:
+            found = predicted(likelihood.mechanism, unnamed.values, prepare(window, robot), robot.sensors)
+        except RefusedError:
+            continue
+        if not found.lost and found.remainder.chi2_per_dof < allowed:
+            touched.remove(window.id)
+    return replace(audited, contacts=tuple(contact for contact in audited.contacts if contact.window in touched))
 
 
 def _needed(campaign: Campaign, window: Window, hands: Sequence[Contact], model: Completed) -> list[Contact]:

@@ -7,6 +7,7 @@ long enough to feel a fifth of a newton on ten kilograms and too short for any p
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -36,6 +37,17 @@ class Segmented:
     def level(self) -> float:
         """χ²/dof of a usual segment of this window."""
         return float(np.nanquantile(self.chi2_per_dof, 0.4)) if np.isfinite(self.chi2_per_dof).any() else np.nan
+
+    @property
+    def liveliness(self) -> Float[np.ndarray, " K"]:
+        """How far the markers swing in each segment, rms m; NaN where none is seen."""
+        found = np.full(len(self.chi2_per_dof), np.nan)
+        for k, (begin, end) in enumerate(pairwise(self.edges)):
+            markers = self.window.markers[(self.window.t >= begin) & (self.window.t < end)]
+            seen = markers[:, np.isfinite(markers).any(axis=(0, 2))]
+            if seen.size:
+                found[k] = np.sqrt(np.nanmean((seen - np.nanmean(seen, axis=0)) ** 2))
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,8 +46,8 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
         chi2_per_dof=Before(found.baseline.held_out.chi2_per_dof, named.held_out.chi2_per_dof),
         rms_mm=Before(1e3 * found.baseline.held_out.rms, 1e3 * named.held_out.rms),
         ranking=ranking(found, named, baseline.context),
-        parameters=_parameters(named.model.fit, baseline.campaign),
-        parameters_before=_parameters(baseline.fit, baseline.campaign),
+        parameters=body_parameters(named.model.fit, baseline.campaign),
+        parameters_before=body_parameters(baseline.fit, baseline.campaign),
         next_experiment=_next_experiment(verdict, effects),
         message=_message(judged, found, effects, _limits(baseline, found)),
         seconds=seconds,
@@ -84,7 +84,8 @@ def _cause_by_score(found: Selection, score: Score) -> NamedCause:
     return NamedCause(tried.effect.id, tried.effect.cable, (), parameters, tried.effect.says)
 
 
-def _parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
+def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
+    """The nine parameters of a fit with their sd, times √χ²/dof where that is above 1, beside the robot file's."""
     scale = float(np.sqrt(max(1.0, found.excess)))
     nominal = campaign.robot.nominal.vector
     return {

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
+from fidim_lab.data.records import Campaign
 from fidim_lab.mismatch.explanation import EffectParameter, Explanation, NamedCause, Verdict
 from fidim_lab.mismatch.refit import Completed
 
@@ -79,10 +80,24 @@ def _mean(steps: Float[np.ndarray, "K 2"], weights: Float[np.ndarray, "K 2 2"]) 
     return np.linalg.solve(weights.sum(axis=0), np.einsum("kij,kj->i", weights, steps))
 
 
-def with_timing(told: Explanation, model: Completed) -> Explanation:
-    """The explanation with an offset of the clocks, where all else is explained and the currents say so.
+def retimed(campaign: Campaign, model: Completed) -> Campaign | None:
+    """The campaign with its stamps on the winches' clock, by the motor currents; None where they do not run apart.
 
-    model: the one that is told of.
+    model: fitted to whole windows of it, however well: the course of the tensions tells of a rate, not their size.
+    """
+    names = {h.effect.id for h in model.tried}
+    found = timing(model) if model.whole and not names & DISTORTED else None
+    if found is None or not found.runs_away:
+        return None
+    slower = 1.0 / (1.0 + found.rate)
+    windows = tuple(replace(w, t=w.t[0] + (w.t - w.t[0]) * slower) for w in campaign.windows)
+    return replace(campaign, windows=windows)
+
+
+def with_timing(told: Explanation, model: Completed, *, put_right: bool = False) -> Explanation:
+    """The explanation with what is wrong with the clocks, where all else is explained and the currents say so.
+
+    model: the one that is told of; put_right: of `retimed` windows, in which the currents say the same once more.
     """
     names = {h.effect.id for h in model.tried}
     if told.verdict not in (Verdict.NOTHING_MISSING, Verdict.EXPLAINED) or names & DISTORTED:
@@ -103,12 +118,14 @@ def with_timing(told: Explanation, model: Completed) -> Explanation:
     if found.runs_away and RATE not in names:
         says = "the cameras' clock runs fast: a frame stamped t was taken at t/(1 + rate)"
         causes.append(NamedCause(RATE, None, (), {"rate": EffectParameter(found.rate, found.rate_sd, "1")}, says))
+        counts = "the fit has the stamps put right" if put_right else "inertia and centre of mass count on it"
         said.append(
             f"By the motor currents the cameras' clock runs faster than the winches' by {found.rate:.2g} ± "
-            f"{found.rate_sd:.1g}, which free motion alone would not show; inertia and centre of mass count on it."
+            f"{found.rate_sd:.1g}, which free motion alone would hardly show; {counts}."
         )
     if len(causes) == len(told.effects):
         return told
+    said[0] = said[0].replace("Nothing is missing:", "Nothing else is missing:", 1)
     return replace(told, verdict=Verdict.EXPLAINED, effects=tuple(causes), message=" ".join(said))
 
 

@@ -76,6 +76,7 @@ def test_a_hand_on_a_held_out_window_alone_is_found(recorded) -> None:
         "cable-creep:delta=0.006",
         "periodic-force:f=6,ax=1",
         "swivel-friction:c=0.05",
+        "unknown-cubic:c=25",
     ],
 )
 def test_physics_is_no_hand_and_no_fault(recorded, hidden: str) -> None:

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.data.records import Robot, Role
+from fidim_lab.data.records import Campaign, Robot, Role
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.timing import OFFSET, RATE, timing, with_timing
+from fidim_lab.mismatch.timing import OFFSET, RATE, retimed, timing, with_timing
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -71,6 +71,20 @@ def test_a_rate_is_no_offset(irma4: Robot) -> None:
     assert abs(found.rate - 2e-3) < 4 * found.rate_sd
     assert not found.is_off
     assert [cause.id for cause in with_timing(told(), drifting).effects] == [RATE]
+    assert "put right" in with_timing(told(), drifting, put_right=True).message
+    windows = tuple(recording.window for recording in drifting.fit.likelihood.recordings)
+    right = retimed(Campaign("c", irma4, 100.0, windows), drifting)
+    assert right is not None
+    for window, there in zip(windows, right.windows, strict=True):
+        assert there.t[0] == window.t[0]
+        assert np.ptp(there.t) == pytest.approx(np.ptp(window.t) / (1 + found.rate), rel=1e-12)
+        assert there.markers is window.markers
+
+
+def test_clocks_that_run_alike_are_left_alone(irma4: Robot) -> None:
+    good = fitted(irma4)
+    windows = tuple(recording.window for recording in good.fit.likelihood.recordings)
+    assert retimed(Campaign("c", irma4, 100.0, windows), good) is None
 
 
 def test_without_currents_it_is_said_that_it_was_not_tested(irma4: Robot) -> None:
