@@ -81,7 +81,7 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
     cut: list[Contact] = []
     for contact in contacts:
         window = windows[contact.window]
-        fault = stumble(segments.fit, window, contact)
+        fault = stumble(segments.fit, window, contact) or _gone(cleaned, window, contact)
         shown = fault is not None and fault.kind is not Kind.SPIKE
         if not shown and (contact.window, contact.begin) not in sure:
             continue
@@ -99,6 +99,19 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
         campaign=without(cleaned.campaign, cut),
         faults=(*cleaned.faults, *faults),
         contacts=(*cleaned.contacts, *hands),
+    )
+
+
+def _gone(cleaned: Cleaned, window: Window, contact: Contact) -> Finding | None:
+    """A marker that is elsewhere up to the window's end, where sensors are known to be faulty; None for a hand."""
+    if not cleaned.faults or contact.end < float(window.t[-1]):
+        return None
+    says = (
+        f"Window {window.id}: from {contact.begin:.2f} s to its end the markers are not where cables and motion put "
+        f"them (χ²/dof {contact.ratio:.3g} times that before); it is left out."
+    )
+    return Finding(
+        Kind.JUMP, window.id, marker_channel(0, 0), (contact.begin, contact.end), contact.ratio, "times", says
     )
 
 
@@ -127,13 +140,19 @@ def _off(left: Leftover) -> tuple[tuple[float, int, float], ...]:
     """(time, marker, m): samples far off a motion that their neighbours follow; none where too many are."""
     size = np.abs(left.values).max(axis=2)
     far = np.argwhere(size > OFF)
-    edges = np.full((BESIDE, size.shape[1]), np.nan)
-    around = sliding_window_view(np.concatenate([edges, size, edges]), 2 * BESIDE + 1, axis=0)
-    beside = np.delete(around[far[:, 0], far[:, 1]], BESIDE, axis=1)
-    far, beside = (part[np.isfinite(beside).sum(axis=1) >= BESIDE] for part in (far, beside))
-    off = far[np.nanmedian(beside, axis=1) < QUIET] if len(far) else far
-    found = ((float(left.t[row]), int(marker), float(size[row, marker] * left.noise)) for row, marker in off)
-    return tuple(found) if len(off) < MOST_OFF * len(size) else ()
+    edges = np.full((BESIDE, *left.values.shape[1:]), np.nan)
+    around = sliding_window_view(np.concatenate([edges, left.values, edges]), 2 * BESIDE + 1, axis=0)
+    beside = np.delete(around[far[:, 0], far[:, 1]], BESIDE, axis=2)
+    here = left.values[far[:, 0], far[:, 1]]
+    enough = np.isfinite(beside).all(axis=1).sum(axis=1) >= BESIDE
+    far, beside, here = far[enough], beside[enough], here[enough]
+    if len(far):
+        quiet = np.nanmedian(np.abs(beside).max(axis=1), axis=1) < QUIET
+        # off the neighbours too: the crest of what is missing is not
+        alone = np.abs(here - np.nanmedian(beside, axis=2)).max(axis=1) > OFF
+        far = far[quiet & alone]
+    found = ((float(left.t[row]), int(marker), float(size[row, marker] * left.noise)) for row, marker in far)
+    return tuple(found) if len(far) < MOST_OFF * len(size) else ()
 
 
 def _spike(window: Window, time: float, marker: int, size: float) -> Finding:

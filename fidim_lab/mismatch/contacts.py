@@ -34,6 +34,8 @@ FORESEEN = 3.0
 """robust standard deviations above what segments as lively as this one have, within which none stands out"""
 STEEPEST = 10.0
 """power of the liveliness with which the excess of χ²/dof may grow"""
+LASTING = 0.25
+"""of the windows: more that are disturbed up to their ends show how the robot moves"""
 MOST = 0.6
 """of a window's segments; beyond, nothing in it is known to be free"""
 DEPARTED = 3.0
@@ -83,6 +85,8 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
     ]
     if strict:
         runs = [(one, run) for one, run in runs if run[0] > 0 and run[1] < len(one.chi2_per_dof)]
+    if not strict:
+        runs += _lasting(segments, {one.window.id for one, _ in runs})
     begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
     if np.nanmean(np.array(begins) > LIVELY) > OFTEN:
         runs = [(one, run) for one, run in runs if run[0] > 0]
@@ -130,6 +134,20 @@ def _runs(one: Segmented, above: float) -> list[tuple[int, int]]:
     return [run for run in runs if _stands_out(chi2, *run, above)]
 
 
+def _lasting(segments: Segments, seen: set[str]) -> list[tuple[Segmented, tuple[int, int]]]:
+    """Of windows without a run, those whose motion is as usual up to a segment and never again: (window, run)."""
+    usual = float(np.nanmedian([one.level for one in segments.windows]))
+    found: list[tuple[Segmented, tuple[int, int]]] = []
+    for one in segments.windows:
+        known = np.flatnonzero(np.isfinite(one.chi2_per_dof))
+        high = one.chi2_per_dof[known] > AT_AN_END * max(1.0, usual)
+        first = int(np.argmax(high)) if high.any() else 0
+        free = one.chi2_per_dof[known[:first]]
+        if one.window.id not in seen and first and high[first:].all() and (free < ABOVE * max(1.0, usual)).all():
+            found.append((one, (int(known[first]), len(one.chi2_per_dof))))
+    return found if len(found) <= max(1.0, LASTING * len(segments.windows)) else []
+
+
 def _foreseen(segments: Segments) -> list[np.ndarray]:
     """χ²/dof up to which each segment is as those that swing as far, by a robust power law over all windows."""
     excess = [np.log(np.maximum(one.chi2_per_dof - 1, CERTAIN * np.sqrt(2 / one.dof))) for one in segments.windows]
@@ -169,7 +187,8 @@ def _timed(segments: Segments, one: Segmented, first: int, end: int) -> Contact:
         begin = float(edges[first - 1]) + forward
     if backward is not None:
         finish = float(edges[end + 1]) - backward
-    ratio = float(np.nanmax(one.chi2_per_dof[first:end]) / one.level)
+    free = np.delete(one.chi2_per_dof, slice(first, end))
+    ratio = float(np.nanmax(one.chi2_per_dof[first:end]) / np.nanmedian(free))
     if begin >= finish:
         # so weak that it shows only after it has ended: nothing more is known than the segments
         begin, finish = float(edges[first]) + SOONER, float(edges[end]) - SOONER

@@ -262,9 +262,13 @@ def _rank(candidate: Candidate) -> float:
 
 
 def _improves(candidate: Candidate, best: Candidate) -> bool:
-    """Held-out windows get better; and where structure stays, a good part of it is taken away."""
+    """Held-out windows get better; and where structure stays, a good part of it is taken away.
+
+    Where the candidate is what makes all white, that is enough: a window that one of both cannot follow counts for one.
+    """
     before, after = best.held_out, candidate.held_out
-    if before.dof and after.dof and after.chi2_per_dof >= before.chi2_per_dof and not candidate.is_white:
+    no_better = bool(before.dof and after.dof) and after.chi2_per_dof >= before.chi2_per_dof
+    if no_better and (best.is_white or not candidate.is_white):
         return False
     rest = max(best.whiteness.excess, 1e-9)
     return candidate.is_white or rest - candidate.whiteness.excess > FEEBLE * rest

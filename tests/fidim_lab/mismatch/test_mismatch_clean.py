@@ -98,6 +98,21 @@ def test_a_slipped_encoder_of_one_window_is_named(recorded, slipped: str) -> Non
     assert [(fault.window, fault.channel) for fault in after.faults] == [(slipped, "l3")]
 
 
+@pytest.mark.slow
+def test_a_jump_that_a_frozen_run_hides_is_a_fault_up_to_the_end(recorded) -> None:
+    campaign = recorded()
+    window = campaign.windows[1]
+    markers = window.markers.copy()
+    markers[270:300] = markers[269]
+    markers[300:, :, 0] += 0.012
+    windows = (campaign.windows[0], replace(window, markers=markers), *campaign.windows[2:])
+    _, after = audited(replace(campaign, windows=windows))
+    assert not after.contacts
+    assert {(fault.kind, fault.window) for fault in after.faults} >= {(Kind.FROZEN, "i02"), (Kind.JUMP, "i02")}
+    kept = after.campaign.windows[1]
+    assert np.isnan(kept.markers[kept.t > 3.0]).all()
+
+
 def test_parts_of_a_window_keep_clock_and_lengths(recorded) -> None:
     campaign = recorded()
     window = campaign.windows[0]
