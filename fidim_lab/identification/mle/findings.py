@@ -136,7 +136,10 @@ def closing(result: IdentificationResult) -> str:
     error = max(s_z.sd, s_z.spread or 0.0)
     size = f"s_z is good to about {millimetres(error):.2g} mm ({percent(error / lever):.2g} % of its lever)"
     held = _held_out(result.windows)
-    judged = f", and held-out windows with χ²/dof of {min(held):.3g} to {max(held):.3g}" if held else ""
+    judged = ""
+    if held:
+        values = f"{min(held):.3g}" if len(held) == 1 else f"{min(held):.3g} to {max(held):.3g}"
+        judged = f", and held-out windows with χ²/dof of {values}"
     spread = result.leave_one_out is not None
     basis = "By the spread between windows" if spread else "By the nominal sd, with too few windows to see a spread,"
     if result.outcome is Outcome.MISFIT:
