@@ -19,7 +19,7 @@ from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.refit import Completed, HeldOut, evidence, predict, refit
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.sprung import left_at_first
-from fidim_lab.mismatch.views import ENOUGH, FEEBLE, View, view
+from fidim_lab.mismatch.views import ENOUGH, FEEBLE, PERIODIC, View, view
 from fidim_lab.mismatch.whiteness import Whiteness, whiteness
 
 MOST_TERMS = 3
@@ -87,6 +87,7 @@ class _Search:
         if not start.follows:
             best = self._best_over_all(baseline, self._over_first_seconds())
         best, last = self._over_whole_windows(best)
+        best, last = self._with_phases_anew(best, last)
         return Selection(
             best=best,
             baseline=baseline,
@@ -162,6 +163,22 @@ class _Search:
             self.say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
             seen = self._view(best.model)
         return best, seen
+
+    def _with_phases_anew(self, best: Candidate, last: View) -> tuple[Candidate, View]:
+        """What oscillates, looked for once more in whole windows, where structure stays.
+
+        The first seconds hardly tell one phase for all windows from a phase of each, nor the frequency.
+        """
+        kept = [k for k, h in enumerate(best.model.tried) if h.effect.id not in PERIODIC]
+        if best.is_white or not best.model.whole or len(kept) == len(best.model.tried):
+            return best, last
+        thetas = [best.model.theta_of(k)[0] for k in kept]
+        tried = [best.model.tried[k] for k in kept]
+        without = refit(self.start.whole_ground, best.model.fit, tried, thetas, self.start.context)
+        if without is None:
+            return best, last
+        again, seen = self._over_whole_windows(self._judged(without))
+        return (again, seen) if again.whiteness.excess < best.whiteness.excess else (best, last)
 
     def _accepted(self, best: Candidate, fresh: Sequence[Candidate]) -> Candidate:
         """The most convincing of those that also predict held-out windows better."""

@@ -222,7 +222,8 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         recording = likelihood.recordings[w]
         use, seen = recording.seen_until(simulation.ends[w])
         count, t = seen.shape[1], recording.t[use]
-        given = (stated[:count], nodal[place][:, :, :count], t, recording.begin)
+        extra = None if starts.extra is None else (starts.extra[w], starts.states_by[w][12:])
+        given = (stated[:count], nodal[place][:, :, :count], t, recording.begin, extra)
         by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
         known = np.isfinite(recording.lengths)
         jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
@@ -258,7 +259,8 @@ def _residual(
     recording = likelihood.recordings[w]
     use, seen = recording.seen_until(end)
     measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
-    predicted = measurement.seen(nodal[:, :, : seen.shape[1]], grid.t, recording.t[use], recording.begin)
+    own = None if starts.extra is None else starts.extra[w]
+    predicted = measurement.seen(nodal[:, :, : seen.shape[1]], grid.t, recording.t[use], recording.begin, own)
     known = np.isfinite(recording.lengths)
     guess, at = likelihood.guesses, point.states
     turn = Rotation.from_matrix(guess.rotations[w].T @ at.rotations[w]).as_rotvec()

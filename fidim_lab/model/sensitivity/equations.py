@@ -166,11 +166,12 @@ def entries(column: ca.SX, chosen: Sequence[int]) -> ca.SX:
 
 
 def refuse_unknown(mechanism: Mechanism) -> None:
-    """Raise OurBugError for what trajectories with derivatives do not carry (yet): cameras that see an extra state."""
+    """Raise OurBugError for what trajectories with derivatives do not carry: cameras that see an extra state change."""
     for effect in mechanism.effects:
-        if effect.extra_states and type(effect).seen is not Effect.seen:
+        made = type(effect)
+        if effect.extra_states and made.seen is not Effect.seen and made.extra_rates is not Effect.extra_rates:
             raise OurBugError(
-                f"{type(effect).__name__}: trajectories with derivatives do not show its extra states to the cameras.",
+                f"{made.__name__}: trajectories with derivatives do not show changing extra states to the cameras.",
                 hint="Simulate it with model.dynamics, or score it with model.forcing.",
             )
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import Series
 from fidim_lab.model.batch import function, over_samples, rows
-from fidim_lab.model.contributions import marker_at, seen_at, true_time_at
+from fidim_lab.model.contributions import extra_count, marker_at, seen_at, true_time_at
 from fidim_lab.model.equations import Symbols
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.integrate import Trajectories
@@ -54,15 +54,21 @@ class Measurement:
         return end if self.plain else max(end, float(self._times(np.array([end]))[0][0]))
 
     def seen(
-        self, nodal: Float[np.ndarray, "N 3 M 3"], nodes: Series, stamps: Series, begin: float
+        self,
+        nodal: Float[np.ndarray, "N 3 M 3"],
+        nodes: Series,
+        stamps: Series,
+        begin: float,
+        extra: Float[np.ndarray, " extra"] | None = None,
     ) -> Float[np.ndarray, "T M 3"]:
         """What is reported at stamps (s since the recording's `begin`, itself s since its window's), m.
 
-        nodal: of the real places, by `at_nodes`.
+        nodal: of the real places, by `at_nodes`. extra: effects' own states of this window; those that cameras see do
+        not change within it.
         """
         times = self._times(stamps)[0]
         points = between(nodal, *hermite(nodes, times))
-        return points if self.plain else self._sights(points, begin + times)[0]
+        return points if self.plain else self._sights(points, begin + times, extra)[0]
 
     def seen_by(
         self,
@@ -72,10 +78,12 @@ class Measurement:
         varied: Float[np.ndarray, "N 3 M 3 P"],
         stamps: Series,
         begin: float,
+        extra: tuple[Float[np.ndarray, " extra"], Float[np.ndarray, "extra P"]] | None = None,
     ) -> Float[np.ndarray, "T M 3 P"]:
         """Derivatives of `seen` for the window at `place` of a batch; markers as in the robot file.
 
         varied: by `varied_at_nodes` at the real places; its last columns are those of θ, what the motion adds to them.
+        extra: effects' own states of this window, with their derivatives.
         """
         nodes = trajectories.grid.t
         times, by_theta = self._times(stamps)
@@ -86,7 +94,8 @@ class Measurement:
         one = trajectories.only(place)
         nodal = at_nodes(one, real)[0]
         points, later, sooner = (between(nodal, *hermite(nodes, times + s)) for s in (0.0, SHIFT, -SHIFT))
-        _, by_point, by_time, direct = self._sights(points, begin + times)
+        own = None if extra is None else extra[0]
+        _, by_point, by_time, direct, by_extra = self._sights(points, begin + times, own)
         velocity = np.einsum("tmij,tmj->tmi", by_point, (later - sooner) / (2 * SHIFT)) + by_time
         centre = at_nodes(one, np.zeros((1, 3)))[0]
         count = self.theta.size
@@ -97,7 +106,7 @@ class Measurement:
             + direct
             + velocity[..., np.newaxis] * by_theta[:, np.newaxis, np.newaxis]
         )
-        return columns
+        return columns if extra is None else columns + by_extra @ extra[1]
 
     def true_points(self, seen: Float[np.ndarray, "M 3"], time: float) -> tuple[np.ndarray, np.ndarray]:
         """Where points reported at a time (s since the window's begin) really were (M, 3), m.
@@ -127,12 +136,15 @@ class Measurement:
             parts.append((place[0], by[0].reshape(3, self.theta.size)))
         return np.array([place for place, _ in parts]), np.array([by for _, by in parts])
 
-    def _sights(self, points: np.ndarray, times: Series) -> tuple[np.ndarray, ...]:
-        """Reported points (T, M, 3), their derivatives by the points, by time and by θ."""
-        shape = points.shape[:2]
+    def _sights(
+        self, points: np.ndarray, times: Series, extra: Float[np.ndarray, " extra"] | None = None
+    ) -> tuple[np.ndarray, ...]:
+        """Reported points (T, M, 3), their derivatives by the points, by time, by θ and by effects' own states."""
+        shape, count = points.shape[:2], extra_count(self.mechanism)
         given = (points.reshape(-1, 3), np.repeat(times, shape[1])[:, np.newaxis])
-        found = over_samples(_sight(self.mechanism), given[0].shape[0], *given, self.theta)
-        sizes = ((3,), (3, 3), (3,), (3, self.theta.size))
+        own = np.zeros(count) if extra is None else extra
+        found = over_samples(_sight(self.mechanism), given[0].shape[0], *given, self.theta, own)
+        sizes = ((3,), (3, 3), (3,), (3, self.theta.size), (3, count))
         return tuple(part.reshape(*shape, *size) for part, size in zip(found, sizes, strict=True))
 
 
@@ -167,7 +179,7 @@ def _sight(mechanism: Mechanism) -> ca.Function:
             extra=symbols.extra,
         )
         seen = seen_at(made, point, state, theta)
-        outputs = [seen, *(rows(ca.jacobian(seen, by)) for by in (point, symbols.time, theta))]
-        return function("sight", [point, symbols.time, theta], outputs)
+        outputs = [seen, *(rows(ca.jacobian(seen, by)) for by in (point, symbols.time, theta, symbols.extra))]
+        return function("sight", [point, symbols.time, theta, symbols.extra], outputs)
 
     return mechanism.compiled("measurement: sight", build)

@@ -22,9 +22,10 @@ SINGLES = (
 """what is hidden, its cable, and what its parameters come to"""
 
 
-def campaign_with(robot: Robot, text: str) -> tuple[Campaign, np.ndarray]:
+def campaign_with(robot: Robot, *texts: str) -> tuple[Campaign, np.ndarray]:
     """Six windows of 5 s and two held out; the true body."""
-    world = make_world(robot, np.random.default_rng(71), (parse_effect(text, robot.n),))
+    effects = tuple(parse_effect(text, robot.n) for text in texts)
+    world = make_world(robot, np.random.default_rng(71), effects)
     plan = random_plan(robot, "single", 6, 2, 71)
     campaign, truth = simulate_campaign(robot, plan, world, np.random.default_rng(72), recording=Recording(5.0))
     return campaign, np.concatenate([np.array(truth[key], dtype=float) for key in ("s", "I")])
@@ -46,3 +47,12 @@ def test_a_single_effect_is_named_alone(irma4: Robot, text: str, cable: int | No
         assert abs(value.value - size) < 5 * value.sd, name
     for name, true in zip(PARAMETER_NAMES, body, strict=True):
         assert abs(found.parameters[name].value - true) < 5 * found.parameters[name].sd, name
+
+
+@pytest.mark.slow
+def test_a_frame_that_sways_beside_wrong_pulleys_is_no_fan(irma4: Robot) -> None:
+    """Told over whole windows only: over 3 s one phase for all windows does as well as a phase of each."""
+    campaign, _ = campaign_with(irma4, "pulley-radius:dr=-0.0027", "frame-sway:ax=1.2e-4,ay=0.8e-4,az=0,f=1.145")
+    found = explain(campaign)
+    assert found.verdict is Verdict.EXPLAINED, found.message
+    assert {cause.id for cause in found.effects} == {"pulley-radius", "frame-sway"}

@@ -9,9 +9,10 @@ from fidim_lab.data.records import Robot, Role
 from fidim_lab.effects.clock import ClockRate
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.frame_misalignment import FrameMisalignment
+from fidim_lab.effects.frame_sway import FrameSwayOwnPhase
 from fidim_lab.effects.marker_offset import MarkerOffset
 from fidim_lab.identification.mle.fit import Fit, fit
-from fidim_lab.identification.mle.likelihood import linearised, simulate
+from fidim_lab.identification.mle.likelihood import linearised, simulate, stepped
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -51,6 +52,24 @@ def test_derivatives_agree_with_finite_differences(irma4: Robot, effect: NamedEf
         for w, line in lines.items():
             difference = (ends[0].residuals[w].markers - ends[1].residuals[w].markers) / (2 * step)
             ours = line.by_shared[: len(difference), BODY + k]
+            assert ours == pytest.approx(difference, abs=1e-4 * np.abs(difference).max())
+
+
+def test_cameras_that_see_a_phase_of_each_window_have_its_derivative(irma4: Robot) -> None:
+    theta = (4e-4, -2e-4, 1e-4, 3e-4, 5e-4, -1e-4, 1.7)
+    found = fitted(irma4, "frame-sway", FrameSwayOwnPhase(), theta, 0.6)
+    likelihood, now = found.likelihood, found.journey.optimum.simulation
+    step = 1e-5
+    own, count = likelihood.own, len(likelihood.recordings)
+    for column in (own - 1, 0):  # the phase, and x
+        ends = []
+        for sign in (1, -1):
+            steps = np.zeros((count, own))
+            steps[:, column] = sign * step
+            ends.append(simulate(likelihood, stepped(likelihood, now, steps, np.zeros(BODY + 7)), now.ends, FINE))
+        for line in linearised(likelihood, now):
+            difference = (ends[0].residuals[line.window].markers - ends[1].residuals[line.window].markers) / (2 * step)
+            ours = line.by_own[: len(difference), column]
             assert ours == pytest.approx(difference, abs=1e-4 * np.abs(difference).max())
 
 

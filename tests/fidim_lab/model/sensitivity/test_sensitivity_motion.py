@@ -164,11 +164,14 @@ class Sloshing(Effect):
     parameters = ("size",)
     extra_states = (ExtraState("level", "m", 0.01),)
 
+    def extra_rates(self, state, theta):
+        return state.twist[2]
+
     def seen(self, point, state, theta):
         return point + state.extra[0]
 
 
-def test_extra_states_that_cameras_see_are_refused(paper):
+def test_extra_states_that_cameras_see_change_are_refused(paper):
     _, shared, states = started(paper.robot)
     with pytest.raises(OurBugError, match=r"Sloshing: .* to the cameras"):
         integrate(
