@@ -50,9 +50,11 @@ def _verdict(found: Selection) -> Verdict:
         return Verdict.EXPLAINED if best.model.tried else Verdict.NOTHING_MISSING
     if not best.model.tried:
         return Verdict.UNKNOWN_PHYSICS
-    if any(h.effect.of_each_window for h in best.model.tried):
-        return Verdict.UNKNOWN_PHYSICS  # free in every window, it takes much of anything
     before, after = found.baseline.whiteness.excess, best.whiteness.excess
     left = best.held_out.chi2_per_dof if best.held_out.dof else best.model.fit.chi2_per_dof
     taken = MOSTLY if left <= ALL_BUT_NOISE else BEYOND_SIBLINGS
+    if any(h.effect.of_each_window for h in best.model.tried):
+        if left > WHITE:
+            return Verdict.UNKNOWN_PHYSICS  # free in every window, it takes much of anything
+        taken = BEYOND_SIBLINGS
     return Verdict.PARTLY_EXPLAINED if after < (1 - taken) * before else Verdict.UNKNOWN_PHYSICS

@@ -54,5 +54,7 @@ def test_a_frame_that_sways_beside_wrong_pulleys_is_no_fan(irma4: Robot) -> None
     """Told over whole windows only: over 3 s one phase for all windows does as well as a phase of each."""
     campaign, _ = campaign_with(irma4, "pulley-radius:dr=-0.0027", "frame-sway:ax=1.2e-4,ay=0.8e-4,az=0,f=1.145")
     found = explain(campaign)
-    assert found.verdict is Verdict.EXPLAINED, found.message
+    assert found.verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED), found.message
     assert {cause.id for cause in found.effects} == {"pulley-radius", "frame-sway"}
+    assert found.chi2_per_dof.after is not None
+    assert found.chi2_per_dof.after < 1.05
