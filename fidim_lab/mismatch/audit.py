@@ -19,12 +19,12 @@ from fidim_lab.data.records import Role, Window
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.clean import Cleaned
-from fidim_lab.mismatch.contacts import Contact, find_contacts, without
+from fidim_lab.mismatch.contacts import FAR_ABOVE, Contact, find_contacts, without
 from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_name
 from fidim_lab.mismatch.leftover import Leftover, of_fit
 from fidim_lab.mismatch.odd_windows import slipped_encoder, stumble
 from fidim_lab.mismatch.refit import HeldOut
-from fidim_lab.mismatch.segments import Segments, fit_segments
+from fidim_lab.mismatch.segments import Segmented, Segments, fit_segments
 from fidim_lab.mismatch.whiteness import whiteness
 
 Say = Callable[[str], None]
@@ -75,13 +75,13 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
     """
     strict = cleaned.screening.contradicts_kinematics
     sure = {(one.window, one.begin) for one in find_contacts(segments, strict=strict)}
-    windows = {one.window.id: one.window for one in segments.windows}
+    windows = {one.window.id: one for one in segments.windows}
     faults: list[Finding] = []
     hands: list[Contact] = []
     cut: list[Contact] = []
     for contact in contacts:
-        window = windows[contact.window]
-        fault = stumble(segments.fit, window, contact) or _gone(cleaned, window, contact)
+        window = windows[contact.window].window
+        fault = stumble(segments.fit, window, contact) or _gone(cleaned, windows[contact.window], contact)
         shown = fault is not None and fault.kind is not Kind.SPIKE
         if not shown and (contact.window, contact.begin) not in sure:
             continue
@@ -102,17 +102,20 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
     )
 
 
-def _gone(cleaned: Cleaned, window: Window, contact: Contact) -> Finding | None:
+def _gone(cleaned: Cleaned, one: Segmented, contact: Contact) -> Finding | None:
     """A marker that is elsewhere up to the window's end, where sensors are known to be faulty; None for a hand."""
-    if not cleaned.faults or contact.end < float(window.t[-1]):
+    window, chi2 = one.window, one.chi2_per_dof
+    later, sooner = one.edges[:-1] >= contact.begin, one.edges[1:] <= contact.end
+    before, after = chi2[~later & sooner & np.isfinite(chi2)], chi2[later & np.isfinite(chi2)]
+    lasting = len(before) and len(after) and after.min() > FAR_ABOVE * max(1.0, float(np.median(before)))
+    if not cleaned.faults or not (lasting or contact.end >= float(window.t[-1])):
         return None
+    end = float(window.t[-1])
     says = (
         f"Window {window.id}: from {contact.begin:.2f} s to its end the markers are not where cables and motion put "
         f"them (χ²/dof {contact.ratio:.3g} times that before); it is left out."
     )
-    return Finding(
-        Kind.JUMP, window.id, marker_channel(0, 0), (contact.begin, contact.end), contact.ratio, "times", says
-    )
+    return Finding(Kind.JUMP, window.id, marker_channel(0, 0), (contact.begin, end), contact.ratio, "times", says)
 
 
 def _without_samples(cleaned: Cleaned, left: Sequence[Leftover]) -> Cleaned:
