@@ -4,14 +4,11 @@ A new run does not take them over as `fidim resume` does: it has no journal that
 may be another program's. A person decides, between going on with the old run and letting go of the load.
 """
 
-import fcntl
-import json
-import os
 import shlex
 from pathlib import Path
 
 from drivers.cia402.bringup import HAS_POWER
-from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.place import Place, left_behind
 from fidim_lab.app.service.spec import read_summary
 
 
@@ -20,18 +17,9 @@ def left_by(place: Place) -> Path | None:
 
     To be asked before a service of one's own takes the lock.
     """
-    try:
-        descriptor = os.open(place.lock, os.O_RDONLY)
-    except FileNotFoundError:
-        return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        folder = Path(json.loads(place.lock.read_bytes())["folder"])
-    except (BlockingIOError, ValueError, KeyError, TypeError):
-        return None
-    finally:
-        os.close(descriptor)
-    return folder if folder.is_dir() else None
+    told = left_behind(place)
+    folder = None if told is None else Path(told.folder)
+    return folder if folder is not None and folder.is_dir() else None
 
 
 def power_advice(out: Path, rig: Path, left: Path | None) -> tuple[str, ...]:

@@ -74,7 +74,7 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
     Where the kinematics are contradicted, what is neither far above free motion nor shown to be a stumble stays in.
     """
     strict = cleaned.screening.contradicts_kinematics
-    sure = {(one.window, one.begin) for one in find_contacts(segments, strict=strict)}
+    sure = {(one.window, one.begin) for one in (find_contacts(segments, strict=True) if strict else contacts)}
     windows = {one.window.id: one for one in segments.windows}
     faults: list[Finding] = []
     hands: list[Contact] = []
@@ -108,9 +108,9 @@ def _gone(cleaned: Cleaned, one: Segmented, contact: Contact) -> Finding | None:
     later, sooner = one.edges[:-1] >= contact.begin, one.edges[1:] <= contact.end
     before, after = chi2[~later & sooner & np.isfinite(chi2)], chi2[later & np.isfinite(chi2)]
     lasting = len(before) and len(after) and after.min() > FAR_ABOVE * max(1.0, float(np.median(before)))
-    if not cleaned.faults or not (lasting or contact.end >= float(window.t[-1])):
-        return None
     end = float(window.t[-1])
+    if not cleaned.faults or not (lasting or contact.end >= end):
+        return None
     says = (
         f"Window {window.id}: from {contact.begin:.2f} s to its end the markers are not where cables and motion put "
         f"them (χ²/dof {contact.ratio:.3g} times that before); it is left out."

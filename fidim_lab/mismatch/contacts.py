@@ -17,6 +17,7 @@ from scipy.stats import theilslopes
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.mismatch.held_body import followed
+from fidim_lab.mismatch.neighbours import MAD
 from fidim_lab.mismatch.segments import Segmented, Segments, part
 
 ABOVE = 1.8
@@ -85,7 +86,7 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
     ]
     if strict:
         runs = [(one, run) for one, run in runs if run[0] > 0 and run[1] < len(one.chi2_per_dof)]
-    if not strict:
+    else:
         runs += _lasting(segments, {one.window.id for one, _ in runs})
     begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
     if np.nanmean(np.array(begins) > LIVELY) > OFTEN:
@@ -159,7 +160,7 @@ def _foreseen(segments: Segments) -> list[np.ndarray]:
     law = theilslopes(y[known], x[known])
     power = float(np.clip(law.slope, 0.0, STEEPEST))
     level = float(np.median(y[known] - power * x[known]))
-    scatter = float(1.4826 * np.median(np.abs(y[known] - power * x[known] - level)))
+    scatter = float(np.median(np.abs(y[known] - power * x[known] - level))) / MAD
     return [1 + np.exp(level + power * one + FORESEEN * scatter) for one in lively]
 
 

@@ -55,7 +55,9 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     first = first if kept is audited else look(kept)
     last = _by_the_right_clock(first, look, say)
     judged = judge(last.found)
-    told = _before(first, tell(last.baseline, last.found, judged, perf_counter() - begin))
+    told = tell(last.baseline, last.found, judged, perf_counter() - begin)
+    if last is not first:
+        told = _before(first, told)
     told = with_timing(told, judged.named.model, put_right=last is not first)
     whole = with_unknown(told, judged.named.model, last.cleaned.campaign, say)
     audited = last.cleaned

@@ -42,14 +42,14 @@ def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = la
     faults: list[Finding] = []
     for window in cleaned.campaign.windows:
         hands = [contact for contact in audited.contacts if contact.window == window.id]
-        ours = [fault for fault in found if fault.window is not None and _of(fault.window, window)]
+        ours = [fault for fault in found if fault.window is not None and _of(fault.window, window.id)]
         if not (hands or ours) or _follows(model, [window]):
             windows.append(window)
             continue
         needed = hands if ours else _needed(cleaned.campaign, window, hands, model)
         contacts += needed
         faults += ours
-        as_audited = [one for one in audited.campaign.windows if _of(one.id, window)]
+        as_audited = [one for one in audited.campaign.windows if _of(one.id, window.id)]
         windows += as_audited if len(needed) == len(hands) else _cut(cleaned.campaign, window, needed)
     if (len(contacts), len(faults)) == (len(audited.contacts), len(found)):
         return audited
@@ -69,7 +69,7 @@ def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, unnamed: Fit) 
     usual = [
         left.chi2_per_dof
         for recording, left in zip(likelihood.recordings, unnamed.remainders, strict=True)
-        if not any(recording.window.id == id or recording.window.id.startswith(f"{id}, part ") for id in touched)
+        if not any(_of(recording.window.id, id) for id in touched)
     ]
     if not usual:
         return audited
@@ -101,9 +101,9 @@ def _cut(campaign: Campaign, window: Window, contacts: Sequence[Contact]) -> lis
     return list(without(replace(campaign, windows=(window,)), contacts).windows)
 
 
-def _of(id: str, window: Window) -> bool:
-    """Whether a window with this id is the window or a part of it."""
-    return id == window.id or id.startswith(f"{window.id}, part ")
+def _of(id: str, window: str) -> bool:
+    """Whether a window with this id is the window (its id) or a part of it."""
+    return id == window or id.startswith(f"{window}, part ")
 
 
 def _follows(model: Completed, windows: Sequence[Window]) -> bool:

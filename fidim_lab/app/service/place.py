@@ -76,6 +76,17 @@ def runtime_folder() -> Path:
 
 def holder(place: Place) -> Holder | None:
     """Who has the rig now; None where nobody does, whatever a killed service has left."""
+    return _read(place.lock) if _is_held(place) else None
+
+
+def left_behind(place: Place) -> Holder | None:
+    """Whose service was killed while it had this rig; None where somebody has it, or the last one ended by itself."""
+    told = _read(place.lock)
+    return told if _is_held(place) is False and told.pid else None
+
+
+def _is_held(place: Place) -> bool | None:
+    """Whether a service has the rig; None where none ever had."""
     try:
         descriptor = os.open(place.lock, os.O_RDONLY)
     except FileNotFoundError:
@@ -83,10 +94,10 @@ def holder(place: Place) -> Holder | None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        return _read(place.lock)
+        return True
     finally:
         os.close(descriptor)
-    return None
+    return False
 
 
 @contextmanager
