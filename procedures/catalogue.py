@@ -15,7 +15,6 @@ from typing import cast
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import SetupError
 from procedures.compare import compare, compare_by_winches
-from procedures.excite import excite
 from procedures.experiment import Experiment, Lab, Make, checked_experiment
 from procedures.home import home
 from procedures.identify import identify
@@ -31,6 +30,12 @@ CROSS_VALIDATION = 22
 
 def _identify(lab: Lab) -> Steps:
     return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts)
+
+
+def _excite(lab: Lab) -> Steps:
+    from procedures.excite import excite  # scipy's optimizers: who resumes another procedure does not wait for them
+
+    return excite(lab)
 
 
 def _tension_check(lab: Lab) -> Steps:
@@ -60,7 +65,7 @@ class Entry:
 CATALOGUE: Mapping[str, Entry] = MappingProxyType(
     {
         "identify": Entry("free motion about each equilibrium of the plan, recorded and judged", _identify),
-        "excite": Entry("the same without a hand: the winches excite, calm and travel gently", excite, alone=True),
+        "excite": Entry("the same without a hand: the winches excite, calm and travel gently", _excite, alone=True),
         "cross-validate": Entry(
             f"the same, for windows that no fit will see (the paper has {CROSS_VALIDATION})",
             _identify,

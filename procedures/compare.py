@@ -12,7 +12,6 @@ import numpy as np
 from fidim_lab.data.records import PlannedWindow, Role
 from fidim_lab.errors import InfeasibleError
 from procedures.displacing import free
-from procedures.excite import ExciteProtocol
 from procedures.experiment import Lab
 from procedures.identify import WindowProtocol
 from procedures.outcomes import Outcome
@@ -32,6 +31,8 @@ def compare(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
 
 def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
     """The same without a hand."""
+    from procedures.excite import ExciteProtocol  # scipy's optimizers: nobody else waits for them
+
     return _compare(lab, done, ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory))
 
 

@@ -4,9 +4,10 @@
     ...
     await check.close()
 
-`mismatch.so_far` answers, in a niced process of its own (this module's `main`): the loop that holds the robot only
-writes a line to it and reads one. Windows that come while it computes are taken in at its next look. Where it fails the
-run goes on without it, and that is told.
+`mismatch.so_far` answers, in a niced process of its own (`model_worker`): the loop that holds the robot only writes a
+line to it and reads one, and a robot that waits to be taken over does not wait until all that is imported (over a
+second). Windows that come while it computes are taken in at its next look. Where it fails the run goes on without it,
+and that is told.
 """
 
 import asyncio
@@ -15,23 +16,20 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
-from fidim_lab.data.campaign import read_campaign
-from fidim_lab.errors import FidimError
-from fidim_lab.mismatch.so_far import FEWEST, SoFar, Watch
 from procedures.events import Event, WindowFinished
 from procedures.outcomes import Outcome
 
+FEWEST = 3
+"""windows below which no model can be checked, as in `mismatch.so_far`"""
 LINE = 1 << 20
 """bytes of an answer at most"""
-NICE = 15
 LAST = 10.0
 """s at the end of a run that the last answer is waited for"""
-COMMAND = "import sys; from fidim_lab.app.model_check import main; main(sys.argv[1])"
+COMMAND = "import sys; from fidim_lab.app.model_worker import main; main(sys.argv[1])"
 
 
 @dataclass(frozen=True)
@@ -126,41 +124,3 @@ def _checked(window: str, answer: dict[str, Any]) -> Checked:
     ids = tuple(dict.fromkeys(str(one["id"]) for one in answer["suspected"]))
     early = answer["holds"] and answer["chi2_per_dof"] is None
     return Checked(window, None if early else answer["holds"], ids, answer["says"], answer["took"])
-
-
-class Looker:
-    """The worker's side: reads what is new in a run's folder, and looks."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._watch: Watch | None = None
-        self._known: set[str] = set()
-
-    def look(self) -> SoFar:
-        """Take in all windows that have been accepted since the last look. Raises FileError."""
-        campaign = read_campaign(self._folder)
-        if self._watch is None:
-            self._watch = Watch(campaign.robot)
-        new = [window for window in campaign.windows if window.id not in self._known]
-        self._known |= {window.id for window in new}
-        return self._watch.look(new)
-
-
-def answer_to(looker: Looker, clock: Callable[[], float]) -> dict[str, Any]:
-    """One answer as it goes over the pipe: `SoFar` and how long it took (s), or `failed`, why there is none."""
-    begin = clock()
-    try:
-        found = looker.look()
-    except FidimError as error:
-        return {"failed": str(error).splitlines()[0]}
-    return {**asdict(found), "took": round(clock() - begin, 3)}
-
-
-def main(folder: str) -> None:
-    """The worker: for each line on standard input an answer on standard output."""
-    with suppress(OSError, AttributeError):
-        os.nice(NICE)
-    looker = Looker(Path(folder))
-    for _ in sys.stdin:
-        sys.stdout.write(json.dumps(answer_to(looker, perf_counter)) + "\n")
-        sys.stdout.flush()

@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 import numpy as np
 import tomli_w
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Accuracy, Plan, PlannedWindow, Pose, Role
 from fidim_lab.data.toml_file import Table, read_toml
@@ -77,6 +76,8 @@ def read_plan(path: Path, cables: int) -> Plan:
 def _pose(table: PoseTable | None) -> Pose | None:
     if table is None:
         return None
+    from scipy.spatial.transform import Rotation  # a plan without poses does not wait for it: a robot may hang there
+
     return Pose(np.array(table.position), Rotation.from_rotvec(table.rotation).as_matrix())
 
 
@@ -104,5 +105,7 @@ def write_plan(path: Path, plan: Plan) -> None:
 def _pose_as_table(pose: Pose | None) -> dict[str, object]:
     if pose is None:
         return {}
+    from scipy.spatial.transform import Rotation
+
     rotation = Rotation.from_matrix(pose.rotation).as_rotvec()
     return {"pose": {"position": [float(v) for v in pose.position], "rotation": [float(v) for v in rotation]}}

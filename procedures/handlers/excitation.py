@@ -2,18 +2,21 @@
 
 import asyncio
 from collections import deque
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fidim_lab.errors import DeviceError
-from fidim_lab.identification.excitation.seen import Seen, seen_swing
-from fidim_lab.model.swing import Swing
 from procedures.handlers.motion import command_all
 from procedures.outcomes import Measurement, Outcome
 from procedures.stand import Stand
 from procedures.steps import Result, longest_way
 from procedures.steps.excitation import SeeRecordedSwing, StrokeChain, Strokes, Think, WatchSwing, swing_values
 from procedures.timing import POLL, wait_until
+
+if TYPE_CHECKING:
+    from fidim_lab.identification.excitation.seen import Seen
+    from fidim_lab.model.swing import Swing
 
 TAKEN = 0.01
 """s from a command until a drive moves: two or three cycles of the bus"""
@@ -94,10 +97,12 @@ async def see_recorded_swing(stand: Stand, step: SeeRecordedSwing) -> Result:
     return await _told(step.swing, np.arange(len(places)) / recording.rate, places, rest, at_end=False)
 
 
-async def _told(swing: Swing, t: np.ndarray, places: np.ndarray, rest: np.ndarray | None, *, at_end: bool) -> Result:
+async def _told(swing: "Swing", t: np.ndarray, places: np.ndarray, rest: np.ndarray | None, *, at_end: bool) -> Result:
     """In a thread: a fit takes some tens of milliseconds."""
 
-    def fit() -> Seen | None:
+    def fit() -> "Seen | None":
+        from fidim_lab.identification.excitation.seen import seen_swing  # what excites has imported it
+
         return seen_swing(swing, t, places, rest=rest, at_end=at_end)
 
     seen = await asyncio.get_running_loop().run_in_executor(None, fit)

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fidim_lab.identification.excitation.seen import Seen
-from fidim_lab.model.swing import Swing
 from procedures.steps.base import AfterPause, Lengths, Phase, Step
+
+if TYPE_CHECKING:  # scipy: a second that a run without excitation need not wait
+    from fidim_lab.identification.excitation.seen import Seen
+    from fidim_lab.model.swing import Swing
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class Strokes(Step):
 class WatchSwing(Step):
     """Look at how the platform swings. Values: `swing_values`; FAIL where the marker was seen too seldom."""
 
-    swing: Swing
+    swing: "Swing"
     over: float
     """s"""
 
@@ -99,7 +101,7 @@ class SeeRecordedSwing(Step):
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
 
     attempt: int
-    swing: Swing
+    swing: "Swing"
     rest: tuple[float, ...]
     """m, the marker"""
 
@@ -127,7 +129,7 @@ class Think(Step):
         return 0.5
 
 
-def swing_values(seen: Seen, swing: Swing) -> tuple[float, ...]:
+def swing_values(seen: "Seen", swing: "Swing") -> tuple[float, ...]:
     """A swing as a step's values: time, then of each mode state, frequency (Hz), damping, amplitude (m)."""
     states = seen.states(swing, seen.t)
     columns = [np.real(states), np.imag(states), seen.frequencies, seen.damping, seen.amplitudes]

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from fidim_lab.app import model_check
-from fidim_lab.app.model_check import Checked, Looker, ModelCheck, answer_to
+from fidim_lab.app.model_check import FEWEST, Checked, ModelCheck
+from fidim_lab.app.model_worker import Looker, answer_to
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch import so_far
 from procedures.events import WindowFinished
 from procedures.outcomes import Outcome
 from sim_backends.plant.world import make_world
@@ -65,6 +67,7 @@ def test_every_accepted_window_is_looked_at(monkeypatch, tmp_path):
 
 def test_plans_with_too_few_windows_start_nothing(monkeypatch, tmp_path):
     assert checked(monkeypatch, tmp_path, "raise SystemExit(3)", [(finished("i01"), False)], planned=2) == []
+    assert FEWEST == so_far.FEWEST
 
 
 def test_a_worker_that_dies_is_told_once_and_not_asked_again(monkeypatch, tmp_path):
