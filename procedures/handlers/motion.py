@@ -144,14 +144,20 @@ async def hold(stand: Stand, _step: Hold) -> Result:
 
 
 async def command_all(commands: Sequence[Coroutine[object, object, None]]) -> None:
-    """Give a command to all winches at once. Raises DeviceError that names every one that refused."""
+    """Give a command to all winches at once.
+
+    Raises DeviceError that names every one that refused, and says once what several give as advice.
+    """
     answers = await asyncio.gather(*commands, return_exceptions=True)
-    failed = [answer for answer in answers if isinstance(answer, BaseException)]
-    for error in failed:
-        if not isinstance(error, FidimError):
-            raise error
+    failed: list[FidimError] = []
+    for answer in answers:
+        if isinstance(answer, FidimError):
+            failed.append(answer)
+        elif isinstance(answer, BaseException):
+            raise answer
     if len(failed) == 1:
         raise failed[0]
     if failed:
-        said = "; ".join(str(error) for error in failed)
-        raise DeviceError(f"{len(failed)} of {len(answers)} winches", said)
+        said = "; ".join(error.message.rstrip(".") for error in failed)
+        advice = " ".join(dict.fromkeys(error.hint for error in failed if error.hint))
+        raise DeviceError(f"{len(failed)} of {len(answers)} winches", f"{said}.", hint=advice)

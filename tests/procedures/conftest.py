@@ -49,7 +49,7 @@ class FakeWinch:
     def _command(self, name: str) -> None:
         self.commands.append(name)
         if self.refuses == name:
-            raise DeviceError(self.name, f"refuses to {name}")
+            raise DeviceError(self.name, f"refuses to {name}.", hint="Look at its display.")
 
     async def configure(self) -> None:
         self._command("configure")

@@ -220,7 +220,8 @@ def test_a_drive_that_refuses(world, lab, tmp_path, command):
         world.winches[k].refuses = command
     report = world.run(lab.one, tmp_path / "run")
     assert report.outcome is Outcome.ERROR
-    assert f"2 of 4 winches: winch 1: refuses to {command}; winch 3: refuses to {command}" in report.reason
+    assert f"2 of 4 winches: winch 1: refuses to {command}; winch 3: refuses to {command}. Look at" in report.reason
+    assert report.reason.count("Look at its display.") == 1  # what two advise is said once
     assert all("move_to" not in w.commands for w in world.winches)
 
 
