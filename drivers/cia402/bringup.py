@@ -182,6 +182,7 @@ async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfi
 async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> None:
     """Have the node operational, and its first whole sample; power is not touched. Raises DeviceError."""
     asked = master.clock.now()
+    link.answers.restart()  # what an earlier host had it send up to now answered other SYNCs
     link.send_nmt(NmtCommand.START)
     await _await_nmt(master, link, config, NmtState.OPERATIONAL, asked)
 

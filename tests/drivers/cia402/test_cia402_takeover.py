@@ -79,6 +79,24 @@ def test_a_drive_that_was_being_switched_on_holds_nothing_and_is_brought_up(on_b
     on_bench(script)
 
 
+def test_what_a_drive_samples_after_a_bring_up_answers_the_newest_sync(on_bench, config):
+    """It still answers SYNCs of this host as the last one had it, then none while it is configured (0.3 s here)."""
+
+    async def script(bench: Any) -> None:
+        await left(bench, "on")
+        clock = LoopClock()
+
+        async def in_its_time(exchange: Callable[[], Any]) -> Any:
+            await clock.sleep(0.003)
+            return exchange()
+
+        bench.bus.call = lambda _key, exchange: in_its_time(exchange)
+        winch = await taken_over(bench, config)
+        assert clock.now() - winch.latest().t <= 2.0 * bench.master.period
+
+    on_bench(script)
+
+
 @pytest.mark.parametrize(("object_", "value"), [(0x6065, 7), (0x605A, 2), (0x1016, 0), (0x1A01, 1), (0x6061, 3)])
 def test_a_drive_that_holds_but_is_set_otherwise_is_left_holding_and_refused_by_name(on_bench, config, object_, value):
     async def script(bench: Any) -> None:
