@@ -3,6 +3,7 @@
 import os
 import platform
 import subprocess
+import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -10,6 +11,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "docs" / "benchmarks"
+BUSY = 0.2
+"""cores that others use: more is felt"""
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -37,3 +40,26 @@ def write_section(page: str, title: str, command: str, text: str) -> None:
     kept = {section.split("\n", 1)[0]: section for section in sections}
     kept[title] = f"{title}\n{provenance(command)}\n\n{text.strip()}\n"
     path.write_text("\n\n## ".join([head.rstrip(), *(section.strip() for section in kept.values())]) + "\n", "utf-8")
+
+
+def spent() -> tuple[float, float]:
+    """Monotonic s, and CPU s that other processes than ours have used since the computer started (Linux)."""
+    fields = [int(field) for field in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:]]
+    idle = fields[3] + fields[4]
+    ours = sum(os.times()[:4])
+    return time.monotonic(), (sum(fields[:8]) - idle) / os.sysconf("SC_CLK_TCK") - ours
+
+
+def meanwhile(before: tuple[float, float], *, idle: bool = False) -> str:
+    """Who else used the computer since `before` (of `spent`), in sentences.
+
+    A service that was killed counts as somebody else: nobody waited for it. idle: all others are known to run at idle
+    priority.
+    """
+    wall, others = (after - since for after, since in zip(spent(), before, strict=True))
+    text = f"Meanwhile others used {others / wall:.1f} of {os.cpu_count()} cores."
+    if idle:
+        text += " All of them ran at idle priority (SCHED_IDLE), so that they had only what this left."
+    elif others > BUSY * wall:
+        text += " Latencies, skipped cycles and CPU are those of a busy computer: measure again on an idle one."
+    return f"{text} Priority (nice): {os.nice(0)}."

@@ -21,16 +21,16 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.page import table, write_section
+from benchmarks.page import meanwhile, spent, table, write_section
 from benchmarks.rig_processes import Bench, bench, comes, newest, pause, terminal_ui, wait_for
 from drivers.canbus.candump import read_candump
 from fidim_lab.data.campaign import read_campaign
 from procedures.journal import Kind, read_journal
 
-SECONDS = 3.0
+SECONDS = 6.0
 """of a window"""
-LONGEST = 9.0
-"""s until something happens at the latest, counted from motion-ready"""
+LONGEST = 16.0
+"""s until something happens at the latest, counted from motion-ready: a window begins 2 to 15 s after it"""
 QUICK_STOP, ENABLED, READY = 0x02, 0x27, 0x21
 NODES = (1, 2, 3, 4)
 WINDOWS, TRIES = 40, 3
@@ -63,14 +63,14 @@ def chain(options: argparse.Namespace) -> str:
         made = stack.enter_context(bench(Path(place), options.sync, SECONDS, WINDOWS, options.slow, options.markers))
         folder, since = made.folder / "run", time.monotonic()
         process = made.run("run")
-        wait_for(folder, Kind.STEP_FINISHED, "Enable", since, process)
+        since = wait_for(folder, Kind.STEP_FINISHED, "Enable", since, process).t
         for number in range(options.rounds):
             with terminal_ui(made, "run") if options.ui else ExitStack():
                 pause(rng.uniform(0.3, LONGEST))
                 kill = bool(number % 2) if options.trips else True
-                found = _kill(made, folder) if kill else _trip(made, folder, process, rng.choice(NODES))
+                found = _kill(made, folder, since) if kill else _trip(made, folder, process, rng.choice(NODES))
             process.communicate(timeout=60)
-            process, ready, tries = _resume(made, folder)
+            process, ready, tries, since = _resume(made, folder)
             rounds.append(Round(kill, ready, found[0], found[1], _whole(made, folder), tries))
             print(number, rounds[-1], flush=True)
         os.kill(made.service(), signal.SIGTERM)
@@ -78,25 +78,25 @@ def chain(options: argparse.Namespace) -> str:
     return _chained(rounds)
 
 
-def _resume(made: Bench, folder: Path) -> "tuple[subprocess.Popen[str], float, int]":
-    """The process that goes on, s from typing it to motion-ready, and how many were needed."""
+def _resume(made: Bench, folder: Path) -> "tuple[subprocess.Popen[str], float, int, float]":
+    """The process that goes on, s from typing it to motion-ready, how many were needed, and when it was ready."""
     for tries in range(1, TRIES + 1):
         began = time.monotonic()
         process = made.start("resume", folder)
         entry = comes(folder, Kind.STEP_FINISHED, "Enable", began, process)
         if entry is not None:
-            return process, entry.t - began, tries
+            return process, entry.t - began, tries, entry.t
         print(process.communicate(timeout=60)[0], flush=True)
     sys.exit(f"not resumed in {TRIES} tries")
 
 
-def _kill(made: Bench, folder: Path) -> tuple[float | None, None]:
-    """SIGKILL the service; what is lost of the window that was open."""
+def _kill(made: Bench, folder: Path, since: float) -> tuple[float | None, None]:
+    """SIGKILL the service, which was ready at `since`; what is lost of the window that was open."""
     at = time.monotonic()
     os.kill(made.service(), signal.SIGKILL)
     pause(0.1)
-    begun = newest(folder, Kind.STEP_STARTED, "Record", 0.0)
-    ended = newest(folder, Kind.STEP_FINISHED, "Record", 0.0)
+    begun = newest(folder, Kind.STEP_STARTED, "Record", since)
+    ended = newest(folder, Kind.STEP_FINISHED, "Record", since)
     if begun is None or (ended is not None and ended.number > begun.number):
         return None, None
     rate = made.markers
@@ -216,14 +216,14 @@ def main() -> None:
     parser.add_argument("--slow", type=float, default=1.0, help="how much later than on an idle computer guards look")
     parser.add_argument("--no-ui", dest="ui", action="store_false")
     parser.add_argument("--no-trips", dest="trips", action="store_false")
+    parser.add_argument("--others-idle", dest="idle", action="store_true", help="whatever else runs is SCHED_IDLE")
     parser.add_argument("--print", dest="printed", action="store_true", help="do not write the page")
     options = parser.parse_args()
-    before = os.getloadavg()[0]
+    before = spent()
     text = {"chain": chain, "memory": memory}[options.what](options)
     shown = f"--rounds {options.rounds}" if options.what == "chain" else f"--minutes {options.minutes:g}"
     text += f"\n\nSYNC {options.sync:g} Hz, markers {options.markers:g} Hz, UI {'on' if options.ui else 'off'}."
-    text += f" Load of the computer by others, before: {before:.1f} on {os.cpu_count()} cores."
-    text += f" Priority (nice): {os.nice(0)}."
+    text += f" {meanwhile(before, idle=options.idle)}"
     if options.printed:
         print(text)
         return

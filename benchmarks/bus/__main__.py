@@ -11,25 +11,20 @@ all processes share.
 """
 
 import argparse
-import os
-import time
-from pathlib import Path
 
 from benchmarks.bus.alignment import alignment
 from benchmarks.bus.kills import kills
 from benchmarks.bus.rates import rates
 from benchmarks.bus.saturated import saturated
-from benchmarks.page import write_section
+from benchmarks.page import meanwhile, spent, write_section
 
-BUSY = 0.2
-"""cores that others use: more is felt"""
 BUSES = ("inprocess", "tcp", "slcan")
 
 
 def main(arguments: "list[str] | None" = None) -> None:
     """Measure one thing, and write its section of docs/benchmarks/bus.md."""
     options = _parser().parse_args(arguments)
-    before = _spent()
+    before = spent()
     told = f"--minutes {options.minutes:g}" if options.what in ("rates", "saturated") else ""
     match options.what:
         case "rates":
@@ -45,23 +40,11 @@ def main(arguments: "list[str] | None" = None) -> None:
         case _:
             title, text = "Master killed or stopped", kills(options.rounds, options.seed)
             told = f"--rounds {options.rounds} --seed {options.seed}"
-    wall, others = (after - since for after, since in zip(_spent(), before, strict=True))
-    text += f"\n\nMeanwhile others used {others / wall:.1f} of {os.cpu_count()} cores."
-    if others > BUSY * wall:
-        text += " Latencies, skipped cycles and CPU are those of a busy computer: measure again on an idle one."
-    text += f" Priority (nice): {os.nice(0)}."
+    text += f"\n\n{meanwhile(before, idle=options.idle)}"
     if options.printed:
         print(text)
         return
     write_section("bus", title, f"python -m benchmarks.bus {options.what} {told}", text)
-
-
-def _spent() -> tuple[float, float]:
-    """Monotonic s, and CPU s that other processes than ours have used since the computer started (Linux)."""
-    fields = [int(field) for field in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:]]
-    idle = fields[3] + fields[4]
-    ours = sum(os.times()[:4])
-    return time.monotonic(), (sum(fields[:8]) - idle) / os.sysconf("SC_CLK_TCK") - ours
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -75,6 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--rounds", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--others-idle", dest="idle", action="store_true", help="whatever else runs is SCHED_IDLE")
     parser.add_argument("--print", dest="printed", action="store_true", help="do not write the page")
     return parser
 
