@@ -29,8 +29,8 @@ from procedures.journal import Kind, read_journal
 
 SECONDS = 6.0
 """of a window"""
-LONGEST = 16.0
-"""s until something happens at the latest, counted from motion-ready: a window begins 2 to 15 s after it"""
+LONGEST = 20.0
+"""s until something happens at the latest, counted from motion-ready: a window begins 8 to 18 s after it, and lasts six"""
 QUICK_STOP, ENABLED, READY = 0x02, 0x27, 0x21
 NODES = (1, 2, 3, 4)
 WINDOWS, TRIES = 40, 3
