@@ -30,7 +30,7 @@ from procedures.journal import Kind, read_journal
 SECONDS = 6.0
 """of a window"""
 LONGEST = 20.0
-"""s until something happens at the latest, counted from motion-ready: a window begins 8 to 18 s after it, and lasts six"""
+"""s until something happens at the latest, counted from motion-ready: windows begin 8 to 18 s after it"""
 QUICK_STOP, ENABLED, READY = 0x02, 0x27, 0x21
 NODES = (1, 2, 3, 4)
 WINDOWS, TRIES = 40, 3
