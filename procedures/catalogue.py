@@ -46,6 +46,12 @@ def _home(lab: Lab) -> Steps:
     return home(lab.plan, lab.robot, lab.settings)
 
 
+def _align(lab: Lab) -> Steps:
+    from procedures.align import align  # scipy, as above
+
+    return align(lab.plan, lab.robot, lab.settings, lab.route)
+
+
 @dataclass(frozen=True)
 class Entry:
     """One procedure."""
@@ -77,6 +83,7 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
             Role.IDENTIFY,
         ),
         "home": Entry("the encoders' zeros, at a known or measured pose, without power", _home),
+        "align": Entry("how late motion capture is against the encoders, by a jog up and down", _align, alone=True),
         "compare": Entry(
             "record the plan, explain it, record where it tells most: until the verdict is clear",
             compare,

@@ -18,6 +18,7 @@ import numpy as np
 from drivers.ports import Clock, Gauge, MarkerFrame, MarkerSource, Winch, WinchSample
 from fidim_lab.data.window_csv import header, row
 from fidim_lab.errors import HardwareError, OurBugError
+from procedures.disk import disk_error
 from procedures.events import Event
 from procedures.part_file import PART, PartFile, WriteBytes, close_quietly, keep_unfinished
 from procedures.rows import Rows
@@ -123,6 +124,15 @@ class Recorder:
     def accept(self, window: str) -> Path:
         """Make the window just recorded a part of the campaign; returns its CSV file."""
         return self._close(self._folder / "windows" / f"{window}.csv")
+
+    def put_beside(self, window: str, folder: str) -> Path:
+        """Keep what was recorded last in a folder of its own (made here): it is no free motion. Returns the file."""
+        to = self._folder / folder / f"{window}.csv"
+        try:
+            to.parent.mkdir(exist_ok=True)
+        except OSError as error:
+            raise disk_error(to.parent, error) from error
+        return self._close(to)
 
     def reject(self, window: str, attempt: int) -> Path:
         """Keep the window just recorded aside; returns its CSV file."""

@@ -104,6 +104,22 @@ class HomeSettings:
 
 
 @dataclass(frozen=True)
+class AlignSettings:
+    """How late the markers are against the encoders: the platform goes up and down, and both look."""
+
+    amplitude: float = 0.015
+    """m up and down from the window's place"""
+    seconds: float = 15.0
+    """of looking; ten are the least that correlation takes"""
+    speed: float = 0.1
+    """m/s"""
+    acceleration: float = 0.5
+    """m/s²"""
+    sd: float = 1e-3
+    """s that the lag may be uncertain by"""
+
+
+@dataclass(frozen=True)
 class ExciteSettings:
     """Winches that excite, calm and travel (`excite`)."""
 
@@ -233,6 +249,7 @@ class Settings:
     guard: GuardSettings = field(default_factory=GuardSettings)
     hold: HoldSettings = field(default_factory=HoldSettings)
     home: HomeSettings = field(default_factory=HomeSettings)
+    align: AlignSettings = field(default_factory=AlignSettings)
     release: ReleaseSettings | None = None
     """None: the rig has none, a hand lets go"""
     prompt_estimate: float = 15.0

@@ -17,7 +17,7 @@ from fidim_lab.app.pose_from import Posed, comparison, read_posed
 from fidim_lab.app.report.write import write_report
 from fidim_lab.app.scaling import Forms, scaling_table
 from fidim_lab.app.working import Working, windows_of
-from fidim_lab.data.records import Role
+from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import Choice, suited_method
 from fidim_lab.identification.estimators import Method, method_named
@@ -81,8 +81,32 @@ def identify_posed(
         )
         choice, result = Choice(Method.TLS, why), identify(campaign, Method.TLS, recipe, checks, native=native)
     said = (choice.why, *posed.notes) if choice.why else posed.notes
+    said = (*said, *aligned(campaign))
     own = result.warnings if not posed.notes else tuple(w for w in result.warnings if not w.startswith(OTHER_NOISE))
     return replace(result, warnings=(*said, *own))
+
+
+def aligned(campaign: Campaign) -> tuple[str, ...]:
+    """What was done about late markers, and what its uncertainty may come to; empty where nothing was."""
+    known = campaign.alignment
+    if known is None:
+        return ()
+    fastest = max((_fastest(window) for window in campaign.windows), default=0.0)
+    return (
+        f"Markers were {1e3 * known.lag:.2f} ms ± {1e3 * known.sd:.2f} ms late against the encoders, by a jog of "
+        f"{known.at}; "
+        "lengths and currents are those of the instants at which they were seen. The uncertainty moves a length by "
+        f"{millimetres(2.0 * known.sd * fastest):.2g} mm at most.",
+    )
+
+
+def _fastest(window: Window) -> float:
+    """m/s, the 99th percentile of all cables' speeds: single counts of an encoder are no motion."""
+    if window.lengths is None or len(window.t) < 3:
+        return 0.0
+    speeds = np.abs(np.gradient(window.lengths, window.t, axis=0))
+    known = speeds[np.isfinite(speeds)]
+    return float(np.quantile(known, 0.99)) if len(known) else 0.0
 
 
 def identify_command(

@@ -9,6 +9,7 @@ from drivers.mocap.source import StreamMarkerSource
 from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_datastream import ViconDataStreamDecoder
 from drivers.ports import Clock, MarkerFrame
+from fidim_lab.app.aligned import known_alignment
 from fidim_lab.app.checks import Check, Verdict
 from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.data.rig import RigFile
@@ -58,7 +59,20 @@ async def check_motion_capture(file: RigFile, clock: Clock) -> list[Check]:
         await source.close()
     names = entry.markers or tuple(f"marker {k}" for k in range(1, len(file.robot.markers) + 1))
     checks = [Check("stream", Verdict.OK, "comes", wanted=wanted, device=DEVICE), *check_own_account(source)]
+    checks += check_alignment(file)
     return [*checks, *check_timing(watched, entry.rate), *check_markers(watched, names)]
+
+
+def check_alignment(file: RigFile) -> list[Check]:
+    """How late the markers are against the encoders, where `align` has measured it for this rig file."""
+    try:
+        known = known_alignment(file)
+    except FidimError as error:
+        return [Check("alignment", Verdict.FAILED, error.message, error.hint, device=DEVICE)]
+    if known is None:
+        return []
+    found = f"{1e3 * known.lag:.2f} ms late, ±{1e3 * known.sd:.2f} ms, by a jog of {known.at}"
+    return [Check("alignment", Verdict.OK, found, device=DEVICE)]
 
 
 def check_own_account(source: StreamMarkerSource) -> list[Check]:

@@ -1,7 +1,7 @@
 """Campaign folders, "fidim-campaign/1": campaign.toml, robot.toml and one file a window."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Literal
@@ -10,7 +10,9 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
-from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.data.alignment_file import NAME as ALIGNMENT
+from fidim_lab.data.alignment_file import at_exposures, read_alignment
+from fidim_lab.data.records import Alignment, Campaign, Role, Window
 from fidim_lab.data.robot_file import read_robot, write_robot
 from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.data.window_csv import WindowColumns, read_window_csv, write_window_csv
@@ -67,7 +69,10 @@ class IndexEntry:
 
 
 def read_campaign(folder: Path) -> Campaign:
-    """Read a campaign folder whole. Raises FileError with file, key or line."""
+    """Read a campaign folder whole. Raises FileError with file, key or line.
+
+    Where it has an alignment.toml, lengths and currents are those of the instants at which the markers were seen.
+    """
     if not folder.is_dir():
         what = "is a file; a campaign is a folder." if folder.exists() else "no such folder."
         raise FileError(folder, "", what, hint=WANTED)
@@ -79,12 +84,24 @@ def read_campaign(folder: Path) -> Campaign:
         raise FileError(index, "window", "the campaign lists no windows")
     _check_ids(index, table.window)
     robot = read_robot(folder / table.robot)
+    alignment = read_alignment(folder / ALIGNMENT)
+    windows = (_read_window(folder, w, robot.n, len(robot.markers)) for w in table.window)
     return Campaign(
         name=table.name,
         robot=robot,
         sample_rate=table.sample_rate,
-        windows=tuple(_read_window(folder, w, robot.n, len(robot.markers)) for w in table.window),
+        windows=tuple(windows if alignment is None else (_aligned(window, alignment) for window in windows)),
+        alignment=alignment,
     )
+
+
+def _aligned(window: Window, alignment: Alignment) -> Window:
+    """With lengths and currents as they were when the cameras saw the markers beside them."""
+
+    def seen(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else at_exposures(window.t, values, alignment.lag)
+
+    return replace(window, lengths=seen(window.lengths), currents=seen(window.currents))
 
 
 def _check_ids(index: Path, windows: Sequence[WindowTable]) -> None:
@@ -119,8 +136,9 @@ def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) ->
 def write_campaign(
     folder: Path, campaign: Campaign, *, robot_comment: str = "", suffix: Literal[".csv", ".mcap"] = ".csv"
 ) -> None:
-    """Write a campaign folder that `read_campaign` reads back."""
+    """Write a campaign folder that `read_campaign` reads back; its alignment is in the windows already."""
     (folder / "windows").mkdir(parents=True, exist_ok=True)
+    (folder / ALIGNMENT).unlink(missing_ok=True)
     write_robot(folder / ROBOT, campaign.robot, comment=robot_comment)
     entries = [IndexEntry(w.id, w.role, w.equilibrium, suffix) for w in campaign.windows]
     for window, entry in zip(campaign.windows, entries, strict=True):

@@ -186,6 +186,25 @@ class Window:
         return float(self.t[-1] - self.t[0])
 
 
+@dataclass(frozen=True)
+class Alignment:
+    """How late motion capture is against the encoders, as a jog has shown it."""
+
+    lag: float
+    """s: markers show at t what encoders showed at t - lag"""
+    sd: float
+    """s, one standard deviation"""
+    correlation: float
+    at: str
+    """when it was measured, UTC"""
+    source: str
+    """kind of motion capture: another one has another delay"""
+    rate: float
+    """its frames a second"""
+    sync_rate: float
+    """Hz, of the bus"""
+
+
 @dataclass(frozen=True, eq=False)
 class Campaign:
     """A set of windows of one robot."""
@@ -195,6 +214,8 @@ class Campaign:
     sample_rate: float
     """Hz"""
     windows: tuple[Window, ...]
+    alignment: Alignment | None = None
+    """by which lengths and currents of the windows were brought to the markers' instants; None: as recorded"""
 
     def of_role(self, role: Role) -> tuple[Window, ...]:
         """The windows of one role, in file order."""

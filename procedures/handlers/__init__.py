@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Any
 
 from procedures.handlers.accuracy import check_accuracy
+from procedures.handlers.align import jog
 from procedures.handlers.excitation import see_recorded_swing, strokes, think, watch_swing
 from procedures.handlers.hand import ask, await_hands_off
 from procedures.handlers.home import configure, measure_pose, set_lengths
@@ -40,6 +41,7 @@ from procedures.steps import (
     Verdict,
 )
 from procedures.steps.accuracy import CheckAccuracy
+from procedures.steps.align import Jog, Told
 from procedures.steps.excitation import SeeRecordedSwing, Strokes, Think, WatchSwing
 
 Handler = Callable[[Stand, Any], Awaitable[Result]]
@@ -73,6 +75,8 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         SeeRecordedSwing: see_recorded_swing,
         Think: think,
         CheckAccuracy: check_accuracy,
+        Jog: jog,
+        Told: give_up,
     }
 )
 """`Stop` has none: it ends the run, which is the engine's own matter."""

@@ -31,7 +31,9 @@ def comfortable(lengths):
 
 
 def plan_for(name, lab):
-    """With a window that is held out, where the procedure needs one."""
+    """With a window that is held out, or with one window only, where the procedure needs that."""
+    if name == "align":
+        return replace(lab.plan, windows=lab.plan.windows[:1])
     if not name.startswith("compare"):
         return lab.plan
     first, *others = lab.plan.windows
@@ -60,7 +62,7 @@ async def clear(_stand, _step):
     return Result(answer=Clarity.CLEAR)
 
 
-ELSEWHERE = {"home", "excite", "compare-by-winches"}
+ELSEWHERE = {"align", "home", "excite", "compare-by-winches"}
 """need drives without power, and physics: see their own tests"""
 
 

@@ -13,6 +13,8 @@ from functools import partial
 from pathlib import Path
 
 from fidim_lab.app import compose
+from fidim_lab.app.aligned import PROCEDURE as ALIGN
+from fidim_lab.app.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.app.model_check import Checked, ModelCheck
 from fidim_lab.app.run_records import RunRecords
 from fidim_lab.app.service.board import DefaultAnswer
@@ -24,9 +26,11 @@ from fidim_lab.app.service.service import Identity, Service, new_token
 from fidim_lab.app.service.spec import NAME as SPEC
 from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, overridden, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
+from fidim_lab.data.alignment_file import NAME as ALIGNMENT
+from fidim_lab.data.alignment_file import write_alignment
 from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import write_plan
-from fidim_lab.data.records import Plan
+from fidim_lab.data.records import Alignment, Plan
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import FidimError
@@ -53,6 +57,8 @@ class Work:
     plan: Plan
     experiment: Experiment
     resumption: Resumption | None = None
+    alignment: Alignment | None = None
+    """of motion capture against the encoders, as it was measured with this rig"""
 
 
 def prepare(spec: RunSpec) -> Work:
@@ -68,7 +74,7 @@ def prepare(spec: RunSpec) -> Work:
         if spec.accept_place:
             resumption = replace(resumption, place=None)
     made = experiment(spec.procedure, plan, file.robot, _settings(spec, file), resumption=resumption)
-    return Work(spec, file, plan, made, resumption)
+    return Work(spec, file, plan, made, resumption, None if spec.procedure == ALIGN else known_alignment(file))
 
 
 def run_service(work: Work) -> int:
@@ -133,7 +139,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
             service.rig,
             work.spec.out,
             wall_time=wall_time,
-            listeners=(logs.on_event, *service.listeners(), check),
+            listeners=(logs.on_event, *service.listeners(), check, _keeper(work, service)),
             guards=guards,
             handlers=handlers,
             control=service.control,
@@ -148,6 +154,12 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
             with suppress(OSError):  # a full disk: the journal has said so
                 write_summary(work.spec.out, service.watcher.report)
         logs.close()  # writes the manifest, of all that is there
+
+
+def _keeper(work: Work, service: Service) -> AlignmentKeeper:
+    return AlignmentKeeper(
+        work.file, work.spec.out, wall_time, lambda says: service.chronicle.note(kind="guard-warned", reason=says)
+    )
 
 
 def _tell_checked(service: Service, checked: Checked) -> None:
@@ -169,6 +181,8 @@ def _write_papers(work: Work) -> None:
     shutil.copyfile(work.spec.rig, work.spec.out / RIG)
     write_plan(work.spec.out / PLAN, work.plan)
     write_spec(work.spec.out, work.spec)
+    if work.alignment is not None:
+        write_alignment(work.spec.out / ALIGNMENT, work.alignment)
     for name in (RIG, PLAN, SPEC, ""):  # without them no run goes on after a power cut
         sync(work.spec.out / name)
 

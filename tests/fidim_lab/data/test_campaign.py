@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fidim_lab.data.alignment_file import write_alignment
 from fidim_lab.data.campaign import IndexEntry, read_campaign, write_campaign, write_index
 from fidim_lab.data.plan_file import read_plan, write_plan
-from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Robot, Role, Window
+from fidim_lab.data.records import Alignment, Campaign, Plan, PlannedWindow, Robot, Role, Window
 from fidim_lab.errors import FileError
 
 
@@ -32,6 +33,41 @@ def test_round_trip(campaign: Campaign, tmp_path: Path) -> None:
         np.testing.assert_allclose(ours.markers, theirs.markers, atol=1e-9)
         np.testing.assert_array_equal(ours.lengths, theirs.lengths)  # type: ignore[arg-type]
         np.testing.assert_array_equal(ours.equilibrium, theirs.equilibrium)  # type: ignore[arg-type]
+
+
+LATE = Alignment(0.004, 2e-4, 0.99, "2026-01-01T00:00:00Z", "vicon-udp", 100.0, 250.0)
+
+
+def test_lengths_are_those_of_the_instants_at_which_late_markers_were_seen(campaign: Campaign, tmp_path: Path) -> None:
+    first, *others = campaign.windows
+    lengths = 1.25 + 0.1 * first.t[:, None] * np.arange(1, 5)
+    currents = np.tile(lengths[:, :1], 4)
+    currents[20] = np.nan
+    moving = replace(first, lengths=lengths, currents=currents)
+    write_campaign(tmp_path, replace(campaign, windows=(moving, *others)))
+    write_alignment(tmp_path / "alignment.toml", LATE)
+    back = read_campaign(tmp_path)
+    assert back.alignment == LATE
+    found = back.windows[0]
+    np.testing.assert_allclose(found.markers, first.markers, atol=1e-9)
+    before = 1.25 + 0.1 * (first.t[1:, None] - 0.004) * np.arange(1, 5)
+    assert found.lengths is not None
+    np.testing.assert_allclose(found.lengths[1:], before, atol=2e-6)
+    np.testing.assert_allclose(found.lengths[0], lengths[0], atol=2e-6)  # nothing was recorded before it
+    assert found.currents is not None
+    assert np.flatnonzero(np.isnan(found.currents[:, 0])).tolist() == [20, 21]
+    np.testing.assert_allclose(back.windows[1].lengths, others[0].lengths, atol=1e-9)  # type: ignore[arg-type]
+    write_campaign(tmp_path, back)
+    again = read_campaign(tmp_path)  # not twice
+    assert again.alignment is None
+    np.testing.assert_allclose(again.windows[0].lengths, found.lengths, atol=2e-6)
+
+
+def test_an_alignment_that_is_none_is_an_error_with_its_place(campaign: Campaign, tmp_path: Path) -> None:
+    write_campaign(tmp_path, campaign)
+    (tmp_path / "alignment.toml").write_text('format = "fidim-alignment/1"\nlag = 3.0\n', encoding="utf-8")
+    with pytest.raises(FileError, match=r"alignment\.toml: lag"):
+        read_campaign(tmp_path)
 
 
 @pytest.mark.parametrize(
