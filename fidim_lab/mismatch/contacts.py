@@ -46,6 +46,8 @@ SOONER = 0.25
 """s by which a soft push begins before it shows"""
 WORTH = 1.0
 """s of free motion, without which a part is not kept"""
+PART = ", part "
+"""what the id of all but a window's first part goes on with"""
 
 
 @dataclass(frozen=True)
@@ -60,13 +62,20 @@ class Contact:
     """χ²/dof there over that of the free parts"""
     sd: float
     """of begin and end, s"""
+    gain: float | None = None
+    """χ² that a new start after the contact takes off, where that is how it was found (`restarts`)"""
 
     @property
     def says(self) -> str:
         """For people."""
+        shown = (
+            f"χ²/dof {self.ratio:.3g} times that before and after"
+            if self.gain is None
+            else f"after it the platform moves as from another start: χ² is {self.gain:.0f} less with one"
+        )
         return (
             f"Window {self.window}: from {self.begin:.2f} to {self.end:.2f} s the motion is not free, as with a hand "
-            f"on the platform (χ²/dof {self.ratio:.3g} times that before and after); it is left out."
+            f"on the platform ({shown}); it is left out."
         )
 
 
@@ -106,6 +115,11 @@ def without(campaign: Campaign, contacts: Sequence[Contact]) -> Campaign:
     return replace(campaign, windows=tuple(windows))
 
 
+def whole_id(part: str) -> str:
+    """The id of the window that a part was cut from."""
+    return part.split(PART)[0]
+
+
 def _parts(window: Window, contacts: Sequence[Contact]) -> list[Window]:
     begins = [-np.inf, *(contact.end for contact in contacts)]
     ends = [*(contact.begin for contact in contacts), np.inf]
@@ -115,7 +129,7 @@ def _parts(window: Window, contacts: Sequence[Contact]) -> list[Window]:
         if use.sum() < 2 or window.t[use][-1] - window.t[use][0] < WORTH:
             continue
         markers = np.where(use[:, np.newaxis, np.newaxis], window.markers, np.nan)
-        name = window.id if not found else f"{window.id}, part {len(found) + 1}"
+        name = window.id if not found else f"{window.id}{PART}{len(found) + 1}"
         found.append(replace(window, id=name, markers=markers))
     return found
 

@@ -4,7 +4,7 @@ A pipeline of stages, each of which hands one frozen value to the next:
 
     campaign → Cleaned (`clean`) → Baseline (`baseline`) → Cleaned (`audit`), and then a Baseline again
              → Selection (`select`) → Cleaned (`restored`), and where that changed once more Baseline and Selection;
-               and so once more where the clocks run apart (`timing`)
+               and so once more where the clocks run apart (`timing`), or a window begins anew (`restarts`)
              → Judged (`verdict`) → Explanation (`telling`, `timing`, `unnamed`), as recorded (`aftermath`)
 """
 
@@ -20,7 +20,9 @@ from fidim_lab.mismatch.aftermath import with_cleaning
 from fidim_lab.mismatch.audit import audit
 from fidim_lab.mismatch.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.clean import Cleaned, clean
+from fidim_lab.mismatch.contacts import whole_id, without
 from fidim_lab.mismatch.explanation import Explanation, Verdict
+from fidim_lab.mismatch.restarts import find_restarts
 from fidim_lab.mismatch.restored import restored, without_needless_contacts
 from fidim_lab.mismatch.select import Candidate, Selection, select
 from fidim_lab.mismatch.soft_cables import compare
@@ -53,12 +55,13 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     first = look(audited, baseline if audited is cleaned else None)
     kept = restored(cleaned, audited, first.found.best.model, say)
     first = first if kept is audited else look(kept)
-    last = _by_the_right_clock(first, look, say)
+    timed = _by_the_right_clock(first, look, say)
+    last = _without_pushes(timed, look, say)
     judged = judge(last.found)
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)
-    if last is not first:
+    if timed is not first:
         told = _before(first, told)
-    told = with_timing(told, judged.named.model, put_right=last is not first)
+    told = with_timing(told, judged.named.model, put_right=timed is not first)
     whole = with_unknown(told, judged.named.model, last.cleaned.campaign, say)
     audited = last.cleaned
     if whole.unknown is not None and audited.contacts:
@@ -90,6 +93,21 @@ def _by_the_right_clock(first: _Looked, look: Callable[[Cleaned], _Looked], say:
     say("by the motor currents the clocks run apart: looking again with the cameras' put right")
     again = look(replace(first.cleaned, campaign=campaign))
     return again if _unexplained(again.found.best) <= _unexplained(best) else first
+
+
+def _without_pushes(first: _Looked, look: Callable[[Cleaned], _Looked], say: Say) -> _Looked:
+    """The search without the pushes that only the best model shows, where less stays unexplained so; else `first`."""
+    best, cleaned = first.found.best, first.cleaned
+    if best.is_white or not best.model.whole:
+        return first
+    pushes = find_restarts(best.model, first.baseline.held_out, best.whiteness.level)
+    if not pushes:
+        return first
+    for push in pushes:
+        say(push.says)
+    contacts = (*cleaned.contacts, *(replace(push, window=whole_id(push.window)) for push in pushes))
+    again = look(replace(cleaned, campaign=without(cleaned.campaign, pushes), contacts=contacts))
+    return again if _unexplained(again.found.best) < _unexplained(best) else first
 
 
 def _unexplained(best: Candidate) -> tuple[bool, float]:

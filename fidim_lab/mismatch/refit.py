@@ -187,10 +187,27 @@ def refit(
 def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     """Held-out windows with the shared parameters of a completed model."""
     chi2, dof, squares, count = 0.0, 0, 0.0, 0
-    refused: dict[str, str] = {}
     of_window: dict[str, float] = {}
     leftovers: list[Leftover] = []
-    robot, likelihood = completed.mechanism.robot, completed.fit.likelihood
+    likelihood = completed.fit.likelihood
+    found, refused = predictions(completed, windows)
+    for window, prediction in found:
+        left = prediction.remainder
+        seen = int(np.isfinite(left.residuals).sum())
+        chi2, dof = chi2 + left.chi2, dof + left.dof
+        squares, count = squares + left.rms**2 * seen, count + seen
+        of_window[window.id] = left.chi2_per_dof
+        leftovers.append(_leftover(window.id, left, likelihood.noise, likelihood.own))
+    rms = float(np.sqrt(squares / count)) if count else float("nan")
+    return HeldOut(chi2, dof, rms, refused, tuple(leftovers), of_window)
+
+
+def predictions(
+    completed: Completed, windows: Sequence[Window]
+) -> tuple[list[tuple[Window, held_out.Prediction]], dict[str, str]]:
+    """Each window that can be predicted, with its prediction; and why the others cannot, by their ids."""
+    refused: dict[str, str] = {}
+    robot = completed.mechanism.robot
     recordings: list[Recording] = []
     for window in windows:
         try:
@@ -199,22 +216,16 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
             refused[window.id] = str(refusal)
     guesses = _guesses_of_springs(completed, recordings)
     predicted = held_out.predict_all(completed.mechanism, completed.fit.values, recordings, robot.sensors, guesses)
+    found: list[tuple[Window, held_out.Prediction]] = []
     for recording, prediction in zip(recordings, predicted, strict=True):
         window = recording.window
         if isinstance(prediction, RefusedError):
             refused[window.id] = str(prediction)
-            continue
-        found = prediction.remainder
-        if prediction.lost and float(found.t[-1] - found.t[0]) < NOT_FOUND:
+        elif prediction.lost and float(prediction.remainder.t[-1] - prediction.remainder.t[0]) < NOT_FOUND:
             refused[window.id] = f"Window {window.id}: no start was found from which its first motion follows."
-            continue
-        seen = int(np.isfinite(found.residuals).sum())
-        chi2, dof = chi2 + found.chi2, dof + found.dof
-        squares, count = squares + found.rms**2 * seen, count + seen
-        of_window[window.id] = found.chi2_per_dof
-        leftovers.append(_leftover(window.id, found, likelihood.noise, likelihood.own))
-    rms = float(np.sqrt(squares / count)) if count else float("nan")
-    return HeldOut(chi2, dof, rms, refused, tuple(leftovers), of_window)
+        else:
+            found.append((window, prediction))
+    return found, refused
 
 
 def _guesses_of_springs(

@@ -16,7 +16,7 @@ from fidim_lab.identification.mle.held_out import predict as predicted
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.mismatch.audit import OFF
 from fidim_lab.mismatch.clean import Cleaned
-from fidim_lab.mismatch.contacts import Contact, without
+from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.finding import Finding
 from fidim_lab.mismatch.refit import Completed, predict
 from fidim_lab.mismatch.whiteness import whiteness
@@ -103,7 +103,7 @@ def _cut(campaign: Campaign, window: Window, contacts: Sequence[Contact]) -> lis
 
 def _of(id: str, window: str) -> bool:
     """Whether a window with this id is the window (its id) or a part of it."""
-    return id == window or id.startswith(f"{window}, part ")
+    return whole_id(id) == window
 
 
 def _follows(model: Completed, windows: Sequence[Window]) -> bool:

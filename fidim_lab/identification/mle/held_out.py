@@ -32,6 +32,8 @@ class Prediction:
     journey: Journey
     """of all windows that were predicted together"""
     remainder: Remainder
+    likelihood: Likelihood
+    """the same of what was recorded"""
     place: int = 0
     """of this one among them"""
 
@@ -106,7 +108,7 @@ def _starts(mechanism: Mechanism, guesses: States) -> list[States]:
 
 
 def _prediction(likelihood: Likelihood, journey: Journey, w: int) -> Prediction:
-    return Prediction(journey, remainder(likelihood, journey.optimum.simulation, w), w)
+    return Prediction(journey, remainder(likelihood, journey.optimum.simulation, w), likelihood, w)
 
 
 def _best(found: list[Prediction]) -> Prediction:

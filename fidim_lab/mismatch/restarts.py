@@ -1,0 +1,153 @@
+"""Where a window's motion begins anew: a matched test for pushes too weak, or too hidden by physics, for `contacts`.
+
+After a push the platform moves freely again, from another state. To first order what is left of the window is then
+J d before it and J d' after it, with the cables as long as before: a least-squares fit with two starts instead of one,
+of which the gain in χ² is known to chance (Wilks). It needs a model that follows the rest: asked of the best one, where
+what it leaves is not white. Where many windows begin anew it is not a hand but physics, and nothing is cut.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.linalg import null_space
+from scipy.special import chdtri
+
+from fidim_lab.data.records import Window
+from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, WindowLinear, linearised
+from fidim_lab.mismatch.contacts import SOONER, Contact
+from fidim_lab.mismatch.refit import Completed, predictions
+
+STEP = 0.25
+"""s, between the times that are tried"""
+APART = 0.75
+"""s of free motion on either side"""
+LONGEST = 3.0
+"""s that a push lasts at most"""
+CHANCE = 1e-4
+"""of one push found in all windows together where there is none"""
+FEW = 0.25
+"""of the windows: more are no hand (but one may always be)"""
+CERTAIN = 2.0
+"""standard deviations by which a longer push must leave less"""
+UNSEEN = 1e-11
+"""of the largest eigenvalue of scaled normal equations, below which a direction is not seen at all"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """The normal equations of one window from its begin up to each time of the grid, and those of what is not timed."""
+
+    t: Float[np.ndarray, " K"]
+    """s on the window's own clock"""
+    count: Int[np.ndarray, " K"]
+    """numbers recorded so far"""
+    grams: Float[np.ndarray, "K own+1 own+1"]
+    """of [J_own r]"""
+    whole: Float[np.ndarray, "own+1 own+1"]
+    """the same of all samples"""
+    untimed: Float[np.ndarray, "own+1 own+1"]
+    """the same of lengths and priors"""
+    kept: Float[np.ndarray, "own s"]
+    """changes of the start with which every cable stays as long as it is"""
+
+
+def find_restarts(model: Completed, held: Iterable[Window], level: float) -> tuple[Contact, ...]:
+    """Every push, at most one a window; none where more than a few windows begin anew.
+
+    model: the best. held: windows that it has not seen, looked at too. level: standard deviation of the noise over the
+    declared one.
+    """
+    optimum = model.fit.journey.optimum
+    parts = _all_parts(model.fit.likelihood, optimum.simulation, model.fit.journey.lost)
+    found, _ = predictions(model, tuple(held))
+    for _, prediction in found:
+        journey, others = prediction.journey, set(range(len(prediction.likelihood.recordings))) - {prediction.place}
+        if not prediction.lost:
+            parts |= _all_parts(prediction.likelihood, journey.optimum.simulation, others)
+    pairs = sum(len(_pairs(one)) for one in parts.values())
+    pushed = [_push(id, one, level, CHANCE / max(1, pairs)) for id, one in parts.items()]
+    seen = tuple(contact for contact in pushed if contact is not None)
+    return seen if len(seen) <= max(1.0, FEW * len(parts)) else ()
+
+
+def _all_parts(likelihood: Likelihood, simulation: Simulation, without: Iterable[int]) -> dict[str, _Parts]:
+    """By the windows' ids."""
+    ids = [recording.window.id for recording in likelihood.recordings]
+    skipped = set(without)
+    found = (one for one in linearised(likelihood, simulation) if one.window not in skipped)
+    return {ids[one.window]: _parts(likelihood, simulation, one) for one in found}
+
+
+def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear) -> _Parts:
+    w, recording = linear.window, likelihood.recordings[linear.window]
+    use, seen = recording.seen_until(simulation.ends[w])
+    rows = np.column_stack([linear.by_own, linear.residual])
+    timed, untimed = rows[: int(seen.sum())], rows[int(seen.sum()) :]
+    t = recording.t[use]
+    grid = np.arange(0.0, float(t[-1]) + STEP, STEP)
+    of_sample = np.repeat(t, seen.sum(axis=(1, 2)))
+    cell = np.searchsorted(grid, of_sample, side="right") - 1
+    cells = [timed[cell == k] for k in range(len(grid))]
+    grams = np.cumsum([np.zeros((rows.shape[1],) * 2), *(one.T @ one for one in cells)], axis=0)[:-1]
+    count = np.cumsum([0, *(len(one) for one in cells)])[:-1]
+    kept = null_space(simulation.starts.lengths_by[w][:, : linear.by_own.shape[1]])
+    whole = timed.T @ timed
+    return _Parts(recording.begin + grid, count, grams, whole, untimed.T @ untimed, kept)
+
+
+def _pairs(one: _Parts) -> Int[np.ndarray, "P 2"]:
+    """Places on the grid where a push may begin and end."""
+    first, last = one.t[0] + APART, one.t[-1] - APART
+    begin, end = np.nonzero(
+        (one.t[:, np.newaxis] >= first)
+        & (one.t <= last)
+        & (one.t >= one.t[:, np.newaxis])
+        & (one.t <= one.t[:, np.newaxis] + LONGEST)
+    )
+    return np.column_stack([begin, end])
+
+
+def _push(id: str, one: _Parts, level: float, chance: float) -> Contact | None:
+    """The push of one window; None where a second start gains no more than chance would."""
+    pairs = _pairs(one)
+    if not len(pairs):
+        return None
+    before, after = one.grams[pairs[:, 0]], one.whole - one.grams[pairs[:, 1]]
+    outer = before + after + one.untimed
+    shift = one.kept.T @ after[:, :-1]  # P, s, own + 1
+    both = np.concatenate(
+        [
+            np.concatenate([outer[:, :-1, :-1], np.swapaxes(shift[..., :-1], 1, 2)], axis=2),
+            np.concatenate([shift[..., :-1], one.kept.T @ after[:, :-1, :-1] @ one.kept], axis=2),
+        ],
+        axis=1,
+    )
+    single = outer[:, -1, -1] - _taken(outer[:, :-1, :-1], outer[:, :-1, -1])
+    double = outer[:, -1, -1] - _taken(both, np.concatenate([outer[:, :-1, -1], shift[..., -1]], axis=1))
+    gain = (single - double) / level**2
+    if gain.max() < chdtri(one.kept.shape[1], chance):
+        return None
+    best = _shortest(double / level**2, one.count[pairs[:, 1]] - one.count[pairs[:, 0]])
+    begin, end = (float(one.t[k]) for k in pairs[best])
+    ratio = float(single[best] / double[best])
+    return Contact(id, round(begin - SOONER, 2), round(end + SOONER, 2), ratio, SOONER, float(gain.max()))
+
+
+def _shortest(left: Float[np.ndarray, " P"], inside: Int[np.ndarray, " P"]) -> int:
+    """Of the pairs that leave, with noise alone between them, as little as the best but for chance, the closest."""
+    whole = left + inside
+    best = int(np.argmin(whole))
+    chance = CERTAIN * np.sqrt(2.0 * np.maximum(inside[best] - inside, 0))
+    near = np.flatnonzero(whole <= whole[best] + chance)
+    return int(near[np.argmin(inside[near])])
+
+
+def _taken(normal: Float[np.ndarray, "P m m"], right: Float[np.ndarray, "P m"]) -> Float[np.ndarray, " P"]:
+    """χ² that the best solution of each system takes off; what the data do not see at all stays where it is."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-300))
+    values, vectors = np.linalg.eigh(normal * scale[:, :, np.newaxis] * scale[:, np.newaxis])
+    along = (np.swapaxes(vectors, 1, 2) @ (right * scale)[..., np.newaxis])[..., 0]
+    seen = values > UNSEEN * values[:, -1:]
+    return (np.where(seen, along**2, 0.0) / np.where(seen, values, 1.0)).sum(axis=1)

@@ -1,0 +1,59 @@
+"""Pushes that only a matched test shows: found with window and times, and never where nobody pushed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Campaign, Robot
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.baseline import Baseline, fit_baseline
+from fidim_lab.mismatch.clean import clean
+from fidim_lab.mismatch.contacts import SOONER, Contact, whole_id, without
+from fidim_lab.mismatch.restarts import STEP, find_restarts
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+
+def fitted(robot: Robot, *hidden: str, seed: int = 31) -> Baseline:
+    plan = random_plan(robot, "short", 3, 1, seed)
+    world = make_world(robot, np.random.default_rng(seed), tuple(parse_effect(text, robot.n) for text in hidden))
+    made: Campaign = simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Recording(6.0))[0]
+    return fit_baseline(clean(made).campaign, native=True, say=lambda _: None)
+
+
+def pushes(baseline: Baseline) -> tuple[Contact, ...]:
+    return find_restarts(baseline.as_it_is, baseline.held_out, 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("place", "window"), [(2, "i02"), (3, "v01")])
+def test_a_faint_push_is_found_with_its_window_and_times(irma4: Robot, place: int, window: str) -> None:
+    (push,) = pushes(fitted(irma4, f"hand-contact:fx=0.15,fy=-0.2,start=2.5,stop=3.3,window={place}"))
+    assert push.window == window
+    assert push.begin == pytest.approx(2.5 - SOONER, abs=2 * STEP)
+    assert push.end == pytest.approx(3.3 + SOONER, abs=2 * STEP)
+    assert push.gain is not None
+    assert push.gain > 30
+    assert f"{push.gain:.0f} less" in push.says
+
+
+def test_nobody_pushes_where_nothing_is_missing(irma4: Robot) -> None:
+    baseline = fitted(irma4)
+    assert not pushes(baseline)
+
+
+@pytest.mark.slow
+def test_physics_that_acts_in_every_window_is_no_push(irma4: Robot) -> None:
+    assert not pushes(fitted(irma4, "air-drag-quadratic:c=0.3"))
+
+
+def test_parts_of_a_window_know_which_they_were_cut_from(irma4: Robot) -> None:
+    campaign = fitted(irma4).campaign
+    once = without(campaign, [Contact("i01", 2.0, 2.5, 2.0, 0.25)])
+    parts = [window.id for window in once.windows if whole_id(window.id) == "i01"]
+    assert parts == ["i01", "i01, part 2"]
+    twice = without(replace(once), [Contact("i01, part 2", 4.0, 4.4, 2.0, 0.25)])
+    assert [whole_id(window.id) for window in twice.windows].count("i01") == 3
+    assert len({window.id for window in twice.windows}) == len(twice.windows)
