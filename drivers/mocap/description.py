@@ -5,6 +5,7 @@ from typing import Literal
 
 from drivers.mocap.decoder import Decoder, Position
 from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.natnet import NatNetDecoder
 from drivers.mocap.osc import OscDecoder
 from drivers.mocap.qtm import QtmDecoder
 from drivers.mocap.upright import Upright
@@ -17,7 +18,7 @@ from fidim_lab.errors import OurBugError
 class DecoderDescription:
     """Which decoder, of what."""
 
-    kind: Literal["vicon-udp", "marker-text", "vicon-datastream", "qtm", "osc"]
+    kind: Literal["vicon-udp", "marker-text", "vicon-datastream", "qtm", "osc", "natnet"]
     markers: int
     objects: tuple[str, ...] = ()
     """vicon-udp: an object for each marker; or the subject alone, where `points` are given. Else names or addresses"""
@@ -29,6 +30,8 @@ class DecoderDescription:
     """osc"""
     unit: float = 1.0
     """osc: m for one unit on the wire"""
+    version: tuple[int, int] | None = None
+    """natnet: the server's, which it tells only once"""
 
     def make(self) -> Decoder:
         """A fresh decoder."""
@@ -39,6 +42,8 @@ class DecoderDescription:
             decoder = ViconDataStreamDecoder(self.objects)
         elif self.kind == "qtm":
             decoder = QtmDecoder(self.objects)
+        elif self.kind == "natnet":
+            decoder = NatNetDecoder(self.objects, self.version)
         elif self.kind == "osc":
             decoder = OscDecoder(self.objects, frame_address=self.frame_address, unit=self.unit)
         elif self.points:
@@ -58,6 +63,8 @@ def describe(decoder: Decoder) -> DecoderDescription:
         return DecoderDescription("vicon-datastream", len(inner.names), inner.names, upright=upright)
     if isinstance(inner, QtmDecoder):
         return DecoderDescription("qtm", len(inner.names), inner.names, upright=upright)
+    if isinstance(inner, NatNetDecoder):
+        return DecoderDescription("natnet", len(inner.names), inner.names, upright=upright, version=inner.version)
     if isinstance(inner, OscDecoder):
         return DecoderDescription(
             "osc",

@@ -91,7 +91,7 @@ class UdpFeed:
         self._mailbox = Mailbox(DATAGRAMS_QUEUED)
         try:
             self._transport, _ = await loop.create_datagram_endpoint(
-                lambda: _Datagrams(self._arrived), local_addr=self._address
+                lambda: Datagrams(self._arrived), local_addr=self._address
             )
         except OSError as error:
             raise SetupError(
@@ -124,11 +124,14 @@ class UdpFeed:
             self.overflow += 1
 
 
-class _Datagrams(asyncio.DatagramProtocol):
+class Datagrams(asyncio.DatagramProtocol):
+    """Hands on what arrives, with its sender's address."""
+
     def __init__(self, arrived: "_Arrived") -> None:
         self._arrived = arrived
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        """One datagram."""
         self._arrived(data, addr[0])
 
 

@@ -1,5 +1,6 @@
 """The tables of a rig file ("fidim-rig/1"), as pydantic checks them. `rig_file` turns them into `rig` records."""
 
+import re
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -20,6 +21,7 @@ STANDARD_PORTS = {
     MocapKind.MARKER_TEXT: 51100,
     MocapKind.OSC: 51200,
     MocapKind.QTM: 22223,
+    MocapKind.NATNET: 1510,
     MocapKind.LSL: 0,
 }
 """LSL finds its own"""
@@ -29,12 +31,13 @@ TRANSPORTS = {
     MocapKind.MARKER_TEXT: ("udp", "tcp"),
     MocapKind.OSC: ("udp",),
     MocapKind.QTM: ("tcp",),
+    MocapKind.NATNET: ("udp",),
     MocapKind.LSL: ("lsl",),
 }
 """how each kind arrives, the usual way first"""
 UNITS = {"m": 1.0, "mm": 1e-3}
-NOT_BUILT = {MocapKind.NATNET: "OptiTrack NatNet"}
-"""kinds that the format knows and this version does not read"""
+NATNET_MARKER = re.compile(r"\d{1,5}/\d{1,5}", re.ASCII)
+"""streaming ID of an asset, and the number of its marker"""
 
 
 class BusTable(Table):
@@ -152,9 +155,6 @@ class MocapTable(Table):
 
     @model_validator(mode="after")
     def _possible(self) -> "MocapTable":
-        if self.kind in NOT_BUILT:
-            built = ", ".join(f'"{kind}"' for kind in STANDARD_PORTS)
-            raise ValueError(f'kind: "{self.kind}" ({NOT_BUILT[self.kind]}) is not read by this version; use {built}')
         if self.way not in TRANSPORTS[self.kind]:
             ways = " or ".join(f'"{way}"' for way in TRANSPORTS[self.kind])
             raise ValueError(f'transport: "{self.way}", {self.kind} is always {ways}')
@@ -162,8 +162,10 @@ class MocapTable(Table):
             raise ValueError("markers, subject: give one of them: objects that are markers, or the tracked body")
         if self.subject is not None and self.kind not in (MocapKind.VICON_UDP, MocapKind.VICON_DATASTREAM):
             raise ValueError(f"subject: {self.kind} carries markers only; leave it out")
-        if self.way == "tcp" and self.host == "0.0.0.0":
-            raise ValueError("host: is missing; over TCP it is the server's address")
+        if self.host == "0.0.0.0" and (self.way == "tcp" or self.kind is MocapKind.NATNET):
+            raise ValueError("host: is missing; it is the server's address")
+        if self.kind is MocapKind.NATNET and not (self.markers and all(map(NATNET_MARKER.fullmatch, self.markers))):
+            raise ValueError('markers: natnet needs "ASSET/NUMBER" of each, as ["1/1"] (Motive: streaming ID, label)')
         if (self.kind is MocapKind.LSL) != (self.stream is not None):
             raise ValueError("stream: is the name of an LSL stream, and lsl needs one")
         if self.unit != "m" and self.kind not in (MocapKind.OSC, MocapKind.LSL):

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping
 
+from drivers.mocap.asked_udp import AskedUdpFeed, Greeting
 from drivers.mocap.decoder import Decoder
 from drivers.mocap.feeds import ByteFeed, Conversation, TcpFeed, UdpFeed
 from drivers.mocap.lsl_feed import LslFeed
 from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.natnet import NatNetDecoder, hello, keep_alive
 from drivers.mocap.osc import OscDecoder, address_of
 from drivers.mocap.qtm import QtmDecoder, QtmRequests
 from drivers.mocap.source import StreamMarkerSource
@@ -39,6 +41,8 @@ def marker_decoder(file: RigFile) -> Decoder:
             return ViconDataStreamDecoder(entry.markers)
         case MocapKind.QTM:
             return QtmDecoder(entry.markers)
+        case MocapKind.NATNET:
+            return NatNetDecoder(entry.markers)
         case MocapKind.OSC:
             addresses = tuple(address_of(marker) for marker in entry.markers)
             return OscDecoder(addresses, frame_address=entry.frame_address, unit=entry.unit)
@@ -54,6 +58,8 @@ def marker_decoder(file: RigFile) -> Decoder:
 def _feed(entry: MocapEntry, clock: Clock) -> ByteFeed:
     if entry.kind is MocapKind.LSL:
         return LslFeed(clock, entry.stream or "", entry.markers, rate=entry.rate, unit=entry.unit)
+    if entry.kind is MocapKind.NATNET:
+        return AskedUdpFeed(clock, entry.host, entry.port, Greeting(hello(), keep_alive()))
     if entry.transport == "tcp":
         return TcpFeed(clock, entry.host, entry.port, conversation=CONVERSATIONS.get(entry.kind))
     return UdpFeed(clock, entry.port, entry.host)

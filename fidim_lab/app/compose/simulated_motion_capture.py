@@ -11,6 +11,7 @@ from sim_backends.laboratory import Laboratory
 from sim_backends.mocap.datastream import DataStreamEncoder, DataStreamSession
 from sim_backends.mocap.encoders import Encoder, OscEncoder, TextEncoder, TurnedEncoder, ViconEncoder
 from sim_backends.mocap.lsl_sender import LslSender
+from sim_backends.mocap.natnet import NatNetEncoder, NatNetServer
 from sim_backends.mocap.qtm import QtmEncoder, QtmSession
 from sim_backends.mocap.sockets import PlainSession, Session, TcpServer, UdpSender
 
@@ -33,11 +34,14 @@ class MocapSender(Protocol):
 def mocap_sender(file: RigFile, laboratory: Laboratory, clock: Clock) -> MocapSender:
     """What sends the markers of a laboratory as the rig file's system would. Raises SetupError where it cannot."""
     entry = file.motion_capture
-    server = laboratory.mocap_server(_turned(_encoder(entry), entry), entry.rate)
+    encoder = _encoder(entry)
+    server = laboratory.mocap_server(_turned(encoder, entry), entry.rate)
     if entry.kind is MocapKind.LSL:
         if entry.up != "z" or entry.unit != 1.0:
             raise SetupError("motion_capture, up, unit: the simulated LSL stream has z up and metres.")
         return LslSender(server, clock, entry.stream or "", entry.markers)
+    if isinstance(encoder, NatNetEncoder):
+        return NatNetServer(server, encoder.about(), clock, entry.port, entry.host)
     if entry.transport == "tcp":
         return TcpServer(server, clock, entry.port, entry.host, _session(entry))
     host = "127.0.0.1" if entry.host == "0.0.0.0" else entry.host
@@ -69,6 +73,9 @@ def _encoder(entry: MocapEntry) -> Encoder:
             return DataStreamEncoder([name for _, _, name in parts], subject=subjects.pop(), rate=entry.rate)
         case MocapKind.QTM:
             return QtmEncoder(entry.rate)
+        case MocapKind.NATNET:
+            pairs = [name.partition("/") for name in entry.markers]
+            return NatNetEncoder([(int(asset), int(number)) for asset, _, number in pairs])
         case MocapKind.OSC:
             addresses = [address_of(marker) for marker in entry.markers]
             return OscEncoder(addresses, frame_address=entry.frame_address, unit=entry.unit)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from fidim_lab.app.compose import rig_settings
 from fidim_lab.data.rig import GuardReaction, MocapKind
 from fidim_lab.data.rig_file import read_rig
-from fidim_lab.data.rig_tables import NOT_BUILT
 from fidim_lab.errors import FileError
 from procedures.settings import Reaction
 
@@ -31,7 +30,7 @@ def test_every_example_is_read(path):
 
 def test_there_is_an_example_for_each_source_that_is_read():
     kinds = {read_rig(path).motion_capture.kind for path in EXAMPLES}
-    assert kinds == set(MocapKind) - set(NOT_BUILT)
+    assert kinds == set(MocapKind)
 
 
 def test_every_winch_gives_what_a_winch_does_not_say(changed):
@@ -133,10 +132,10 @@ WRONG = {
         "drum_radius = 0.04 ",
         "winch 1, drum_radius: 0.04 m, but irma4 says 0.03 m",
     ),
-    "not built": (
+    "natnet's names": (
         '"vicon-udp"',
         '"natnet"',
-        'kind: "natnet" (OptiTrack NatNet) is not read by this version; use "vicon-udp", "vicon-datastream"',
+        'motion_capture: markers: natnet needs "ASSET/NUMBER" of each, as ["1/1"]',
     ),
     "no such source": ('"vicon-udp"', '"kinect"', "motion_capture, kind: Input should be"),
     "markers": ('["marker1"]', '["a", "b"]', "motion_capture, markers: 2 names for the 1 marker(s) of the robot file"),

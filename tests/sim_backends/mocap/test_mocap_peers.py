@@ -12,6 +12,8 @@ import pytest
 from drivers.clock import LoopClock
 from fidim_lab.app.compose.loop import run_loop
 from sim_backends.mocap.datastream import DataStreamEncoder, DataStreamSession
+from sim_backends.mocap.faults import During, Faults, Occlusion
+from sim_backends.mocap.natnet import NatNetEncoder, NatNetServer
 from sim_backends.mocap.qtm import QtmEncoder, QtmSession
 from sim_backends.mocap.server import MocapServer, Timing
 from sim_backends.mocap.sockets import TcpServer
@@ -60,8 +62,37 @@ asyncio.run(main())
 """
 
 
+READ_NATNET = """
+import json, sys
+from natnet import NatNetClient
+host, port = sys.argv[1].split(":")
+client = NatNetClient(server_ip_address=host, local_ip_address=host, command_port=int(port), use_multicast=False)
+found = []
+client.on_data_frame_received_event.handlers.append(found.append)
+client.connect(timeout=10)
+import time
+end = time.time() + 10
+while not found and time.time() < end:
+    client.update_sync()
+    time.sleep(0.02)
+frame = found[-1]
+print(json.dumps({
+    "protocol": [client.protocol_version.major, client.protocol_version.minor],
+    "markers": {f"{m.model_id}/{m.marker_id}": [*m.pos, m.occluded] for m in frame.labeled_markers},
+    "set": [s.model_name for s in frame.marker_sets], "body": list(frame.rigid_bodies[0].pos),
+    "recording": frame.suffix.is_recording, "number": frame.prefix.frame_number,
+}))
+client.shutdown()
+"""
+
+
 def read_by(script, server, session):
     """What another Python's client prints of a server of ours."""
+    return asked_of(script, lambda clock: TcpServer(server, clock, session=session))
+
+
+def asked_of(script, make):
+    """The same of whatever `make` makes of a clock."""
     found = {}
 
     def ask(address):
@@ -71,7 +102,7 @@ def read_by(script, server, session):
 
     async def main():
         clock = LoopClock()
-        tcp = TcpServer(server, clock, session=session)
+        tcp = make(clock)
         await tcp.start()
         thread = threading.Thread(target=ask, args=(f"127.0.0.1:{tcp.port}",))
         thread.start()
@@ -97,3 +128,21 @@ def test_qualisys_own_client_reads_our_server_at_the_sent_place():
     need("qtm_rt")
     found = read_by(READ_QUALISYS, serving(QtmEncoder()), QtmSession.maker(["main"]))
     assert found == {"main": pytest.approx(PLACE)}
+
+
+@pytest.mark.parametrize("version", [(3, 0), (3, 1), (4, 1)])
+def test_another_client_reads_our_natnet_server_at_the_sent_places(version):
+    need("natnet")
+    encoder = NatNetEncoder([(1, 1), (7, 3)], version)
+    hidden = Faults(occlusions=[Occlusion(During(0.0, 1e9), 1)])
+    places = [PLACE, (0.0, 0.0, 1.0)]
+    server = MocapServer(lambda t: places, encoder, np.random.default_rng(0), Timing(100.0), noise=0.0, faults=hidden)
+    found = asked_of(READ_NATNET, lambda clock: NatNetServer(server, encoder.about(), clock))
+    assert found.pop("number") > 0
+    assert found == {
+        "protocol": list(version),
+        "markers": {"1/1": [*PLACE, False], "7/3": [0.0, 0.0, 0.0, True]},
+        "set": ["all"],
+        "body": [*PLACE],
+        "recording": False,
+    }

@@ -24,6 +24,7 @@ KINDS = {
     "vicon-datastream": 'kind = "vicon-datastream"\nhost = "127.0.0.1"\nsubject = "body"\nmarkers = ["a"]',
     "datastream, y up": 'kind = "vicon-datastream"\nhost = "127.0.0.1"\nmarkers = ["a"]\nup = "y"',
     "qtm": 'kind = "qtm"\nhost = "127.0.0.1"\nmarkers = ["a"]',
+    "natnet": 'kind = "natnet"\nhost = "127.0.0.1"\nmarkers = ["1/2"]\nup = "y"',
     "osc": 'kind = "osc"\nhost = "127.0.0.1"\nunit = "mm"\nframe_address = "/f"\nmarkers = ["a"]',
     "lines over tcp": 'kind = "marker-text"\nhost = "127.0.0.1"\ntransport = "tcp"',
     "lines over udp": 'kind = "marker-text"\nhost = "127.0.0.1"',
