@@ -53,13 +53,13 @@ def spent() -> tuple[float, float]:
 def meanwhile(before: tuple[float, float], *, idle: bool = False) -> str:
     """Who else used the computer since `before` (of `spent`), in sentences.
 
-    A service that was killed counts as somebody else: nobody waited for it. idle: all others are known to run at idle
-    priority.
+    A service that was killed counts as somebody else: nobody waited for it. idle: others are known to run at idle
+    priority, but for short tests.
     """
     wall, others = (after - since for after, since in zip(spent(), before, strict=True))
     text = f"Meanwhile others used {others / wall:.1f} of {os.cpu_count()} cores."
     if idle:
-        text += " All of them ran at idle priority (SCHED_IDLE), so that they had only what this left."
+        text += " They ran at idle priority (SCHED_IDLE), but for short tests: they had what this left."
     elif others > BUSY * wall:
         text += " Latencies, skipped cycles and CPU are those of a busy computer: measure again on an idle one."
     return f"{text} Priority (nice): {os.nice(0)}."
