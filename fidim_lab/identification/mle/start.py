@@ -17,12 +17,14 @@ from fidim_lab.errors import InfeasibleError, RefusedError
 from fidim_lab.identification import rigid
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.start_poses import Poses, Targets, at_rest, refined, skew
+from fidim_lab.identification.mle.unread import Unread, poses_from_rests, rest_near
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.integrate import States
 from fidim_lab.model.sensitivity.measurement import Measurement
 from fidim_lab.model.sensitivity.starts import Starts, tied
+from fidim_lab.model.statics import Equilibrium
 
 OPENING = (0.1, 5)
 """s, and samples at least, from which the first position and velocity are taken"""
@@ -66,6 +68,12 @@ class _Opening:
         return np.asarray(np.isfinite(self.places - self.on_body).all(axis=1))
 
     @property
+    def is_open(self) -> bool:
+        """Whether neither lengths nor markers tell the orientation."""
+        blind = not np.isfinite(self.recording.lengths).any()
+        return blind and rigid.spread(self.on_body[self.seen]) <= rigid.MIN_SPREAD
+
+    @property
     def level(self) -> Pose:
         """The platform unrotated below what is seen."""
         return Pose(position=(self.places - self.on_body)[self.seen].mean(axis=0), rotation=np.eye(3))
@@ -97,6 +105,8 @@ def first_guesses(
     usable = [opening for opening in openings if opening.seen.any()]
     rests = _rests(mechanism, body, usable)
     best = _searched(mechanism, shared, [(opening, _begins(opening, rests)) for opening in usable])
+    for k, pose in _unread(mechanism, body, shared, usable).items():
+        best[k] = pose
     doubtful = [k for k, pose in enumerate(best) if usable[k].misfit(pose) > DOUBTFUL]
     turned = _searched(mechanism, shared, [(usable[k], _turned(usable[k].level)) for k in doubtful])
     for k, pose in zip(doubtful, turned, strict=True):
@@ -170,6 +180,17 @@ def _begins(opening: _Opening, rests: Mapping[bytes, Pose]) -> list[Pose]:
         poses.append(Pose(p[0], R[0]))
     rest = rests.get(opening.recording.lengths.tobytes())
     return [*poses, *([] if rest is None else [rest]), opening.level]
+
+
+def _unread(mechanism: Mechanism, body: Body, shared: np.ndarray, openings: Sequence[_Opening]) -> dict[int, Pose]:
+    """Poses of those whose lengths nobody read and whose markers leave the orientation open, by where they rest."""
+    asked: dict[int, tuple[Unread, Equilibrium]] = {}
+    for k, opening in enumerate(openings):
+        if opening.is_open:
+            rest = rest_near(mechanism, body, opening.recording)
+            if rest is not None:
+                asked[k] = (Unread(opening.recording, opening.places, opening.on_body), rest)
+    return dict(zip(asked, poses_from_rests(mechanism, shared, list(asked.values())), strict=True))
 
 
 def _turned(level: Pose) -> list[Pose]:

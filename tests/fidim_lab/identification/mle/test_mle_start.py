@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Role, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -11,6 +12,8 @@ from fidim_lab.effects.cable_elasticity import CableStiffness
 from fidim_lab.effects.winch_hold_compliance import WinchHoldCompliance
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.start import first_guess
+from fidim_lab.identification.mle.unread import rest_near
+from fidim_lab.identification.rigid import register
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.starts import yielding_encoders
 
@@ -53,3 +56,28 @@ def test_an_encoder_that_turns_with_the_tension_is_read_at_the_start(four, recor
     assert abs(recording.lengths[2] - swinging[0, 2]) > 5e-4
     assert yielding_encoders(Mechanism(four, (WinchHoldCompliance(cable=3),))) == (2,)
     assert yielding_encoders(Mechanism(four, (CableStiffness(),))) == ()
+
+
+def test_without_encoders_one_marker_starts_near_a_rest_below_it(four, record):
+    seen = replace(four, extra_markers=(np.array([0.15, 0.1, 0.1]), np.array([-0.1, 0.14, 0.12])))
+    mechanism = Mechanism(four)
+    for window in record(seen, 4, markers=3, noise=0.0):
+        truth = register(window.markers[:1], seen.markers, np.ones((1, 3)))[1][0]
+        unread = replace(window, lengths=None, markers=window.markers[:, :1])
+        guess = first_guess(mechanism, four.nominal, prepare(unread, four))
+        assert guess.misfit < 1e-6
+        off = Rotation.from_matrix(guess.rotation.T @ truth).magnitude()
+        assert off < 0.3 * Rotation.from_matrix(truth).magnitude()
+
+
+def test_a_rest_is_sought_where_the_marker_rested_or_in_the_middle_of_its_motion(four, record):
+    mechanism, window = Mechanism(four), record(four, 1, noise=0.0)[0]
+    middle = rest_near(mechanism, four.nominal, prepare(window, four))
+    assert middle is not None
+    np.testing.assert_allclose(middle.marker_position(four.marker), window.markers[:, 0].mean(axis=0), atol=1e-6)
+    aside = np.array([1.2, -0.1, -0.3])
+    rested = rest_near(mechanism, four.nominal, prepare(replace(window, equilibrium=aside), four))
+    assert rested is not None
+    np.testing.assert_allclose(rested.marker_position(four.marker), aside, atol=1e-6)
+    unreachable = replace(window, equilibrium=np.array([1.2, -0.1, 3.0]))
+    assert rest_near(mechanism, four.nominal, prepare(unreachable, four)) is None
