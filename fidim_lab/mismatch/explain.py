@@ -3,12 +3,13 @@
 A pipeline of stages, each of which hands one frozen value to the next:
 
     campaign → Cleaned (`clean`) → Baseline (`baseline`) → Cleaned (`audit`), and then a Baseline again
-             → Selection (`select`) → Cleaned (`restored`), and where that changed once more Baseline and Selection;
-               and so once more where the clocks run apart (`timing`), or a window begins anew (`restarts`)
+             → Selection (`select`), and where a push is all that is left, without it from Baseline on (`restarts`)
+             → Cleaned (`restored`), and where that changed once more Baseline and Selection;
+               and so once more where the clocks run apart (`timing`)
              → Judged (`verdict`) → Explanation (`telling`, `timing`, `unnamed`), as recorded (`aftermath`)
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -20,9 +21,8 @@ from fidim_lab.mismatch.aftermath import with_cleaning
 from fidim_lab.mismatch.audit import audit
 from fidim_lab.mismatch.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.clean import Cleaned, clean
-from fidim_lab.mismatch.contacts import whole_id, without
+from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.explanation import Explanation, Verdict
-from fidim_lab.mismatch.restarts import find_restarts
 from fidim_lab.mismatch.restored import restored, without_needless_contacts
 from fidim_lab.mismatch.select import Candidate, Selection, select
 from fidim_lab.mismatch.soft_cables import compare
@@ -33,6 +33,8 @@ from fidim_lab.mismatch.unnamed import with_unknown
 from fidim_lab.mismatch.verdict import judge
 
 Say = Callable[[str], None]
+MOST_CUTS = 2
+"""how often pushes that only the best model shows are cut out"""
 
 
 def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: None) -> Explanation:
@@ -44,10 +46,14 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     begin = perf_counter()
     mechanism = ready(campaign.robot, native=native)
 
-    def look(cleaned: Cleaned, baseline: Baseline | None = None) -> _Looked:
+    def look(cleaned: Cleaned, baseline: Baseline | None = None, cuts: int = MOST_CUTS) -> _Looked:
         campaign = cleaned.campaign
         baseline = baseline or fit_baseline(campaign, native=native, say=say, mechanism=mechanism)
-        return _Looked(cleaned, baseline, select(baseline, say))
+        found = select(baseline, say, pushes=cuts > 0)
+        if not found.pushes:
+            return _Looked(cleaned, baseline, found)
+        again = look(_without(cleaned, found.pushes, say), cuts=cuts - 1)
+        return again if again.found.best.is_white else _Looked(cleaned, baseline, select(baseline, say, pushes=False))
 
     cleaned = clean(campaign, say=say)
     baseline = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism)
@@ -55,19 +61,27 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     first = look(audited, baseline if audited is cleaned else None)
     kept = restored(cleaned, audited, first.found.best.model, say)
     first = first if kept is audited else look(kept)
-    timed = _by_the_right_clock(first, look, say)
-    last = _without_pushes(timed, look, say)
+    last = _by_the_right_clock(first, look, say)
     judged = judge(last.found)
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)
-    if timed is not first:
+    if last is not first:
         told = _before(first, told)
-    told = with_timing(told, judged.named.model, put_right=timed is not first)
+    told = with_timing(told, judged.named.model, put_right=last is not first)
     whole = with_unknown(told, judged.named.model, last.cleaned.campaign, say)
     audited = last.cleaned
     if whole.unknown is not None and audited.contacts:
         audited = without_needless_contacts(cleaned, audited, whole.unknown.fit)
     whole = _with_soft_mode(whole, audited.campaign, say)
     return with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)
+
+
+def _without(cleaned: Cleaned, pushes: Sequence[Contact], say: Say) -> Cleaned:
+    """The campaign without pushes that only the best model shows."""
+    for push in pushes:
+        say(push.says)
+    contacts = tuple(replace(push, window=whole_id(push.window)) for push in pushes)
+    campaign = without(cleaned.campaign, pushes)
+    return replace(cleaned, campaign=campaign, contacts=(*cleaned.contacts, *contacts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,21 +107,6 @@ def _by_the_right_clock(first: _Looked, look: Callable[[Cleaned], _Looked], say:
     say("by the motor currents the clocks run apart: looking again with the cameras' put right")
     again = look(replace(first.cleaned, campaign=campaign))
     return again if _unexplained(again.found.best) <= _unexplained(best) else first
-
-
-def _without_pushes(first: _Looked, look: Callable[[Cleaned], _Looked], say: Say) -> _Looked:
-    """The search without the pushes that only the best model shows, where less stays unexplained so; else `first`."""
-    best, cleaned = first.found.best, first.cleaned
-    if best.is_white or not best.model.whole:
-        return first
-    pushes = find_restarts(best.model, first.baseline.held_out, best.whiteness.level)
-    if not pushes:
-        return first
-    for push in pushes:
-        say(push.says)
-    contacts = (*cleaned.contacts, *(replace(push, window=whole_id(push.window)) for push in pushes))
-    again = look(replace(cleaned, campaign=without(cleaned.campaign, pushes), contacts=contacts))
-    return again if _unexplained(again.found.best) < _unexplained(best) else first
 
 
 def _unexplained(best: Candidate) -> tuple[bool, float]:

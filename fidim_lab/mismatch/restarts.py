@@ -1,12 +1,13 @@
 """Where a window's motion begins anew: a matched test for pushes too weak, or too hidden by physics, for `contacts`.
 
 After a push the platform moves freely again, from another state. To first order what is left of the window is then
-J d before it and J d' after it, with the cables as long as before: a least-squares fit with two starts instead of one,
-of which the gain in χ² is known to chance (Wilks). It needs a model that follows the rest: asked of the best one, where
-what it leaves is not white. Where many windows begin anew it is not a hand but physics, and nothing is cut.
+J d before it and J d' after it, with the cables as long as before: a least-squares fit with two starts, not one,
+of which the gain in χ² by chance is known (Wilks). It needs a model that follows all but a few windows: where more
+begin anew, where what the others leave is not white, or where two starts do not make good a window either, something
+acts that is not a hand, and nothing is cut.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,9 @@ from scipy.special import chdtri
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, WindowLinear, linearised
 from fidim_lab.mismatch.contacts import SOONER, Contact
-from fidim_lab.mismatch.refit import Completed, predictions
+from fidim_lab.mismatch.leftover import Leftover
+from fidim_lab.mismatch.refit import Completed, HeldOut, predictions
+from fidim_lab.mismatch.whiteness import whiteness
 
 STEP = 0.25
 """s, between the times that are tried"""
@@ -27,10 +30,12 @@ LONGEST = 3.0
 """s that a push lasts at most"""
 CHANCE = 1e-4
 """of one push found in all windows together where there is none"""
-FEW = 0.25
+FEW = 0.2
 """of the windows: more are no hand (but one may always be)"""
 CERTAIN = 2.0
 """standard deviations by which a longer push must leave less"""
+WELL = 5.0
+"""standard deviations of χ² beyond its expectation, up to which two starts make good a window"""
 UNSEEN = 1e-11
 """of the largest eigenvalue of scaled normal equations, below which a direction is not seen at all"""
 
@@ -42,7 +47,7 @@ class _Parts:
     t: Float[np.ndarray, " K"]
     """s on the window's own clock"""
     count: Int[np.ndarray, " K"]
-    """numbers recorded so far"""
+    """numbers recorded so far; all of them at the last"""
     grams: Float[np.ndarray, "K own+1 own+1"]
     """of [J_own r]"""
     whole: Float[np.ndarray, "own+1 own+1"]
@@ -53,30 +58,52 @@ class _Parts:
     """changes of the start with which every cable stays as long as it is"""
 
 
-def find_restarts(model: Completed, held: Iterable[Window], level: float) -> tuple[Contact, ...]:
-    """Every push, at most one a window; none where more than a few windows begin anew.
+def find_pushes(model: Completed, predicted: HeldOut, held: Sequence[Window]) -> tuple[Contact, ...]:
+    """Every push, one a window, where the windows that were not pushed are white; none where nothing shows that.
 
-    model: the best. held: windows that it has not seen, looked at too. level: standard deviation of the noise over the
-    declared one.
+    model: the best. predicted, held: what it leaves of windows that no fit has seen, and these windows.
     """
-    optimum = model.fit.journey.optimum
-    parts = _all_parts(model.fit.likelihood, optimum.simulation, model.fit.journey.lost)
-    found, _ = predictions(model, tuple(held))
-    for _, prediction in found:
-        journey, others = prediction.journey, set(range(len(prediction.likelihood.recordings))) - {prediction.place}
-        if not prediction.lost:
-            parts |= _all_parts(prediction.likelihood, journey.optimum.simulation, others)
-    pairs = sum(len(_pairs(one)) for one in parts.values())
-    pushed = [_push(id, one, level, CHANCE / max(1, pairs)) for id, one in parts.items()]
+    leftovers = (*model.leftovers, *predicted.leftovers)
+    odd = _odd(leftovers)
+    if not odd:
+        return ()
+    level = whiteness([one for one in leftovers if one.window not in odd]).level
+    parts = _parts_of(model, [window for window in held if window.id in odd], odd)
+    pairs = len(leftovers) * max((len(_pairs(one)) for one in parts.values()), default=1)
+    pushed = [_push(id, one, level, CHANCE / pairs) for id, one in parts.items()]
     seen = tuple(contact for contact in pushed if contact is not None)
-    return seen if len(seen) <= max(1.0, FEW * len(parts)) else ()
+    return seen if len(seen) == len(odd) else ()
 
 
-def _all_parts(likelihood: Likelihood, simulation: Simulation, without: Iterable[int]) -> dict[str, _Parts]:
-    """By the windows' ids."""
+def _odd(leftovers: Sequence[Leftover]) -> set[str]:
+    """The few windows without which the others are white; none where all are, or where it would take many."""
+    if whiteness(leftovers).is_white:
+        return set()
+    chances = {one.window: whiteness([one]).p_value for one in leftovers}
+    worst = sorted(chances, key=lambda id: chances[id])
+    for few in range(1, max(1, int(FEW * len(leftovers))) + 1):
+        odd = set(worst[:few])
+        if whiteness([one for one in leftovers if one.window not in odd]).is_white:
+            return odd
+    return set()
+
+
+def _parts_of(model: Completed, held: Sequence[Window], wanted: set[str]) -> dict[str, _Parts]:
+    """Of the windows that are wanted, fitted or held out, and that are followed to their ends."""
+    likelihood, journey = model.fit.likelihood, model.fit.journey
     ids = [recording.window.id for recording in likelihood.recordings]
-    skipped = set(without)
-    found = (one for one in linearised(likelihood, simulation) if one.window not in skipped)
+    fitted = [w for w, id in enumerate(ids) if id in wanted and w not in journey.lost]
+    parts = _all_parts(likelihood, journey.optimum.simulation, fitted) if fitted else {}
+    for _, prediction in predictions(model, held)[0] if held else ():
+        if not prediction.lost:
+            parts |= _all_parts(prediction.likelihood, prediction.journey.optimum.simulation, [prediction.place])
+    return parts
+
+
+def _all_parts(likelihood: Likelihood, simulation: Simulation, wanted: Sequence[int]) -> dict[str, _Parts]:
+    """Of recordings by their places, with their windows' ids."""
+    ids = [recording.window.id for recording in likelihood.recordings]
+    found = (one for one in linearised(likelihood, simulation) if one.window in wanted)
     return {ids[one.window]: _parts(likelihood, simulation, one) for one in found}
 
 
@@ -129,7 +156,11 @@ def _push(id: str, one: _Parts, level: float, chance: float) -> Contact | None:
     gain = (single - double) / level**2
     if gain.max() < chdtri(one.kept.shape[1], chance):
         return None
-    best = _shortest(double / level**2, one.count[pairs[:, 1]] - one.count[pairs[:, 0]])
+    inside = one.count[pairs[:, 1]] - one.count[pairs[:, 0]]
+    best = _shortest(double / level**2, inside)
+    free = one.count[-1] - inside[best]
+    if double[best] / level**2 > free + WELL * np.sqrt(2.0 * free):
+        return None
     begin, end = (float(one.t[k]) for k in pairs[best])
     ratio = float(single[best] / double[best])
     return Contact(id, round(begin - SOONER, 2), round(end + SOONER, 2), ratio, SOONER, float(gain.max()))

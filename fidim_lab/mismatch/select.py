@@ -14,9 +14,11 @@ import numpy as np
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.refit import Completed, HeldOut, evidence, predict, refit
+from fidim_lab.mismatch.restarts import find_pushes
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.sprung import left_at_first
 from fidim_lab.mismatch.views import ENOUGH, FEEBLE, PERIODIC, View, view
@@ -26,6 +28,8 @@ MOST_TERMS = 3
 CLOSE = 25.0
 """nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
 SHORTLIST = 3
+PUSH_COST = 20.0
+"""nats: what the freedom of another start costs, as a few terms of a wide prior do"""
 DROPPABLE = 200.0
 """nats, to first order, above which nobody tries to do without a term"""
 
@@ -62,18 +66,24 @@ class Selection:
     """all scores at the model as it is"""
     last: View
     """all scores at the best model: what could still be added, or stand in the place of what is in"""
+    pushes: tuple[Contact, ...] = ()
+    """for which the search was broken off: all but these windows follow the best model"""
 
 
-def select(start: Baseline, say: Say) -> Selection:
-    """Search for what was left out, starting from the fits of the model as it is."""
-    return _Search(start, say).run()
+def select(start: Baseline, say: Say, *, pushes: bool = True) -> Selection:
+    """Search for what was left out, starting from the fits of the model as it is.
+
+    pushes: break off where a push within a few windows is all that is left, so that it can be cut out.
+    """
+    return _Search(start, say, pushes).run()
 
 
 class _Search:
     """One search: what was fitted on the way is kept for the ranking."""
 
-    def __init__(self, start: Baseline, say: Say) -> None:
-        self.start, self.say = start, say
+    def __init__(self, start: Baseline, say: Say, look_for_pushes: bool) -> None:
+        self.start, self.say, self.look_for_pushes = start, say, look_for_pushes
+        self.pushes: tuple[Contact, ...] = ()
         self.passing: list[Completed] = []
         self.tried: list[Candidate] = []
         self.first: View | None = None
@@ -87,7 +97,8 @@ class _Search:
         if not start.follows:
             best = self._best_over_all(baseline, self._over_first_seconds())
         best, last = self._over_whole_windows(best)
-        best, last = self._with_phases_anew(best, last)
+        if not (self.pushes or start.follows):
+            best, last = self._with_phases_anew(best, last)
         return Selection(
             best=best,
             baseline=baseline,
@@ -95,6 +106,7 @@ class _Search:
             passing=tuple(self.passing),
             first=last if self.first is None else self.first,
             last=last,
+            pushes=self.pushes,
         )
 
     def _over_first_seconds(self) -> list[Completed]:
@@ -143,9 +155,9 @@ class _Search:
         return self._accepted(baseline, fresh)
 
     def _over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
-        """Additions until none is asked for; the view from the last model."""
+        """Additions until none is asked for, or a push is all that is left; the view from the last model."""
         seen = self._view(best.model)
-        while best.model.whole and seen.unfitted is None:
+        while best.model.whole and seen.unfitted is None and not self._pushed(best, seen):
             fresh: list[Candidate] = []
             for score in seen.additions(MOST_TERMS - len(best.model.tried)):
                 self.say(f"fitting {' + '.join([best.model.label, score.label][not best.model.tried :])}")
@@ -158,11 +170,24 @@ class _Search:
             self.tried += fresh
             further = self._accepted(best, fresh)
             if further is best:
+                self._pushed(best, None)
                 break
             best = further
             self.say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
             seen = self._view(best.model)
         return best, seen
+
+    def _pushed(self, best: Candidate, seen: View | None) -> bool:
+        """Whether pushes are all that is left; with a view, only where they say more than any effect would."""
+        if not self.look_for_pushes:
+            return False
+        found = find_pushes(best.model, best.held_out, self.start.held_out)
+        gain = sum(push.gain or 0.0 for push in found)
+        if seen is not None and found:
+            evidence = 0.5 * gain / seen.projected.inflation - PUSH_COST * len(found)
+            found = found if evidence > seen.singles[0].log_evidence else ()
+        self.pushes = found
+        return bool(found)
 
     def _with_phases_anew(self, best: Candidate, last: View) -> tuple[Candidate, View]:
         """What oscillates, looked for once more in whole windows, where structure stays.

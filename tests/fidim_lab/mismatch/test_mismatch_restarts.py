@@ -10,7 +10,8 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.contacts import SOONER, Contact, whole_id, without
-from fidim_lab.mismatch.restarts import STEP, find_restarts
+from fidim_lab.mismatch.restarts import STEP, find_pushes
+from fidim_lab.mismatch.select import select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign
@@ -24,7 +25,7 @@ def fitted(robot: Robot, *hidden: str, seed: int = 31) -> Baseline:
 
 
 def pushes(baseline: Baseline) -> tuple[Contact, ...]:
-    return find_restarts(baseline.as_it_is, baseline.held_out, 1.0)
+    return find_pushes(baseline.as_it_is, baseline.predicted, baseline.held_out)
 
 
 @pytest.mark.slow
@@ -46,7 +47,16 @@ def test_nobody_pushes_where_nothing_is_missing(irma4: Robot) -> None:
 
 @pytest.mark.slow
 def test_physics_that_acts_in_every_window_is_no_push(irma4: Robot) -> None:
-    assert not pushes(fitted(irma4, "air-drag-quadratic:c=0.3"))
+    found = select(fitted(irma4, "air-drag-quadratic:c=0.3"), lambda _: None)
+    assert not found.pushes
+    assert found.best.model.label == "air-drag-quadratic"
+
+
+@pytest.mark.slow
+def test_a_search_ends_at_a_push_that_is_all_that_is_left(irma4: Robot) -> None:
+    found = select(fitted(irma4, "hand-contact:fx=0.15,fy=-0.2,start=2.5,stop=3.3,window=2"), lambda _: None)
+    assert [push.window for push in found.pushes] == ["i02"]
+    assert not found.best.model.tried
 
 
 def test_parts_of_a_window_know_which_they_were_cut_from(irma4: Robot) -> None:
