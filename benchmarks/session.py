@@ -34,6 +34,8 @@ LONGEST = 20.0
 QUICK_STOP, ENABLED, READY = 0x02, 0x27, 0x21
 NODES = (1, 2, 3, 4)
 WINDOWS, TRIES = 40, 3
+LEAST = 14.0
+"""s that a window of ten takes at least"""
 SETTLED = 20.0
 """s after which memory counts: by then everything has been imported and opened once"""
 
@@ -161,7 +163,8 @@ def _quantiles(values: list[float], which: tuple[float, ...], unit: str, digits:
 def memory(options: argparse.Namespace) -> str:
     """One session; the service's resident memory after its first minute and at the end."""
     with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
-        made = stack.enter_context(bench(Path(place), options.sync, 10.0, WINDOWS, options.slow, options.markers))
+        windows = WINDOWS + round(60.0 * options.minutes / LEAST)
+        made = stack.enter_context(bench(Path(place), options.sync, 10.0, windows, options.slow, options.markers))
         folder, since = made.folder / "run", time.monotonic()
         process = made.run("run")
         wait_for(folder, Kind.STEP_FINISHED, "Accept", since, process)
@@ -174,6 +177,8 @@ def memory(options: argparse.Namespace) -> str:
             pause(2.0)
             with suppress(OSError):
                 sizes.append(_resident(service))
+        if process.poll() is not None:
+            sys.exit(f"ended after {time.monotonic() - begin:.0f} s:\n{process.communicate()[0][-2000:]}")
         seconds, used = time.monotonic() - begin, _cpu(service) - cpu
         os.kill(service, signal.SIGTERM)
         process.communicate(timeout=60)

@@ -1,5 +1,6 @@
 """A file while it is written: `NAME.part` until it is finished, and whole units only, even when the disk is full."""
 
+import asyncio
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -63,6 +64,18 @@ class PartFile:
             self.failed = True
             raise disk_error(self.path, error) from error
 
+    async def sync_beside(self) -> None:
+        """As `sync`, but a slow disk is waited for in a thread: who holds a robot goes on meanwhile."""
+        self.flush()
+        if self._descriptor is None:
+            return
+        own = os.dup(self._descriptor)  # closed by the thread: a run that is stopped meanwhile closes the file's
+        try:
+            await asyncio.get_running_loop().run_in_executor(None, _sync_and_close, own)
+        except OSError as error:
+            self.failed = True
+            raise disk_error(self.path, error) from error
+
     def close(self) -> None:
         """Flush, bring to the disk, close; may be called twice."""
         descriptor = self._descriptor
@@ -83,6 +96,13 @@ class PartFile:
         except OSError as error:
             raise disk_error(to, error) from error
         return to
+
+
+def _sync_and_close(descriptor: int) -> None:
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def keep_unfinished(folder: Path, window: str = "*") -> tuple[Path, ...]:

@@ -121,10 +121,10 @@ class WindowLog:
         self.file.add(self._encoder.flush())
         self.file.flush()
 
-    def sync(self) -> None:
-        """Flush, and bring it to the disk."""
+    async def sync_beside(self) -> None:
+        """Flush, and bring it to the disk in a thread."""
         self.file.add(self._encoder.flush())
-        self.file.sync()
+        await self.file.sync_beside()
 
     def finish(self, to: Path) -> Path:
         """Write the index, close, and give the file its last name."""
