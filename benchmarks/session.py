@@ -227,6 +227,7 @@ def main() -> None:
     before = spent()
     text = {"chain": chain, "memory": memory}[options.what](options)
     shown = f"--rounds {options.rounds}" if options.what == "chain" else f"--minutes {options.minutes:g}"
+    shown += f" --sync {options.sync:g}" + (f" --slow {options.slow:g}" if options.slow != 1.0 else "")
     text += f"\n\nSYNC {options.sync:g} Hz, markers {options.markers:g} Hz, UI {'on' if options.ui else 'off'}."
     text += f" {meanwhile(before, idle=options.idle)}"
     if options.printed:
