@@ -23,7 +23,7 @@ import numpy as np
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.cia402.words import Mode
-from drivers.clock import LoopClock
+from drivers.clock import LoopClock, precise_loop
 from sim_backends.can_node import Outgoing
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.node import SimulatedDrive
@@ -164,4 +164,5 @@ async def _serve(over: str, port: int, rate: float, file: Path) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(_serve(sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), Path(sys.argv[4])))
+    with asyncio.Runner(loop_factory=precise_loop) as runner:
+        runner.run(_serve(sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), Path(sys.argv[4])))

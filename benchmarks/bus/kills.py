@@ -26,7 +26,7 @@ from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.cyclic import make_winch
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.words import Mode
-from drivers.clock import LoopClock
+from drivers.clock import LoopClock, precise_loop
 from fidim_lab.errors import DeviceError
 from sim_backends.drive.machine import State
 from sim_backends.drive.node import SimulatedDrive
@@ -221,7 +221,8 @@ def _told(found: list[Round]) -> str:
 
 
 def _master(port: int, mode: Mode, parent: Connection) -> None:
-    asyncio.run(_drive(port, mode, parent))
+    with asyncio.Runner(loop_factory=precise_loop) as runner:
+        runner.run(_drive(port, mode, parent))
 
 
 async def _drive(port: int, mode: Mode, parent: Connection) -> None:

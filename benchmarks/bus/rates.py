@@ -25,7 +25,7 @@ from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame, CanTransport
 from drivers.cia402.cyclic import CyclicWinch
 from drivers.cia402.master import CanopenMaster
-from drivers.clock import LoopClock
+from drivers.clock import LoopClock, precise_loop
 from drivers.mocap.feeds import UdpFeed
 from drivers.mocap.source import StreamMarkerSource
 from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
@@ -114,7 +114,8 @@ def rates(over: list[str], syncs: list[float], minutes: float) -> str:
     rows: list[list[str]] = []
     for kind in over:
         for sync in syncs:
-            found = asyncio.run(measure(kind, sync, 60.0 * minutes))
+            with asyncio.Runner(loop_factory=precise_loop) as runner:  # as the service has it
+                found = runner.run(measure(kind, sync, 60.0 * minutes))
             rows.append(found.row())
             print(" | ".join(rows[-1]), flush=True)
     return table(HEAD, rows)

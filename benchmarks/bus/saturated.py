@@ -18,7 +18,7 @@ from drivers.canbus.candump import CandumpLog, read_candump
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.master import CanopenMaster
-from drivers.clock import LoopClock
+from drivers.clock import LoopClock, precise_loop
 
 SYNC = 250.0
 """Hz"""
@@ -31,7 +31,8 @@ def saturated(over: list[str], minutes: float) -> str:
     """The table."""
     rows: list[list[str]] = []
     for kind in over:
-        rows.append(asyncio.run(_measure(kind, 60.0 * minutes)))
+        with asyncio.Runner(loop_factory=precise_loop) as runner:
+            rows.append(runner.run(_measure(kind, 60.0 * minutes)))
         print(" | ".join(rows[-1]), flush=True)
     full = f"\n\nFrames of 6 and 7 bytes: {FRAMES_PER_SECOND:.0f} a second fill 1 Mbit/s at worst-case stuffing."
     return table(HEAD, rows) + full + " (Of 8 bytes it would be 7407.)"

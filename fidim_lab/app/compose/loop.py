@@ -8,6 +8,7 @@ from collections.abc import Coroutine, Generator
 from types import FrameType
 from typing import Any, TypeVar
 
+from drivers.clock import precise_loop
 from fidim_lab.errors import FidimError
 from sim_backends.jumping_loop import run as run_jumping
 
@@ -32,7 +33,10 @@ def run_loop(main: Coroutine[Any, Any, T], *, real_time: bool) -> T:
             return await main
 
     try:
-        return asyncio.run(cancellable()) if real_time else run_jumping(cancellable())
+        if not real_time:
+            return run_jumping(cancellable())
+        with asyncio.Runner(loop_factory=precise_loop) as runner:
+            return runner.run(cancellable())
     except asyncio.CancelledError:
         if heard:
             raise KeyboardInterrupt from None
