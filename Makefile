@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: install dry-run test check lock bench outputs reference docs clean
+.PHONY: install dry-run test check peers lock bench outputs reference docs clean
 
 install: $(STAMP)
 
@@ -24,6 +24,14 @@ check: install
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/basedpyright
+
+# Against what others wrote: what does not install here is skipped, with the reason.
+peers: install
+	test -x build/peers/python/bin/python || $(PYTHON) -m venv build/peers/python
+	-for peer in numpy motioncapture==1.1 qtm-rt==3.1.0 natnet==0.3.0; do \
+	    build/peers/python/bin/python -m pip install --quiet $$peer; done
+	-test -d build/peers/node/node_modules/canopen || npm install --silent --prefix build/peers/node canopen@6.2.1
+	$(BIN)/python -m pytest -m peer -rs
 
 # The long ones: whole campaigns, real processes, Monte Carlo.
 bench: install

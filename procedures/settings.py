@@ -109,8 +109,8 @@ class AlignSettings:
 
     amplitude: float = 0.015
     """m up and down from the window's place"""
-    seconds: float = 15.0
-    """of looking; ten are the least that correlation takes"""
+    seconds: float = 30.0
+    """of looking; ten are the least that correlation takes, and a busy computer scatters what it sees"""
     speed: float = 0.1
     """m/s"""
     acceleration: float = 0.5

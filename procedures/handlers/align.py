@@ -60,4 +60,6 @@ async def _lag(step: Jog, recorded: Recording) -> Result:
     )
     outcome, reason = judge(found)
     says = f"the markers are {1e3 * lag:.2f} ms late against the encoders, ±{1e3 * sd:.2f} ms"
-    return Result(outcome, reason or says, found, values=(lag, sd, correlation))
+    if not outcome.usable:
+        says = f"{reason}: look for longer (--set align.seconds={2.0 * step.duration:g}), nothing else running here"
+    return Result(outcome, says, found, values=(lag, sd, correlation))

@@ -59,4 +59,4 @@ class Told(GiveUp):
     @property
     def text(self) -> str:
         """What is said."""
-        return f"{self.outcome}{f': {self.reason}' if self.reason else ''}"
+        return "how late the markers are"

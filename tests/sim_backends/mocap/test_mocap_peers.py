@@ -1,10 +1,11 @@
-"""Other people's clients read our simulated servers, from the Python that FIDIM_PEER_PYTHON names, else from ours."""
+"""Other people's clients read our simulated servers, from the Python of `make peers` (or FIDIM_PEER_PYTHON)."""
 
 import json
 import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from sim_backends.mocap.server import MocapServer, Timing
 from sim_backends.mocap.sockets import TcpServer
 
 pytestmark = pytest.mark.peer
-PYTHON = os.environ.get("FIDIM_PEER_PYTHON", sys.executable)
+MADE = Path(__file__).parents[3] / "build" / "peers" / "python" / "bin" / "python"
+PYTHON = os.environ.get("FIDIM_PEER_PYTHON", str(MADE) if MADE.exists() else sys.executable)
 PLACE = (1.25, -0.5, 0.75)
 
 
