@@ -72,11 +72,18 @@ def whole_ground(short: Ground, windows: Sequence[Window]) -> Ground:
 
 
 def settle(
-    ground: Ground, donor: Fit, mechanism: Mechanism, start: Point, prior: Prior, free: np.ndarray
+    ground: Ground,
+    donor: Fit,
+    mechanism: Mechanism,
+    start: Point,
+    prior: Prior,
+    free: np.ndarray,
+    wanted: float = np.inf,
 ) -> Fit | None:
     """The fit of a model from a start near its optimum; None where it does not get there.
 
-    prior: as `ground.prior` gives it. free: which shared parameters move.
+    prior: as `ground.prior` gives it. free: which shared parameters move. wanted: the sum of squares of whole
+    recordings above which the fit is of no use, so that it may be given up.
     """
     prior = bounded(prior, mechanism)
     if begins_anew(mechanism, donor):
@@ -88,9 +95,10 @@ def settle(
     likelihood = likelihood_with(ground.likelihood, mechanism, start.shared)
     if ground.whole and not _is_whole(ground, donor):
         nearby = replace(prior, sd=prior.sd / FAR_PRIOR)
-        journey = grow(likelihood, start, nearby, free, HORIZONS, AT_LAST if mechanism.springs else FINAL)
+        last = replace(AT_LAST if mechanism.springs else FINAL, wanted=wanted)
+        journey = grow(likelihood, start, nearby, free, HORIZONS, last)
     else:
-        effort = BESIDE if ground.whole else IN_PASSING
+        effort = replace(BESIDE, wanted=wanted) if ground.whole else IN_PASSING
         optimum = optimise(likelihood, start, donor.journey.ends, prior, effort, free)
         journey = None if optimum is None else replace(donor.journey, optimum=optimum)
     return None if journey is None else as_fit(donor, likelihood, journey, prior)

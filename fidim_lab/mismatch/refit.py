@@ -146,13 +146,16 @@ def refit(
     *,
     ringing: bool = False,
     phases: Float[np.ndarray, " W"] | None = None,
+    simpler: Completed | None = None,
 ) -> Completed | None:
     """Fit the model with these effects from these θ; None where it does not get there.
 
     donor: the fit whose body and states are the start. Bounds hold inside the fit: what would cross one is held on it.
     ringing: the oscillations of stiff cables are followed too, which begin where the platform is let go.
     phases: of the last effect in each window (rad), where it has such as its one extra state.
+    simpler: a model of which this one is a wider form: a fit that will hardly get as far is given up.
     """
+    wanted = np.inf if simpler is None else _cost(simpler, ground)
     mechanism = _mechanism(ground, donor, tried, starts, ringing)
     prior = ground.prior(
         np.concatenate([np.zeros(0), *(h.absent for h in tried)]),
@@ -171,7 +174,7 @@ def refit(
         states = replace(states, astray=np.column_stack([others, phases]))
     for _ in range(ROUNDS):
         start = Point(shared, tied(mechanism, shared, states, ground.likelihood.begins))
-        found = settle(ground, donor, mechanism, start, prior, free)
+        found = settle(ground, donor, mechanism, start, prior, free, wanted)
         if found is None:
             return None
         theta = found.values[BODY:]
@@ -182,6 +185,13 @@ def refit(
         shared = np.concatenate([found.values[:BODY], np.clip(theta, low, high)])
         states = found.journey.optimum.point.states
     return None
+
+
+def _cost(model: Completed, ground: Ground) -> float:
+    """Sum of squares that a wider form must beat; infinite where it is not of the same recordings to their ends."""
+    journey = model.fit.journey
+    whole = model.whole and ground.whole and not (journey.lost or journey.slack)
+    return journey.optimum.cost if whole else np.inf
 
 
 def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:

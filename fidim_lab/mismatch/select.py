@@ -13,7 +13,7 @@ import numpy as np
 
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.springs import stretches
-from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.baseline import HOPELESS, Baseline
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
@@ -145,10 +145,11 @@ class _Search:
     def _best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
         """Models of the first seconds fitted to whole windows, and the best of them."""
         fresh: list[Candidate] = []
-        for model in short:
+        for model in (model for model in short if model.excess < HOPELESS):
             self.say(f"fitting {model.label} to whole windows")
             thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
-            found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context)
+            as_it_is = baseline.model
+            found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context, simpler=as_it_is)
             if found is not None:
                 fresh.append(self._judged_or_wider(self._widened(found, found.tried), found.tried))
         self.tried += fresh
@@ -228,8 +229,11 @@ class _Search:
         thetas = [best.theta_of(k)[0] for k in kept]
         thetas += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
         tried = (*(best.tried[k] for k in kept), *score.tried)
-        found = refit(self._ground(best), best.fit, tried, thetas, self.start.context, phases=score.phases)
-        return None if found is None else self._widened(found, score.tried)
+        ground, context = self._ground(best), self.start.context
+        found = refit(ground, best.fit, tried, thetas, context, phases=score.phases, simpler=best)
+        if found is None or _rest(found) > (1 - FEEBLE) * _rest(best):
+            return found  # so little that no wider form of it can be the truth
+        return self._widened(found, score.tried)
 
     def _widened(self, model: Completed, new: Sequence[Hypothesis]) -> Completed:
         """With a more general form of a new term, or cables that ring, where the simple form leaves such structure."""
@@ -270,7 +274,7 @@ class _Search:
             return near
         best = _best_of(near)
         thetas = [best.theta_of(k)[0] for k in range(len(best.tried))]
-        whole = refit(self.start.whole_ground, best.fit, best.tried, thetas, self.start.context)
+        whole = refit(self.start.whole_ground, best.fit, best.tried, thetas, self.start.context, simpler=model)
         return [] if whole is None else [whole]
 
     def _pruned(self, model: Completed) -> Completed:
@@ -291,6 +295,11 @@ class _Search:
 
     def _judged(self, model: Completed) -> Candidate:
         return _candidate(model, predict(model, self.start.held_out))
+
+
+def _rest(model: Completed) -> float:
+    """χ²/dof of what it was fitted to, beyond that of the noise."""
+    return max(model.excess - 1, 0.0)
 
 
 def _candidate(model: Completed, held: HeldOut) -> Candidate:

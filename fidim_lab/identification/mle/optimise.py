@@ -20,6 +20,8 @@ MISFIT, MISFIT_HASTE = 1.5, 100.0
 EDGE = 0.1
 """with springs: share of the whole below which a promise that no step keeps is an edge of the model, a cable that gets
 slack or dry friction that turns, on which the optimum lies; beyond it something is wrong"""
+PATIENCE, REACH = 5, 3.0
+"""rounds after which, and times what is promised beyond which, a sum of squares that is wanted is out of reach"""
 HOPELESS = 1e-3
 """a promise of more than this share of the whole is always followed up, however large the misfit"""
 
@@ -52,6 +54,8 @@ class Effort:
     rounds: int
     damping: float
     """at the start"""
+    wanted: float = np.inf
+    """sum of squares that is of any use: what will hardly come so far is given up (`Ending.EXHAUSTED`)"""
 
 
 ROUGH = Effort(resolution=QUICK, promise=1.0, rounds=25, damping=1e-3)
@@ -102,7 +106,7 @@ def optimise(
         promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted
         if promise < min(negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
-        if rounds == effort.rounds:
+        if rounds == effort.rounds or (rounds >= PATIENCE and cost - REACH * promise > effort.wanted):
             ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.EXHAUSTED
             return Optimum(simulation, tables, cost, ending, rounds)
         while True:

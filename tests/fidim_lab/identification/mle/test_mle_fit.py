@@ -12,7 +12,8 @@ from fidim_lab.data.records import Body, Role, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle import held_out, spread, stages
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.mle.optimise import Ending
+from fidim_lab.identification.mle.likelihood import Point
+from fidim_lab.identification.mle.optimise import FINAL, PATIENCE, Ending, optimise
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
@@ -55,6 +56,25 @@ def test_the_body_is_found_within_its_uncertainty(n, robot_with, record, truth):
 @pytest.fixture(scope="module")
 def from_cad(four, record):
     return fit(Mechanism(four), record(four, 3))
+
+
+def test_a_fit_that_will_not_come_as_far_as_is_wanted_is_given_up(from_cad):
+    likelihood, found = from_cad.likelihood, from_cad.journey.optimum
+    off = Point(
+        found.point.shared * np.append(np.full(9, 1.02), np.ones(len(found.point.shared) - 9)), likelihood.guesses
+    )
+    free = np.ones(len(off.shared), dtype=bool)
+
+    def ended(wanted, promise):
+        effort = replace(FINAL, wanted=wanted, promise=promise)
+        return optimise(likelihood, off, from_cad.journey.ends, from_cad.prior, effort, free)
+
+    reached = ended(found.cost * 1.01, FINAL.promise)
+    assert reached.ending is Ending.CONVERGED
+    assert reached.cost == pytest.approx(found.cost, rel=1e-6)
+    given_up = ended(0.5 * found.cost, promise=0.0)
+    assert given_up.ending is Ending.EXHAUSTED
+    assert given_up.rounds == PATIENCE
 
 
 @pytest.mark.parametrize(
