@@ -74,7 +74,8 @@ def prepare(spec: RunSpec) -> Work:
         if spec.accept_place:
             resumption = replace(resumption, place=None)
     made = experiment(spec.procedure, plan, file.robot, _settings(spec, file), resumption=resumption)
-    return Work(spec, file, plan, made, resumption, None if spec.procedure == ALIGN else known_alignment(file))
+    alignment = None if spec.resume or spec.procedure == ALIGN else known_alignment(file)
+    return Work(spec, file, plan, made, resumption, alignment)
 
 
 def run_service(work: Work) -> int:
@@ -119,7 +120,7 @@ def _service(work: Work, opened: Opened) -> Service:
 
 
 async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
-    logs = RunRecords(work.spec.out, opened.rig, lambda: _write_papers(work))
+    logs = RunRecords(work.spec.out, opened.rig, lambda: write_papers(work))
     opened.tap(logs.on_frame)
     guards = (LogGuard(logs.error), *_more_guards(work))
     service.broadcast.more_guards(guards)
@@ -175,7 +176,8 @@ def _more_guards(work: Work) -> tuple[Guard, ...]:
     return (*host, PatienceGuard(unattended.max_hours))
 
 
-def _write_papers(work: Work) -> None:
+def write_papers(work: Work) -> None:
+    """What a run's folder needs beside its windows. Raises OSError, HardwareError."""
     if work.resumption is not None:
         return  # they are there
     shutil.copyfile(work.spec.rig, work.spec.out / RIG)

@@ -1,6 +1,7 @@
 """A run that is left alone: answers stated, hours kept, and told how it ended."""
 
 import json
+from dataclasses import replace
 from datetime import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,10 +10,11 @@ import pytest
 
 from fidim_lab.app.run import RunOptions, make_spec, require_answers
 from fidim_lab.app.run_process import said_at_end
-from fidim_lab.app.service.main import prepare
+from fidim_lab.app.service.main import prepare, write_papers
 from fidim_lab.app.service.spec import RunSpec, overridden, read_spec, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, quiet, run_hook, write_summary
-from fidim_lab.data.records import Role
+from fidim_lab.data.alignment_file import alignment_path, read_alignment, write_alignment
+from fidim_lab.data.records import Alignment, Role
 from fidim_lab.errors import FileError, SetupError
 from procedures.guards import Observation
 from procedures.outcomes import Outcome
@@ -52,7 +54,7 @@ def options(tmp_path, **more):
         "stay": False,
         "tcp": None,
     }
-    return RunOptions(plan=plan, rig=RIG, **{**rest, **more})
+    return RunOptions(**{"plan": plan, "rig": RIG, **rest, **more})
 
 
 BOTH = ("displace-and-release=done", "steady=done@2")
@@ -66,6 +68,23 @@ def test_a_prompt_without_a_stated_answer_refuses_to_start(tmp_path):
     require_answers(prepare(make_spec(options(tmp_path, unattended=False))))
     with pytest.raises(SetupError, match="the choices are done, skip, abort"):
         require_answers(prepare(make_spec(options(tmp_path, answers=(BOTH[0], "steady=perhaps")))))
+
+
+def test_what_align_has_measured_with_this_rig_goes_with_the_run(tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(RIG.read_text())
+    known = Alignment(0.004, 2e-4, 0.99, "2026-01-01T00:00:00Z", "vicon-udp", 100.0, 100.0)
+    write_alignment(alignment_path(rig), known)
+    spec = make_spec(options(tmp_path, answers=BOTH, rig=rig, embedded=False))
+    work = prepare(spec)
+    spec.out.mkdir(parents=True)
+    write_papers(work)
+    assert read_alignment(spec.out / "alignment.toml") == known
+    assert prepare(spec.model_copy(update={"embedded": True})).alignment is None  # other cameras
+    assert prepare(spec.model_copy(update={"procedure": "align"})).alignment is None  # its own
+    write_alignment(alignment_path(rig), replace(known, source="osc"))
+    with pytest.raises(SetupError, match=r"measured with motion_capture\.kind osc"):
+        prepare(spec)
 
 
 @pytest.mark.parametrize(
