@@ -112,7 +112,7 @@ def _is_whole(ground: Ground, donor: Fit) -> bool:
 
 def nearer(found: Fit, seconds: float) -> Fit | None:
     """The same model fitted to so many seconds only."""
-    recordings = tuple(cut(recording, seconds) for recording in found.likelihood.recordings)
+    recordings = tuple(recording.until(seconds) for recording in found.likelihood.recordings)
     likelihood = replace(found.likelihood, recordings=recordings)
     ends = np.array([recording.end for recording in recordings])
     free = np.ones(len(found.values), dtype=bool)
@@ -150,12 +150,6 @@ def shortened(window: Window, seconds: float) -> Window:
         currents=None if window.currents is None else window.currents[:last],
         further={},
     )
-
-
-def cut(recording: Recording, seconds: float) -> Recording:
-    """A recording up to so many seconds; its lengths stay those of the whole."""
-    use = recording.t <= seconds + 1e-9
-    return replace(recording, t=recording.t[use], markers=recording.markers[use])
 
 
 def _recorded(short: Recording, window: Window) -> Recording:

@@ -32,7 +32,6 @@ from fidim_lab.mismatch.ground import (
     NEAR,
     SHORT,
     as_fit,
-    cut,
     ground_of,
     nearer,
     settle,
@@ -176,7 +175,7 @@ def extended(found: Fit, windows: Sequence[Window], seconds: float | None) -> Fi
             recording = prepare(window, mechanism.robot)
         except RefusedError:
             continue
-        recordings.append(recording if seconds is None else cut(recording, seconds))
+        recordings.append(recording if seconds is None else recording.until(seconds))
     predicted = predict_all(mechanism, found.values, recordings, mechanism.robot.sensors)
     usable = [(r, p) for r, p in zip(recordings, predicted, strict=True) if isinstance(p, Prediction)]
     if not usable:

@@ -83,34 +83,48 @@ def _predicted(
         return []
     recordings = tuple(recording for recording, _ in begun)
     likelihood = likelihood_of(mechanism, shared, recordings, [guess for _, guess in begun], sensors)
-    nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
-    held = np.zeros(len(shared), dtype=bool)
-    tried = [
-        grow(likelihood, Point(shared, states), nothing, held, HORIZONS)
-        for states in _starts(mechanism, likelihood.guesses)
-    ]
-    journeys = [journey for journey in tried if journey is not None]
-    if journeys:
-        return [_best([_prediction(likelihood, journey, w) for journey in journeys]) for w in range(len(begun))]
+    start = _start(likelihood, shared)
+    journey = None if start is None else _fitted(likelihood, shared, start)
+    if journey is not None:
+        return [_prediction(likelihood, journey, w) for w in range(len(begun))]
     if len(begun) == 1:
         says = f"Window {recordings[0].window.id}: its motion cannot be simulated with these parameters."
         return [RefusedError(says)]
     return [_predicted(mechanism, shared, [one], sensors)[0] for one in begun]
 
 
-def _starts(mechanism: Mechanism, guesses: States) -> list[States]:
-    """Where to begin: of which nothing is known before (a phase), at several values, for it may be found or missed."""
-    spread = spreads(mechanism)
+def _fitted(likelihood: Likelihood, shared: np.ndarray, states: States) -> Journey | None:
+    nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
+    held = np.zeros(len(shared), dtype=bool)
+    return grow(likelihood, Point(shared, states), nothing, held, HORIZONS)
+
+
+def _start(likelihood: Likelihood, shared: np.ndarray) -> States | None:
+    """Where to begin; None where no motion can be simulated.
+
+    States of which nothing is known before (a phase) may be found or missed: of several values, that with which the
+    first seconds of each window are followed best.
+    """
+    guesses, spread = likelihood.guesses, spreads(likelihood.mechanism)
     if not np.isinf(spread).any():
-        return [guesses]
-    shape = (len(guesses.positions), len(spread))
-    return [replace(guesses, astray=np.where(np.isinf(spread), phase, np.zeros(shape))) for phase in PHASES]
+        return guesses
+    near = replace(likelihood, recordings=tuple(recording.until(HORIZONS[-1]) for recording in likelihood.recordings))
+    nowhere = np.zeros((len(guesses.positions), len(spread)))
+    begins = [replace(guesses, astray=np.where(np.isinf(spread), phase, nowhere)) for phase in PHASES]
+    journeys = [journey for begin in begins if (journey := _fitted(near, shared, begin)) is not None]
+    if not journeys:
+        return None
+    chosen = journeys[0].optimum.point.states
+    for w in range(len(near.recordings)):
+        best = min((_prediction(near, journey, w) for journey in journeys), key=_misfit)
+        chosen = chosen.with_one(w, best.journey.optimum.point.states, w)
+    return chosen
 
 
 def _prediction(likelihood: Likelihood, journey: Journey, w: int) -> Prediction:
     return Prediction(journey, remainder(likelihood, journey.optimum.simulation, w), likelihood, w)
 
 
-def _best(found: list[Prediction]) -> Prediction:
-    """The one that follows longest, and of those the closest."""
-    return min(found, key=lambda one: (-one.remainder.dof, one.remainder.chi2))
+def _misfit(found: Prediction) -> tuple[float, float]:
+    """The one that follows longest is the best, and of those the closest."""
+    return -found.remainder.dof, found.remainder.chi2

@@ -4,7 +4,7 @@ Any sampling and any gaps: a missing coordinate gives no residual, nothing is in
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -59,6 +59,11 @@ class Recording:
         """Which samples lie within the first `end` seconds, and which of their coordinates are there."""
         use = self.t <= end + 1e-9
         return use, np.isfinite(self.markers[use])
+
+    def until(self, end: float) -> "Recording":
+        """The first `end` seconds; the lengths stay those of the whole."""
+        use, _ = self.seen_until(end)
+        return replace(self, t=self.t[use], markers=self.markers[use])
 
 
 def prepare(window: Window, robot: Robot) -> Recording:

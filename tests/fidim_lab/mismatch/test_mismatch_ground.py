@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Robot, Role, Window
 from fidim_lab.identification.mle.recordings import prepare
-from fidim_lab.mismatch.ground import cut, shortened
+from fidim_lab.mismatch.ground import shortened
 
 
 def window(begin: float = 0.0, missing: int = 0) -> Window:
@@ -34,7 +34,7 @@ def test_a_window_without_a_marker_stays() -> None:
 
 def test_a_cut_recording_keeps_begin_and_lengths(irma4: Robot) -> None:
     whole = prepare(replace(window(missing=20), lengths=np.linspace(1, 2, 4004).reshape(1001, 4)), irma4)
-    part = cut(whole, 1.0)
+    part = whole.until(1.0)
     assert part.end == pytest.approx(1.0)
     assert part.begin == whole.begin
     assert np.array_equal(part.lengths, whole.lengths)
