@@ -2,7 +2,7 @@
 
 Nothing is done where the fit leaves white noise. Otherwise
 
-    samples    that are off a motion which their neighbours follow: spikes too small, or too many, for screening
+    samples    off a motion which their neighbours follow, and steps in it, too small or too well hidden for screening
     contacts   of a hand, by segments (`contacts`), cut out
     windows    one whose χ² is several times the median: left out, and looked at again. It is given up only if the rest
                is then white, and a fault that it may have (an encoder that slipped before it, lost frames) makes it
@@ -13,32 +13,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from fidim_lab.data.records import Role, Window
+from fidim_lab.data.records import Role
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.clean import Cleaned
 from fidim_lab.mismatch.contacts import FAR_ABOVE, Contact, find_contacts, without
-from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_name
-from fidim_lab.mismatch.leftover import Leftover, of_fit
+from fidim_lab.mismatch.finding import Finding, Kind, marker_channel
+from fidim_lab.mismatch.leftover import of_fit
 from fidim_lab.mismatch.odd_windows import slipped_encoder, stumble
-from fidim_lab.mismatch.refit import HeldOut
+from fidim_lab.mismatch.off_motion import without_breaks
+from fidim_lab.mismatch.refit import Completed, HeldOut, predict
 from fidim_lab.mismatch.segments import Segmented, Segments, fit_segments
 from fidim_lab.mismatch.whiteness import whiteness
 
 Say = Callable[[str], None]
 
-OFF = 6.0
-"""standard deviations of the noise that a sample is off"""
-QUIET = 2.5
-"""rms of its neighbours' residuals, up to which they follow the motion"""
-BESIDE = 4
-"""samples on either side"""
-MOST_OFF = 0.2
-"""of a window's samples"""
-ROUNDS = 2
-"""of looking for contacts: a weak one shows only when stronger ones are gone"""
+ROUNDS = 3
+"""of looking at segments: what is weak shows only when what is stronger is gone"""
 ODD = 1.5
 """times the median χ²/dof of the windows: far beyond chance (0.03 in 10 s); what is then done must be shown to help"""
 USUAL = 1.2
@@ -57,15 +49,27 @@ def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) ->
     if whiteness((*of_fit(found), *held.leftovers)).is_white and not held.refused:
         return cleaned
     left = (*baseline.as_it_is.leftovers, *held.leftovers)
-    after = _without_samples(cleaned, left)
+    after = without_breaks(cleaned, left)
     say("looking for hands and single bad windows")
     for _ in range(ROUNDS):
         segments = fit_segments(found.likelihood.mechanism, after.campaign.windows)
-        further = _cut(after, segments, find_contacts(segments), say)
+        further = without_breaks(after, segments.leftovers)
+        if further is after:
+            further = _cut(after, segments, find_contacts(segments), say)
         if further is after:
             break
         after = further
+    if len(after.faults) > len(cleaned.faults):
+        after = _looked_again(after, found)
     return _without_encoders(after, found, held, say)
+
+
+def _looked_again(cleaned: Cleaned, found: Fit) -> Cleaned:
+    """Without what only a fit shows that is not bent by faults any more, most of all in the held-out windows."""
+    again = fit(found.likelihood.mechanism, cleaned.campaign.of_role(Role.IDENTIFY), start=found.body)
+    model = Completed((), again, whole=True)
+    held = predict(model, cleaned.campaign.of_role(Role.VALIDATE))
+    return without_breaks(cleaned, (*model.leftovers, *held.leftovers))
 
 
 def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say: Say) -> Cleaned:
@@ -116,51 +120,6 @@ def _gone(cleaned: Cleaned, one: Segmented, contact: Contact) -> Finding | None:
         f"them (χ²/dof {contact.ratio:.3g} times that before); it is left out."
     )
     return Finding(Kind.JUMP, window.id, marker_channel(0, 0), (contact.begin, end), contact.ratio, "times", says)
-
-
-def _without_samples(cleaned: Cleaned, left: Sequence[Leftover]) -> Cleaned:
-    """Samples off the fitted motion made missing, where their neighbours follow it."""
-    off = {one.window: _off(one) for one in left}
-    windows: list[Window] = []
-    faults: list[Finding] = []
-    for window in cleaned.campaign.windows:
-        here = off.get(window.id, ())
-        if not here:
-            windows.append(window)
-            continue
-        markers = window.markers.copy()
-        for time, marker, _ in here:
-            markers[int(np.argmin(np.abs(window.t - time))), marker] = np.nan
-        windows.append(replace(window, markers=markers))
-        faults += [_spike(window, *one) for one in here]
-    if not faults:
-        return cleaned
-    campaign = replace(cleaned.campaign, windows=tuple(windows))
-    return replace(cleaned, campaign=campaign, faults=(*cleaned.faults, *faults))
-
-
-def _off(left: Leftover) -> tuple[tuple[float, int, float], ...]:
-    """(time, marker, m): samples far off a motion that their neighbours follow; none where too many are."""
-    size = np.abs(left.values).max(axis=2)
-    far = np.argwhere(size > OFF)
-    edges = np.full((BESIDE, *left.values.shape[1:]), np.nan)
-    around = sliding_window_view(np.concatenate([edges, left.values, edges]), 2 * BESIDE + 1, axis=0)
-    beside = np.delete(around[far[:, 0], far[:, 1]], BESIDE, axis=2)
-    here = left.values[far[:, 0], far[:, 1]]
-    enough = np.isfinite(beside).all(axis=1).sum(axis=1) >= BESIDE
-    far, beside, here = far[enough], beside[enough], here[enough]
-    if len(far):
-        quiet = np.nanmedian(np.abs(beside).max(axis=1), axis=1) < QUIET
-        # off the neighbours too: the crest of what is missing is not
-        alone = np.abs(here - np.nanmedian(beside, axis=2)).max(axis=1) > OFF
-        far = far[quiet & alone]
-    found = ((float(left.t[row]), int(marker), float(size[row, marker] * left.noise)) for row, marker in far)
-    return tuple(found) if len(far) < MOST_OFF * len(size) else ()
-
-
-def _spike(window: Window, time: float, marker: int, size: float) -> Finding:
-    says = f"Window {window.id}: {marker_name(marker)} is {size * 1e3:.3g} mm off the motion at {time:.3f} s."
-    return Finding(Kind.SPIKE, window.id, marker_channel(marker, 0), (time, time), size, "m", says)
 
 
 def _without_encoders(cleaned: Cleaned, found: Fit, held: HeldOut, say: Say) -> Cleaned:

@@ -15,13 +15,15 @@ from scipy.ndimage import maximum_filter1d
 from scipy.special import chdtri, ndtri
 
 from fidim_lab.identification.signals import runs
-from fidim_lab.mismatch.neighbours import look
+from fidim_lab.mismatch.neighbours import FEWEST_BESIDE_STEP, look
 from fidim_lab.mismatch.rivals import Verdict, What, judge
 
 FALSE_ALARM = 1e-3
 """per campaign, for each of the two tests (single coordinate, three together)"""
 MARGIN = 1.05
 """for noise that was underestimated"""
+NOTHING = 0.8
+"""of what a score must be: steps that add up to less cancel"""
 CLEARER = 1.15
 """times as telling a step must be, where a spike would do; a true one is 1.4 times"""
 ROUNDS = 60
@@ -31,6 +33,8 @@ MOST_LOST = 20
 """frames"""
 PLAINER = 0.7
 """times the χ²/dof of one displaced sample, or a step, that lost frames must come down to"""
+SHORT = 3
+"""samples: displaced stretches up to this are spikes"""
 FITS = 2.0
 """χ²/dof up to which the motion with lost frames is smooth"""
 
@@ -64,6 +68,8 @@ class Displacement:
     """m"""
     to_the_end: bool
     """a step without return"""
+    by_steps: bool = False
+    """longer than `SHORT`: which side of the steps is the true one is not said"""
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,10 @@ class Search:
 
     displaced: tuple[Displacement, ...]
     lost: tuple[LostFrames, ...]
+    steps: tuple[dict[int, Float[np.ndarray, "3"]], ...]
+    """of each marker: first rows of steps, and by how much everything from there on is displaced, m"""
+    same: Float[np.ndarray, "M 3"]
+    """m, within which displacements are nothing"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +134,14 @@ def search(markers: Float[np.ndarray, "G M 3"], sigma: Float[np.ndarray, "M 3"],
         if skip is not None:
             lost.append(LostFrames(int(work.rows[skip.at]), skip.frames))
             work = _inserted(work, skip)
-    least = limits.single * sigma
+    least = NOTHING * limits.single * sigma
     displaced = _stretches(found.spikes, found.steps, least, len(markers), count)
-    return Search(tuple(sorted(displaced, key=lambda one: one.begin)), tuple(sorted(lost, key=lambda one: one.at)))
+    return Search(
+        tuple(sorted(displaced, key=lambda one: one.begin)),
+        tuple(sorted(lost, key=lambda one: one.at)),
+        tuple({row: by for (marker, row), by in found.steps.items() if marker == m} for m in range(count)),
+        least,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +166,12 @@ class _Events:
                 self.innocent.add((peak.marker, int(rows[peak.row])))
                 return
             what = Verdict(What.BAD, (peak.row,))
-        if what.what is What.STEP and what.amplitude is not None:
+        edge = _edge(columns, what)
+        if edge and what.amplitude is not None:
+            for row in edge:
+                self.spikes[(peak.marker, int(rows[row]))] = what.amplitude
+                columns[row, mine] = np.nan
+        elif what.what is What.STEP and what.amplitude is not None:
             key = (peak.marker, int(rows[what.rows[0]]))
             self.steps[key] = self.steps.get(key, np.zeros(3)) + what.amplitude
             columns[what.rows[0] :, mine] -= what.amplitude
@@ -161,6 +181,16 @@ class _Events:
                 columns[row, mine] = np.nan
         else:
             self.innocent.add((peak.marker, int(rows[peak.row])))
+
+
+def _edge(columns: np.ndarray, what: Verdict) -> range:
+    """Rows beyond a step so near to an end of the window that it is they that are off."""
+    if what.what is not What.STEP:
+        return range(0)
+    first = what.rows[0]
+    if first < FEWEST_BESIDE_STEP:
+        return range(first)
+    return range(first, len(columns)) if len(columns) - first < FEWEST_BESIDE_STEP else range(0)
 
 
 def _peaks(columns: np.ndarray, sigma: np.ndarray, half: int, limits: Limits) -> list[_Peak]:
@@ -243,18 +273,30 @@ def _stretches(
     length: int,
     markers: int,
 ) -> list[Displacement]:
-    """Events as stretches: offsets summed up over time."""
+    """Events as stretches: offsets summed up over time; samples off beside long ones stay by themselves."""
     found: list[Displacement] = []
     for m in range(markers):
-        offset = np.zeros((length, 3))
+        lasting, alone = np.zeros((length, 3)), np.zeros((length, 3))
         for (marker, row), amplitude in steps.items():
             if marker == m:
-                offset[row:] += amplitude
+                lasting[row:] += amplitude
         for (marker, row), amplitude in spikes.items():
             if marker == m:
-                offset[row] += amplitude
-        bad = (np.abs(offset) > 0.8 * least[m]).any(axis=1)
-        for begin, end in runs(bad):
-            largest = begin + int(np.argmax(np.linalg.norm(offset[begin:end], axis=1)))
-            found.append(Displacement(m, begin, end, offset[largest], end == length))
+                alone[row] += amplitude
+        moved, off = ((np.abs(offset) > least[m]).any(axis=1) for offset in (lasting, lasting + alone))
+        for begin, end in runs(np.asarray(off)):
+            if end - begin <= SHORT:
+                found.append(_stretch(m, begin, end, lasting + alone))
+        for begin, end in runs(np.asarray(moved)):
+            if end - begin > SHORT:
+                found.append(replace(_stretch(m, begin, end, lasting), by_steps=True))
+        short = {row for one in found if one.marker == m and not one.by_steps for row in range(one.begin, one.end)}
+        apart = np.asarray(np.abs(alone).any(axis=1))
+        apart[list(short)] = False
+        found += [_stretch(m, begin, end, alone) for begin, end in runs(np.asarray(apart))]
     return found
+
+
+def _stretch(marker: int, begin: int, end: int, offset: np.ndarray) -> Displacement:
+    largest = begin + int(np.argmax(np.linalg.norm(offset[begin:end], axis=1)))
+    return Displacement(marker, begin, end, offset[largest], end == len(offset))

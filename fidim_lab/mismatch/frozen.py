@@ -47,11 +47,11 @@ def _chance_of_equal(marker: Float[np.ndarray, "N 3"], noise: float) -> float:
 
 
 def check_frozen(window: Window, noise: float) -> tuple[tuple[Finding, ...], np.ndarray]:
-    """Findings, and which samples (N, M) are frozen; the first of a run is kept, it is a measurement."""
+    """Findings, and which samples (N, M) are frozen; the first of a run too: it may be off, as when a sensor fails."""
     bad = np.zeros(window.markers.shape[:2], dtype=bool)
     found: list[Finding] = []
     for m, axis, begin, end in frozen_runs(window.markers, noise):
-        bad[begin + 1 : end, m] = True
+        bad[begin:end, m] = True
         t = (float(window.t[begin]), float(window.t[end - 1]))
         what = marker_name(m) if axis is None else marker_channel(m, axis)
         says = (

@@ -14,10 +14,10 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import predict as predicted
 from fidim_lab.identification.mle.recordings import prepare
-from fidim_lab.mismatch.audit import OFF
 from fidim_lab.mismatch.clean import Cleaned
 from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.finding import Finding
+from fidim_lab.mismatch.off_motion import OFF
 from fidim_lab.mismatch.refit import Completed, predict
 from fidim_lab.mismatch.whiteness import whiteness
 

@@ -12,15 +12,12 @@ from jaxtyping import Bool, Float
 from fidim_lab.data.records import Window
 from fidim_lab.identification.signals import runs
 from fidim_lab.mismatch.clock_check import check_clock, even_grid
-from fidim_lab.mismatch.displaced import Displacement, Limits, LostFrames, search
+from fidim_lab.mismatch.displaced import SHORT, Displacement, Limits, LostFrames, search
 from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_name
 from fidim_lab.mismatch.frozen import check_frozen
+from fidim_lab.mismatch.levels import ENOUGH, displaced_rows
 from fidim_lab.mismatch.neighbours import half_width, noise_of
 
-ENOUGH = 2.0
-"""s"""
-SHORT = 3
-"""samples: displaced stretches up to this are called spikes"""
 FEWEST = 30
 """samples, without which a window is not looked at"""
 
@@ -53,10 +50,12 @@ def inspect(window: Window, rate: float, noise: float, sigma: Float[np.ndarray, 
     for one in result.displaced:
         begin, end = int(row_of[one.begin]), int(row_of[one.end])
         found.append(_displaced(window, one, begin, end))
-        if one.to_the_end and not _enough(window, begin):
-            bad[:begin, one.marker] = True
-        else:
+        if not one.by_steps:
             bad[begin:end, one.marker] = True
+    for m, steps in enumerate(result.steps):
+        seen = np.asarray(np.isfinite(window.markers[:, m]).all(axis=1)) & ~bad[:, m]
+        rows = {int(row_of[row]): by for row, by in steps.items()}
+        bad[:, m] |= displaced_rows(window.t, seen, rows, result.same[m])
     for skip in result.lost:
         row = int(row_of[skip.at])
         found.append(_lost(window, skip, row, grid.step))

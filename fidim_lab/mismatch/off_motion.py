@@ -1,0 +1,141 @@
+"""Samples off the fitted motion made missing: spikes and steps too small, or too well hidden, for screening.
+
+    after = without_breaks(cleaned, leftovers)     what a fit leaves of whole windows, or of segments of them
+
+What stands out is found by `breaks`. A marker known to be faulty by many spikes is looked at more closely.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.data.records import Window
+from fidim_lab.mismatch.breaks import breaks_of
+from fidim_lab.mismatch.clean import Cleaned
+from fidim_lab.mismatch.clock_check import EvenGrid, even_grid
+from fidim_lab.mismatch.displaced import Limits
+from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_name
+from fidim_lab.mismatch.leftover import Leftover
+from fidim_lab.mismatch.levels import displaced_rows
+
+OFF = 6.0
+"""standard deviations of the noise that no sample of a fitted motion is off"""
+MOST_OFF = 0.2
+"""of a marker's samples in a window that may be spikes"""
+MANY, OFTEN = 5, 3
+"""spikes of a marker, and windows in which it jumps, from which on it is known to be faulty"""
+CLOSER = Limits(4.2, 4.7)
+"""of its single samples: of 20 000 good ones about one and a half are lost"""
+SAME = 2.0
+"""standard deviations of a coordinate, within which a marker that was displaced twice is where it was"""
+FEWEST = 30
+"""samples, without which nothing is looked for"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Off:
+    """What is off in one marker of one window: rows with sizes (m), and steps of all from a row on (m)."""
+
+    window: Window
+    marker: int
+    noise: float
+    """m"""
+    spikes: dict[int, float]
+    steps: dict[int, np.ndarray]
+
+    def bad(self) -> np.ndarray:
+        """(N,) rows to be taken out."""
+        window, marker = self.window, self.marker
+        seen = np.asarray(np.isfinite(window.markers[:, marker]).all(axis=1))
+        found = displaced_rows(window.t, seen, self.steps, SAME * self.noise)
+        found[list(self.spikes)] = True
+        return found
+
+    def findings(self) -> list[Finding]:
+        """A sentence for each."""
+        return [*(self._spike(*one) for one in self.spikes.items()), *(self._step(*one) for one in self.steps.items())]
+
+    def _spike(self, row: int, size: float) -> Finding:
+        window, marker, time = self.window, self.marker, float(self.window.t[row])
+        says = f"Window {window.id}: {marker_name(marker)} is {size * 1e3:.3g} mm off the motion at {time:.3f} s."
+        return Finding(Kind.SPIKE, window.id, marker_channel(marker, 0), (time, time), size, "m", says)
+
+    def _step(self, row: int, by: np.ndarray) -> Finding:
+        window, marker, size = self.window, self.marker, float(np.linalg.norm(by))
+        axis, t = int(np.argmax(np.abs(by))), (float(window.t[row]), float(window.t[-1]))
+        says = (
+            f"Window {window.id}: {marker_name(marker)} jumps by {size * 1e3:.3g} mm (mostly {'xyz'[axis]}) at "
+            f"{t[0]:.3f} s; the motion goes on as if nothing had happened."
+        )
+        return Finding(Kind.JUMP, window.id, marker_channel(marker, axis), t, size, "m", says)
+
+
+def without_breaks(cleaned: Cleaned, left: Sequence[Leftover]) -> Cleaned:
+    """Without what is off the motion that a fit of `cleaned.campaign` found; the same object where nothing is.
+
+    left: what that fit leaves of windows, or of parts of them that bear their window's id.
+    """
+    windows = {window.id: window for window in cleaned.campaign.windows}
+    strict = Limits.for_tests(sum(window.markers.shape[0] * window.markers.shape[1] for window in windows.values()))
+    known = _Known.of(cleaned)
+    off: dict[tuple[str, int], _Off] = {}
+    for one in left:
+        for marker in range(one.values.shape[1]):
+            found = off.setdefault((one.window, marker), _Off(windows[one.window], marker, one.noise, {}, {}))
+            _add(found, one, strict, known)
+    found = [one for one in off.values() if one.spikes or one.steps]
+    if not found:
+        return cleaned
+    faults: list[Finding] = []
+    for one in found:
+        markers = windows[one.window.id].markers.copy()
+        markers[one.bad(), one.marker] = np.nan
+        windows[one.window.id] = replace(windows[one.window.id], markers=markers)
+        faults += one.findings()
+    campaign = replace(cleaned.campaign, windows=tuple(windows.values()))
+    return replace(cleaned, campaign=campaign, faults=(*cleaned.faults, *faults))
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Markers (0-based) that were found to be faulty again and again."""
+
+    spiking: frozenset[int]
+    jumping: frozenset[int]
+
+    @staticmethod
+    def of(cleaned: Cleaned) -> "_Known":
+        """By the faults that were found so far."""
+        most = max((window.markers.shape[1] for window in cleaned.campaign.windows), default=0)
+        channels = {marker_channel(marker, axis): marker for marker in range(most) for axis in range(3)}
+        ours = [(fault.kind, channels.get(fault.channel), fault.window) for fault in cleaned.faults]
+        spikes = Counter(marker for kind, marker, _ in ours if kind is Kind.SPIKE and marker is not None)
+        jumped = {(marker, window) for kind, marker, window in ours if kind is Kind.JUMP and marker is not None}
+        jumps = Counter(marker for marker, _ in jumped)
+        return _Known(
+            frozenset(marker for marker, count in spikes.items() if count >= MANY),
+            frozenset(marker for marker, count in jumps.items() if count >= OFTEN),
+        )
+
+
+def _add(off: _Off, left: Leftover, limits: Limits, known: _Known) -> None:
+    """What is found in one leftover."""
+    values = left.values[:, off.marker]
+    if np.isfinite(values).all(axis=1).sum() < FEWEST:
+        return
+    grid = even_grid(left.t)
+    spikes = CLOSER if off.marker in known.spiking else None
+    found = breaks_of(grid.spread(values), grid.step, limits, spikes=spikes, jumps=off.marker in known.jumping)
+    for row in found.spikes if len(found.spikes) < MOST_OFF * len(values) else ():
+        size = float(np.abs(values[np.searchsorted(grid.slots, row)]).max())
+        off.spikes[_row(off.window, left, grid, row)] = size * left.noise
+    for row, by in found.steps:
+        off.steps[_row(off.window, left, grid, row)] = by * left.noise
+
+
+def _row(window: Window, left: Leftover, grid: EvenGrid, row: int) -> int:
+    """Of a window, for a row of a leftover's grid."""
+    time = float(left.t[np.searchsorted(grid.slots, row)])
+    return int(np.searchsorted(window.t, time - 0.25 * grid.step))
