@@ -61,6 +61,8 @@ def chain(options: argparse.Namespace) -> str:
     """Rounds in one folder, until there are enough."""
     rng = random.Random(options.seed)
     rounds: list[Round] = []
+    alone: list[str] = []
+    """runs that ended before anything was done to them"""
     with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
         made = stack.enter_context(bench(Path(place), options.sync, SECONDS, WINDOWS, options.slow, options.markers))
         folder, since = made.folder / "run", time.monotonic()
@@ -70,6 +72,11 @@ def chain(options: argparse.Namespace) -> str:
             with terminal_ui(made, "run") if options.ui else ExitStack():
                 pause(rng.uniform(0.3, LONGEST))
                 kill = bool(number % 2) if options.trips else True
+                if process.poll() is not None:  # a guard was there first: this computer, or a fault of ours
+                    alone.append(process.communicate()[0].splitlines()[-1])
+                    print(number, alone[-1], flush=True)
+                    process, _, _, since = _resume(made, folder)
+                    continue
                 found = _kill(made, folder, since) if kill else _trip(made, folder, process, rng.choice(NODES))
             process.communicate(timeout=60)
             process, ready, tries, since = _resume(made, folder)
@@ -77,7 +84,7 @@ def chain(options: argparse.Namespace) -> str:
             print(number, rounds[-1], flush=True)
         os.kill(made.service(), signal.SIGTERM)
         process.communicate(timeout=60)
-    return _chained(rounds)
+    return _chained(rounds) + "\n\n" + "; ".join([f"Runs that ended by themselves: {len(alone)}", *alone]) + "."
 
 
 def _resume(made: Bench, folder: Path) -> "tuple[subprocess.Popen[str], float, int, float]":
