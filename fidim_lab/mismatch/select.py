@@ -30,6 +30,8 @@ CLOSE = 25.0
 SHORTLIST = 3
 PUSH_COST = 20.0
 """nats: what the freedom of another start costs, as a few terms of a wide prior do"""
+WIDENED = 0.5
+"""of the rest: a term that leaves more is not tried in a wider form"""
 DROPPABLE = 200.0
 """nats, to first order, above which nobody tries to do without a term"""
 
@@ -191,12 +193,12 @@ class _Search:
         return bool(found)
 
     def _with_phases_anew(self, best: Candidate, last: View) -> tuple[Candidate, View]:
-        """What oscillates, looked for once more in whole windows, where structure stays.
+        """What oscillates beside other physics, looked for once more in whole windows, where structure stays.
 
         The first seconds hardly tell one phase for all windows from a phase of each, nor the frequency.
         """
         kept = [k for k, h in enumerate(best.model.tried) if h.effect.id not in PERIODIC]
-        if best.is_white or not best.model.whole or len(kept) == len(best.model.tried):
+        if best.is_white or not best.model.whole or not 0 < len(kept) < len(best.model.tried):
             return best, last
         thetas = [best.model.theta_of(k)[0] for k in kept]
         tried = [best.model.tried[k] for k in kept]
@@ -231,8 +233,8 @@ class _Search:
         tried = (*(best.tried[k] for k in kept), *score.tried)
         ground, context = self._ground(best), self.start.context
         found = refit(ground, best.fit, tried, thetas, context, phases=score.phases, simpler=best)
-        if found is None or _rest(found) > (1 - FEEBLE) * _rest(best):
-            return found  # so little that no wider form of it can be the truth
+        if found is None or _rest(found) > WIDENED * _rest(best):
+            return found  # it takes so little that no wider form of it can be the truth
         return self._widened(found, score.tried)
 
     def _widened(self, model: Completed, new: Sequence[Hypothesis]) -> Completed:
