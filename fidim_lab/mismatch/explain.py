@@ -20,11 +20,12 @@ from fidim_lab.identification.choice import soft_mode
 from fidim_lab.mismatch.aftermath import with_cleaning
 from fidim_lab.mismatch.audit import audit
 from fidim_lab.mismatch.baseline import Baseline, fit_baseline, ready
+from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.clean import Cleaned, clean
 from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.explanation import Explanation, Verdict
 from fidim_lab.mismatch.restored import restored, without_needless_contacts
-from fidim_lab.mismatch.select import Candidate, Selection, select
+from fidim_lab.mismatch.select import Selection, select
 from fidim_lab.mismatch.soft_cables import compare
 from fidim_lab.mismatch.soft_telling import soft_answer
 from fidim_lab.mismatch.telling import body_parameters, tell

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
+from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.explanation import Ranked
 from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.score import Score
-from fidim_lab.mismatch.select import Candidate, Selection
+from fidim_lab.mismatch.select import Selection
 
 LISTED = 8
 """entries of the ranking that were scored but not fitted"""

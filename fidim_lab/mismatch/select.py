@@ -9,20 +9,29 @@ of whole windows, when those that no fit has seen get better; a term that anothe
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.baseline import HOPELESS, Baseline
+from fidim_lab.mismatch.candidates import (
+    Candidate,
+    best_of,
+    candidate,
+    common_scale,
+    improves,
+    most_convincing,
+    price,
+    rank,
+    rest_of,
+)
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
-from fidim_lab.mismatch.refit import Completed, HeldOut, evidence, predict, refit
+from fidim_lab.mismatch.refit import Completed, evidence, predict, refit
 from fidim_lab.mismatch.restarts import find_pushes
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.sprung import left_at_first
-from fidim_lab.mismatch.views import ENOUGH, FEEBLE, PERIODIC, View, view
-from fidim_lab.mismatch.whiteness import Whiteness, whiteness
+from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
+from fidim_lab.mismatch.whiteness import whiteness
 
 MOST_TERMS = 3
 CLOSE = 25.0
@@ -36,21 +45,6 @@ DROPPABLE = 200.0
 """nats, to first order, above which nobody tries to do without a term"""
 
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """One completed model with its figures on windows that it has not seen."""
-
-    model: Completed
-    held_out: HeldOut
-    whiteness: Whiteness
-    """of what is left of fitted and held-out windows"""
-
-    @property
-    def is_white(self) -> bool:
-        """Whether nothing but noise is left."""
-        return self.whiteness.is_white
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +87,7 @@ class _Search:
     def run(self) -> Selection:
         """First seconds where needed, then whole windows."""
         start = self.start
-        baseline = _candidate(start.as_it_is, start.predicted)
+        baseline = candidate(start.as_it_is, start.predicted)
         self.say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
         best = baseline
         if not start.follows:
@@ -104,7 +98,7 @@ class _Search:
         return Selection(
             best=best,
             baseline=baseline,
-            tried=tuple(sorted([baseline, *self.tried], key=_rank)),
+            tried=tuple(sorted([baseline, *self.tried], key=rank)),
             passing=tuple(self.passing),
             first=last if self.first is None else self.first,
             last=last,
@@ -120,14 +114,14 @@ class _Search:
                 break
             fresh = self._fitted(best, seen.additions(MOST_TERMS - len(best.tried)))
             self.passing += fresh
-            further = _most_convincing(best, fresh)
+            further = most_convincing(best, fresh)
             if further is best:
                 break
             best = self._pruned(further)
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
             if whiteness(best.leftovers).is_white:
                 break
-        scale = _scale([best, *self.passing])
+        scale = common_scale([best, *self.passing])
         near = [m for m in self.passing if m is not best and evidence(best, m, scale) < CLOSE]
         near.sort(key=lambda m: evidence(best, m, scale))
         return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
@@ -210,12 +204,12 @@ class _Search:
 
     def _accepted(self, best: Candidate, fresh: Sequence[Candidate]) -> Candidate:
         """The most convincing of those that also predict held-out windows better."""
-        usable = {id(c.model): c for c in fresh if _improves(c, best)}
+        usable = {id(c.model): c for c in fresh if improves(c, best)}
         models = [c.model for c in usable.values()]
         if not best.model.whole:
-            chosen = _best_of(models) if models else best.model
+            chosen = best_of(models) if models else best.model
         else:
-            chosen = _most_convincing(best.model, models)
+            chosen = most_convincing(best.model, models)
         return usable.get(id(chosen), best)
 
     def _view(self, model: Completed) -> View:
@@ -233,7 +227,7 @@ class _Search:
         tried = (*(best.tried[k] for k in kept), *score.tried)
         ground, context = self._ground(best), self.start.context
         found = refit(ground, best.fit, tried, thetas, context, phases=score.phases, simpler=best)
-        if found is None or _rest(found) > WIDENED * _rest(best):
+        if found is None or rest_of(found) > WIDENED * rest_of(best):
             return found  # it takes so little that no wider form of it can be the truth
         return self._widened(found, score.tried)
 
@@ -247,14 +241,14 @@ class _Search:
             thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
             rung = refit(self._ground(model), model.fit, model.tried, thetas, self.start.context, ringing=True)
             found += [] if rung is None else [rung]
-        return _most_convincing(model, found)
+        return most_convincing(model, found)
 
     def _judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
         """A model that fits and does not predict may be a simple form of the truth: then the wider ones are tried."""
         judged = self._judged(model)
         if judged.is_white or not whiteness(model.leftovers).is_white:
             return judged
-        wide = _most_convincing(model, self._general(model, {term.effect for term in new}))
+        wide = most_convincing(model, self._general(model, {term.effect for term in new}))
         return judged if wide is model else self._judged(wide)
 
     def _general(self, model: Completed, fresh: set[NamedEffect]) -> list[Completed]:
@@ -274,7 +268,7 @@ class _Search:
                 near += [] if wide is None else [wide]
         if not model.whole or not near:
             return near
-        best = _best_of(near)
+        best = best_of(near)
         thetas = [best.theta_of(k)[0] for k in range(len(best.tried))]
         whole = refit(self.start.whole_ground, best.fit, best.tried, thetas, self.start.context, simpler=model)
         return [] if whole is None else [whole]
@@ -282,13 +276,13 @@ class _Search:
     def _pruned(self, model: Completed) -> Completed:
         """Without terms that the others have made needless."""
         for k in range(len(model.tried)):
-            if len(model.tried) < 2 or _price(model, k) > DROPPABLE:
+            if len(model.tried) < 2 or price(model, k) > DROPPABLE:
                 continue
             kept = [j for j in range(len(model.tried)) if j != k]
             thetas = [model.theta_of(j)[0] for j in kept]
             tried: list[Hypothesis] = [model.tried[j] for j in kept]
             less = refit(self._ground(model), model.fit, tried, thetas, self.start.context)
-            if less is not None and evidence(model, less, _scale([model, less])) < ENOUGH:
+            if less is not None and evidence(model, less, common_scale([model, less])) < ENOUGH:
                 return self._pruned(less)
         return model
 
@@ -296,60 +290,4 @@ class _Search:
         return self.start.whole_ground if model.whole else self.start.short_ground
 
     def _judged(self, model: Completed) -> Candidate:
-        return _candidate(model, predict(model, self.start.held_out))
-
-
-def _rest(model: Completed) -> float:
-    """χ²/dof of what it was fitted to, beyond that of the noise."""
-    return max(model.excess - 1, 0.0)
-
-
-def _candidate(model: Completed, held: HeldOut) -> Candidate:
-    return Candidate(model, held, whiteness((*model.leftovers, *held.leftovers)))
-
-
-def _rank(candidate: Candidate) -> float:
-    """χ²/dof of held-out windows; of those that were fitted where there are none."""
-    held = candidate.held_out
-    return held.chi2_per_dof if held.dof else candidate.model.fit.chi2_per_dof
-
-
-def _improves(candidate: Candidate, best: Candidate) -> bool:
-    """Held-out windows get better; and where structure stays, a good part of it is taken away.
-
-    Where the candidate is what makes all white, that is enough: a window that one of both cannot follow counts for one.
-    """
-    before, after = best.held_out, candidate.held_out
-    no_better = bool(before.dof and after.dof) and after.chi2_per_dof >= before.chi2_per_dof
-    if no_better and (best.is_white or not candidate.is_white):
-        return False
-    rest = max(best.whiteness.excess, 1e-9)
-    return candidate.is_white or rest - candidate.whiteness.excess > FEEBLE * rest
-
-
-def _most_convincing(best: Completed, fresh: Sequence[Completed]) -> Completed:
-    """Of models with more evidence than `best`, the one with most; of those within 5 nats, the smallest."""
-    scale = _scale([best, *fresh])
-    better = [m for m in fresh if evidence(m, best, scale) > ENOUGH]
-    return _best_of(better) if better else best
-
-
-def _best_of(models: Sequence[Completed]) -> Completed:
-    scale = _scale(models)
-    top = max(models, key=lambda m: evidence(m, models[0], scale))
-    near = [m for m in models if evidence(top, m, scale) < ENOUGH]
-    return min(near, key=lambda m: (len(m.tried), evidence(top, m, scale)))
-
-
-def _scale(models: Sequence[Completed]) -> float:
-    """χ²/dof of the best of some models: what is left there counts as noise for all of them."""
-    return max(1e-3, min(m.fit.chi2_per_dof for m in models))
-
-
-def _price(model: Completed, k: int) -> float:
-    """Nats that doing without term k would cost, to first order."""
-    place, tried = model.place_of(k), model.tried[k]
-    away = (model.fit.values[place] - tried.absent)[list(tried.scored)]
-    chosen = np.arange(place.start, place.stop)[list(tried.scored)]
-    covariance = model.fit.covariance[np.ix_(chosen, chosen)]
-    return 0.5 * float(away @ np.linalg.lstsq(covariance, away, rcond=1e-12)[0]) / max(1.0, model.fit.chi2_per_dof)
+        return candidate(model, predict(model, self.start.held_out))

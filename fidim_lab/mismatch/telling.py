@@ -9,6 +9,7 @@ from fidim_lab.effects.equivalences import EQUIVALENCES
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.alarms import alarm_rate
 from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.classes import alike
 from fidim_lab.mismatch.explanation import (
     Before,
@@ -25,7 +26,7 @@ from fidim_lab.mismatch.locate import locate
 from fidim_lab.mismatch.ranking import ranking
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.score import Score
-from fidim_lab.mismatch.select import Candidate, Selection
+from fidim_lab.mismatch.select import Selection
 from fidim_lab.mismatch.verdict import Judged
 from fidim_lab.mismatch.views import ENOUGH
 

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
+from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.explanation import Verdict
-from fidim_lab.mismatch.select import Candidate, Selection
+from fidim_lab.mismatch.select import Selection
 
 WHITE = 1.03
 """χ²/dof up to which what an effect known by its score alone would leave is called noise"""
