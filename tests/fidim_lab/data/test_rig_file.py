@@ -58,7 +58,7 @@ def test_a_guard_of_what_only_spoils_a_record_may_warn(changed):
     assert settings.guard.reactions["marker"] is Reaction.WARN
     assert settings.guard.reactions["clock step"] is Reaction.WARN
     assert settings.guard.reactions["disk"] is Reaction.HOLD
-    assert (settings.guard.loop_late, settings.guard.disk_spare) == (0.25, 200e6)
+    assert (settings.guard.loop_late, settings.guard.disk_spare) == (1.0, 200e6)
 
 
 @pytest.fixture
