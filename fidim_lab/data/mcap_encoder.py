@@ -6,7 +6,7 @@ same messages give the same bytes. `mcap_file` reads, `mcap_schemas` has the mes
 """
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import zstandard
@@ -81,7 +81,9 @@ class McapEncoder:
         self._chunk = _OpenChunk()
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._chunks: list[ChunkIndex] = []
+        self._chunk_index = bytearray()
+        """its records as they will be written: ten a second all day are many, and as objects five times as large"""
+        self._chunk_count = 0
         self._metadata: list[MetadataIndex] = []
         self._counts: dict[int, int] = {}
         self._start: int | None = None
@@ -174,26 +176,27 @@ class McapEncoder:
         for channel, index in chunk.indexes.items():
             places[channel] = self._offset
             index.write(self._out)
-        self._chunks.append(
-            ChunkIndex(
-                chunk_length=end - offset,
-                chunk_start_offset=offset,
-                compression=COMPRESSION,
-                compressed_size=len(packed),
-                message_end_time=chunk.end,
-                message_index_length=self._offset - end,
-                message_index_offsets=places,
-                message_start_time=chunk.start,
-                uncompressed_size=len(data),
-            )
-        )
+        index_record = RecordBuilder()
+        ChunkIndex(
+            chunk_length=end - offset,
+            chunk_start_offset=offset,
+            compression=COMPRESSION,
+            compressed_size=len(packed),
+            message_end_time=chunk.end,
+            message_index_length=self._offset - end,
+            message_index_offsets=places,
+            message_start_time=chunk.start,
+            uncompressed_size=len(data),
+        ).write(index_record)
+        self._chunk_index += index_record.end()
+        self._chunk_count += 1
 
-    def _summary(self) -> tuple[tuple[Opcode, list[McapRecord]], ...]:
+    def _summary(self) -> tuple[tuple[Opcode, bytes], ...]:
         statistics = Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunk_count,
             message_count=sum(self._counts.values()),
             metadata_count=len(self._metadata),
             message_start_time=self._start or 0,
@@ -201,16 +204,22 @@ class McapEncoder:
             schema_count=len(self._schemas),
         )
         return (
-            (Opcode.SCHEMA, [*self._schemas]),
-            (Opcode.CHANNEL, [*self._channels]),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, [*self._chunks]),
-            (Opcode.METADATA_INDEX, [*self._metadata]),
+            (Opcode.SCHEMA, _written(self._schemas)),
+            (Opcode.CHANNEL, _written(self._channels)),
+            (Opcode.STATISTICS, _written([statistics])),
+            (Opcode.CHUNK_INDEX, bytes(self._chunk_index)),
+            (Opcode.METADATA_INDEX, _written(self._metadata)),
         )
 
     @staticmethod
-    def _group(summary: RecordBuilder, start: int, opcode: Opcode, records: list[McapRecord]) -> SummaryOffset:
+    def _group(summary: RecordBuilder, start: int, opcode: Opcode, records: bytes) -> SummaryOffset:
         begin = summary.count
-        for record in records:
-            record.write(summary)
+        summary.write(records)
         return SummaryOffset(group_opcode=opcode, group_start=start + begin, group_length=summary.count - begin)
+
+
+def _written(records: Sequence[McapRecord]) -> bytes:
+    written = RecordBuilder()
+    for record in records:
+        record.write(written)
+    return written.end()

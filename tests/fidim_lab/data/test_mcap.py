@@ -1,6 +1,7 @@
 """MCAP windows: independent readers agree, what a crash leaves is never whole, damage is named, bytes are the same."""
 
 import io
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -175,3 +176,24 @@ def test_what_is_wrong_in_a_window_is_named(tmp_path):
     refused(b"t,x,y,z\n", "is not an MCAP file")
     with pytest.raises(FileError, match="No such file"):
         read_window_mcap(tmp_path / "none.mcap", 3)
+
+
+def test_chunks_that_are_on_the_disk_cost_little_memory() -> None:
+    """A recorder flushes ten times a second, all day."""
+    encoder = McapEncoder()
+    channel = encoder.add_channel("/raw", None, "bytes")
+
+    def flushed(count: int) -> None:
+        for k in range(count):
+            encoder.add(channel, k, b"x" * 40)
+            encoder.flush()
+
+    flushed(100)
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        flushed(2000)
+        after, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert (after - before) / 2000 < 150
