@@ -4,8 +4,6 @@
 at the instants at which the cameras saw the markers beside them (`at_exposures`).
 """
 
-import contextlib
-import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,7 +15,7 @@ from pydantic import Field
 from fidim_lab.arrays import Series
 from fidim_lab.data.records import Alignment
 from fidim_lab.data.toml_file import Table, read_toml
-from fidim_lab.errors import HardwareError
+from fidim_lab.data.whole_file import write_whole
 
 FORMAT = "fidim-alignment/1"
 NAME = "alignment.toml"
@@ -49,19 +47,8 @@ def read_alignment(path: Path) -> Alignment | None:
 
 def write_alignment(path: Path, alignment: Alignment) -> Path:
     """Write what `read_alignment` reads, whole or not at all. Raises HardwareError where the disk does not take it."""
-    part = path.with_suffix(".part")
-    try:
-        with part.open("w", encoding="utf-8") as file:
-            file.write("# Written by fidim (procedure align): markers show at t what encoders showed at t - lag (s).\n")
-            file.write(tomli_w.dumps({"format": FORMAT, **vars(alignment)}))
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise HardwareError(f"{path}: cannot be written: {error.strerror or error}.") from error
-    return path
+    head = "# Written by fidim (procedure align): markers show at t what encoders showed at t - lag (s).\n"
+    return write_whole(path, head + tomli_w.dumps({"format": FORMAT, **vars(alignment)}))
 
 
 def at_exposures(t: Series, values: Float[np.ndarray, "N k"], lag: float) -> Float[np.ndarray, "N k"]:

@@ -3,8 +3,6 @@
 Written by this program, readable for people. The rig file's own home_count and home_length count where there is none.
 """
 
-import contextlib
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,7 +12,7 @@ from pydantic import Field
 
 from fidim_lab.data.rig import WinchHome
 from fidim_lab.data.toml_file import Table, read_toml
-from fidim_lab.errors import HardwareError
+from fidim_lab.data.whole_file import write_whole
 
 FORMAT = "fidim-home/1"
 _Count = Annotated[int, Field(ge=-(2**31), lt=2**31)]
@@ -56,16 +54,5 @@ def write_homes(rig: Path, homes: Mapping[str, WinchHome]) -> Path:
     """Write what `read_homes` reads, whole or not at all. Raises HardwareError where the disk does not take it."""
     path = home_path(rig)
     rows = [{"name": name} | {k: v for k, v in vars(home).items() if v is not None} for name, home in homes.items()]
-    part = path.with_suffix(".part")
-    try:
-        with part.open("w", encoding="utf-8") as file:
-            file.write("# Written by fidim (procedure home); delete it to go by the rig file's home_count again.\n")
-            file.write(tomli_w.dumps({"format": FORMAT, "winch": rows}))
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise HardwareError(f"{path}: cannot be written: {error.strerror or error}.") from error
-    return path
+    head = "# Written by fidim (procedure home); delete it to go by the rig file's home_count again.\n"
+    return write_whole(path, head + tomli_w.dumps({"format": FORMAT, "winch": rows}))
