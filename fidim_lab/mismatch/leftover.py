@@ -65,6 +65,12 @@ def of_fit(fit: Fit) -> tuple[Leftover, ...]:
     return tuple(of_simulation(fit.likelihood, simulation, w, remainder) for w, remainder in enumerate(fit.remainders))
 
 
+def of_remainder(window: str, left: Remainder, likelihood: Likelihood) -> Leftover:
+    """One window or segment by its residual alone."""
+    noise = likelihood.noise
+    return Leftover(window=window, t=left.t, values=left.residuals / noise, noise=noise, own=likelihood.own)
+
+
 def of_simulation(likelihood: Likelihood, simulation: Simulation, w: int, remainder: Remainder) -> Leftover:
     """Window `w` of a simulation with its remainder."""
     mechanism, shared = likelihood.mechanism, simulation.point.shared

@@ -12,14 +12,13 @@ from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import OurBugError, RefusedError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.identification.mle.start import Guess, first_guesses
 from fidim_lab.mismatch.ground import Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
-from fidim_lab.mismatch.leftover import Leftover
+from fidim_lab.mismatch.leftover import Leftover, of_remainder
 from fidim_lab.mismatch.sprung import are_stiff, begins_anew, stiffest
 from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
@@ -89,7 +88,7 @@ class Completed:
         likelihood = self.fit.likelihood
         ids = [recording.window.id for recording in likelihood.recordings]
         remainders = zip(ids, self.fit.remainders, strict=True)
-        return tuple(_leftover(id, left, likelihood.noise, likelihood.own) for id, left in remainders)
+        return tuple(of_remainder(id, left, likelihood) for id, left in remainders)
 
     @property
     def label(self) -> str:
@@ -102,6 +101,11 @@ class Completed:
         sd = self.fit.sd[place].copy()
         sd[np.array(self.at_bound, dtype=bool)[place.start - BODY : place.stop - BODY]] = np.nan
         return self.fit.values[place], sd
+
+    @property
+    def thetas(self) -> list[np.ndarray]:
+        """θ of each effect: where a fit of a model with the same effects may begin."""
+        return [self.fit.values[self.place_of(k)] for k in range(len(self.tried))]
 
     def place_of(self, k: int) -> slice:
         """Where θ of effect k stands among the shared parameters."""
@@ -207,7 +211,7 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
         chi2, dof = chi2 + left.chi2, dof + left.dof
         squares, count = squares + left.rms**2 * seen, count + seen
         of_window[window.id] = left.chi2_per_dof
-        leftovers.append(_leftover(window.id, left, likelihood.noise, likelihood.own))
+        leftovers.append(of_remainder(window.id, left, likelihood))
     rms = float(np.sqrt(squares / count)) if count else float("nan")
     return HeldOut(chi2, dof, rms, refused, tuple(leftovers), of_window)
 
@@ -271,7 +275,3 @@ def _bounds(tried: Sequence[Hypothesis], context: Context) -> tuple[np.ndarray, 
 
 def _theta_sd(tried: Hypothesis) -> np.ndarray:
     return np.array([BROAD * parameter.scale for parameter in tried.effect.parameters])
-
-
-def _leftover(window: str, left: Remainder, noise: float, own: int) -> Leftover:
-    return Leftover(window=window, t=left.t, values=left.residuals / noise, noise=noise, own=own)

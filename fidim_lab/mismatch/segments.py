@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit, fit
-from fidim_lab.mismatch.leftover import Leftover
+from fidim_lab.mismatch.leftover import Leftover, of_remainder
 from fidim_lab.model.mechanism import Mechanism
 
 LENGTH = 2.0
@@ -64,12 +64,7 @@ class Segments:
         likelihood = self.fit.likelihood
         ids = {_name(one.window, k): one.window.id for one in self.windows for k in range(len(one.dof))}
         pairs = zip(likelihood.recordings, self.fit.remainders, strict=True)
-        return tuple(
-            Leftover(
-                ids[recording.window.id], left.t, left.residuals / likelihood.noise, likelihood.noise, likelihood.own
-            )
-            for recording, left in pairs
-        )
+        return tuple(of_remainder(ids[recording.window.id], left, likelihood) for recording, left in pairs)
 
 
 def fit_segments(mechanism: Mechanism, windows: Sequence[Window], length: float = LENGTH) -> Segments:

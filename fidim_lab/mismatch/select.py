@@ -143,7 +143,7 @@ class _Search:
         fresh: list[Candidate] = []
         for model in (model for model in short if model.excess < HOPELESS):
             self.say(f"fitting {model.label} to whole windows")
-            thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
+            thetas = model.thetas
             as_it_is = baseline.model
             found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context, simpler=as_it_is)
             if found is not None:
@@ -194,13 +194,16 @@ class _Search:
         kept = [k for k, h in enumerate(best.model.tried) if h.effect.id not in PERIODIC]
         if best.is_white or not best.model.whole or not 0 < len(kept) < len(best.model.tried):
             return best, last
-        thetas = [best.model.theta_of(k)[0] for k in kept]
+        thetas = [best.model.thetas[k] for k in kept]
         tried = [best.model.tried[k] for k in kept]
         without = refit(self.start.whole_ground, best.model.fit, tried, thetas, self.start.context)
         if without is None:
             return best, last
         again, seen = self._over_whole_windows(self._judged(without))
-        return (again, seen) if again.whiteness.excess < best.whiteness.excess else (best, last)
+        if again.whiteness.excess < best.whiteness.excess:
+            return again, seen
+        self.pushes = ()  # of a model that is not taken
+        return best, last
 
     def _accepted(self, best: Candidate, fresh: Sequence[Candidate]) -> Candidate:
         """The most convincing of those that also predict held-out windows better."""
@@ -222,7 +225,7 @@ class _Search:
         """The model with these terms; one that it has already begins anew as the score says (at another frequency)."""
         new = {(h.effect.id, h.effect.cable) for h in score.tried}
         kept = [k for k, h in enumerate(best.tried) if (h.effect.id, h.effect.cable) not in new]
-        thetas = [best.theta_of(k)[0] for k in kept]
+        thetas = [best.thetas[k] for k in kept]
         thetas += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
         tried = (*(best.tried[k] for k in kept), *score.tried)
         ground, context = self._ground(best), self.start.context
@@ -238,7 +241,7 @@ class _Search:
         fresh = {term.effect for term in new}
         found = self._general(model, fresh)
         if model.mechanism.quiet and any(stretches(effect) for effect in fresh) and left_at_first(model.leftovers):
-            thetas = [model.theta_of(k)[0] for k in range(len(model.tried))]
+            thetas = model.thetas
             rung = refit(self._ground(model), model.fit, model.tried, thetas, self.start.context, ringing=True)
             found += [] if rung is None else [rung]
         return most_convincing(model, found)
@@ -255,10 +258,10 @@ class _Search:
         """The model with wider forms of these effects, from the first seconds on: else they lose phase."""
         simple = model
         if model.whole:
-            begins = [model.theta_of(k)[0] for k in range(len(model.tried))]
+            begins = model.thetas
             found = refit(self.start.short_ground, self.start.short, model.tried, begins, self.start.context)
             simple = model if found is None else found
-        thetas = [simple.theta_of(k)[0] for k in range(len(model.tried))]
+        thetas = simple.thetas
         near: list[Completed] = []
         for k, term in enumerate(model.tried):
             for effect, start in term.effect.wider(thetas[k], model.mechanism.robot) if term.effect in fresh else ():
@@ -269,7 +272,7 @@ class _Search:
         if not model.whole or not near:
             return near
         best = best_of(near)
-        thetas = [best.theta_of(k)[0] for k in range(len(best.tried))]
+        thetas = best.thetas
         whole = refit(self.start.whole_ground, best.fit, best.tried, thetas, self.start.context, simpler=model)
         return [] if whole is None else [whole]
 
@@ -279,7 +282,7 @@ class _Search:
             if len(model.tried) < 2 or price(model, k) > DROPPABLE:
                 continue
             kept = [j for j in range(len(model.tried)) if j != k]
-            thetas = [model.theta_of(j)[0] for j in kept]
+            thetas = [model.thetas[j] for j in kept]
             tried: list[Hypothesis] = [model.tried[j] for j in kept]
             less = refit(self._ground(model), model.fit, tried, thetas, self.start.context)
             if less is not None and evidence(model, less, common_scale([model, less])) < ENOUGH:
