@@ -217,6 +217,15 @@ class Screen:
         await self.pilot.press(*keys)
         await self.pilot.pause(0.02)
 
+    async def click(self, where: str, offset: tuple[int, int]) -> None:
+        """Where the board stands by then: on a busy computer it can still move between the look and the finger."""
+        for _ in range(100):
+            before = self.app.screen.query_one(where).region
+            await self.pilot.pause(0.02)
+            if self.app.screen.query_one(where).region == before and await self.pilot.click(where, offset=offset):
+                return
+        pytest.fail(f"{where} never stood still")
+
     async def until(self, wanted: Callable[[], bool], what: str = "") -> None:
         for _ in range(400):
             if wanted():

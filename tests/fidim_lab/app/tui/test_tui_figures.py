@@ -117,15 +117,15 @@ def test_each_key_below_is_a_button_and_all_fit_in_80_columns():
 def test_a_click_turns_to_a_screen_answers_a_prompt_and_stops(opened, fake):
     async def use():
         async with opened() as screen:
-            await screen.pilot.click("#tabs", offset=(14, 0))
+            await screen.click("#tabs", (14, 0))
             await screen.until(lambda: "[2 Rig]" in screen.app.stage.tabs.text, "the rig")
             fake.ask()
             await screen.until(lambda: "[d] done" in screen.bars, "the prompt")
             row = screen.app.stage.prompt.text.splitlines().index("[d] done   [s] skip   [a] abort")
             await screen.until(lambda: screen.app.stage.prompt.region.height > row, "room for the prompt")
-            await screen.pilot.click("#prompt", offset=(1, row))
+            await screen.click("#prompt", (1, row))
             await screen.until(lambda: "answer" in fake.commands(), "the answer")
-            await screen.pilot.click("#keys", offset=(1, 0))
+            await screen.click("#keys", (1, 0))
             await screen.until(lambda: "e-stop" in fake.commands(), "the stop")
 
     asyncio.run(use())
