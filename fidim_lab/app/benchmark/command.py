@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -126,17 +126,24 @@ def _explain_all(folder: BenchmarkFolder, names: list[str], explainer: Action, s
 
 
 def measure(task: SealTask, cap: float) -> str:
-    """Open one campaign, measure how loud its secret is, and write that; a failure is written as well."""
+    """Open one campaign, measure how loud its secret is, and write that; a failure is written as well.
+
+    Of several effects each is measured alone, too: one that nobody could see is hidden behind a loud one.
+    """
     folder = BenchmarkFolder(task.out)
     recipe: Recipe = recipe_of(task, opened(folder, task.name))
+    whole = _loud(recipe, cap)
+    parts = [_loud(replace(recipe, hide=(hide,)), cap) for hide in recipe.hide] if len(recipe.hide) > 1 else [whole]
+    write_json(folder.loudness(task.name), whole.table | {"each": [part.answer for part in parts]})
+    return task.name
+
+
+def _loud(recipe: Recipe, cap: float) -> Outcome:
     try:
         quiet, _ = sealed_campaign(recipe, noise=QUIET)
     except FidimError as error:
-        outcome = Outcome(None, str(error), 0.0, 0.0)
-    else:
-        outcome = in_child(Verb.LOUDNESS, quiet, cap)
-    write_json(folder.loudness(task.name), outcome.table)
-    return task.name
+        return Outcome(None, str(error), 0.0, 0.0)
+    return in_child(Verb.LOUDNESS, quiet, cap)
 
 
 def _judged(folder: BenchmarkFolder, name: str) -> Judged:

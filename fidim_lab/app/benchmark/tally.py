@@ -34,6 +34,8 @@ class Judged:
     """where there is no answer"""
     chi2_excess: float | None
     """None where it could not be measured"""
+    faintest: float | None
+    """excess of χ² that the faintest of the hidden effects brings alone"""
     rms_mm: float | None
     held_out: tuple[float | None, float | None]
     """χ²/dof before and after"""
@@ -46,9 +48,15 @@ class Judged:
     @property
     def band(self) -> str:
         """Name of its band, or «unmeasured»."""
-        if self.chi2_excess is None:
+        if self.faintest is None:
             return "unmeasured"
-        return next(name for name, low, high in BANDS if low <= self.chi2_excess < high)
+        return next(name for name, low, high in BANDS if low <= self.faintest < high)
+
+    @property
+    def halved(self) -> bool:
+        """Whether what is modelled takes at least half of the held-out windows' excess of χ²/dof."""
+        before, after = self.held_out
+        return before is not None and after is not None and after - 1.0 <= 0.5 * (before - 1.0)
 
 
 def judged(name: str, truth: Json, answer: Json, loud: Json | None) -> Judged:
@@ -68,12 +76,19 @@ def judged(name: str, truth: Json, answer: Json, loud: Json | None) -> Judged:
         grade=grade(explanation, case["label"], case.get("cable")),
         why=answer["why"],
         chi2_excess=None if measured is None else measured["chi2_excess"],
+        faintest=_faintest(loud),
         rms_mm=None if measured is None else measured["rms_mm"],
         held_out=(held.get("before"), held.get("after")),
         errors=None if explanation is None else _errors(explanation, [*truth["s"], *truth["I"]]),
         cpu=answer["cpu"],
         backend=truth["backend"],
     )
+
+
+def _faintest(loud: Json | None) -> float | None:
+    """The least excess of χ² of the effects alone; None where one could not be measured."""
+    parts = [] if loud is None else loud["each"]
+    return min((part["chi2_excess"] for part in parts), default=None) if all(parts) else None
 
 
 def _errors(explanation: Json, true: list[float]) -> tuple[float, float] | None:
@@ -104,6 +119,12 @@ class Tally:
     def outside(self) -> Share:
         """Flagged as unknown, of those whose secret is outside the catalogue."""
         return self.share(lambda c: c.kind is Kind.OUTSIDE)
+
+    @property
+    def halved(self) -> Share:
+        """Of those flagged as unknown: whose held-out excess is at least halved."""
+        flagged = self.of(lambda c: c.kind is Kind.OUTSIDE and c.grade.good)
+        return Share(sum(c.halved for c in flagged), len(flagged))
 
     def of(self, which: Callable[[Judged], bool]) -> tuple[Judged, ...]:
         """Some of the campaigns."""
@@ -161,7 +182,12 @@ class Tally:
             "grades": dict(Counter(c.grade.value for c in self.campaigns)),
             "bands": {name: dict(Counter(c.grade.value for c in self.in_band(name))) for name in BAND_NAMES},
             "false_alarms": {"alarms": alarms.good, "nulls": alarms.all, "interval": alarms.interval},
-            "outside": {"flagged": outside.good, "campaigns": outside.all, "interval": outside.interval},
+            "outside": {
+                "flagged": outside.good,
+                "campaigns": outside.all,
+                "interval": outside.interval,
+                "halved": self.halved.good,
+            },
             "confusion": [{"hidden": h, "named": n, "count": k} for (h, n), k in self.confusion.items()],
             "detection_limits": {
                 id: {"campaigns": count, "unit": unit, "size": _limit(size), "mm": _limit(mm)}
@@ -192,6 +218,7 @@ def _campaign(c: Judged) -> Json:
         "grade": c.grade.value,
         "why": c.why,
         "chi2_excess": c.chi2_excess,
+        "faintest_chi2_excess": c.faintest,
         "rms_mm": c.rms_mm,
         "held_out_chi2_per_dof": list(c.held_out),
         "parameter_errors_sd": c.errors,

@@ -84,7 +84,8 @@ def quick(monkeypatch, tiny, options):
         assert all(folder.answer(name).exists() for name in made), "the truth is opened after the last explanation"
         measured.append(task.name)
         answer = {"chi2_excess": 5000.0 if task.number % 2 else 0.0, "rms_mm": 0.1 * task.number, "whole": True}
-        write_json(folder.loudness(task.name), Outcome(answer, "", 1.0, 1.0).table)
+        faint = [answer | {"chi2_excess": 500.0}] if task.number == 5 else []
+        write_json(folder.loudness(task.name), Outcome(answer, "", 1.0, 1.0).table | {"each": [answer, *faint]})
         return task.name
 
     monkeypatch.setattr(command, "seal", seal)
@@ -97,7 +98,8 @@ def test_figures_of_six_campaigns(options, quick, capsys):
     written = json.loads(options.json_file.read_text())
     assert written["format"] == "fidim-benchmark/1"
     assert written["grades"] == {"right": 3, "wrong": 3}  # 1, 2, 5; 3 hangs, 4 and 6 are alarms
-    assert written["bands"]["≥ 1000"] == {"right": 2, "wrong": 1}
+    assert written["bands"]["≥ 1000"] == {"right": 1, "wrong": 1}
+    assert written["bands"]["100 – 1000"] == {"right": 1}  # 5: loud in all, but one of its two is faint
     assert (written["false_alarms"]["alarms"], written["false_alarms"]["nulls"]) == (2, 3)
     assert written["parameter_errors_sd"] == pytest.approx([8.0, 1.0])
     assert {"hidden": "nothing", "named": "air-drag-linear", "count": 2} in written["confusion"]
