@@ -7,7 +7,6 @@ the robot is with the journal before anything moves. Nothing heavy is imported h
 import shlex
 from pathlib import Path
 
-from drivers.cia402.takeover import NOT_TAKEN_OVER
 from drivers.ports import DriveState
 from fidim_lab.app import console
 from fidim_lab.app.answer_file import write_summary
@@ -38,6 +37,8 @@ def _again(spec: RunSpec, folder: Path, *, accept_place: bool) -> RunSpec:
 
 def power_hint(reason: str, rig: Path, folder: Path) -> tuple[str, ...]:
     """What to type where drives could not be taken over; a person decides to let go of the load."""
+    from drivers.cia402.takeover import NOT_TAKEN_OVER
+
     if NOT_TAKEN_OVER in reason:
         says, more = "A drive holds the load, but would have to be set anew.", ""
     elif f"the drive is in {DriveState.FAULT}" in reason:

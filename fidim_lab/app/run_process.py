@@ -1,6 +1,7 @@
 """The service as a process of its own: start it, wait until it listens, watch its run from this terminal.
 
 It reads and checks everything itself and says what is wrong, so that whoever starts it needs neither model nor drivers.
+What its client needs is imported while it starts: a robot waits.
 """
 
 import asyncio
@@ -13,9 +14,6 @@ from contextlib import contextmanager, suppress
 
 from drivers.clock import LoopClock
 from fidim_lab.app import console
-from fidim_lab.app.run_console import Console
-from fidim_lab.app.service.client import connect
-from fidim_lab.app.service.commands import Start
 from fidim_lab.app.service.place import Place, holder, in_use
 from fidim_lab.app.service.spec import HOOK_TIMEOUT, RunSpec
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
@@ -71,6 +69,10 @@ def service_process(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[
 
 
 async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]") -> int:
+    from fidim_lab.app.run_console import Console
+    from fidim_lab.app.service.client import connect
+    from fidim_lab.app.service.commands import Start
+
     await until_it_listens(place, process)
     async with connect(place.socket, name="fidim run", samples=False) as service:
         await service.take_lease()
@@ -81,6 +83,8 @@ async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]"
 
 async def until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> None:
     """Wait for the service. Raises what it said where it has ended, HardwareError where it takes too long."""
+    from fidim_lab.app.service.client import connect
+
     clock = LoopClock()
     begin = clock.now()
     while True:
