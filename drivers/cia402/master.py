@@ -5,6 +5,7 @@ heartbeat comes from the same loop: where that hangs or ends, the drives miss it
 """
 
 import math
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import cast
@@ -96,7 +97,7 @@ class CanopenMaster:
                 f"{_HOST_PERIODS * self._heartbeat_period:g} s, three periods of the host's heartbeat."
             )
         self._refuse_overload(config.heartbeat)
-        node = canopen.RemoteNode(config.node_id, _dictionary(config))
+        node = _remote_node(config)
         self._network.add_node(node)
         sdo = SdoChannel(node, self.transport, self.clock, device=config.device, timeout=config.sdo_timeout)
         link = NodeLink(config.node_id, self.transport, sdo, self.sync, config.heartbeat)
@@ -192,9 +193,18 @@ class CanopenMaster:
             )
 
 
-def _dictionary(config: WinchConfig) -> canopen.ObjectDictionary:
-    """The object dictionary of a winch. Raises SetupError naming the EDS file."""
+def _remote_node(config: WinchConfig) -> canopen.RemoteNode:
+    """A drive with the object dictionary of its EDS file. Raises SetupError naming the EDS file.
+
+    Vendors write their names in whatever encoding their editors have; nothing that counts is beyond ASCII.
+    """
     try:
-        return canopen.import_od(str(config.eds), config.node_id)
+        with config.eds.open(encoding="utf-8-sig", errors="replace") as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # canopen's own, where [DeviceInfo] is missing
+            known = canopen.import_od(file, config.node_id)
+        node = canopen.RemoteNode(config.node_id, known)
     except Exception as error:  # canopen raises whatever its parser meets
         raise SetupError(f"winch {config.name!r}: the EDS file {config.eds} cannot be read: {error}") from error
+    if not known.indices:
+        raise SetupError(f"winch {config.name!r}: the EDS file {config.eds} describes no object.")
+    return node

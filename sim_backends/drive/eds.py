@@ -22,7 +22,7 @@ def read_eds(path: Path, node_id: int) -> Dictionary:
     or gives a default that its type or range does not allow.
     """
     try:
-        with path.open(encoding="utf-8", errors="replace") as stream, warnings.catch_warnings():
+        with path.open(encoding="utf-8-sig", errors="replace") as stream, warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # canopen's own, where [DeviceInfo] is missing
             tree: Any = canopen.import_od(stream, node_id=node_id)
     except OSError as problem:
