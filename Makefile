@@ -30,6 +30,8 @@ peers: install
 	test -x build/peers/python/bin/python || $(PYTHON) -m venv build/peers/python
 	-for peer in numpy motioncapture==1.1 qtm-rt==3.1.0 natnet==0.3.0; do \
 	    build/peers/python/bin/python -m pip install --quiet $$peer; done
+	-test -d build/peers/remote/can_remote || \
+	    build/peers/python/bin/python -m pip install --quiet --no-deps --target build/peers/remote python-can-remote==0.3.0
 	-test -d build/peers/node/node_modules/canopen || npm install --silent --prefix build/peers/node canopen@6.2.1
 	$(BIN)/python -m pytest -m peer -rs
 
