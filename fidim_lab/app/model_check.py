@@ -29,6 +29,7 @@ LINE = 1 << 20
 """bytes of an answer at most"""
 LAST = 10.0
 """s at the end of a run that the last answer is waited for"""
+NO_MORE = "Later windows are not looked at here: fidim explain takes all."
 COMMAND = "import sys; from fidim_lab.app.model_worker import main; main(sys.argv[1])"
 
 
@@ -77,10 +78,14 @@ class ModelCheck:
                 await asyncio.wait_for(asyncio.shield(self._working), patience)
             self._working.cancel()
             await asyncio.gather(self._working, return_exceptions=True)
-        if self._process is not None:
+        await self._end_worker()
+
+    async def _end_worker(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
             with suppress(ProcessLookupError):
-                self._process.kill()
-            await self._process.wait()
+                process.kill()
+            await process.wait()
 
     async def _work(self) -> None:
         """Look until there is no window left that has not been looked at."""
@@ -90,8 +95,11 @@ class ModelCheck:
                 answer = await self._asked(window)
                 if "failed" in answer:
                     self._tell(Checked(window, None, (), f"The model cannot be checked: {answer['failed']}", 0.0))
-                else:
-                    self._tell(_checked(window, answer))
+                    continue
+                self._tell(_checked(window, answer))
+                if answer.get("full"):
+                    self._useful, self._waiting = False, ""
+                    await self._end_worker()
             except (OSError, ValueError) as error:
                 self._useful = False
                 self._tell(Checked(window, None, (), f"The model is not checked any more: {error}.", 0.0))
@@ -123,4 +131,5 @@ class ModelCheck:
 def _checked(window: str, answer: dict[str, Any]) -> Checked:
     ids = tuple(dict.fromkeys(str(one["id"]) for one in answer["suspected"]))
     early = answer["holds"] and answer["chi2_per_dof"] is None
-    return Checked(window, None if early else answer["holds"], ids, answer["says"], answer["took"])
+    says = f"{answer['says']} {NO_MORE}" if answer.get("full") else answer["says"]
+    return Checked(window, None if early else answer["holds"], ids, says, answer["took"])

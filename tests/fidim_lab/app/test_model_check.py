@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.app import model_check
-from fidim_lab.app.model_check import FEWEST, Checked, ModelCheck
+from fidim_lab.app import model_check, model_worker
+from fidim_lab.app.model_check import FEWEST, NO_MORE, Checked, ModelCheck
 from fidim_lab.app.model_worker import Looker, answer_to
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.identification.random_plan import random_plan
@@ -80,6 +80,21 @@ def test_a_worker_that_dies_is_told_once_and_not_asked_again(monkeypatch, tmp_pa
 def test_windows_that_come_while_it_computes_are_one_look(monkeypatch, tmp_path):
     events = [(finished(window), False) for window in ("i01", "i02", "i03")]
     assert [one.window for one in checked(monkeypatch, tmp_path, ECHO, events)] == ["i03"]
+
+
+def test_the_worker_ends_when_it_has_seen_enough(monkeypatch, tmp_path):
+    full = ECHO.replace('found["says"]', 'found["full"] = line.strip() == "i02"; found["says"]')
+    events = [(finished("i01"), True), (finished("i02"), True), (finished("i03"), False)]
+    told = checked(monkeypatch, tmp_path, full, events)
+    assert [(one.window, one.says) for one in told] == [("i01", "after i01"), ("i02", f"after i02 {NO_MORE}")]
+
+
+def test_no_more_windows_are_kept_than_there_is_room_for(monkeypatch, tmp_path, session):
+    monkeypatch.setattr(model_worker, "MOST", 2)
+    looker = Looker(tmp_path)
+    write_campaign(tmp_path, session)
+    answer = answer_to(looker, lambda: 0.0)
+    assert (answer["windows"], answer["full"]) == (2, True)
 
 
 def test_the_worker_reads_what_is_new_in_the_folder(tmp_path, session):
