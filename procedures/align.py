@@ -6,10 +6,13 @@ the instants at which the cameras saw the markers. The free motion of identifica
 not need it; poses from the robot's own sensors, excitation and what is told by motor currents do.
 """
 
+from functools import partial
+
 import numpy as np
 
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import SetupError
+from fidim_lab.model.closure import Closure
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.marker_lag import jog_signal
 from fidim_lab.model.mechanism import Mechanism
@@ -35,48 +38,44 @@ def align(plan: Plan, robot: Robot, settings: Settings | None = None, route: Rou
             hint="Give a plan of one window, where there is room to go up and down.",
         )
     (place,) = plan.windows
-    wanted, mechanism = settings.align, Mechanism(robot)
+    mechanism = Mechanism(robot)
     rest = equilibrium_at(mechanism, robot.nominal, place.position)
     up, down = (
-        equilibrium_at(mechanism, robot.nominal, place.position + side * wanted.amplitude * UP, rest.pose).lengths
+        equilibrium_at(
+            mechanism, robot.nominal, place.position + side * settings.align.amplitude * UP, rest.pose
+        ).lengths
         for side in (1.0, -1.0)
     )
-    signal = jog_signal(mechanism, robot, rest.pose, up - down)
     middle = np.asarray(place.lengths)  # the lengths of the plan count, not those of the model
     ends = (_told(middle + 0.5 * (up - down)), _told(middle - 0.5 * (up - down)))
+    return _steps(place.id, ends, jog_signal(mechanism, robot, rest.pose, up - down), settings, route)
 
-    def move(start: Lengths | None, goal: Lengths, speed: float, acceleration: float) -> MoveTo:
-        tolerance = settings.motion.position_tolerance
-        return MoveTo(
-            window=place.id, lengths=goal, start=start, speed=speed, acceleration=acceleration, tolerance=tolerance
-        )
 
-    def steps() -> Steps:
-        motion = settings.motion
-        here = (yield Enable()).values
-        yield from free(settings)
-        at = here or None
-        for goal in route(here, ends[0]) if here else (ends[0],):
-            yield move(at, goal, motion.speed, motion.acceleration)
-            at = goal
-        yield move(ends[0], ends[1], wanted.speed, wanted.acceleration)
-        settle = Settle(
-            window=place.id, tolerance=motion.settle_tolerance, over=motion.settle_over, timeout=motion.settle_timeout
-        )
-        yield settle  # what still swings does not matter much
-        found = yield Jog(
-            window=place.id,
-            ends=ends,
-            signal=signal,
-            duration=wanted.seconds,
-            speed=wanted.speed,
-            acceleration=wanted.acceleration,
-            tolerance=motion.position_tolerance,
-            sd=wanted.sd,
-        )
-        yield Told(window=place.id, outcome=found.outcome, reason=found.reason)
-
-    return steps()
+def _steps(window: str, ends: tuple[Lengths, Lengths], signal: Closure, settings: Settings, route: Route) -> Steps:
+    motion, wanted = settings.motion, settings.align
+    usual = partial(MoveTo, window=window, tolerance=motion.position_tolerance)
+    here = (yield Enable()).values
+    yield from free(settings)
+    at = here or None
+    for goal in route(here, ends[0]) if here else (ends[0],):
+        yield usual(lengths=goal, start=at, speed=motion.speed, acceleration=motion.acceleration)
+        at = goal
+    yield usual(lengths=ends[1], start=ends[0], speed=wanted.speed, acceleration=wanted.acceleration)
+    # what still swings afterwards does not matter much
+    yield Settle(
+        window=window, tolerance=motion.settle_tolerance, over=motion.settle_over, timeout=motion.settle_timeout
+    )
+    found = yield Jog(
+        window=window,
+        ends=ends,
+        signal=signal,
+        duration=wanted.seconds,
+        speed=wanted.speed,
+        acceleration=wanted.acceleration,
+        tolerance=motion.position_tolerance,
+        sd=wanted.sd,
+    )
+    yield Told(window=window, outcome=found.outcome, reason=found.reason)
 
 
 def _told(lengths: np.ndarray) -> Lengths:
