@@ -58,23 +58,71 @@ class ByteFeed(Protocol):
         ...
 
 
-class UdpFeed:
-    """Datagrams that arrive at a local address. Only `sender`'s are taken where one is given."""
+class DatagramFeed:
+    """What feeds of datagrams have in common: a socket, and a queue that forgets what nobody fetches."""
 
-    def __init__(self, clock: Clock, port: int, host: str = "0.0.0.0", *, sender: str | None = None) -> None:
+    def __init__(self, clock: Clock, address: tuple[str, int]) -> None:
         self._clock = clock
-        self._address = (host, port)
-        self._sender = sender
+        self._address = address
         self._mailbox: Mailbox[tuple[float, bytes]] = Mailbox(DATAGRAMS_QUEUED)
         self._transport: asyncio.DatagramTransport | None = None
+        self._heard = float("-inf")
+        """monotonic s of the newest datagram"""
         self.connection = 0
         self.overflow = 0
         """datagrams that came while the queue was full; they show as lost frames"""
 
     @property
     def name(self) -> str:
-        """Where it listens; an ephemeral port (0) is replaced by the real one once open."""
+        """Its address; an ephemeral port (0) is replaced by the real one once open."""
         return f"motion capture {self._address[0]}:{self._address[1]}"
+
+    async def receive(self) -> tuple[float, bytes]:
+        """The next datagram with its time of arrival at this process."""
+        try:
+            return await self._mailbox.get()
+        except MailboxClosedError:
+            await self._clock.sleep(PAUSES[1])
+            raise DeviceError(self.name, "the socket was closed") from None
+
+    async def close(self) -> None:
+        """Free the socket."""
+        self._mailbox.close()
+        if self._transport is not None:
+            self._transport.close()
+            self._transport = None
+            await self._clock.sleep(0.0)  # the transport lets go of its socket in the next turn of the loop
+
+    async def _begin(
+        self, *, local: tuple[str, int] | None = None, remote: tuple[str, int] | None = None
+    ) -> tuple[asyncio.DatagramTransport, socket.socket]:
+        """Open the socket at an address, or towards one. Raises OSError."""
+        self._mailbox = Mailbox(DATAGRAMS_QUEUED)
+        self._transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: _Datagrams(self._arrived), local_addr=local, remote_addr=remote
+        )
+        bound: socket.socket = self._transport.get_extra_info("socket")
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self.connection += 1
+        return self._transport, bound
+
+    def _takes(self, sender: str) -> bool:
+        return True
+
+    def _arrived(self, data: bytes, sender: str) -> None:
+        if not self._takes(sender):
+            return
+        self._heard = self._clock.now()
+        if not self._mailbox.put((self._heard, data)):
+            self.overflow += 1
+
+
+class UdpFeed(DatagramFeed):
+    """Datagrams that arrive at a local address. Only `sender`'s are taken where one is given."""
+
+    def __init__(self, clock: Clock, port: int, host: str = "0.0.0.0", *, sender: str | None = None) -> None:
+        super().__init__(clock, (host, port))
+        self._sender = sender
 
     @property
     def port(self) -> int:
@@ -87,44 +135,20 @@ class UdpFeed:
 
     async def open(self) -> None:
         """Bind the socket. Raises SetupError where the address is taken or not this computer's."""
-        loop = asyncio.get_running_loop()
-        self._mailbox = Mailbox(DATAGRAMS_QUEUED)
         try:
-            self._transport, _ = await loop.create_datagram_endpoint(
-                lambda: Datagrams(self._arrived), local_addr=self._address
-            )
+            _, bound = await self._begin(local=self._address)
         except OSError as error:
             raise SetupError(
                 f"{self.name}: cannot listen there: {error.strerror or error}.",
                 hint="Is another program listening on this port, is the address one of this computer's?",
             ) from error
-        bound: socket.socket = self._transport.get_extra_info("socket")
-        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         self._address = (self._address[0], bound.getsockname()[1])
-        self.connection += 1
 
-    async def receive(self) -> tuple[float, bytes]:
-        """The next datagram with its time of arrival at this process."""
-        try:
-            return await self._mailbox.get()
-        except MailboxClosedError:
-            await self._clock.sleep(PAUSES[1])
-            raise DeviceError(self.name, "the socket was closed") from None
-
-    async def close(self) -> None:
-        """Free the port."""
-        self._mailbox.close()
-        if self._transport is not None:
-            self._transport.close()
-            self._transport = None
-            await self._clock.sleep(0.0)  # the transport lets go of its socket in the next turn of the loop
-
-    def _arrived(self, data: bytes, sender: str) -> None:
-        if self._sender in (None, sender) and not self._mailbox.put((self._clock.now(), data)):
-            self.overflow += 1
+    def _takes(self, sender: str) -> bool:
+        return self._sender in (None, sender)
 
 
-class Datagrams(asyncio.DatagramProtocol):
+class _Datagrams(asyncio.DatagramProtocol):
     """Hands on what arrives, with its sender's address."""
 
     def __init__(self, arrived: "_Arrived") -> None:
