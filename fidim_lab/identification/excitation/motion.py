@@ -1,7 +1,8 @@
 """What chains of strokes do by the nonlinear model: the swing they leave, their sizes for a wanted one, tensions."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -25,6 +26,14 @@ MOST = 0.99
 """of what the winches may do"""
 SMALLEST = 0.02
 """part of the chains at which making them smaller ends"""
+ALMOST, AIM = 0.95, 0.98
+"""parts of what tensions allow: with so much used chains are not made larger, and so much is aimed at"""
+LOOKS = 6
+"""at ever better factors"""
+POWERS = (0.3, 4.0)
+"""of the factor, by which what is used may grow"""
+
+T = TypeVar("T")
 
 
 def swings_after(
@@ -102,7 +111,7 @@ def within_tensions(
     place: Place, chains: tuple[Chain, ...], gains: np.ndarray, bodies: Sequence[Body], tension: tuple[float, float]
 ) -> tuple[float, tuple[float, float]]:
     """How large the chains may be for all bodies' tensions to keep their limits, and the extremes then (N)."""
-    line, factor = line_of(chains, LOOK), 1.0
+    line = line_of(chains, LOOK)
     # chains that were found to do less have been made larger for it: that they then do all of it is allowed for
     directions = np.array([gain * chain.direction for gain, chain in zip(gains, chains, strict=True)])
     trials = [(place.body, place.equilibrium.pose)]
@@ -110,17 +119,50 @@ def within_tensions(
         rest = pose_from_lengths(place.mechanism, body, place.equilibrium.lengths, place.equilibrium.pose)
         trials.append((body, rest.pose))
     rest, damping = place.equilibrium.tensions_in_newton(place.robot.mass), place.swing.damping_matrix()
-    while True:
+
+    def look(factor: float) -> tuple[float, tuple[float, float]]:
         accelerations = line.accelerations(factor * directions)[np.newaxis]
         low, high = np.inf, -np.inf
         for body, pose in trials:  # one by one: a thread that plans lets others have their turn
             found = driven_motions(place.mechanism, body, pose, accelerations, line.steps, damping).tensions
             newton = found * place.robot.mass
             low, high = min(low, _least(newton)), max(high, -_least(-newton))
-        room = min(_room(rest.min(), low, tension[0]), _room(-rest.max(), -high, -tension[1]))
-        if room >= 1.0 or factor < SMALLEST:
-            return factor, (low, high)
-        factor *= min(max(0.5, 0.97 * room), 0.97)
+        return max(_used(rest.min(), low, tension[0]), _used(-rest.max(), -high, -tension[1])), (low, high)
+
+    return _largest(look)
+
+
+def _largest(look: Callable[[float], tuple[float, T]]) -> tuple[float, T]:
+    """The largest factor (at most 1, to a few percent) that uses no more than all of what is allowed.
+
+    look: the part of it that a factor uses, and what is to be told of it. What is used grows like a power of the
+    factor, which is found on the way: with large swings tensions grow faster than the swing.
+    """
+    factor, power, looks = 1.0, 1.0, 0
+    best: tuple[float, T] | None = None
+    least, most = 0.0, 1.0
+    before: tuple[float, float] | None = None
+    while True:
+        used, seen = look(factor)
+        looks += 1
+        if used <= 1.0:
+            best = (factor, seen)
+            if factor == 1.0 or used >= ALMOST:
+                return best
+            least = factor
+        else:
+            most = factor
+        if best is not None and looks >= LOOKS:
+            return best
+        if best is None and factor < SMALLEST:
+            return factor, seen
+        if before is not None and np.isfinite(used) and used > 0:
+            power = float(np.clip(np.log(used / before[1]) / np.log(factor / before[0]), *POWERS))
+        before = (factor, used) if np.isfinite(used) and used > 0 else None
+        wanted = factor * (AIM / used) ** (1 / power) if before else 0.5 * factor
+        # well inside the bracket, and never so much smaller that a good factor is passed by far
+        inside = 0.1 * (most - least)
+        factor = float(np.clip(wanted, max(least + inside, 0.4 * factor), most - inside))
 
 
 def line_of(chains: tuple[Chain, ...], after: float) -> Timeline:
@@ -138,8 +180,6 @@ def _least(tensions: np.ndarray) -> float:
     return float(tensions.min()) if np.isfinite(tensions).all() else -np.inf
 
 
-def _room(rest: float, found: float, limit: float) -> float:
-    """How much larger the way from the tension at rest to the extreme may be."""
-    if found >= limit:
-        return 1.0
-    return (rest - limit) / (rest - found) if rest > limit and np.isfinite(found) else 0.0
+def _used(rest: float, found: float, limit: float) -> float:
+    """Part of the way from the tension at rest to its limit that the extreme takes; ∞ where there is none."""
+    return (rest - found) / (rest - limit) if rest > limit else np.inf

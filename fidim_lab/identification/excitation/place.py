@@ -60,15 +60,3 @@ def wanted_amplitudes(place: Place, displacement: Float[np.ndarray, "2"]) -> Flo
     else:
         q = (xy / stiffness).T @ np.linalg.pinv(xy / stiffness @ xy.T) @ displacement
     return np.abs(q) * swing.lever
-
-
-def bodies_around(body: Body, off: float = 0.05, count: int = 6, seed: int = 0) -> tuple[Body, ...]:
-    """Bodies whose parameters are off by up to this part (of the lever, for the centre of mass), always the same."""
-    rng = np.random.default_rng([seed, 41])
-    lever = float(np.linalg.norm(body.com))
-    moments = np.concatenate([body.inertia[:3], np.full(3, body.inertia[:3].min())])
-    signs = rng.choice([-1.0, 1.0], (count, 9))
-    com = body.com + off * lever * signs[:, :3] * np.array([0.3, 0.3, 1.0])
-    inertia = body.inertia + off * moments * signs[:, 3:] * np.array([1, 1, 1, 0.3, 0.3, 0.3])
-    found = (Body(com=c, inertia=i) for c, i in zip(com, inertia, strict=True))
-    return tuple(one for one in found if np.linalg.eigvalsh(one.inertia_about_com)[0] > 0)

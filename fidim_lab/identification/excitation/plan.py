@@ -67,21 +67,14 @@ def planned(
     """The excitation after which the marker swings `wanted` (m) in each mode.
 
     knowledge: what earlier recordings taught. bodies: others than the place's that CAD may have meant
-    (`bodies_around`). tension: N at all times; the robot's limits unless given. Where limits allow less, all modes get
+    (`Bodies.others`). tension: N at all times; the robot's limits unless given. Where limits allow less, all modes get
     less alike; raises InfeasibleError where nothing is left (a tenth).
     """
     limits, knowledge = limits or WinchLimits(), knowledge or Knowledge.none(len(wanted))
     known = replace(place, swing=place.swing.damped(knowledge.damping))
     low, high = tension or place.robot.limits.tension
     trial = _Trial(known, wanted, knowledge, tuple(bodies), (low * (1 + MASS_OFF), high / (1 + MASS_OFF)))
-    best = trial.planned(limits)
-    for slower in SLOWER:
-        if best.why is not Less.TENSION:
-            break
-        # gentler strokes take longer, and pull less at the cables
-        found = trial.planned(replace(limits, acceleration=slower * limits.acceleration))
-        if found.part > best.part:
-            best = found if found.part > ENOUGH else replace(found, why=Less.TENSION)
+    best = trial.best(limits)
     chains, modes = best.chains, best.modes
     why = (
         "" if best.why is Less.NOTHING else f"{100 * best.part:.0f} % of the wanted swing: {best.words(trial.tension)}"
@@ -122,6 +115,30 @@ class _Planned:
         return f"{self.why.value}, then {low:.0f} to {high:.0f} N within {tension[0]:g} to {tension[1]:g} N"
 
 
+def missed(seen: Float[np.ndarray, " modes"], plan: Excitation, close: float) -> str:
+    """What is amiss with a swing, as a sentence without its full stop; empty where it is as wanted, or as planned.
+
+    seen: how far the marker swung in each mode, m. close: part of a swing by which it may be off.
+    """
+    found, aim, wanted = (float(np.linalg.norm(values)) for values in (seen, plan.reached, plan.wanted))
+    if min(abs(found / wanted - 1), abs(found / aim - 1)) <= close:
+        return ""
+    return f"it swung {1e3 * found:.1f} mm, {1e3 * aim:.1f} mm were planned"
+
+
+def falls_short(seen: Float[np.ndarray, " modes"], plan: Excitation, close: float) -> bool:
+    """Whether less was planned than was wanted, and it swung less: what it taught may allow more."""
+    return bool(plan.why_less) and float(np.linalg.norm(seen) / np.linalg.norm(plan.wanted)) < 1 - close
+
+
+def more_in_reach(seen: Float[np.ndarray, " modes"], again: Excitation, close: float) -> str:
+    """Why a swing that was as planned is done again, by the plan that knows of it; empty where that gains little."""
+    found, more = float(np.linalg.norm(seen)), float(np.linalg.norm(again.reached))
+    if more <= (1 + 2 * close) * found:
+        return ""
+    return f"it swung {1e3 * found:.1f} mm as planned; with what it taught {1e3 * more:.1f} mm can be reached"
+
+
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """What a plan is made for; the place's swing has the damping that is known."""
@@ -131,6 +148,28 @@ class _Trial:
     knowledge: Knowledge
     bodies: tuple[Body, ...]
     tension: tuple[float, float]
+
+    def best(self, limits: WinchLimits) -> _Planned:
+        """With the acceleration that reaches most: gentler strokes take longer, and pull less at the cables."""
+        tried = [(1.0, self.planned(limits))]
+        if tried[0][1].why is not Less.TENSION:
+            return tried[0][1]
+        for slower in SLOWER:
+            tried.append((slower, self._slowly(limits, slower)))
+            if tried[-1][1].why is not Less.TENSION:
+                break
+        else:
+            return max((found for _, found in tried), key=lambda one: one.part)
+        if tried[-1][1].part <= ENOUGH:
+            # there winches are the limit, and tensions with twice the acceleration: the best is in between
+            between = float(np.sqrt(tried[-1][0] * tried[-2][0]))
+            tried.append((between, self._slowly(limits, between)))
+        found = max((found for _, found in tried), key=lambda one: one.part)
+        return found if found.part > ENOUGH else replace(found, why=Less.TENSION)
+
+    def _slowly(self, limits: WinchLimits, part: float) -> _Planned:
+        """With a part of the acceleration."""
+        return self.planned(replace(limits, acceleration=part * limits.acceleration))
 
     def planned(self, limits: WinchLimits) -> _Planned:
         """Chains within these limits."""

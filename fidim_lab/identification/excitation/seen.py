@@ -12,6 +12,7 @@ from jaxtyping import Complex, Float
 from scipy import optimize
 
 from fidim_lab.arrays import Positions, Series, Vector3
+from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import GAINS, MOST_DAMPING, RATIOS, SURE, Knowledge
 from fidim_lab.identification.excitation.motion import marker_after, swings_after
 from fidim_lab.identification.excitation.place import Place
@@ -142,3 +143,21 @@ def learnt(place: Place, excitation: Excitation, seen: Found, before: Knowledge)
     gain[excited] = np.clip(seen.amplitudes / swings_after(known, chains, modes, ratio), *GAINS)[excited]
     least[excited] = SURE * damping[excited]
     return Knowledge(damping, ratio, gain, least)
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """What a recording taught."""
+
+    place: Place
+    """with the body that is likely now"""
+    bodies: Bodies
+    knowledge: Knowledge
+
+
+def taught(place: Place, bodies: Bodies, excitation: Excitation, seen: Found, before: Knowledge) -> Lesson:
+    """As `learnt`, with bodies tuned to the frequencies that were seen; knowledge is what these do not explain."""
+    first = learnt(place, excitation, seen, before)
+    tuned = bodies.tuned(place, first.ratio * place.swing.frequencies, excitation.modes)
+    there = Place.at(place.mechanism, place.equilibrium.lengths, tuned.likely)
+    return Lesson(there, tuned, learnt(there, excitation, seen, before))

@@ -1,0 +1,107 @@
+"""Which body swings here: the likely one and those that CAD may mean, tuned to the frequencies that were seen.
+
+A centre of mass 5 % off CAD shifts frequencies by a tenth: then a chain of strokes is out of step with its mode, and
+a body at a frequency of its own is no warning. Tuned, all of them agree with the recording.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import hadamard
+
+from fidim_lab.data.records import Body
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.excitation.place import Place
+
+OFF = 0.05
+"""part (of the lever, for the centre of mass) by which CAD may be off"""
+FLAT, CROSSED = 0.3, 0.3
+"""parts of that for the centre of mass's x and y, and for products of inertia"""
+KNOWN = 5e-3
+"""part to which frequencies are seen"""
+ROUNDS = 3
+STEP = 1e-3
+"""part of OFF, for difference quotients of frequencies"""
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """What may hang there."""
+
+    likely: Body
+    others: tuple[Body, ...]
+    """whose tensions are looked at too"""
+
+    @classmethod
+    def around(cls, body: Body, off: float = OFF) -> Self:
+        """A body and eight whose parameters are off by so much, always the same.
+
+        Any two parameters are off in all four ways: higher and lower centres of mass with more and with less inertia
+        swing at frequencies far apart.
+        """
+        signs = hadamard(8)[:, [1, 2, 3, 4, 5, 6, 7, 7, 7]]
+        found = [Body.from_vector(body.vector + one * _spread(body, off)) for one in signs]
+        return cls(body, tuple(one for one in found if _possible(one)))
+
+    def tuned(self, place: Place, frequencies: Float[np.ndarray, " modes"], seen: Sequence[int]) -> "Bodies":
+        """Each changed as little as makes it swing at these frequencies (Hz), at this place.
+
+        seen: the modes whose frequencies are known. A body that cannot be tuned is left out; where not even the likely
+        one can, all stay as they are.
+        """
+        modes = list(seen)
+        spread = _spread(self.likely, OFF)
+        try:
+            slopes = _slopes(place, self.likely, spread, modes)
+            likely = _tuned(place, self.likely, frequencies, modes, slopes, spread)
+        except (InfeasibleError, np.linalg.LinAlgError):
+            return self
+        others: list[Body] = []
+        for other in self.others:
+            try:
+                others.append(_tuned(place, other, frequencies, modes, slopes, spread))
+            except (InfeasibleError, np.linalg.LinAlgError):
+                continue
+        return Bodies(likely, tuple(others))
+
+
+def _spread(body: Body, off: float) -> Float[np.ndarray, "9"]:
+    """By how much each parameter may be off, m and m²."""
+    lever = float(np.linalg.norm(body.com))
+    moments = np.concatenate([body.inertia[:3], np.full(3, CROSSED * body.inertia[:3].min())])
+    return off * np.concatenate([lever * np.array([FLAT, FLAT, 1.0]), moments])
+
+
+def _possible(body: Body) -> bool:
+    return bool(np.linalg.eigvalsh(body.inertia_about_com)[0] > 0)
+
+
+def _frequencies(place: Place, body: Body, modes: list[int]) -> Float[np.ndarray, " seen"]:
+    if not _possible(body):
+        raise InfeasibleError("There is no such body.")
+    found = Place.at(place.mechanism, place.equilibrium.lengths, body).swing.frequencies
+    if len(found) != len(place.swing.frequencies):
+        raise InfeasibleError("This body has other modes.")
+    return found[modes]
+
+
+def _slopes(place: Place, body: Body, spread: Float[np.ndarray, "9"], modes: list[int]) -> Float[np.ndarray, "seen 9"]:
+    """Of the frequencies, relative, by the parameters in units of their spread."""
+    here = _frequencies(place, body, modes)
+    moved = [_frequencies(place, Body.from_vector(body.vector + STEP * unit), modes) for unit in np.diag(spread)]
+    return (np.array(moved) / here - 1).T / STEP
+
+
+def _tuned(
+    place: Place, body: Body, wanted: np.ndarray, modes: list[int], slopes: np.ndarray, spread: np.ndarray
+) -> Body:
+    """The nearest body with these frequencies, in units of the spread: as far as frequencies are known."""
+    gain = slopes.T @ np.linalg.inv(slopes @ slopes.T + KNOWN**2 * np.eye(len(modes)))
+    for _ in range(ROUNDS):
+        miss = wanted[modes] / _frequencies(place, body, modes) - 1
+        body = Body.from_vector(body.vector + spread * (gain @ miss))
+    _frequencies(place, body, modes)
+    return body
