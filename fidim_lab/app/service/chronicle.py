@@ -25,16 +25,22 @@ from procedures.journal import WallTime
 
 CAPACITY = 2000
 """events kept for late clients; older ones are in the journal"""
+ROOM = 600_000
+"""bytes of them as they are kept; as one line for a client they must stay below `codec.LINE_LIMIT`"""
 
 
 class Chronicle:
-    """Keeps the newest events and tells each to a listener as it comes."""
+    """Keeps the newest events and tells each to a listener as it comes.
+
+    They are kept as the bytes of their JSON, a quarter of what they are as objects: a service lives for days.
+    """
 
     def __init__(self, now: Callable[[], float], wall_time: WallTime, tell: Callable[[Happening], None]) -> None:
         self._now = now
         self._wall_time = wall_time
         self._tell = tell
-        self._events: deque[Happening] = deque(maxlen=CAPACITY)
+        self._events: deque[bytes] = deque()
+        self._size = 0
         self._number = 0
 
     def __call__(self, event: Event) -> None:
@@ -47,13 +53,20 @@ class Chronicle:
         """Take something that happened beside the run (fields as in `Happening`)."""
         self._number += 1
         happening = Happening(number=self._number, t=round(self._now(), 4), wall=self._wall_time(), **fields)
-        self._events.append(happening)
+        self._keep(happening.model_dump_json(exclude_defaults=True).encode())
         self._tell(happening)
+
+    def _keep(self, event: bytes) -> None:
+        self._events.append(event)
+        self._size += len(event)
+        while len(self._events) > CAPACITY or self._size > ROOM:
+            self._size -= len(self._events.popleft())
 
     @property
     def history(self) -> History:
         """For a client that comes late."""
-        return History(events=tuple(self._events), forgotten=self._number - len(self._events))
+        events = tuple(Happening.model_validate_json(event) for event in self._events)
+        return History(events=events, forgotten=self._number - len(events))
 
 
 def _fields(event: Event) -> dict[str, Any] | None:
