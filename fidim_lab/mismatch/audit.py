@@ -52,7 +52,7 @@ def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) ->
     after = without_breaks(cleaned, left)
     say("looking for hands and single bad windows")
     for _ in range(ROUNDS):
-        segments = fit_segments(found.likelihood.mechanism, after.campaign.windows)
+        segments = fit_segments(found.likelihood.mechanism, after.campaign.windows, hasty=not baseline.follows)
         further = without_breaks(after, segments.leftovers)
         if further is after:
             further = _cut(after, segments, find_contacts(segments), say)

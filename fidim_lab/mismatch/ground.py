@@ -49,6 +49,10 @@ class Ground:
         factor = FAR_PRIOR if self.whole else 1.0
         return Prior(np.concatenate([self.body.mean, mean]), factor * np.concatenate([self.body.sd, sd]))
 
+    def as_far_as(self, found: Fit) -> "Ground":
+        """The part of the recordings to which that was fitted."""
+        return Ground(replace(self.likelihood, recordings=found.likelihood.recordings), self.body, whole=False)
+
 
 def short_fit(mechanism: Mechanism, windows: Sequence[Window]) -> Fit:
     """The fit of the first seconds of all windows.

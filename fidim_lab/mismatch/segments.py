@@ -67,11 +67,13 @@ class Segments:
         return tuple(of_remainder(ids[recording.window.id], left, likelihood) for recording, left in pairs)
 
 
-def fit_segments(mechanism: Mechanism, windows: Sequence[Window], length: float = LENGTH) -> Segments:
-    """Fit body and segments' starts. Raises RefusedError where no segment can be used."""
+def fit_segments(
+    mechanism: Mechanism, windows: Sequence[Window], length: float = LENGTH, *, hasty: bool = False
+) -> Segments:
+    """Fit body and segments' starts; hasty: as `fit`. Raises RefusedError where no segment can be used."""
     cut = [(window, edges_of(window, length)) for window in windows]
     pieces = [piece(window, edges, k) for window, edges in cut for k in range(len(edges) - 1)]
-    found = fit(mechanism, [one for one in pieces if one is not None])
+    found = fit(mechanism, [one for one in pieces if one is not None], hasty=hasty)
     left = {
         recording.window.id: remainder
         for recording, remainder in zip(found.likelihood.recordings, found.remainders, strict=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.springs import stretches
+from fidim_lab.mismatch.additions import Addition, additions
 from fidim_lab.mismatch.baseline import HOPELESS, Baseline
 from fidim_lab.mismatch.candidates import (
     Candidate,
@@ -28,7 +29,6 @@ from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.refit import Completed, evidence, predict, refit
 from fidim_lab.mismatch.restarts import find_pushes
-from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.sprung import left_at_first
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
 from fidim_lab.mismatch.whiteness import whiteness
@@ -112,7 +112,7 @@ class _Search:
             seen = self._view(best)
             if seen.unfitted is not None:
                 break
-            fresh = self._fitted(best, seen.additions(MOST_TERMS - len(best.tried)))
+            fresh = self._fitted(self._additions(seen))
             self.passing += fresh
             further = most_convincing(best, fresh)
             if further is best:
@@ -126,14 +126,15 @@ class _Search:
         near.sort(key=lambda m: evidence(best, m, scale))
         return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
 
-    def _fitted(self, best: Completed, scores: Sequence[Score]) -> list[Completed]:
+    def _fitted(self, beside: Sequence[Addition]) -> list[Completed]:
         """Models with these additions; once one leaves only noise, what costs more than its equals is not fitted."""
         fresh: list[Completed] = []
-        for score in scores:
-            costly = len(score.tried) > 1 or any(stretches(h.effect) for h in score.tried)
+        for addition in beside:
+            terms = addition.score.tried
+            costly = len(terms) > 1 or any(stretches(h.effect) for h in terms)
             if costly and any(whiteness(model.leftovers).is_white for model in fresh):
                 continue
-            found = self._added(best, score)
+            found = self._added(addition)
             if found is not None:
                 fresh.append(found)
         return fresh
@@ -156,12 +157,12 @@ class _Search:
         seen = self._view(best.model)
         while best.model.whole and seen.unfitted is None and not self._pushed(best, seen):
             fresh: list[Candidate] = []
-            for score in seen.additions(MOST_TERMS - len(best.model.tried)):
-                self.say(f"fitting {' + '.join([best.model.label, score.label][not best.model.tried :])}")
-                found = self._added(best.model, score)
+            for addition in self._additions(seen):
+                self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")
+                found = self._added(addition)
                 if found is None:
                     continue
-                fresh.append(self._judged_or_wider(self._pruned(found), score.tried))
+                fresh.append(self._judged_or_wider(self._pruned(found), addition.score.tried))
                 if fresh[-1].is_white and len(fresh[-1].model.tried) <= len(best.model.tried) + 1:
                     break
             self.tried += fresh
@@ -221,18 +222,17 @@ class _Search:
         self.first = seen if self.first is None else self.first
         return seen
 
-    def _added(self, best: Completed, score: Score) -> Completed | None:
-        """The model with these terms; one that it has already begins anew as the score says (at another frequency)."""
-        new = {(h.effect.id, h.effect.cable) for h in score.tried}
-        kept = [k for k, h in enumerate(best.tried) if (h.effect.id, h.effect.cable) not in new]
-        thetas = [best.thetas[k] for k in kept]
-        thetas += [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
-        tried = (*(best.tried[k] for k in kept), *score.tried)
-        ground, context = self._ground(best), self.start.context
-        found = refit(ground, best.fit, tried, thetas, context, phases=score.phases, simpler=best)
+    def _additions(self, seen: View) -> tuple[Addition, ...]:
+        room = MOST_TERMS - len(seen.model.tried)
+        return additions(seen, room, self._ground(seen.model), self.start.context)
+
+    def _added(self, addition: Addition) -> Completed | None:
+        """The model with these terms, or with a wider form of the new ones."""
+        best = addition.seen.model
+        found = addition.fitted(self._ground(best), self.start.context)
         if found is None or rest_of(found) > WIDENED * rest_of(best):
             return found  # it takes so little that no wider form of it can be the truth
-        return self._widened(found, score.tried)
+        return self._widened(found, addition.score.tried)
 
     def _widened(self, model: Completed, new: Sequence[Hypothesis]) -> Completed:
         """With a more general form of a new term, or cables that ring, where the simple form leaves such structure."""

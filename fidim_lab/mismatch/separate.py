@@ -141,6 +141,27 @@ def separating(
     return Proposal(claim, tuple(pool[k] for k in chosen), before, tuple(after), len(robot.markers))
 
 
+def evidence(
+    robot: Robot,
+    claim: Claim,
+    recorded: Sequence[Trial],
+    body: Float[np.ndarray, "9"] | None = None,
+    *,
+    noise: float = 1.0,
+    native: bool = True,
+) -> float:
+    """Non-centrality of an effect of this size against none at all: far above 10 it is seen in these windows.
+
+    Arguments and InfeasibleError as `separating`; rivals play no part.
+    """
+    tried = Hypotheses((_own(robot, claim),), (), ())
+    gram = _grams(Mechanism(robot, native=native), tried, recorded, body, noise).sum(axis=0)
+    scored = list(tried.direct[0].scored)
+    left = eliminated(gram, np.arange(BODY), BODY + np.arange(len(scored)))
+    theta = np.array(claim.theta)[scored]
+    return max(0.0, float(theta @ left @ theta))
+
+
 def with_markers(robot: Robot, size: float = 0.1) -> Robot:
     """The robot with three markers, where it has fewer: two more beside the main one, `size` (m) apart."""
     if len(robot.markers) >= 3:
@@ -174,17 +195,23 @@ class _Judge:
 
 def _pair(robot: Robot, claim: Claim) -> tuple[Hypotheses, int, tuple[int, ...]]:
     """The claim and its rivals alone, with their places."""
+    nearest = _own(robot, claim)
     every = [h for h in hypotheses(robot).direct if len(h.scored)]
-    own = [h for h in every if h.effect.id == claim.id and h.effect.cable == claim.cable]
-    own = [h for h in own if len(h.absent) == len(claim.theta)] or own
-    if not own or len(own[0].absent) != len(claim.theta):
-        raise InfeasibleError(f"Odds for {claim.id}: it has no score of its own, so nothing can be computed.")
-    nearest = min(own, key=lambda h: _scan_distance(h, claim.theta))
     rivals = [h for h in every if h.effect.id in claim.rivals and h.effect.id != claim.id]
     if not rivals:
         raise InfeasibleError(f"Odds for {claim.id}: nothing of what may stand in its place has a score.")
     tried = Hypotheses((nearest, *rivals), (), ())
     return tried, 0, tuple(range(1, 1 + len(rivals)))
+
+
+def _own(robot: Robot, claim: Claim) -> Hypothesis:
+    """What is claimed, at the nearest of its places that are scanned."""
+    every = [h for h in hypotheses(robot).direct if len(h.scored)]
+    own = [h for h in every if h.effect.id == claim.id and h.effect.cable == claim.cable]
+    own = [h for h in own if len(h.absent) == len(claim.theta)] or own
+    if not own or len(own[0].absent) != len(claim.theta):
+        raise InfeasibleError(f"Odds for {claim.id}: it has no score of its own, so nothing can be computed.")
+    return min(own, key=lambda h: _scan_distance(h, claim.theta))
 
 
 def _scan_distance(tried: Hypothesis, theta: Sequence[float]) -> float:

@@ -1,5 +1,6 @@
 """A model seen through the scores of everything that it does not have: what could be added to it."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -32,6 +33,8 @@ SINGLES, PAIRS = 3, 3
 """how many are fitted"""
 NEARLY = 0.5
 """of the best log-evidence: what has less is not fitted"""
+RACING, RACING_NEARLY, OF_ONE_KIND = 8, 0.25, 2
+"""the same where the model follows less than it was fitted to: fits are short there, and scores far off"""
 TIE, SLIGHT = 10.0, 0.02
 """nats, and share of the best log-evidence, by which a score may be off where the motion is followed"""
 FEEBLE = 0.25
@@ -51,6 +54,13 @@ class View:
     singles: tuple[Score, ...]
     """the most evident first"""
     context: Context
+    fit: Fit
+    """of the model, over the time that was looked at"""
+
+    @property
+    def is_shortened(self) -> bool:
+        """Whether the model follows less than it was fitted to."""
+        return self.fit is not self.model.fit
 
     @property
     def rest(self) -> float:
@@ -84,13 +94,7 @@ class View:
         any. Where the motion is followed the scores are all but exact, and only ties are fitted; else what has half as
         much.
         """
-        chosen: dict[object, Score] = {}
-        inside = {h.effect.id for h in self.model.tried if h.effect.id in PERIODIC}
-        for score in self.singles:
-            allowed = room > 0 or score.tried[0].effect.id in inside
-            if allowed and score.log_evidence > ENOUGH and self._can_be_fitted(score.tried[0].effect):
-                chosen.setdefault(score.tried[0].effect, score)
-        singles = list(chosen.values())[:SINGLES]
+        singles = self._singles(room)
         pairs: list[Score] = []
         if room > 1 and singles:
             able = (p for p in self.pairs if all(self._can_be_fitted(h.effect) for h in p.tried))
@@ -98,13 +102,32 @@ class View:
             pairs = list(_varied([pair for pair in able if pair.log_evidence > least]))[:PAIRS]
         return (*self._near(singles, 0.0), *self._near(pairs, singles[0].gain if singles else 0.0))
 
+    def _singles(self, room: int) -> list[Score]:
+        """The best of each effect, as many as may be fitted."""
+        chosen: dict[object, Score] = {}
+        inside = {h.effect.id for h in self.model.tried if h.effect.id in PERIODIC}
+        for score in self.singles:
+            allowed = room > 0 or score.tried[0].effect.id in inside
+            if allowed and score.log_evidence > ENOUGH and self._can_be_fitted(score.tried[0].effect):
+                chosen.setdefault(score.tried[0].effect, score)
+        if not self.is_shortened:
+            return list(chosen.values())[:SINGLES]
+        counts = Counter[str]()
+        varied: list[Score] = []
+        for score in chosen.values():
+            id = score.tried[0].effect.id
+            counts[id] += 1
+            varied += [score] if counts[id] <= OF_ONE_KIND else []
+        return varied[:RACING]
+
     def _near(self, scores: Sequence[Score], less: float) -> tuple[Score, ...]:
         """Those that come near the first; `less`: χ² that fewer terms take."""
         if not scores:
             return ()
         best = scores[0].log_evidence
         if self.model.excess >= NEAR:
-            return tuple(score for score in scores if score.log_evidence >= NEARLY * best)
+            least = best * (RACING_NEARLY if self.is_shortened else NEARLY)
+            return tuple(score for score in scores if score.log_evidence >= least)
         least = best - TIE - SLIGHT * best
         return tuple(score for score in scores if score.log_evidence >= least and self._takes_enough(score, less))
 
@@ -133,7 +156,7 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     if not model.tried or (model.whole and found is model.fit):
         # in a few seconds a tone at any phase passes for what other effects leave: beside them, in whole windows alone
         singles = (*same, *_own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model))
-    return View(model, seen, tuple(sorted(singles, key=lambda score: -score.log_evidence)), context)
+    return View(model, seen, tuple(sorted(singles, key=lambda score: -score.log_evidence)), context, found)
 
 
 def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) -> tuple[Score, ...]:

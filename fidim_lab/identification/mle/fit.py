@@ -18,7 +18,7 @@ from fidim_lab.identification.mle import spread, springs
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior, reduced
-from fidim_lab.identification.mle.optimise import ROUGH, Ending, optimise
+from fidim_lab.identification.mle.optimise import FINAL, ON_THE_WAY, ROUGH, Ending, optimise
 from fidim_lab.identification.mle.possible import nearest_possible, scales
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import spring_prior, with_springs
@@ -127,14 +127,15 @@ def fit(
     start: Body | None = None,
     theta_sd: Float[np.ndarray, " theta"] | None = None,
     bounds: tuple[Float[np.ndarray, " theta"], Float[np.ndarray, " theta"]] | None = None,
+    hasty: bool = False,
 ) -> Fit:
     """Fit body (and θ, if the mechanism has effects) to the windows; see the module.
 
     start: where to begin, the robot's nominal body unless given. theta_sd: standard deviations of a normal prior on θ
-    about mechanism.theta, infinite unless given. bounds: lowest and highest θ, held within the fit. Noise and
-    resolution are those of the robot's sensors. Effects that stretch cables make springs of them (`springs`).
-    Windows that cannot be used are in `unused`. Raises RefusedError where none can, or where no motion can be
-    simulated from the start.
+    about mechanism.theta, infinite unless given. bounds: lowest and highest θ, held within the fit. hasty: to a
+    standard deviation only, and windows that get lost stay so. Noise and resolution are those of the robot's sensors.
+    Effects that stretch cables make springs of them (`springs`). Windows that cannot be used are in `unused`. Raises
+    RefusedError where none can, or where no motion can be simulated from the start.
     """
     wanted = mechanism.robot.nominal if start is None else start
     body = nearest_possible(wanted)
@@ -147,7 +148,8 @@ def fit(
         unbounded = np.full(BODY, np.inf)
         prior = replace(prior, low=np.concatenate([-unbounded, bounds[0]]), high=np.concatenate([unbounded, bounds[1]]))
     free = np.ones(len(shared), dtype=bool)
-    journey = grow(likelihood, Point(shared, likelihood.guesses), prior, free)
+    last = ON_THE_WAY if hasty else FINAL
+    journey = grow(likelihood, Point(shared, likelihood.guesses), prior, free, last=last, once=hasty)
     if journey is None:
         raise RefusedError(
             "The motion cannot be simulated from the start values.",

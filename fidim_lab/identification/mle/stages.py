@@ -92,16 +92,18 @@ def grow(
     free: Bool[np.ndarray, " shared"],
     horizons: tuple[float, ...] = HORIZONS,
     last: Effort = FINAL,
+    *,
+    once: bool = False,
 ) -> Journey | None:
     """The optimum at full length, reached by growing horizons; None where not even the first can be simulated.
 
-    last: how hard to try at full length.
+    last: how hard to try at full length. once: windows that get lost on the way are not tried again.
     """
     limits = np.array([recording.end for recording in likelihood.recordings])
     way, optimum = _grown(_Way(likelihood, prior, free, limits, {}, last), start, horizons)
     if optimum is None:
         return None
-    if 0 < len(way.lost) < len(limits) and free.any():
+    if 0 < len(way.lost) < len(limits) and free.any() and not once:
         way, optimum = _found_again(way, optimum, limits, horizons)
     return Journey(optimum, way.ends(np.inf), way.slack, way.lost)
 

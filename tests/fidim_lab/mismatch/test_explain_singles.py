@@ -13,6 +13,8 @@ from sim_backends.simulate import Recording, simulate_campaign
 
 SINGLES = (
     ("loose-mass:m=0.2,f=3,zeta=0.05", None, {"f": 3.0, "zeta": 0.05}),
+    # so heavy that the first seconds are missed by hundreds of times the noise
+    ("loose-mass:m=0.4,f=2.4,zeta=0.1,bx=0.02,by=-0.09,bz=-0.04", None, {"m": 0.4, "f": 2.4, "zeta": 0.1}),
     ("umbilical:rest=0.5", None, {"k": 4.0, "c": 0.3, "rest": 0.5}),
     ("winch-hold-compliance:cable=3", 3, {"softness": 1e-5}),
     ("time-offset:offset=-0.004", None, {"offset": -0.004}),

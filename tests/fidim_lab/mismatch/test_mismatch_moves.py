@@ -50,10 +50,10 @@ class Seen(View):
         return ()
 
 
-def seen(model: tuple[Hypothesis, ...], *scores: Score) -> Seen:
+def seen(model: tuple[Hypothesis, ...], *scores: Score, excess: float = 1.1, shortened: object = None) -> Seen:
     fit = SimpleNamespace(noise_ratio=1.0)
     projected = SimpleNamespace(left=40_000.0, dof=36_000)
-    return Seen(SimpleNamespace(tried=model, fit=fit, excess=1.1), projected, scores, None)
+    return Seen(SimpleNamespace(tried=model, fit=fit, excess=excess), projected, scores, None, shortened or fit)
 
 
 def score(tried: Hypothesis, nats: float) -> Score:

@@ -1,0 +1,107 @@
+"""A model with further terms that scores ask for, fitted.
+
+Scores are statements to first order over as long as the model follows the motion. Where that is less than what is to be
+fitted, the terms race there first, each from the values at which it was scanned while none suits, and the few best go
+on to the whole from where they are: from the model's own fit of the whole, bent as it is, the optimum is often not
+found at all.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from fidim_lab.effects.plausibility import Context
+from fidim_lab.identification.mle.springs import stretches
+from fidim_lab.mismatch.candidates import common_scale
+from fidim_lab.mismatch.ground import NEAR, Ground
+from fidim_lab.mismatch.hypotheses import PERIODIC, Hypothesis
+from fidim_lab.mismatch.refit import Completed, evidence, refit
+from fidim_lab.mismatch.score import Score
+from fidim_lab.mismatch.views import View
+
+SCANNED = 6
+"""values of a scanned parameter that are tried"""
+FINALISTS = 4
+"""of those that raced"""
+
+
+@dataclass(frozen=True, eq=False)
+class Addition:
+    """Terms to be added to a model."""
+
+    seen: View
+    """of the model"""
+    score: Score
+    near: Completed | None = None
+    """the model with them, over the time of the view"""
+
+    def fitted(self, ground: Ground, context: Context) -> Completed | None:
+        """The model with these terms; one that it has already begins anew as the score says. None: no fit gets there.
+
+        ground: what the model was fitted to, or more.
+        """
+        model, near = self.seen.model, self.near
+        if near is not None:
+            found = refit(ground, near.fit, near.tried, near.thetas, context, simpler=model)
+            if found is not None:
+                return found
+        tried, thetas = _beside(model.tried, model.thetas, self.score)
+        return refit(ground, model.fit, tried, thetas, context, phases=self.score.phases, simpler=model)
+
+
+def additions(seen: View, room: int, ground: Ground, context: Context) -> tuple[Addition, ...]:
+    """What is worth fitting beside the model, for so many more terms at most."""
+    scores = seen.additions(room)
+    if not seen.is_shortened or seen.model.mechanism.springs:
+        return tuple(Addition(seen, score) for score in scores)
+    short = Completed(seen.model.tried, seen.fit, whole=False)
+    raced = [Addition(seen, score, _nearby(seen, short, score, ground, context)) for score in scores]
+    return _finalists(short, raced)
+
+
+def _finalists(short: Completed, raced: Sequence[Addition]) -> tuple[Addition, ...]:
+    """Those that convince most over the short time; cables that stretch did not race, and stay where they stand."""
+    near = [one.near for one in raced if one.near is not None]
+    scale = common_scale([short, *near])
+
+    def convincing(one: Addition) -> float:
+        return np.inf if one.near is None else evidence(one.near, short, scale)
+
+    return tuple(sorted(raced, key=convincing, reverse=True)[:FINALISTS])
+
+
+def _nearby(seen: View, short: Completed, score: Score, ground: Ground, context: Context) -> Completed | None:
+    """The model with these terms over the time of the view; None where none is found, or cables that stretch are."""
+    if any(stretches(h.effect) for h in score.tried):
+        return None  # they find their own way from short recordings to long ones
+    near = ground.as_far_as(seen.fit)
+    best: Completed | None = None
+    for one in _scanned(seen, score):
+        tried, thetas = _beside(short.tried, short.thetas, one)
+        found = refit(near, seen.fit, tried, thetas, context)
+        if found is not None and (best is None or found.excess < best.excess):
+            best = found
+        if best is not None and best.excess < NEAR:
+            break
+    return best
+
+
+def _scanned(seen: View, score: Score) -> Iterator[Score]:
+    """The score, and those of the same effect at other values of what is scanned."""
+    yield score
+    effect = score.tried[0].effect
+    if len(score.tried) == 1 and effect.id not in PERIODIC:
+        others = (s for s in seen.singles if s is not score and s.tried[0].effect == effect)
+        yield from islice(others, SCANNED - 1)
+
+
+def _beside(
+    tried: tuple[Hypothesis, ...], thetas: list[np.ndarray], score: Score
+) -> tuple[tuple[Hypothesis, ...], list[np.ndarray]]:
+    """Terms and θ with those of a score in the place of any that they stand for."""
+    new = {(h.effect.id, h.effect.cable) for h in score.tried}
+    kept = [k for k, h in enumerate(tried) if (h.effect.id, h.effect.cable) not in new]
+    fresh = [h.theta(theta) for h, theta in zip(score.tried, score.theta, strict=True)]
+    return (*(tried[k] for k in kept), *score.tried), [*(thetas[k] for k in kept), *fresh]

@@ -1,0 +1,111 @@
+"""Terms that race over as long as a model follows the motion, before any is fitted to the whole."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.mismatch import additions as module
+from fidim_lab.mismatch.additions import FINALISTS, SCANNED, additions
+from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis, hypotheses
+from fidim_lab.mismatch.score import Score
+from fidim_lab.mismatch.views import OF_ONE_KIND, RACING, View
+
+FREQUENCY = 1
+"""place of f in θ of a loose mass"""
+
+
+@pytest.fixture(scope="module")
+def every(irma4: Robot) -> Hypotheses:
+    return hypotheses(irma4)
+
+
+class Seen(View):
+    """A view without a fit, of which no pair says anything."""
+
+    def _can_be_fitted(self, effect: object) -> bool:
+        return True
+
+    @property
+    def pairs(self) -> tuple[Score, ...]:
+        return ()
+
+
+def seen(scores: list[Score], *, shortened: bool) -> View:
+    fit = SimpleNamespace(noise_ratio=1.0, likelihood=SimpleNamespace(recordings=()))
+    near = SimpleNamespace(likelihood=SimpleNamespace(recordings=())) if shortened else fit
+    model = SimpleNamespace(tried=(), fit=fit, excess=867.0, thetas=[], mechanism=SimpleNamespace(springs=False))
+    return Seen(model, SimpleNamespace(left=1e6, dof=1e3), tuple(scores), None, near)  # type: ignore[arg-type]
+
+
+def score(tried: Hypothesis, nats: float) -> Score:
+    return Score((tried,), (np.full(len(tried.scored), 0.1),), 2 * nats, nats)
+
+
+def masses(every: Hypotheses) -> list[Hypothesis]:
+    return [h for h in every.direct if h.effect.id == "loose-mass"]
+
+
+@pytest.fixture
+def fits(monkeypatch):
+    """What was fitted: (names, θ); a loose mass suits at 2.4 Hz alone, drag of the rotation somewhat."""
+    done: list[tuple[tuple[str, ...], list[np.ndarray]]] = []
+
+    def refit(ground, donor, tried, thetas, context, **_):
+        done.append((tuple(h.effect.id for h in tried), thetas))
+        suits = {"loose-mass": 1.0 if 2.4 in thetas[-1] else 300.0, "rotational-drag": 40.0}
+        found = suits.get(tried[-1].effect.id, 500.0)
+        return SimpleNamespace(excess=found, fit=donor, tried=tried, thetas=thetas, evidence=-found)
+
+    monkeypatch.setattr(module, "refit", refit)
+    monkeypatch.setattr(module, "Completed", lambda *a, **k: SimpleNamespace(tried=(), thetas=[], evidence=-867.0))
+    monkeypatch.setattr(module, "common_scale", lambda models: 1.0)
+    monkeypatch.setattr(module, "evidence", lambda model, than, scale: model.evidence - than.evidence)
+    return done
+
+
+GROUND = SimpleNamespace(as_far_as=lambda found: "near")
+
+
+def test_where_the_motion_is_followed_nothing_races(every: Hypotheses, fits: list) -> None:
+    looked = seen([score(masses(every)[0], 900.0)], shortened=False)
+    assert [one.near for one in additions(looked, 3, GROUND, None)] == [None]
+    assert fits == []
+
+
+def test_a_mass_is_tried_at_other_frequencies_until_one_suits(every: Hypotheses, fits: list) -> None:
+    loud = sorted(masses(every), key=lambda h: abs(h.absent[FREQUENCY] - 3.2))[:8]  # the score points elsewhere
+    place = [h.absent[FREQUENCY] for h in loud].index(2.4)
+    (found,) = additions(seen([score(h, 900.0 - k) for k, h in enumerate(loud)], shortened=True), 3, GROUND, None)
+    assert found.near is not None
+    assert found.near.excess == 1.0
+    assert len(fits) == place + 1
+
+
+def test_no_more_than_some_values_are_tried(every: Hypotheses, fits: list) -> None:
+    wrong = [h for h in masses(every) if h.absent[FREQUENCY] != 2.4]
+    additions(seen([score(h, 900.0 - k) for k, h in enumerate(wrong)], shortened=True), 3, GROUND, None)
+    assert len(fits) == SCANNED
+
+
+def test_the_race_decides_not_the_score(every: Hypotheses, fits: list) -> None:
+    """What convinces most over the short time goes on, though the scores have it last; cables that stretch stay."""
+    of_id = {h.effect.id: h for h in every.direct}
+    first = ["swivel-damping", "air-drag-linear", "anchor-offset", "attachment-friction", "rotational-drag"]
+    scores = [score(of_id[id], 900.0 - k) for k, id in enumerate(first)]
+    mass = next(h for h in masses(every) if h.absent[FREQUENCY] == 2.4)
+    scores += [score(of_id["cable-elasticity"], 850.0), score(mass, 800.0)]
+    found = [one.score.tried[0].effect.id for one in additions(seen(scores, shortened=True), 3, GROUND, None)]
+    assert len(found) == FINALISTS
+    assert found[:3] == ["cable-elasticity", "loose-mass", "rotational-drag"]
+
+
+def test_one_kind_does_not_fill_the_race(every: Hypotheses) -> None:
+    """The same friction at each cable is one idea, not five."""
+    frictions = [h for h in every.direct if h.effect.id == "attachment-friction"]
+    others = [next(h for h in every.direct if h.effect.id == id) for id in ("air-drag-linear", "cable-mass")]
+    looked = seen([score(h, 900.0 - k) for k, h in enumerate([*frictions, *others])], shortened=True)
+    ids = [one.tried[0].effect.id for one in looked.additions(3)]
+    assert ids == ["attachment-friction"] * OF_ONE_KIND + ["air-drag-linear", "cable-mass"]
+    assert len(ids) <= RACING
