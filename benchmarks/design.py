@@ -9,146 +9,93 @@ Times are CPU seconds, except of the workers, which are wall seconds.
 """
 
 import argparse
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
-from scipy import optimize
 
+from benchmarks.design_peers import peers, quiet
 from benchmarks.page import table, write_section
 from fidim_lab.app.spread_out import workers
+from fidim_lab.data.records import Pose
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.design import cost, information, pool
+from fidim_lab.identification.design import information, pool
 from fidim_lab.identification.design.limits import KINDS, worst_of_kinds
-from fidim_lab.identification.design.motions import simulate
-from fidim_lab.identification.design.refine import refine
-from fidim_lab.identification.design.search import STEPS, Design, Found, Start, begin_at, design
+from fidim_lab.identification.design.search import Design, Found, Start, begin_at, design
 from fidim_lab.identification.design.task import Criterion, DesignTask
-from fidim_lab.identification.design.windows import Placed, place
-from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.free_motion import conditioning, marker_selector
+from sim_backends.plant.plant import Plant
+from sim_backends.plant.world import make_world
 
 PAPER, GOAL = 5.94, 10.0
+OFTEN = 500.0
+"""Hz, at which another simulator is looked at"""
 
 
-def quiet(_: object) -> None:
-    """Says nothing."""
+def timed(start: Start) -> tuple[Found, float]:
+    """A start, and its CPU seconds."""
+    begin = process_time()
+    return begin_at(start), process_time() - begin
 
 
 def criterion(options: argparse.Namespace) -> str:
     task = DesignTask(read_robot(PAPERS_ROBOT))
-    with workers(options.processes) as run:
-        found = design(task, options.starts, 1, run, quiet)
+    spent: list[float] = []
+
+    def run(_: Callable[[Start], Found], starts: Iterable[Start]) -> Iterable[Found]:
+        with workers(options.processes) as spread:
+            for one, seconds in spread(timed, starts):
+                spent.append(seconds)
+                yield one
+
+    begin = process_time()
+    found = design(task, options.starts, 1, run, quiet)
+    alone = process_time() - begin - (sum(spent) if options.processes == 1 else 0.0)
     values = np.array([one.value for one in found.starts])
     spare = worst_of_kinds(found.motions).max(axis=0)
     lines = [
         ("C of the best design", f"{found.C:.3f} (the paper: {PAPER})"),
         ("starts with C < 10", f"{100 * float((values < GOAL).mean()):.0f} % of {len(values)}"),
         ("C of the starts: least, median, largest", ", ".join(f"{v:.2f}" for v in np.quantile(values, (0, 0.5, 1)))),
-        ("time of a start, median", f"{np.median([one.seconds for one in found.starts]):.2f} s wall"),
-        ("everything, with the random windows and the polish", f"{found.seconds:.1f} s wall"),
+        ("CPU time of a start, median and largest", f"{np.median(spent):.2f} s, {np.max(spent):.2f} s"),
+        ("… of random windows, exchange and polish beside them", f"{alone:.1f} s"),
         *((f"{kind}: to spare", f"{-100 * v:.2f} %") for kind, v in zip(KINDS, spare, strict=True)),
+        *_by_another_simulator(found),
     ]
     return f"n_e = {task.equilibria}, {task.samples} samples, conditioning ≤ {task.conditioning:g}.\n\n" + table(
         ["", ""], lines
     )
 
 
-class EnoughError(Exception):
-    """The baseline has had its evaluations."""
-
-
-@dataclass
-class Plain:
-    """Eq. 41–42 as SciPy is given it: a value and limits of 72 unknowns, by the same fast simulation as ours."""
-
-    mechanism: Mechanism
-    task: DesignTask
-    begin: np.ndarray
-    most: int
-    near: tuple[Placed, ...]
-    evaluations: int = 0
-    best: float = np.inf
-    known: dict[bytes, tuple[float, np.ndarray]] = field(default_factory=dict[bytes, tuple[float, np.ndarray]])
-
-    def at(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        key = x.tobytes()
-        if key in self.known:
-            return self.known[key]
-        if self.evaluations >= self.most:
-            raise EnoughError
-        self.evaluations += 1
-        try:
-            z = x.reshape(self.begin.shape)
-            placed = [
-                place(self.mechanism, self.task, one, near.resting) for one, near in zip(z, self.near, strict=True)
-            ]
-            motions = simulate(self.mechanism, self.task, placed)
-            value = cost.criterion(motions.regressors[:, motions.sampled].reshape(-1, 10))
-            beyond = worst_of_kinds(motions).ravel()
-        except (InfeasibleError, np.linalg.LinAlgError):
-            value, beyond = 1e3, np.full(4 * len(self.begin), 1.0)
-        if beyond.max() <= 1e-6:
-            self.best = min(self.best, value)
-        self.known = {key: (value, beyond)} if len(self.known) > 500 else self.known | {key: (value, beyond)}
-        return value, beyond
-
-    def value(self, x: np.ndarray) -> float:
-        return self.at(x)[0]
-
-    def spare(self, x: np.ndarray) -> np.ndarray:
-        return -self.at(x)[1]
-
-
-def peers(options: argparse.Namespace) -> str:
-    task = DesignTask(read_robot(PAPERS_ROBOT))
-    mechanism = task.mechanism()
-    drawn = pool.draw(mechanism, task, 60, np.random.default_rng([1, 0]), quiet)
-    z = pool.exchange(drawn, task.equilibria, pool.paper_criterion, np.random.default_rng(1))
-    refine(mechanism, task, z, most=2)  # loads compiled loops for both
-    begin = process_time()
-    ours = refine(mechanism, task, z, most=STEPS)
-    mine = process_time() - begin
-    near = tuple(place(mechanism, task, one) for one in z)
-    first = Plain(mechanism, task, z, 10, near).value(z.ravel())
-    rows: list[list[object]] = [
-        ["ours", ours.evaluations, f"{mine:.2f}", f"{mine / ours.evaluations:.3f}", f"{ours.value:.2f}", "1", "1"]
+def _by_another_simulator(found: Design) -> list[tuple[str, str]]:
+    """The design carried out by `sim_backends`, which has a formulation and an integrator of its own."""
+    task = found.task
+    robot = task.robot
+    plant = Plant(replace(make_world(robot, np.random.default_rng(1), body=robot.nominal), mass=robot.mass))
+    tensions, aside, poses, slack = [], [], list[Pose](), 0
+    for lengths, displacement in zip(found.z[:, : robot.n], found.z[:, robot.n :], strict=True):
+        rest = plant.rest(lengths)
+        plant.place(rest, lengths)
+        still = plant.markers()[0]
+        plant.place(plant.rest(lengths, plant.pose, displacement), lengths)
+        for t in np.arange(round(task.seconds * OFTEN) + 1) / OFTEN:
+            plant.advance(t)
+            tensions.append(plant.tensions)
+            aside.append(plant.markers()[0] - still)
+            poses.append(plant.pose)
+        slack += len(plant.slack)
+    rotations = np.array([pose.rotation for pose in poses])
+    xi = task.mechanism().structure_matrix(np.array([pose.position for pose in poses]), rotations)
+    worst = conditioning(xi, marker_selector(rotations, robot.marker, task.axes)).max()
+    most = np.abs(aside).max(axis=0)[: len(task.axes)]
+    return [
+        (f"another simulator, {OFTEN:g} Hz: tensions", f"{np.min(tensions):.2f} to {np.max(tensions):.2f} N"),
+        ("… cables that were slack", str(slack)),
+        ("… largest displacements of the marker", ", ".join(f"{1e3 * v:.2f} mm" for v in most)),
+        ("… conditioning, at the poses that it says", f"{worst:.2f} at most"),
     ]
-    for name, run in _baselines().items():
-        problem = Plain(mechanism, task, z, options.gradients * (z.size + 1), near)
-        begin = process_time()
-        with suppress(EnoughError):
-            run(problem)
-        spent = process_time() - begin
-        gradients = problem.evaluations / (z.size + 1)
-        each = spent / gradients
-        ratios = [f"{each / (mine / ours.evaluations):.0f}", f"{spent / mine:.0f}"]
-        rows.append([name, f"{gradients:.1f}", f"{spent:.1f}", f"{each:.2f}", f"{problem.best:.2f}", *ratios])
-    return (
-        f"One start from the same exchanged windows (C = {first:.2f}), {z.size} unknowns; ours with its whole descent, "
-        f"SciPy stopped after {options.gradients} gradients by finite differences ({z.size + 1} evaluations each, by "
-        "the same compiled simulation and Newton's method as ours, objective and limits sharing one evaluation: with "
-        "simulations of its own it would be slower). The paper's starts took 36 s.\n\n"
-        + table(
-            ["method", "gradients", "CPU s", "CPU s a gradient", "C reached", "gradient / ours", "so far / our start"],
-            rows,
-        )
-    )
-
-
-def _baselines() -> dict[str, Callable[[Plain], object]]:
-    def slsqp(problem: Plain) -> object:
-        limits: Any = {"type": "ineq", "fun": problem.spare}
-        return optimize.minimize(problem.value, problem.begin.ravel(), method="SLSQP", constraints=limits)
-
-    def trust(problem: Plain) -> object:
-        limits = optimize.NonlinearConstraint(problem.spare, 0, np.inf)
-        return optimize.minimize(problem.value, problem.begin.ravel(), method="trust-constr", constraints=limits)
-
-    return {"SLSQP": slsqp, "trust-constr": trust}
 
 
 def spread(options: argparse.Namespace) -> str:

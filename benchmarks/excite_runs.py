@@ -1,0 +1,191 @@
+"""One run of winch-driven excitation on a hidden body: at most two tries, what was planned and what was seen.
+
+`window_of` is what all bodies share at a window, `one` is a run; `benchmarks.excite` makes many and counts.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.excite_strokes import LIMITS
+from fidim_lab.data.records import Body, Pose, Robot
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.excitation.bodies import Bodies
+from fidim_lab.identification.excitation.knowledge import Knowledge
+from fidim_lab.identification.excitation.place import Place, wanted_amplitudes
+from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, planned
+from fidim_lab.identification.excitation.seen import Seen, seen_swing, taught
+from fidim_lab.identification.excitation.strokes import COARSE
+from fidim_lab.model.driven import driven_motions
+from fidim_lab.model.equilibria import pose_from_lengths
+from fidim_lab.model.kinematics import dependent_pose
+from fidim_lab.model.mechanism import Mechanism
+from sim_backends.excited import Swung, carry_out
+from sim_backends.plant.hidden import HiddenEffect
+from sim_backends.plant.plant import Plant
+from sim_backends.plant.world import World, make_world
+
+CAD_OFF = 0.05
+MOST_DAMPING = 0.08
+JITTER = 0.004
+"""s: a cycle of the bus"""
+CLOSE = 0.15
+MOST_TRIES = 2
+LEAST_CARE = 0.05
+"""part of a displacement, to which it is found how far a hand may go"""
+
+
+@dataclass(frozen=True)
+class Try:
+    """One excitation, recorded."""
+
+    reached: tuple[float, ...]
+    """m, by the plan"""
+    seen: tuple[float, ...]
+    """m"""
+    tension: tuple[float, float]
+    predicted: tuple[float, float]
+    why_less: str
+    seconds: float
+    wanted: tuple[float, ...]
+
+    @property
+    def share(self) -> float:
+        """Of the wanted swing that is planned for."""
+        return float(np.linalg.norm(self.reached) / np.linalg.norm(self.wanted))
+
+    @property
+    def error(self) -> float:
+        """Of the whole swing, as a part of the planned one."""
+        return float(np.linalg.norm(self.seen) / np.linalg.norm(self.reached) - 1)
+
+    @property
+    def off(self) -> float:
+        """Of the whole swing, as a part of the wanted one."""
+        return float(np.linalg.norm(self.seen) / np.linalg.norm(self.wanted) - 1)
+
+    @property
+    def mix_error(self) -> float:
+        """The largest of any mode, as a part of the whole swing."""
+        return float(np.abs(np.subtract(self.seen, self.reached)).max() / np.linalg.norm(self.reached))
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A window with what is the same whoever the hidden body is."""
+
+    place: Place
+    care: float
+    """part of its displacement that a hand may give it with the same care as the winches"""
+    wanted: np.ndarray
+    """m, in each mode: what a hand gives with that care"""
+    first: Excitation | None
+    """the plan of a first try; None where it is refused"""
+
+
+def window_of(mechanism: Mechanism, z: np.ndarray) -> Window:
+    """A window let go by hand so far that the tensions of all bodies that CAD may mean, 5 % off in mass, keep."""
+    n = mechanism.robot.n
+    there = Place.at(mechanism, z[:n])
+    low, high = mechanism.robot.limits.tension
+    kept, beyond = 0.0, 2.0  # the first that is tried is the whole
+    while beyond - kept > LEAST_CARE and kept < 1.0:
+        care = (kept + beyond) / 2
+        if _keeps(there, care * z[n:], (low * (1 + CAD_OFF), high / (1 + CAD_OFF))):
+            kept = care
+        else:
+            beyond = care
+    care = max(kept, LEAST_CARE)
+    wanted = wanted_amplitudes(there, care * z[n:])
+    try:
+        first = planned(there, wanted, Knowledge.none(len(wanted)), LIMITS, Bodies.around(there.body).others)
+    except InfeasibleError:
+        first = None
+    return Window(there, care, wanted, first)
+
+
+def _keeps(there: Place, displacement: np.ndarray, tension: tuple[float, float]) -> bool:
+    """Whether all bodies' tensions stay within these (N) when let go so."""
+    mechanism, marker = there.mechanism, there.robot.marker
+    lengths, mass = there.equilibrium.lengths, there.robot.mass
+    still = np.zeros((1, round(10.0 / COARSE), there.robot.n))
+    for body in (there.body, *Bodies.around(there.body).others):
+        rest = pose_from_lengths(mechanism, body, lengths, there.equilibrium.pose).pose
+        aside = (rest.position + rest.rotation @ marker)[:2] + displacement
+        positions, rotations = dependent_pose(mechanism, lengths, marker, (0, 1), aside[np.newaxis], rest)
+        found = mass * driven_motions(mechanism, body, Pose(positions[0], rotations[0]), still, COARSE).tensions
+        if not tension[0] <= found.min() <= found.max() <= tension[1]:
+            return False
+    return True
+
+
+def true_world(robot: Robot, rng: np.random.Generator, lengths: np.ndarray, mechanism: Mechanism) -> World:
+    """A body 5 % off CAD, a mass 5 % off, and drag that damps the most damped mode by up to 8 %."""
+    while True:
+        com = robot.nominal.com * (1 + rng.uniform(-CAD_OFF, CAD_OFF, 3)) + np.append(rng.normal(0, 1.5e-3, 2), 0)
+        moments = robot.nominal.inertia * (1 + rng.uniform(-CAD_OFF, CAD_OFF, 6))
+        inertia = moments + np.append(np.zeros(3), rng.normal(0, 0.01, 3) * robot.nominal.inertia[:3].min())
+        body = Body(com=com, inertia=inertia)
+        if np.linalg.eigvalsh(body.inertia_about_com)[0] > 0:
+            break
+    swing = Place.at(mechanism, lengths, body).swing
+    share = np.diag([0.0] * 3 + [1.0] * 3)
+    ratios = np.diag(swing.shapes.T @ share @ swing.shapes) / (4 * np.pi * swing.frequencies)
+    mass = robot.mass * (1 + rng.uniform(-CAD_OFF, CAD_OFF))
+    c = float(rng.uniform(0, MOST_DAMPING) / ratios.max() * mass)
+    # friction at the attachments turns against the cables' directions, which move little: n of them drag like one
+    if rng.uniform() < 0.5:
+        hidden = (HiddenEffect("rotational-drag", None, (("c", c),)),)
+    else:
+        hidden = (HiddenEffect("attachment-friction", None, (("viscous", c / robot.n), ("dry", 0.0))),)
+    return replace(make_world(robot, rng, hidden, body=body), mass=mass)
+
+
+def swung(robot: Robot, plant: Plant, excitation: Excitation, held: np.ndarray, rng: np.random.Generator) -> Swung:
+    """The excitation carried out from rest."""
+    plant.settle(held)
+    chains = excitation.chains
+    pieces = [(c.pattern.pieces(), c.direction, b) for c, b in zip(chains, excitation.begins, strict=True)]
+    strokes = sum(c.pattern.turns + 1 for c in chains)
+    return carry_out(plant, held, pieces, 10.0, rng.uniform(0, JITTER, strokes).tolist())
+
+
+def looked_at(robot: Robot, place: Place, found: Swung, rng: np.random.Generator) -> Seen:
+    """With the marker's noise, the rest measured before."""
+    noise = robot.sensors.marker_noise
+    rest = place.equilibrium.marker_position(robot.marker)
+    seen = seen_swing(place.swing, found.t, found.markers[:, 0] + rng.normal(0, noise, found.markers[:, 0].shape))
+    if seen is None:
+        raise InfeasibleError(f"nothing to be seen at {rest}")
+    return seen
+
+
+def one(run: int, window: Window) -> tuple[Try, ...] | str:
+    """One run: at most two tries, the second where `fidim run --procedure excite` would make one."""
+    rng = np.random.default_rng([run, 7])
+    place, wanted, excitation = window.place, window.wanted, window.first
+    robot, held = place.robot, place.equilibrium.lengths
+    if excitation is None:
+        return "refused"
+    plant = Plant(true_world(robot, rng, held, place.mechanism))
+    knowledge, bodies = Knowledge.none(len(wanted)), Bodies.around(robot.nominal)
+    tries: list[Try] = []
+    while True:
+        found = swung(robot, plant, excitation, held, rng)
+        seen = looked_at(robot, place, found, rng)
+        prediction = (excitation.tension, excitation.why_less, excitation.seconds)
+        swings = (tuple(map(float, values)) for values in (excitation.reached, seen.amplitudes, wanted))
+        reached, amplitudes, aim = swings
+        tries.append(Try(reached, amplitudes, found.tension, *prediction, aim))
+        well = not missed(seen.amplitudes, excitation, CLOSE)
+        if len(tries) == MOST_TRIES or (well and not falls_short(seen.amplitudes, excitation, CLOSE)):
+            return tuple(tries)
+        lesson = taught(place, bodies, excitation, seen, knowledge)
+        place, bodies, knowledge = lesson.place, lesson.bodies, lesson.knowledge
+        try:
+            again = planned(place, wanted, knowledge, LIMITS, bodies.others)
+        except InfeasibleError:
+            return tuple(tries)
+        if well and not more_in_reach(seen.amplitudes, again, CLOSE):
+            return tuple(tries)
+        excitation = again
