@@ -6,12 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from fidim_lab.data.records import Body, Cable, Limits, Robot
 from fidim_lab.data.robot_file import read_robot
 
 ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
+
+# Time that an example takes says more of what else the computer does than of the code.
+settings.register_profile("busy computer", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("busy computer")
 
 
 def pytest_configure(config: pytest.Config) -> None:
