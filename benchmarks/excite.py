@@ -2,6 +2,7 @@
 
     python -m benchmarks.excite swings --runs 1000      amplitude after one and two tries, tensions
     python -m benchmarks.excite driven --runs 12        what the strokes themselves tell of the body
+    python -m benchmarks.excite session --runs 6        whole sessions by hand and by winches: windows an hour, accuracy
 
 Runs of `swings` take two CPU seconds each and are kept in --rows: the same command goes on with what is missing.
 """
@@ -16,6 +17,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from benchmarks.excite_runs import CLOSE, Try, Window, one, window_of
+from benchmarks.excite_session import session
 from benchmarks.excite_strokes import LIMITS, driven
 from benchmarks.page import table, write_section
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -124,7 +126,11 @@ def share(which: np.ndarray) -> str:
     return f"{100 * which.mean():.1f} %" if len(which) else "–"
 
 
-PARTS = {"driven": ("What the strokes themselves tell", driven), "swings": ("The swing that winches give", swings)}
+PARTS = {
+    "driven": ("What the strokes themselves tell", driven),
+    "swings": ("The swing that winches give", swings),
+    "session": ("Sessions by hand and by winches", session),
+}
 
 
 def main() -> None:
