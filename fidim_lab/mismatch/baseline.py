@@ -61,6 +61,10 @@ class Baseline:
         """The model without any effect."""
         return Completed((), self.fit, self.whole is not None)
 
+    def ground(self, model: Completed) -> Ground:
+        """What a model was fitted to."""
+        return self.whole_ground if model.whole else self.short_ground
+
     @cached_property
     def predicted(self) -> HeldOut:
         """The held-out windows by the model without any effect."""

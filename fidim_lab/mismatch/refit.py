@@ -103,6 +103,11 @@ class Completed:
         return self.fit.values[place], sd
 
     @property
+    def at_an_edge(self) -> bool:
+        """Whether a parameter is held at a bound other than 0."""
+        return bool((np.array(self.at_bound, dtype=bool) & (self.fit.values[BODY:] != 0.0)).any())
+
+    @property
     def thetas(self) -> list[np.ndarray]:
         """θ of each effect: where a fit of a model with the same effects may begin."""
         return [self.fit.values[self.place_of(k)] for k in range(len(self.tried))]

@@ -9,7 +9,6 @@ of whole windows, when those that no fit has seen get better; a term that anothe
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.additions import Addition, additions
 from fidim_lab.mismatch.baseline import HOPELESS, Baseline
@@ -25,13 +24,12 @@ from fidim_lab.mismatch.candidates import (
     rest_of,
 )
 from fidim_lab.mismatch.contacts import Contact
-from fidim_lab.mismatch.ground import Ground
-from fidim_lab.mismatch.hypotheses import Hypothesis, general
+from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.refit import Completed, evidence, predict, refit
 from fidim_lab.mismatch.restarts import find_pushes
-from fidim_lab.mismatch.sprung import left_at_first
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
 from fidim_lab.mismatch.whiteness import whiteness
+from fidim_lab.mismatch.wider import general_forms, widened
 
 MOST_TERMS = 3
 CLOSE = 25.0
@@ -94,7 +92,7 @@ class _Search:
             best = self._best_over_all(baseline, self._over_first_seconds())
         best, last = self._over_whole_windows(best)
         if not (self.pushes or start.follows):
-            best, last = self._with_phases_anew(best, last)
+            best, last = self._without_the_doubtful(best, last)
         return Selection(
             best=best,
             baseline=baseline,
@@ -148,7 +146,7 @@ class _Search:
             as_it_is = baseline.model
             found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context, simpler=as_it_is)
             if found is not None:
-                fresh.append(self._judged_or_wider(self._widened(found, found.tried), found.tried))
+                fresh.append(self._judged_or_wider(widened(self.start, found, found.tried), found.tried))
         self.tried += fresh
         return self._accepted(baseline, fresh)
 
@@ -187,23 +185,19 @@ class _Search:
         self.pushes = found
         return bool(found)
 
-    def _with_phases_anew(self, best: Candidate, last: View) -> tuple[Candidate, View]:
-        """What oscillates beside other physics, looked for once more in whole windows, where structure stays.
-
-        The first seconds hardly tell one phase for all windows from a phase of each, nor the frequency.
-        """
-        kept = [k for k, h in enumerate(best.model.tried) if h.effect.id not in PERIODIC]
-        if best.is_white or not best.model.whole or not 0 < len(kept) < len(best.model.tried):
-            return best, last
-        thetas = [best.model.thetas[k] for k in kept]
-        tried = [best.model.tried[k] for k in kept]
-        without = refit(self.start.whole_ground, best.model.fit, tried, thetas, self.start.context)
-        if without is None:
-            return best, last
-        again, seen = self._over_whole_windows(self._judged(without))
-        if again.whiteness.excess < best.whiteness.excess:
-            return again, seen
-        self.pushes = ()  # of a model that is not taken
+    def _without_the_doubtful(self, best: Candidate, last: View) -> tuple[Candidate, View]:
+        """The search once more without what the best model may have in another's place, where structure stays."""
+        first, pushes = best, self.pushes
+        for kept in _less_doubtful(first):
+            thetas = [first.model.thetas[k] for k in kept]
+            tried = [first.model.tried[k] for k in kept]
+            without = refit(self.start.whole_ground, first.model.fit, tried, thetas, self.start.context)
+            if without is None or best.is_white:
+                continue
+            again, seen = self._over_whole_windows(self._judged(without))
+            if again.whiteness.excess < best.whiteness.excess:
+                best, last, pushes = again, seen, self.pushes
+        self.pushes = pushes
         return best, last
 
     def _accepted(self, best: Candidate, fresh: Sequence[Candidate]) -> Candidate:
@@ -224,57 +218,23 @@ class _Search:
 
     def _additions(self, seen: View) -> tuple[Addition, ...]:
         room = MOST_TERMS - len(seen.model.tried)
-        return additions(seen, room, self._ground(seen.model), self.start.context)
+        return additions(seen, room, self.start.ground(seen.model), self.start.context)
 
     def _added(self, addition: Addition) -> Completed | None:
         """The model with these terms, or with a wider form of the new ones."""
         best = addition.seen.model
-        found = addition.fitted(self._ground(best), self.start.context)
+        found = addition.fitted(self.start.ground(best), self.start.context)
         if found is None or rest_of(found) > WIDENED * rest_of(best):
             return found  # it takes so little that no wider form of it can be the truth
-        return self._widened(found, addition.score.tried)
-
-    def _widened(self, model: Completed, new: Sequence[Hypothesis]) -> Completed:
-        """With a more general form of a new term, or cables that ring, where the simple form leaves such structure."""
-        if whiteness(model.leftovers).is_white:
-            return model
-        fresh = {term.effect for term in new}
-        found = self._general(model, fresh)
-        if model.mechanism.quiet and any(stretches(effect) for effect in fresh) and left_at_first(model.leftovers):
-            thetas = model.thetas
-            rung = refit(self._ground(model), model.fit, model.tried, thetas, self.start.context, ringing=True)
-            found += [] if rung is None else [rung]
-        return most_convincing(model, found)
+        return widened(self.start, found, addition.score.tried)
 
     def _judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
         """A model that fits and does not predict may be a simple form of the truth: then the wider ones are tried."""
         judged = self._judged(model)
         if judged.is_white or not whiteness(model.leftovers).is_white:
             return judged
-        wide = most_convincing(model, self._general(model, {term.effect for term in new}))
+        wide = most_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
         return judged if wide is model else self._judged(wide)
-
-    def _general(self, model: Completed, fresh: set[NamedEffect]) -> list[Completed]:
-        """The model with wider forms of these effects, from the first seconds on: else they lose phase."""
-        simple = model
-        if model.whole:
-            begins = model.thetas
-            found = refit(self.start.short_ground, self.start.short, model.tried, begins, self.start.context)
-            simple = model if found is None else found
-        thetas = simple.thetas
-        near: list[Completed] = []
-        for k, term in enumerate(model.tried):
-            for effect, start in term.effect.wider(thetas[k], model.mechanism.robot) if term.effect in fresh else ():
-                tried = [*model.tried[:k], general(effect, start), *model.tried[k + 1 :]]
-                begins = [*thetas[:k], start, *thetas[k + 1 :]]
-                wide = refit(self.start.short_ground, simple.fit, tried, begins, self.start.context)
-                near += [] if wide is None else [wide]
-        if not model.whole or not near:
-            return near
-        best = best_of(near)
-        thetas = best.thetas
-        whole = refit(self.start.whole_ground, best.fit, best.tried, thetas, self.start.context, simpler=model)
-        return [] if whole is None else [whole]
 
     def _pruned(self, model: Completed) -> Completed:
         """Without terms that the others have made needless."""
@@ -284,13 +244,28 @@ class _Search:
             kept = [j for j in range(len(model.tried)) if j != k]
             thetas = [model.thetas[j] for j in kept]
             tried: list[Hypothesis] = [model.tried[j] for j in kept]
-            less = refit(self._ground(model), model.fit, tried, thetas, self.start.context)
+            less = refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
             if less is not None and evidence(model, less, common_scale([model, less])) < ENOUGH:
                 return self._pruned(less)
         return model
 
-    def _ground(self, model: Completed) -> Ground:
-        return self.start.whole_ground if model.whole else self.start.short_ground
-
     def _judged(self, model: Completed) -> Candidate:
         return candidate(model, predict(model, self.start.held_out))
+
+
+def _less_doubtful(best: Candidate) -> list[list[int]]:
+    """Which terms to keep: all that do not oscillate; and of a full model all but the cheapest.
+
+    The first seconds hardly tell one phase for all windows from a phase of each, nor the frequency.
+    """
+    model = best.model
+    if best.is_white or not model.whole:
+        return []
+    every = range(len(model.tried))
+    steady = [k for k in every if model.tried[k].effect.id not in PERIODIC]
+    options = [steady] if 0 < len(steady) < len(model.tried) else []
+    if len(model.tried) == MOST_TERMS:
+        cheapest = min(every, key=lambda k: price(model, k))
+        dearer = [k for k in every if k != cheapest]
+        options += [dearer] if dearer not in options else []
+    return options

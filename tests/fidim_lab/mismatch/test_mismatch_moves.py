@@ -10,6 +10,7 @@ from fidim_lab.data.records import Robot
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.score import Score
+from fidim_lab.mismatch.select import _less_doubtful
 from fidim_lab.mismatch.views import View, _own_phase, _without
 from fidim_lab.model.mechanism import Mechanism
 
@@ -84,3 +85,24 @@ def test_a_tone_that_is_there_with_one_phase_may_get_a_phase_of_each_window(ever
     assert _own_phase((same,), (own,), model(wide)) == ()
     assert _own_phase((same,), (score(wide, 103.0),), model()) == ()
     assert seen((at(every, 1.3),), own).additions(0) == (own,)
+
+
+def test_a_search_is_repeated_without_what_may_stand_in_anothers_place(every: Hypotheses, monkeypatch) -> None:
+    drag, friction, creep = (
+        next(h for h in every.direct if h.effect.id == id)
+        for id in ("air-drag-linear", "swivel-friction", "cable-creep")
+    )
+    monkeypatch.setattr("fidim_lab.mismatch.select.price", lambda model, k: model.prices[k])
+
+    def doubtful(*tried: Hypothesis, prices: tuple[float, ...], white: bool = False) -> list[list[int]]:
+        return _less_doubtful(
+            SimpleNamespace(model=SimpleNamespace(tried=tried, whole=True, prices=prices), is_white=white)
+        )
+
+    tone = at(every, 1.3)
+    assert doubtful(drag, friction, creep, prices=(900.0, 40.0, 300.0)) == [[0, 2]]
+    assert doubtful(drag, tone, creep, prices=(900.0, 300.0, 40.0)) == [[0, 2], [0, 1]]
+    assert doubtful(drag, tone, creep, prices=(900.0, 40.0, 300.0)) == [[0, 2]]
+    assert doubtful(drag, tone, prices=(900.0, 40.0)) == [[0]]
+    assert doubtful(drag, friction, prices=(900.0, 40.0)) == []  # there is room for a third
+    assert doubtful(drag, friction, creep, prices=(900.0, 40.0, 300.0), white=True) == []

@@ -9,11 +9,18 @@ from fidim_lab.mismatch.verdict import judge
 
 
 def candidate(
-    terms: int, excess: float, held_out: float, *, white: bool = False, windows: int = 6, own_phase: bool = False
+    terms: int,
+    excess: float,
+    held_out: float,
+    *,
+    white: bool = False,
+    windows: int = 6,
+    own_phase: bool = False,
+    at_an_edge: bool = False,
 ):
     term = SimpleNamespace(effect=SimpleNamespace(of_each_window=own_phase))
     return SimpleNamespace(
-        model=SimpleNamespace(tried=(term,) * terms, fit=SimpleNamespace(chi2_per_dof=held_out)),
+        model=SimpleNamespace(tried=(term,) * terms, fit=SimpleNamespace(chi2_per_dof=held_out), at_an_edge=at_an_edge),
         held_out=SimpleNamespace(chi2_per_dof=held_out if windows else float("nan"), dof=3000 * windows),
         whiteness=SimpleNamespace(excess=excess),
         is_white=white,
@@ -55,3 +62,9 @@ def test_a_stand_in_is_no_part_of_the_truth(left: float, held_out: float, window
 def test_a_tone_with_own_phases_is_named_where_nothing_stays_and_no_part_of_the_truth_else() -> None:
     assert verdict(candidate(1, 30.0, 1.0, white=True, own_phase=True)) is Verdict.EXPLAINED
     assert verdict(candidate(1, 200.0, 1.04, own_phase=True)) is Verdict.UNKNOWN_PHYSICS
+
+
+def test_what_is_pressed_as_far_as_is_possible_stands_in_for_something_else() -> None:
+    assert verdict(candidate(1, 500.0, 1.5, at_an_edge=True)) is Verdict.UNKNOWN_PHYSICS
+    assert verdict(candidate(1, 500.0, 1.05, at_an_edge=True)) is Verdict.PARTLY_EXPLAINED
+    assert verdict(candidate(1, 30.0, 1.0, white=True, at_an_edge=True)) is Verdict.EXPLAINED

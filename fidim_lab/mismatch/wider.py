@@ -1,0 +1,51 @@
+"""More general forms of a term that was found, where its simple form leaves structure that they may explain."""
+
+from collections.abc import Sequence
+
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.identification.mle.springs import stretches
+from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.candidates import best_of, most_convincing
+from fidim_lab.mismatch.hypotheses import Hypothesis, general
+from fidim_lab.mismatch.refit import Completed, refit
+from fidim_lab.mismatch.sprung import left_at_first
+from fidim_lab.mismatch.whiteness import whiteness
+
+
+def widened(start: Baseline, model: Completed, new: Sequence[Hypothesis]) -> Completed:
+    """With a more general form of a new term, or cables that ring, where the simple form leaves such structure."""
+    if whiteness(model.leftovers).is_white:
+        return model
+    fresh = {term.effect for term in new}
+    found = general_forms(start, model, fresh)
+    if model.mechanism.quiet and any(stretches(effect) for effect in fresh) and left_at_first(model.leftovers):
+        rung = refit(start.ground(model), model.fit, model.tried, model.thetas, start.context, ringing=True)
+        found += [] if rung is None else [rung]
+    return most_convincing(model, found)
+
+
+def general_forms(start: Baseline, model: Completed, fresh: set[NamedEffect]) -> list[Completed]:
+    """The model with wider forms of these effects, from the first seconds on: else they lose phase."""
+    simple = model
+    if model.whole:
+        found = refit(start.short_ground, start.short, model.tried, model.thetas, start.context)
+        simple = model if found is None else found
+    near = _over_first_seconds(start, simple, fresh)
+    if not model.whole or not near:
+        return near
+    best = best_of(near)
+    whole = refit(start.whole_ground, best.fit, best.tried, best.thetas, start.context, simpler=model)
+    return [] if whole is None else [whole]
+
+
+def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffect]) -> list[Completed]:
+    """Each wider form in the place of the simple one."""
+    thetas = simple.thetas
+    found: list[Completed] = []
+    for k, term in enumerate(simple.tried):
+        for effect, begin in term.effect.wider(thetas[k], simple.mechanism.robot) if term.effect in fresh else ():
+            tried = [*simple.tried[:k], general(effect, begin), *simple.tried[k + 1 :]]
+            begins = [*thetas[:k], begin, *thetas[k + 1 :]]
+            wide = refit(start.short_ground, simple.fit, tried, begins, start.context)
+            found += [] if wide is None else [wide]
+    return found
