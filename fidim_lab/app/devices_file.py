@@ -4,6 +4,7 @@ Winches with all their settings and each object that bring-up wrote or compared 
 motion capture with its decoder. Written when a run begins, and again when it has ended.
 """
 
+import asyncio
 import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.cia402.winch import Cia402Winch
 from drivers.mocap.description import DecoderDescription, describe
 from drivers.mocap.source import StreamMarkerSource
-from drivers.ports import Rig
+from drivers.ports import DriveState, Rig
 from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import DeviceError, FileError
 from procedures.disk import disk_error
@@ -76,11 +77,14 @@ def devices_of(rig: Rig) -> Devices:
 
 
 async def read_back(rig: Rig) -> Devices:
-    """`devices_of`, with each drive's objects read once more; one that does not answer is left without `after`."""
+    """`devices_of`, with each drive's objects read once more, all drives at once.
+
+    One that does not answer is left without `after`; nobody waits for one that is known to be silent.
+    """
     found = devices_of(rig)
     winches = [winch for winch in rig.winches if isinstance(winch, Cia402Winch)]
-    pairs = zip(winches, found.winches, strict=True)
-    return replace(found, winches=tuple([await _read_again(winch, entry) for winch, entry in pairs]))
+    read = [_read_again(winch, entry) for winch, entry in zip(winches, found.winches, strict=True)]
+    return replace(found, winches=tuple(await asyncio.gather(*read)))
 
 
 def write_devices(folder: Path, devices: Devices) -> None:
@@ -112,6 +116,9 @@ def _winch(winch: Cia402Winch) -> WinchEntry:
 
 
 async def _read_again(winch: Cia402Winch, entry: WinchEntry) -> WinchEntry:
+    sample = winch.latest()
+    if sample is None or sample.state is DriveState.UNKNOWN:
+        return entry
     parameters: list[Parameter] = []
     for parameter in entry.parameters:
         index, sub = (int(part, 16) for part in parameter.object.split(":"))

@@ -1,8 +1,10 @@
 """`fidim replay` on a rehearsal: agreement on the same bytes, and the first difference named on others."""
 
+import asyncio
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,8 +14,9 @@ from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.packet_log import PacketLog, read_packets
 from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
+from drivers.ports import DriveState
 from fidim_lab.app.cli import run
-from fidim_lab.app.devices_file import DEVICES, read_devices
+from fidim_lab.app.devices_file import DEVICES, Parameter, WinchEntry, _read_again, read_devices
 from fidim_lab.app.replay_windows import Expected
 from fidim_lab.app.verify import verify
 
@@ -54,6 +57,32 @@ def test_drive_parameters_before_and_after(rehearsed):
     assert parameters["605A:0"].before == parameters["605A:0"].after == "6"
     assert all(p.after is not None for p in parameters.values())
     assert devices.markers.decoder.objects == ("marker1",)
+
+
+def test_a_drive_that_is_known_to_be_silent_is_not_asked_afterwards():
+    """Each question to it would last as long as its time-outs: half a minute after a run, on a rig of patient ones."""
+
+    class Sdo:
+        asked = 0
+
+        async def read(self, index: int, sub: int) -> int:
+            self.asked += 1
+            return 6
+
+    class Winch:
+        def __init__(self, state: DriveState | None) -> None:
+            self.link = SimpleNamespace(sdo=Sdo())
+            self.sample = None if state is None else SimpleNamespace(state=state)
+
+        def latest(self) -> Any:
+            return self.sample
+
+    entry = WinchEntry(None, (Parameter("605A:0", "quick stop option", "6", "6"),))  # type: ignore[arg-type]
+    for state, after in ((DriveState.QUICK_STOP_ACTIVE, "6"), (DriveState.UNKNOWN, None), (None, None)):
+        winch: Any = Winch(state)
+        found = asyncio.run(_read_again(winch, entry))
+        assert found.parameters[0].after == after
+        assert winch.link.sdo.asked == (after is not None)
 
 
 def test_another_scale_is_found_and_named(folder, capsys):
