@@ -24,6 +24,7 @@ from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.clean import Cleaned, clean
 from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.explanation import Explanation, Verdict
+from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.restored import restored, without_needless_contacts
 from fidim_lab.mismatch.select import Selection, select
 from fidim_lab.mismatch.soft_cables import compare
@@ -47,13 +48,15 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     begin = perf_counter()
     mechanism = ready(campaign.robot, native=native)
 
-    def look(cleaned: Cleaned, baseline: Baseline | None = None, cuts: int = MOST_CUTS) -> _Looked:
+    def look(
+        cleaned: Cleaned, baseline: Baseline | None = None, known: Completed | None = None, cuts: int = MOST_CUTS
+    ) -> _Looked:
         campaign = cleaned.campaign
         baseline = baseline or fit_baseline(campaign, native=native, say=say, mechanism=mechanism)
-        found = select(baseline, say, pushes=cuts > 0)
+        found = select(baseline, say, pushes=cuts > 0, known=known)
         if not found.pushes:
             return _Looked(cleaned, baseline, found)
-        again = look(_without(cleaned, found.pushes, say), cuts=cuts - 1)
+        again = look(_without(cleaned, found.pushes, say), known=found.best.model, cuts=cuts - 1)
         return again if again.found.best.is_white else _Looked(cleaned, baseline, select(baseline, say, pushes=False))
 
     cleaned = clean(campaign, say=say)
@@ -61,7 +64,7 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     audited = audit(cleaned, baseline, say=say)
     first = look(audited, baseline if audited is cleaned else None)
     kept = restored(cleaned, audited, first.found.best.model, say)
-    first = first if kept is audited else look(kept)
+    first = first if kept is audited else look(kept, known=first.found.best.model)
     last = _by_the_right_clock(first, look, say)
     judged = judge(last.found)
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)

@@ -196,6 +196,20 @@ def refit(
     return None
 
 
+def again(ground: Ground, donor: Fit, known: Completed, context: Context) -> Completed | None:
+    """A known model fitted to other recordings, from their fit by another one; None where it does not get there."""
+    return refit(ground, donor, known.tried, known.thetas, context, phases=_phases_of(known, donor))
+
+
+def _phases_of(known: Completed, donor: Fit) -> Float[np.ndarray, " W"] | None:
+    """Of the last effect in the recordings of another fit: what is known by their ids, 0 where nothing is."""
+    astray = known.fit.journey.optimum.point.states.astray
+    if astray is None or not known.tried or not known.tried[-1].effect.of_each_window:
+        return None
+    found = dict(zip((one.window.id for one in known.fit.likelihood.recordings), astray[:, -1], strict=True))
+    return np.array([found.get(one.window.id, 0.0) for one in donor.likelihood.recordings])
+
+
 def _cost(model: Completed, ground: Ground) -> float:
     """Sum of squares that a wider form must beat; infinite where it is not of the same recordings to their ends."""
     journey = model.fit.journey

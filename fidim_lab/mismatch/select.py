@@ -25,7 +25,7 @@ from fidim_lab.mismatch.candidates import (
 )
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.hypotheses import Hypothesis
-from fidim_lab.mismatch.refit import Completed, evidence, predict, refit
+from fidim_lab.mismatch.refit import Completed, again, evidence, predict, refit
 from fidim_lab.mismatch.restarts import find_pushes
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
 from fidim_lab.mismatch.whiteness import whiteness
@@ -64,12 +64,13 @@ class Selection:
     """for which the search was broken off: all but these windows follow the best model"""
 
 
-def select(start: Baseline, say: Say, *, pushes: bool = True) -> Selection:
+def select(start: Baseline, say: Say, *, pushes: bool = True, known: Completed | None = None) -> Selection:
     """Search for what was left out, starting from the fits of the model as it is.
 
-    pushes: break off where a push within a few windows is all that is left, so that it can be cut out.
+    pushes: break off where a push within a few windows is all that is left, so that it can be cut out. known: the model
+    with which a search of nearly the same windows ended; where it leaves only noise of these, it is where this begins.
     """
-    return _Search(start, say, pushes).run()
+    return _Search(start, say, pushes).run(known)
 
 
 class _Search:
@@ -82,13 +83,13 @@ class _Search:
         self.tried: list[Candidate] = []
         self.first: View | None = None
 
-    def run(self) -> Selection:
-        """First seconds where needed, then whole windows."""
+    def run(self, known: Completed | None) -> Selection:
+        """First seconds where needed, then whole windows; from a known model on where that does."""
         start = self.start
         baseline = candidate(start.as_it_is, start.predicted)
         self.say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
-        best = baseline
-        if not start.follows:
+        best = self._known_to_do(known) or baseline
+        if best is baseline and not start.follows:
             best = self._best_over_all(baseline, self._over_first_seconds())
         best, last = self._over_whole_windows(best)
         if not (self.pushes or start.follows):
@@ -102,6 +103,18 @@ class _Search:
             last=last,
             pushes=self.pushes,
         )
+
+    def _known_to_do(self, known: Completed | None) -> Candidate | None:
+        """A known model fitted to these windows, where it leaves only noise."""
+        if known is None or not known.tried:
+            return None
+        short = again(self.start.short_ground, self.start.short, known, self.start.context)
+        whole = None if short is None else again(self.start.whole_ground, short.fit, short, self.start.context)
+        judged = None if whole is None else self._judged(whole)
+        if judged is None or not judged.is_white:
+            return None
+        self.tried.append(judged)
+        return judged
 
     def _over_first_seconds(self) -> list[Completed]:
         """The few best models of the first seconds, the best first."""
@@ -194,9 +207,9 @@ class _Search:
             without = refit(self.start.whole_ground, first.model.fit, tried, thetas, self.start.context)
             if without is None or best.is_white:
                 continue
-            again, seen = self._over_whole_windows(self._judged(without))
-            if again.whiteness.excess < best.whiteness.excess:
-                best, last, pushes = again, seen, self.pushes
+            found, seen = self._over_whole_windows(self._judged(without))
+            if found.whiteness.excess < best.whiteness.excess:
+                best, last, pushes = found, seen, self.pushes
         self.pushes = pushes
         return best, last
 
