@@ -25,6 +25,9 @@ SLOWER = (0.5, 0.25)
 """parts of the acceleration that are tried where tensions are the limit"""
 MASS_OFF = 0.05
 """part by which the platform's mass, and so every tension, may be off"""
+SPARE_TENSION = 0.015
+"""of the span that tensions may have, kept at both ends for set-points that come late and bodies in between: without
+it 5 of 242 recordings fell short of the least tension, by 1.4 N at most"""
 LEAST = 0.05
 """part of the wanted swing under which a place is refused"""
 ENOUGH = 0.97
@@ -73,7 +76,9 @@ def planned(
     limits, knowledge = limits or WinchLimits(), knowledge or Knowledge.none(len(wanted))
     known = replace(place, swing=place.swing.damped(knowledge.damping))
     low, high = tension or place.robot.limits.tension
-    trial = _Trial(known, wanted, knowledge, tuple(bodies), (low * (1 + MASS_OFF), high / (1 + MASS_OFF)))
+    spare = SPARE_TENSION * (high - low)
+    inside = (low * (1 + MASS_OFF) + spare, high / (1 + MASS_OFF) - spare)
+    trial = _Trial(known, wanted, knowledge, tuple(bodies), inside)
     best = trial.best(limits)
     chains, modes = best.chains, best.modes
     why = (
@@ -112,7 +117,7 @@ class _Planned:
         if self.why is not Less.TENSION:
             return self.why.value
         low, high = self.extremes
-        return f"{self.why.value}, then {low:.0f} to {high:.0f} N within {tension[0]:g} to {tension[1]:g} N"
+        return f"{self.why.value}, then {low:.0f} to {high:.0f} N within {tension[0]:.0f} to {tension[1]:.0f} N"
 
 
 def missed(seen: Float[np.ndarray, " modes"], plan: Excitation, close: float) -> str:
