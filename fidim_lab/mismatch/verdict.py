@@ -54,7 +54,7 @@ def _verdict(found: Selection) -> Verdict:
     before, after = found.baseline.whiteness.excess, best.whiteness.excess
     left = best.held_out.chi2_per_dof if best.held_out.dof else best.model.fit.chi2_per_dof
     taken = MOSTLY if left <= ALL_BUT_NOISE else BEYOND_SIBLINGS
-    if left > ALL_BUT_NOISE and best.model.at_an_edge:
+    if best.model.at_an_edge:
         return Verdict.UNKNOWN_PHYSICS  # pressed as far as is possible at all, it stands in for something else
     if any(h.effect.of_each_window for h in best.model.tried):
         if left > WHITE:

@@ -66,5 +66,5 @@ def test_a_tone_with_own_phases_is_named_where_nothing_stays_and_no_part_of_the_
 
 def test_what_is_pressed_as_far_as_is_possible_stands_in_for_something_else() -> None:
     assert verdict(candidate(1, 500.0, 1.5, at_an_edge=True)) is Verdict.UNKNOWN_PHYSICS
-    assert verdict(candidate(1, 500.0, 1.05, at_an_edge=True)) is Verdict.PARTLY_EXPLAINED
+    assert verdict(candidate(1, 500.0, 1.05, at_an_edge=True)) is Verdict.UNKNOWN_PHYSICS
     assert verdict(candidate(1, 30.0, 1.0, white=True, at_an_edge=True)) is Verdict.EXPLAINED
