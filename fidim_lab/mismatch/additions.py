@@ -54,7 +54,7 @@ class Addition:
 def additions(seen: View, room: int, ground: Ground, context: Context) -> tuple[Addition, ...]:
     """What is worth fitting beside the model, for so many more terms at most."""
     scores = seen.additions(room)
-    if not seen.is_shortened or seen.model.mechanism.springs:
+    if not seen.races:
         return tuple(Addition(seen, score) for score in scores)
     short = Completed(seen.model.tried, seen.fit, whole=False)
     raced = [Addition(seen, score, _nearby(seen, short, score, ground, context)) for score in scores]

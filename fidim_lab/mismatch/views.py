@@ -58,9 +58,12 @@ class View:
     """of the model, over the time that was looked at"""
 
     @property
-    def is_shortened(self) -> bool:
-        """Whether the model follows less than it was fitted to."""
-        return self.fit is not self.model.fit
+    def races(self) -> bool:
+        """Whether additions are tried over this time first: it is less than the model was fitted to, and short to fit.
+
+        Cables that stretch find their own way from short recordings to long ones.
+        """
+        return self.fit is not self.model.fit and not self.model.mechanism.springs
 
     @property
     def rest(self) -> float:
@@ -110,7 +113,7 @@ class View:
             allowed = room > 0 or score.tried[0].effect.id in inside
             if allowed and score.log_evidence > ENOUGH and self._can_be_fitted(score.tried[0].effect):
                 chosen.setdefault(score.tried[0].effect, score)
-        if not self.is_shortened:
+        if not self.races:
             return list(chosen.values())[:SINGLES]
         counts = Counter[str]()
         varied: list[Score] = []
@@ -126,7 +129,7 @@ class View:
             return ()
         best = scores[0].log_evidence
         if self.model.excess >= NEAR:
-            least = best * (RACING_NEARLY if self.is_shortened else NEARLY)
+            least = best * (RACING_NEARLY if self.races else NEARLY)
             return tuple(score for score in scores if score.log_evidence >= least)
         least = best - TIE - SLIGHT * best
         return tuple(score for score in scores if score.log_evidence >= least and self._takes_enough(score, less))
