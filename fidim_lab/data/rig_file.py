@@ -22,14 +22,13 @@ from fidim_lab.data.rig import (
 from fidim_lab.data.rig_guard_tables import GuardsTable
 from fidim_lab.data.rig_serial_tables import gauge_entries, release_entry
 from fidim_lab.data.rig_tables import STANDARD_PORTS, UNITS, MocapTable, RigTable, WinchTable
-from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.data.robot_file import read_robot, robot_path
 from fidim_lab.data.toml_file import read_toml
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-rig/1"
 GENERIC = "generic"
 """the name of the built-in EDS"""
-BUILT_IN_ROBOTS = {"irma4": PAPERS_ROBOT}
 SAME_DRUM = 0.01
 """by how much of it a drum radius may differ between rig and robot file"""
 
@@ -40,8 +39,8 @@ def read_rig(path: Path) -> RigFile:
     Raises FileError naming file, table, key, what was found and what is allowed; all mistakes of one kind at once.
     """
     table = read_toml(path, RigTable, FORMAT)
-    robot_path = BUILT_IN_ROBOTS.get(table.robot, path.parent / table.robot)
-    robot = read_robot(robot_path)
+    robot_file = robot_path(table.robot, path.parent)
+    robot = read_robot(robot_file)
     _check_cables(path, table, robot)
     homes = read_homes(path)
     winches = tuple(
@@ -51,7 +50,7 @@ def read_rig(path: Path) -> RigFile:
     return RigFile(
         path=path,
         name=table.name,
-        robot_path=robot_path,
+        robot_path=robot_file,
         robot=calibrated(robot, tuple(winch.tension for winch in winches)),
         bus=BusEntry(**table.bus.model_dump()),
         winches=winches,

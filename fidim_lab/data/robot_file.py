@@ -1,6 +1,7 @@
 """Robot files, "fidim-robot/1": geometry, nominal body, limits, sensors, winches of one robot."""
 
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,6 +14,8 @@ from fidim_lab.data.toml_file import Table, read_toml
 FORMAT = "fidim-robot/1"
 PAPERS_ROBOT = Path(__file__).parent / "robots" / "irma4.toml"
 """the four-cable robot of the paper (Table 1, Eq. 43)"""
+BUILT_IN_ROBOTS = MappingProxyType({"irma4": PAPERS_ROBOT})
+"""robots that are called by name instead of a file"""
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]
@@ -99,6 +102,11 @@ class RobotTable(Table):
         if not any(self.gravity):
             raise ValueError("gravity: is zero; a free motion about an equilibrium needs it")
         return self
+
+
+def robot_path(named: str, folder: Path = Path()) -> Path:
+    """The file of a robot that a person has named: a built-in one, or a path that counts from `folder`."""
+    return BUILT_IN_ROBOTS.get(named, folder / named)
 
 
 def read_robot(path: Path) -> Robot:

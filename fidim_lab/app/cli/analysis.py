@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from fidim_lab.app.cli.completion import hide_option
-from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
+from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
 
 
 @fidim.command()
@@ -106,7 +106,7 @@ def reproduce(**options: Any) -> None:
 
 
 @fidim.command()
-@click.option("--robot", type=FILE, required=True, help="Robot file.")
+@click.option("--robot", type=ROBOT, required=True, help="Robot file, or irma4: the paper's.")
 @click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
 @hide_option("Hide physics in the simulated world.")
 @click.option("--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True)
@@ -186,7 +186,7 @@ def benchmark_explain(**options: Any) -> None:
 
 
 @fidim.command()
-@click.option("--robot", type=FILE, default=None, help="Robot file; default the paper's four-cable robot.")
+@click.option("--robot", type=ROBOT, default=None, help="Robot file; default the paper's four-cable robot.")
 @click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
 @click.option("--samples", default=100, show_default=True, type=click.IntRange(1, 1000), help="Of each window, in W.")
 @click.option("--starts", default=8, show_default=True, type=click.IntRange(1, 10_000))

@@ -10,6 +10,19 @@ FOLDER = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
+class _RobotFile(click.Path):
+    """A robot file, or the name of a built-in robot, as in rig files."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """As click does it, once a name has become a path."""
+        from fidim_lab.data.robot_file import robot_path
+
+        return super().convert(robot_path(str(value)), param, ctx)
+
+
+ROBOT = _RobotFile(path_type=Path, dir_okay=False)
+
+
 def example(text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Close a command's help with an example that can be typed."""
 

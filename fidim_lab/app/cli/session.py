@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from fidim_lab.app.cli.completion import hide_option
-from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
+from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
 
 
 @fidim.command("dry-run")
@@ -18,7 +18,7 @@ from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
 @click.option(
     "--seed", default=1, show_default=True, type=click.IntRange(0), help="Same seed, same windows, byte for byte."
 )
-@click.option("--robot", type=FILE, default=None, help="Robot file; default the paper's four-cable robot.")
+@click.option("--robot", type=ROBOT, default=None, help="Robot file; default the paper's four-cable robot.")
 @click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
 @click.option(
     "--validate", "validation", default=3, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
@@ -154,7 +154,7 @@ def power_off(**options: Any) -> None:
 
 
 @fidim.command()
-@click.option("--robot", type=FILE, default=None, help="Also check this robot file for plausibility.")
+@click.option("--robot", type=ROBOT, default=None, help="Also check this robot file for plausibility.")
 @click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-doctor/1".')
 @example("fidim doctor --rig rig.toml")

@@ -115,8 +115,11 @@ def test_a_full_disk_is_seen(monkeypatch):
 
 
 @pytest.mark.usefixtures("well")
-def test_the_papers_robot_is_well(irma4_file: Path, tmp_path):
-    assert cli.run(["doctor", "--robot", str(irma4_file), "--json", str(tmp_path / "d.json")]) == 0
+@pytest.mark.parametrize("by_name", [False, True])
+def test_the_papers_robot_is_well(irma4_file: Path, by_name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    robot = "irma4" if by_name else str(irma4_file)
+    assert cli.run(["doctor", "--robot", robot, "--json", "d.json"]) == 0
     checks = _read(tmp_path / "d.json")
     assert checks["robot irma4.toml"]["found"] == "4 cables, 1 marker(s), 11 kg"
     assert {check["verdict"] for name, check in checks.items() if name.startswith("robot")} == {"ok"}
