@@ -15,6 +15,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from fidim_lab.app.worker_input import requests
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import FidimError
 from fidim_lab.mismatch.so_far import SoFar, Watch
@@ -62,6 +63,6 @@ def main(folder: str) -> None:
     with suppress(OSError, AttributeError):
         os.nice(NICE)
     looker = Looker(Path(folder))
-    for _ in sys.stdin:
+    for _ in requests():
         sys.stdout.write(json.dumps(answer_to(looker, perf_counter)) + "\n")
         sys.stdout.flush()

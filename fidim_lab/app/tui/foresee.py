@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fidim_lab.app.tui.foresight import FIRST, MOST
+from fidim_lab.app.worker_input import requests
 from fidim_lab.data.campaign import ROBOT
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Role, Window
@@ -124,10 +125,10 @@ def _predicted(mechanism: Mechanism, body: Body, window: Window) -> dict[str, An
 
 
 def main() -> None:
-    """One answer a line, until standard input ends."""
+    """One answer a line, until standard input ends: with the UI, however that ended."""
     os.nice(10)
     seer = Seer()
-    for text in sys.stdin:
+    for text in requests():
         sys.stdout.write(json.dumps(seer.answer(json.loads(text))) + "\n")
         sys.stdout.flush()
 
