@@ -184,7 +184,8 @@ async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchCon
     asked = master.clock.now()
     link.answers.restart()  # what an earlier host had it send up to now answered other SYNCs
     link.send_nmt(NmtCommand.START)
-    await _await_nmt(master, link, config, NmtState.OPERATIONAL, asked)
+    # A node that an earlier host has left operational has said so by its last heartbeat: its next is not waited for.
+    await _await_nmt(master, link, config, NmtState.OPERATIONAL, asked - config.heartbeat)
 
     def sampled() -> bool:
         return link.values is not None and link.values.t >= asked

@@ -15,6 +15,8 @@ from fidim_lab.errors import BusError, DeviceError
 
 OnBench = Callable[..., None]
 QUICK_STOP, HALTED, DISABLE_VOLTAGE = 0x02, 0x10F, 0x00
+SLOW = 2.0
+"""s between a drive's heartbeats: longer than to look at all of it"""
 
 
 async def left(bench: Any, state: str) -> None:
@@ -67,6 +69,22 @@ def test_a_drive_that_still_runs_is_stopped_first(on_bench, config):
         assert winch.latest().state is DriveState.QUICK_STOP_ACTIVE
 
     on_bench(script)
+
+
+def test_a_drive_that_has_told_that_it_is_operational_is_not_waited_for_again(on_bench, config):
+    async def script(bench: Any) -> None:
+        await left(bench, "quick stop")
+        master = CanopenMaster(bench.bus, LoopClock())
+        winch = Cia402Winch(config(heartbeat=SLOW), master, takes_over=True)
+        bench.loop_task = asyncio.create_task(master.run())
+        while winch.link.heartbeat is None:
+            await bench.cycles(1)
+        told = winch.link.heartbeat.t
+        await winch.configure()
+        assert winch.link.heartbeat.t == told
+        assert winch.latest().state is DriveState.QUICK_STOP_ACTIVE
+
+    on_bench(script, heartbeat=SLOW)
 
 
 def test_a_drive_that_was_being_switched_on_holds_nothing_and_is_brought_up(on_bench, config):
