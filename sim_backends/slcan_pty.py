@@ -8,11 +8,13 @@ import os
 import select
 import tty
 from collections import deque
+from pathlib import Path
 from typing import Any
 
 import can
 
 from fidim_lab.errors import SetupError
+from sim_backends.pty_link import put_link, take_link
 from sim_backends.slcan_server import format_line, parse_line
 
 _LONGEST_LINE = 64
@@ -28,16 +30,26 @@ class SlcanPtyBus(can.BusABC):
     flags, extended and remote frames (ignored).
     """
 
-    def __init__(self) -> None:
-        """Raises SetupError where the system has no pseudo terminal left."""
+    def __init__(self, link: Path | None = None) -> None:
+        """link: a name for it. Raises SetupError where that is taken, or the system has no pseudo terminal left."""
+        self._end = self._host = -1
+        self._link = link
+        self.plugged = True
+        """false: it vanishes with its name, as an adapter whose plug is pulled"""
         try:
             self._end, self._host = os.openpty()
+            tty.setraw(self._host)
+            os.set_blocking(self._end, False)
+            self.path = os.ttyname(self._host)
+            """what a host opens"""
+            if link is not None:
+                put_link(link, self.path)
+        except SetupError:
+            self._close()
+            raise
         except OSError as error:
+            self._close()
             raise SetupError(f"simulated CAN adapter: no pseudo terminal: {error.strerror or error}.") from error
-        tty.setraw(self._host)
-        os.set_blocking(self._end, False)
-        self.path = os.ttyname(self._host)
-        """what a host opens"""
         self.lost = 0
         """frames that the host did not take"""
         self._rest = b""
@@ -48,7 +60,7 @@ class SlcanPtyBus(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """To the host."""
         line = format_line(msg)
-        while line:
+        while line and self._there():
             try:
                 line = line[os.write(self._end, line) :]
             except BlockingIOError:
@@ -59,13 +71,25 @@ class SlcanPtyBus(can.BusABC):
     def shutdown(self) -> None:
         """Take the adapter away; may be called twice."""
         super().shutdown()
+        self._close()
+
+    def _there(self) -> bool:
+        """Vanish in the thread that uses it, so that no descriptor is closed while it is waited at."""
+        if not self.plugged:
+            self._close()
+        return self.plugged
+
+    def _close(self) -> None:
+        if self._host >= 0 and self._link is not None:
+            take_link(self._link, self.path)
         for descriptor in (self._end, self._host):
             if descriptor >= 0:
                 os.close(descriptor)
         self._end = self._host = -1
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        if not self._queue and select.select([self._end], [], [], timeout)[0]:
+        ends = [self._end] if self._there() else []
+        if not self._queue and select.select(ends, [], [], timeout)[0]:
             *lines, self._rest = (self._rest[-_LONGEST_LINE:] + os.read(self._end, 1 << 16)).split(b"\r")
             self._queue += [message for line in lines if (message := parse_line(line)) is not None]
         return (self._queue.popleft() if self._queue else None), False

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from drivers.ports import Clock
 from fidim_lab.errors import SetupError
+from sim_backends.pty_link import put_link, take_link
 
 BITS_PER_BYTE = 10
 """start, eight, stop"""
@@ -40,13 +41,14 @@ class PtyLine:
         if self._ends is not None:
             return
         try:
-            _free(self.link)
             master, host = os.openpty()
             tty.setraw(host)
             os.set_blocking(master, False)
             self._ends = master, host
-            self.link.parent.mkdir(parents=True, exist_ok=True)
-            self.link.symlink_to(os.ttyname(host))
+            put_link(self.link, os.ttyname(host))
+        except SetupError:
+            self.unplug()
+            raise
         except OSError as error:
             self.unplug()
             raise SetupError(f"serial line {self.link}: cannot be simulated: {error.strerror or error}.") from error
@@ -59,8 +61,7 @@ class PtyLine:
         (master, host), self._ends = self._ends, None
         with suppress(RuntimeError):  # the loop has ended
             asyncio.get_running_loop().remove_reader(master)
-        if self.link.is_symlink() and str(self.link.readlink()) == os.ttyname(host):
-            self.link.unlink()
+        take_link(self.link, os.ttyname(host))
         os.close(host)
         os.close(master)
 
@@ -83,14 +84,3 @@ class PtyLine:
             self.unplug()
             return
         self._received(data)
-
-
-def _free(link: Path) -> None:
-    """Take away a link that a simulator left behind; anything else under that name is a real device's or a file."""
-    if link.is_symlink() and str(link.readlink()).startswith("/dev/pts/"):
-        link.unlink()
-    elif link.is_symlink() or link.exists():
-        raise SetupError(
-            f"serial line {link}: there is something else of this name; simulated devices do not take its place.",
-            hint="Give the simulated device a name of its own, such as /tmp/fidim/release.",
-        )

@@ -5,6 +5,7 @@ Doctor, run, plugs pulled in the middle, and what a person does afterwards. Noth
 
 import contextlib
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -192,6 +193,22 @@ def test_a_pulled_plug_ends_the_run_held_with_its_cause_named(simulators, tmp_pa
         assert not report.held
     last = [entry.kind.value for entry in read_journal(tmp_path / "run" / "journal.jsonl")][-2:]
     assert last == ["held", "run-finished"], last
+
+
+def test_the_plug_of_an_adapter_on_a_serial_port_is_pulled_while_the_robot_moves(simulators, tmp_path, capsys):
+    adapter = tmp_path / "usb" / "can"
+
+    def on_a_port(text):
+        return re.sub(r'channel = "socket://.*?"', f'channel = "{adapter}"', text)
+
+    world = simulators(on_a_port)
+    assert doctor(world.path) == 0, capsys.readouterr().out
+    report = run(world.path, tmp_path / "run", "MoveTo", lambda: world.pull("bus"))
+    assert report.exit_code == 3
+    assert f"slcan {adapter}" in report.reason, report.reason
+    assert not report.held  # nothing can be asked any more, and that is said
+    assert cli.run(["doctor", "--rig", str(world.path), "--json", str(tmp_path / "doctor.json")]) == 3
+    assert f"slcan {adapter} cannot be opened" in (tmp_path / "doctor.json").read_text()
 
 
 def test_doctor_names_what_cannot_be_reached(simulators, tmp_path, capsys):

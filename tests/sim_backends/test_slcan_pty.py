@@ -6,6 +6,7 @@ import tty
 import can
 import pytest
 
+from fidim_lab.errors import SetupError
 from sim_backends.slcan_pty import SlcanPtyBus
 
 
@@ -44,3 +45,25 @@ def test_what_a_host_does_not_read_is_lost_and_counted(adapter, monkeypatch):
 def test_it_may_be_taken_away_twice(adapter):
     adapter.shutdown()
     adapter.shutdown()
+
+
+def test_a_pulled_plug_takes_its_name_away_and_the_host_is_told(tmp_path):
+    link = tmp_path / "usb" / "can"
+    with SlcanPtyBus(link) as bus:
+        host = os.open(link, os.O_RDWR | os.O_NOCTTY)
+        try:
+            bus.plugged = False
+            assert bus.recv(0.01) is None
+            bus.send(can.Message(arbitration_id=0x181, data=b"\xaa", is_extended_id=False))
+            assert not link.is_symlink()
+            with pytest.raises(OSError, match=r"Input/output error"):
+                os.write(host, b"O\r")
+        finally:
+            os.close(host)
+
+
+def test_it_does_not_take_the_place_of_something_else(tmp_path):
+    (tmp_path / "can").write_text("mine")
+    with pytest.raises(SetupError, match="something else of this name"):
+        SlcanPtyBus(tmp_path / "can")
+    assert (tmp_path / "can").read_text() == "mine"

@@ -32,7 +32,7 @@ def serial_simulators(file: RigFile, laboratory: Laboratory, clock: Clock) -> Se
         devices.append(_release(file.release, laboratory.magnet, clock))
     for entry in file.gauges:
         line = _line(entry, laboratory, clock)
-        devices.append(SimulatedGauge(_link(entry.port), entry.baud, clock, entry.rate, line, entry.ask))
+        devices.append(SimulatedGauge(serial_link(entry.port), entry.baud, clock, entry.rate, line, entry.ask))
     return tuple(devices)
 
 
@@ -45,7 +45,7 @@ async def run_serial_simulators(stack: contextlib.AsyncExitStack, devices: Seria
 
 def _release(entry: ReleaseEntry, magnet: SimulatedMagnet, clock: Clock) -> SimulatedRelease:
     talk = ReleaseTalk(entry.hold, entry.release, entry.ask, entry.holds, entry.released)
-    return SimulatedRelease(_link(entry.port), entry.baud, clock, magnet, talk, entry.watchdog)
+    return SimulatedRelease(serial_link(entry.port), entry.baud, clock, magnet, talk, entry.watchdog)
 
 
 def _line(entry: GaugeEntry, laboratory: Laboratory, clock: Clock) -> Callable[[], str]:
@@ -60,7 +60,8 @@ def _say(entry: GaugeEntry, template: LineTemplate, sense: Callable[[], dict[str
     return template.write(shown, anything="OK")
 
 
-def _link(port: str) -> Path:
+def serial_link(port: str) -> Path:
+    """The name of a simulated line. Raises SetupError for one that only hardware has."""
     if "://" in port or "/" not in port or port.startswith("/dev/"):
         raise SetupError(
             f"The serial port {port} belongs to hardware: simulated devices are not put there.",

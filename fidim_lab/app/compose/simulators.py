@@ -18,7 +18,12 @@ from drivers.clock import LoopClock
 from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.compose.simulated import GRAIN, simulated_world
 from fidim_lab.app.compose.simulated_motion_capture import MocapSender, mocap_sender
-from fidim_lab.app.compose.simulated_serial import SerialSimulators, run_serial_simulators, serial_simulators
+from fidim_lab.app.compose.simulated_serial import (
+    SerialSimulators,
+    run_serial_simulators,
+    serial_link,
+    serial_simulators,
+)
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan
 from fidim_lab.data.rig import BusEntry, RigFile
@@ -29,6 +34,7 @@ from sim_backends.drive.node import SimulatedDrive
 from sim_backends.hand_server import HandServer
 from sim_backends.laboratory import DrumGeometry, Laboratory
 from sim_backends.served_bus import ServedBus
+from sim_backends.slcan_pty import SlcanPtyBus
 from sim_backends.slcan_server import SlcanServerBus
 
 SOCKET = "socket://"
@@ -85,7 +91,7 @@ class SimulatedDevices:
 
     def _unplug_bus(self) -> None:
         with self.served.paused():
-            if isinstance(self.bus, SlcanServerBus):
+            if isinstance(self.bus, SlcanServerBus | SlcanPtyBus):
                 self.bus.plugged = False
             for drive in self.drives:
                 drive.faults.silent = True
@@ -184,10 +190,12 @@ def _open_bus(entry: BusEntry) -> can.BusABC:
         if not port.isdigit():
             raise SetupError(f"bus, channel: {entry.channel!r} has no port; an example is socket://127.0.0.1:20100.")
         return SlcanServerBus(host, int(port))
+    if entry.interface == "slcan":
+        return SlcanPtyBus(serial_link(entry.channel))
     if entry.interface != "udp_multicast" and not entry.channel.startswith("vcan"):
         raise SetupError(
             f"The bus {entry.name} belongs to hardware or to one process: simulated drives are not put on it.",
-            hint='Use "slcan" with channel = "socket://127.0.0.1:20100", "udp_multicast", or a channel vcan….',
+            hint='Use "slcan" with channel = "socket://127.0.0.1:20100" or "/tmp/fidim/can", "udp_multicast", vcan….',
         )
     try:
         return can.Bus(entry.channel, entry.interface, **dict(entry.options))
