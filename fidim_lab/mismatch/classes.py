@@ -1,15 +1,14 @@
-"""Effects that the data at hand cannot tell apart, from the information matrix at the fitted model.
+"""Effects that the data at hand cannot tell apart: by the information matrix at the fitted model, and by fits.
 
-What a named effect does to the recordings, body, starts and the other effects being adjusted, is a vector; what of it
-another effect cannot imitate, within its bounds, is what the data say between the two. Below 5 nats they say nothing.
+Where another effect in the place of a named one loses less than 5 nats, the data say nothing between the two.
 """
 
 import numpy as np
 
+from fidim_lab.mismatch.imitators import imitators
 from fidim_lab.mismatch.refit import evidence
-from fidim_lab.mismatch.score import bounded, eliminated
 from fidim_lab.mismatch.select import Selection
-from fidim_lab.mismatch.views import ENOUGH, View
+from fidim_lab.mismatch.views import ENOUGH
 
 MOST_ALIKE = 3
 
@@ -17,37 +16,12 @@ MOST_ALIKE = 3
 def alike(found: Selection, k: int) -> tuple[str, ...]:
     """Other ids that may stand in the place of term k of the best model, the most alike first; at most three."""
     named = found.best.model.tried[k].effect.id
-    losses = _by_information(found.last, k) if found.best.model.whole else {}
+    seen = imitators(found.last, k) if found.best.model.whole else ()
+    losses = {one.tried.effect.id: one.loss for one in seen}
     for id, loss in _by_fits(found, k).items():
         losses[id] = min(loss, losses.get(id, np.inf))
     close = sorted((loss, id) for id, loss in losses.items() if id != named and loss < ENOUGH)
     return tuple(id for _, id in close)[:MOST_ALIKE]
-
-
-def _by_information(seen: View, k: int) -> dict[str, float]:
-    """Nats lost where another effect takes the place of term k, to first order, for each id the least."""
-    model, projected = seen.model, seen.projected
-    term, place = model.tried[k], model.place_of(k)
-    shared = len(model.fit.values)
-    count = len(projected.gram) - 1 - shared
-    own = place.start + np.array(term.scored)
-    outside = np.setdiff1d(np.arange(shared), np.arange(place.start, place.stop))
-    rest = eliminated(projected.gram, outside, np.concatenate([own, shared + np.arange(count)]))
-    size = len(own)
-    away = model.fit.values[own] - term.absent[list(term.scored)]
-    whole = float(away @ rest[:size, :size] @ away)
-    losses: dict[str, float] = {}
-    for other, columns in zip(projected.tried, projected.slices, strict=True):
-        if other.effect.cable not in (None, term.effect.cable):
-            continue
-        at = slice(size + columns.start, size + columns.stop)
-        low, high = (side[list(other.scored)] for side in other.effect.bounds(seen.context))
-        cross, curvature = rest[at, :size] @ away, rest[at, at]
-        best = bounded(curvature, cross, low, high)
-        imitated = float(2 * cross @ best - best @ curvature @ best)
-        loss = 0.5 * max(0.0, whole - imitated) / projected.inflation
-        losses[other.effect.id] = min(loss, losses.get(other.effect.id, np.inf))
-    return losses
 
 
 def _by_fits(found: Selection, k: int) -> dict[str, float]:

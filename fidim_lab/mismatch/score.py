@@ -17,11 +17,10 @@ from scipy.optimize import lsq_linear
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, simulate
+from fidim_lab.identification.mle.likelihood import Likelihood, Simulation
 from fidim_lab.mismatch.columns import Scorer, WindowColumns
 from fidim_lab.mismatch.columns_sprung import SprungScorer
 from fidim_lab.mismatch.hypotheses import PERIODIC, PERIODIC_SIZE, Hypothesis
-from fidim_lab.model.sensitivity.grid import QUICK
 from fidim_lab.model.side_by_side import side_by_side
 
 TINY = 1e-12
@@ -92,7 +91,7 @@ class WindowGram:
 
 
 def project(scorer: Scorer | SprungScorer, fit_: Fit, likelihood: Likelihood, simulation: Simulation) -> Projected:
-    """The score of all hypotheses at a simulated optimum; on the quick grid, good to a thousandth of a gain."""
+    """The score of all hypotheses at a simulated optimum."""
     grams = window_grams(scorer, likelihood, simulation)
     if not grams:
         raise OurBugError("A score needs at least one fitted window.")
@@ -103,7 +102,6 @@ def window_grams(
     scorer: Scorer | SprungScorer, likelihood: Likelihood, simulation: Simulation, windows: Sequence[int] | None = None
 ) -> list[WindowGram]:
     """Of each window, in the order in which the simulation has them; `windows`: of these alone."""
-    simulation = _quick(likelihood, simulation) if windows is None else simulation
     steady = sum(len(h.scored) for h in scorer.tried.direct)
     tasks = scorer.tasks(likelihood, simulation, windows)
     shared = simulation.point.shared
@@ -134,13 +132,6 @@ def projected(scorer: Scorer | SprungScorer, fit_: Fit, grams: Sequence[WindowGr
         inflation=max(1.0, left / max(1, rows)),
         gram=gram,
     )
-
-
-def _quick(likelihood: Likelihood, simulation: Simulation) -> Simulation:
-    if likelihood.springs is not None or simulation.intervals <= QUICK.intervals:
-        return simulation
-    quick = simulate(likelihood, simulation.point, simulation.ends, QUICK)
-    return quick if quick is not None and np.isfinite(quick.cost) else simulation
 
 
 def _reduced_gram(compute: Callable[[], WindowColumns], steady: int) -> tuple[np.ndarray, int]:

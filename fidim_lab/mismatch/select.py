@@ -25,6 +25,7 @@ from fidim_lab.mismatch.candidates import (
 )
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.imitators import in_their_place
 from fidim_lab.mismatch.refit import Completed, again, evidence, predict, refit
 from fidim_lab.mismatch.restarts import find_pushes
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
@@ -92,6 +93,8 @@ class _Search:
         if best is baseline and not start.follows:
             best = self._best_over_all(baseline, self._over_first_seconds())
         best, last = self._over_whole_windows(best)
+        if not self.pushes:
+            best, last = self._with_imitators(best, last)
         if not (self.pushes or start.follows):
             best, last = self._without_the_doubtful(best, last)
         return Selection(
@@ -197,6 +200,19 @@ class _Search:
             found = found if evidence > seen.singles[0].log_evidence else ()
         self.pushes = found
         return bool(found)
+
+    def _with_imitators(self, best: Candidate, last: View) -> tuple[Candidate, View]:
+        """The search on from what may stand in the place of a term, where that is more convincing.
+
+        Each term was chosen before those that came after it: beside them another may do the same with less freedom.
+        """
+        if not best.model.whole:
+            return best, last
+        fresh = [self._judged(model) for model in in_their_place(last, self.start.whole_ground, self.say)]
+        self.tried += fresh
+        as_good = {id(c.model): c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH}
+        chosen = as_good.get(id(most_convincing(best.model, [c.model for c in as_good.values()])))
+        return (best, last) if chosen is None else self._over_whole_windows(chosen)
 
     def _without_the_doubtful(self, best: Candidate, last: View) -> tuple[Candidate, View]:
         """The search once more without what the best model may have in another's place, where structure stays."""

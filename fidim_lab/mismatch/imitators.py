@@ -1,0 +1,84 @@
+"""What could stand in the place of a named effect: from the information matrix at the fitted model.
+
+What a named effect does to the recordings, body, starts and the other effects being adjusted, is a vector; what of it
+another effect cannot imitate, within its bounds, is what the data say between the two.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.mismatch.ground import Ground
+from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.refit import Completed, can_refit, refit
+from fidim_lab.mismatch.score import bounded, eliminated
+from fidim_lab.mismatch.views import SLIGHT, TIE, View
+
+FITTED = 2
+"""of those that may stand for one term"""
+
+
+@dataclass(frozen=True, eq=False)
+class Imitator:
+    """Another effect in the place of a named one, to first order."""
+
+    tried: Hypothesis
+    theta: np.ndarray
+    """of all its parameters, at which it comes nearest"""
+    loss: float
+    """nats, of the evidence for the named one, that it does not reach"""
+    whole: float
+    """nats, of the evidence for the named one"""
+
+
+def imitators(seen: View, k: int) -> tuple[Imitator, ...]:
+    """Of each other effect that may stand for term k of the model that was looked at, the best; the best first.
+
+    What acts on one cable is imitated by what acts on the same cable, or on all alike.
+    """
+    model, projected = seen.model, seen.projected
+    term, place = model.tried[k], model.place_of(k)
+    shared = len(model.fit.values)
+    count = len(projected.gram) - 1 - shared
+    own = place.start + np.array(term.scored)
+    outside = np.setdiff1d(np.arange(shared), np.arange(place.start, place.stop))
+    rest = eliminated(projected.gram, outside, np.concatenate([own, shared + np.arange(count)]))
+    size = len(own)
+    away = model.fit.values[own] - term.absent[list(term.scored)]
+    whole = 0.5 * float(away @ rest[:size, :size] @ away) / projected.inflation
+    found: dict[str, Imitator] = {}
+    for other, columns in zip(projected.tried, projected.slices, strict=True):
+        if other.effect.cable not in (None, term.effect.cable) or other.effect.id == term.effect.id:
+            continue
+        at = slice(size + columns.start, size + columns.stop)
+        low, high = (side[list(other.scored)] for side in other.effect.bounds(seen.context))
+        cross, curvature = rest[at, :size] @ away, rest[at, at]
+        best = bounded(curvature, cross, low, high)
+        imitated = 0.5 * float(2 * cross @ best - best @ curvature @ best) / projected.inflation
+        loss = max(0.0, whole - imitated)
+        if other.effect.id not in found or loss < found[other.effect.id].loss:
+            found[other.effect.id] = Imitator(other, other.theta(best), loss, whole)
+    return tuple(sorted(found.values(), key=lambda one: one.loss))
+
+
+def in_their_place(seen: View, ground: Ground, say: Callable[[str], None]) -> list[Completed]:
+    """The model that was looked at with other effects in the place of a term, where they come near; at least two terms.
+
+    What has more freedom than the term is left out: it would not convince where it only imitates.
+    ground: what the model was fitted to.
+    """
+    model = seen.model
+    found: list[Completed] = []
+    for k in range(len(model.tried)) if len(model.tried) > 1 else ():
+        freedom = len(model.tried[k].scored)
+        near = (one for one in imitators(seen, k) if one.loss < TIE + SLIGHT * one.whole)
+        simple = (one for one in near if len(one.tried.scored) <= freedom)
+        able = [one for one in simple if can_refit(one.tried.effect, model.mechanism)]
+        for other in able[:FITTED]:
+            say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
+            tried = [*model.tried[:k], other.tried, *model.tried[k + 1 :]]
+            thetas = [*model.thetas[:k], other.theta, *model.thetas[k + 1 :]]
+            fitted = refit(ground, model.fit, tried, thetas, seen.context)
+            found += [] if fitted is None else [fitted]
+    return found

@@ -1,0 +1,76 @@
+"""What could stand in the place of a term that a search has taken, on a campaign of another simulator."""
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.baseline import Baseline, fit_baseline
+from fidim_lab.mismatch.candidates import common_scale
+from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.imitators import imitators, in_their_place
+from fidim_lab.mismatch.refit import Completed, evidence, refit
+from fidim_lab.mismatch.views import View, view
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+RATE = 0.004
+HIDDEN = (f"clock-rate:rate={RATE}", "air-drag-linear:c=0.5")
+
+
+@pytest.fixture(scope="module")
+def start(irma4: Robot) -> Baseline:
+    """Of a short campaign whose clock runs fast, with some drag."""
+    world = make_world(irma4, np.random.default_rng(5), tuple(parse_effect(text, irma4.n) for text in HIDDEN))
+    plan = random_plan(irma4, "short", 4, 1, 5)
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Recording(4.0))
+    return fit_baseline(campaign, native=True, say=lambda _: None)
+
+
+def term(start: Baseline, id: str) -> Hypothesis:
+    return next(h for h in start.tried.direct if h.effect.id == id)
+
+
+def fitted(start: Baseline, *ids: str) -> Completed:
+    tried = [term(start, id) for id in ids]
+    found = refit(start.whole_ground, start.as_it_is.fit, tried, [h.absent for h in tried], start.context)
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def forced(start: Baseline) -> View:
+    """What is seen beside a force that was taken for the clock."""
+    return view(fitted(start, "constant-force", "air-drag-linear"), start.tried, start.context)
+
+
+def test_a_clock_imitates_an_upward_force_and_says_at_what_rate(forced: View) -> None:
+    found = {one.tried.effect.id: one for one in imitators(forced, 0)}
+    clock = found["clock-rate"]
+    assert clock.loss < 5.0 < 0.02 * clock.whole
+    assert clock.theta[0] == pytest.approx(RATE, rel=0.1)
+    assert found["loose-mass"].loss > 0.1 * clock.whole
+    assert "constant-force" not in found
+
+
+def test_the_best_comes_first_and_each_effect_once(forced: View) -> None:
+    found = imitators(forced, 1)
+    losses = [one.loss for one in found]
+    assert losses == sorted(losses)
+    assert len({one.tried.effect.id for one in found}) == len(found)
+    assert max(losses) <= found[0].whole + 1e-9
+
+
+def test_the_imitator_takes_the_place_with_less_freedom(start: Baseline, forced: View) -> None:
+    said: list[str] = []
+    (found,) = in_their_place(forced, start.whole_ground, said.append)
+    assert [h.effect.id for h in found.tried] == ["clock-rate", "air-drag-linear"]
+    assert "clock-rate in the place of constant-force" in said[0]
+    assert evidence(found, forced.model, common_scale([found, forced.model])) > 5.0
+    assert found.thetas[0][0] == pytest.approx(RATE, rel=0.1)
+
+
+def test_a_term_alone_was_chosen_beside_its_rivals_already(start: Baseline) -> None:
+    alone = view(fitted(start, "constant-force"), start.tried, start.context)
+    assert in_their_place(alone, start.whole_ground, lambda _: None) == []
