@@ -29,6 +29,10 @@ FLUSH_PERIOD = 0.08
 """s between two flushes: with the time of a look (POLL) less than a tenth of a second"""
 GRACE = 0.5
 """s that a recording waits for its last frames"""
+MOVES = 0.01
+"""m/s; what a drive tells of a motor at rest is less"""
+AHEAD = 0.05
+"""s; older samples are not carried on any farther"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +239,7 @@ class Recorder:
         values = [v for place in places for v in (place or (np.nan, np.nan, np.nan))]
         now = self._clock.now()
         fresh = [s if s is not None and now - s.t <= self._sample_age else None for s in samples]
-        values += [np.nan if s is None else s.length for s in fresh]
+        values += [np.nan if s is None else length_at(s, frame.t) for s in fresh]
         values += [np.nan if s is None else s.current for s in fresh]
         return values + [value for gauge in self._gauges for value in _told(gauge, now)]
 
@@ -261,6 +265,17 @@ class Recorder:
         self._open.csv.move(to)
         self._open = None
         return to
+
+
+def length_at(sample: WinchSample, t: float) -> float:
+    """The cable length (m) at t (monotonic s), by the newest sample before.
+
+    That is up to a bus cycle old, and by how much is another in every session. So a moving winch is carried on with its
+    velocity: off by a dt²/2 while it gets faster, by as much the other way while it slows down.
+    """
+    if sample.target_reached or abs(sample.velocity) < MOVES:
+        return sample.length
+    return sample.length + sample.velocity * min(max(t - sample.t, -AHEAD), AHEAD)
 
 
 def _told(gauge: Gauge, now: float) -> list[float]:

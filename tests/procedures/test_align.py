@@ -76,8 +76,8 @@ def test_the_lag_of_late_cameras_is_found(jogged):
     report, folder, _ = jogged
     assert report.outcome is Outcome.PASS, report.reason
     found = read_alignment(folder / NAME)
-    age = 1.0 / compose.SYNC_RATE  # what stands in a row is the newest sample, up to a cycle old
-    assert LATENCY - age < found.lag < LATENCY + 2.0 * JITTER
+    late = LATENCY + JITTER  # on average; how old the newest sample of an encoder was does not count any more
+    assert abs(found.lag - late) < min(3.0 * found.sd, 5e-4), found
     assert found.sd < 5e-4
     assert found.correlation > 0.99
 
