@@ -62,20 +62,29 @@ def additions(seen: View, room: int, ground: Ground, context: Context) -> tuple[
 
 
 def _finalists(short: Completed, raced: Sequence[Addition]) -> tuple[Addition, ...]:
-    """Those that convince most over the short time; cables that stretch did not race, and stay where they stand."""
-    near = [one.near for one in raced if one.near is not None]
-    scale = common_scale([short, *near])
+    """Those that convince most over the short time, and before them up to half as many with cables that stretch.
+
+    Those did not race, and stay where their scores put them; what was not found over the short time comes last.
+    """
+    scale = common_scale([short, *(one.near for one in raced if one.near is not None)])
 
     def convincing(one: Addition) -> float:
-        return np.inf if one.near is None else evidence(one.near, short, scale)
+        return -np.inf if one.near is None else evidence(one.near, short, scale)
 
-    return tuple(sorted(raced, key=convincing, reverse=True)[:FINALISTS])
+    stretching = [one for one in raced if _stretches(one.score)][: FINALISTS // 2]
+    others = sorted((one for one in raced if not _stretches(one.score)), key=convincing, reverse=True)
+    return (*stretching, *others[: FINALISTS - len(stretching)])
+
+
+def _stretches(score: Score) -> bool:
+    """Whether it is of cables that stretch: they find their own way from short recordings to long ones."""
+    return any(stretches(h.effect) for h in score.tried)
 
 
 def _nearby(seen: View, short: Completed, score: Score, ground: Ground, context: Context) -> Completed | None:
     """The model with these terms over the time of the view; None where none is found, or cables that stretch are."""
-    if any(stretches(h.effect) for h in score.tried):
-        return None  # they find their own way from short recordings to long ones
+    if _stretches(score):
+        return None
     near = ground.as_far_as(seen.fit)
     best: Completed | None = None
     for one in _scanned(seen, score):

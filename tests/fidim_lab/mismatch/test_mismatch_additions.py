@@ -101,6 +101,23 @@ def test_the_race_decides_not_the_score(every: Hypotheses, fits: list) -> None:
     assert found[:3] == ["cable-elasticity", "loose-mass", "rotational-drag"]
 
 
+def test_cables_that_stretch_take_half_of_the_places_and_failures_none(
+    every: Hypotheses, fits: list, monkeypatch
+) -> None:
+    of_id = {h.effect.id: h for h in every.direct}
+    springs = [h for h in every.direct if h.effect.id in ("cable-elasticity", "winch-hold-compliance")][:3]
+    rest = [of_id[id] for id in ("cable-mass", "rotational-drag", "swivel-damping")]
+    raced = module.refit
+    missed = {"cable-mass"}
+    monkeypatch.setattr(
+        module, "refit", lambda g, d, t, *a, **k: None if t[-1].effect.id in missed else raced(g, d, t, *a)
+    )
+    scores = [score(h, 900.0 - k) for k, h in enumerate([*springs, *rest])]
+    found = [one.score.tried[0].effect.id for one in additions(seen(scores, shortened=True), 3, GROUND, None)]
+    assert found[:2] == [h.effect.id for h in springs[:2]]
+    assert found[2:] == ["rotational-drag", "swivel-damping"]
+
+
 def test_one_kind_does_not_fill_the_race(every: Hypotheses) -> None:
     """The same friction at each cable is one idea, not five."""
     frictions = [h for h in every.direct if h.effect.id == "attachment-friction"]
