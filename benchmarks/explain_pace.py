@@ -34,9 +34,11 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "clean": ("fidim_lab.mismatch.explain.clean",),
     "baseline": ("fidim_lab.mismatch.explain.fit_baseline",),
     "audit": ("fidim_lab.mismatch.explain.audit",),
-    "scores": ("fidim_lab.mismatch.select.view",),
-    "refits": ("fidim_lab.mismatch.select.refit",),
-    "held-out": ("fidim_lab.mismatch.select.predict", "fidim_lab.mismatch.baseline.predict"),
+    "scores": ("fidim_lab.mismatch.trials.view",),
+    "refits": tuple(
+        f"fidim_lab.mismatch.{place}.refit" for place in ("select", "trials", "additions", "wider", "imitators")
+    ),
+    "held-out": ("fidim_lab.mismatch.trials.predict", "fidim_lab.mismatch.baseline.predict"),
     "restored": ("fidim_lab.mismatch.explain.restored",),
     "told": ("fidim_lab.mismatch.explain.tell",),
     "no name": ("fidim_lab.mismatch.explain.with_unknown",),

@@ -54,6 +54,17 @@ def improves(fresh: Candidate, best: Candidate) -> bool:
     return fresh.is_white or rest - fresh.whiteness.excess > FEEBLE * rest
 
 
+def accepted(best: Candidate, fresh: Sequence[Candidate]) -> Candidate:
+    """The most convincing of those that also predict held-out windows better; `best` where there is none."""
+    usable = {id(c.model): c for c in fresh if improves(c, best)}
+    models = [c.model for c in usable.values()]
+    if not best.model.whole:
+        chosen = best_of(models) if models else best.model
+    else:
+        chosen = most_convincing(best.model, models)
+    return usable.get(id(chosen), best)
+
+
 def most_convincing(best: Completed, fresh: Sequence[Completed]) -> Completed:
     """Of models with more evidence than `best`, the one with most; of those within 5 nats, the smallest."""
     scale = common_scale([best, *fresh])

@@ -9,40 +9,30 @@ of whole windows, when those that no fit has seen get better; a term that anothe
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from fidim_lab.identification.mle.springs import stretches
-from fidim_lab.mismatch.additions import Addition, additions
 from fidim_lab.mismatch.baseline import HOPELESS, Baseline
 from fidim_lab.mismatch.candidates import (
     Candidate,
-    best_of,
+    accepted,
     candidate,
     common_scale,
-    improves,
     most_convincing,
     price,
     rank,
-    rest_of,
 )
 from fidim_lab.mismatch.contacts import Contact
-from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.imitators import in_their_place
-from fidim_lab.mismatch.refit import Completed, again, evidence, predict, refit
+from fidim_lab.mismatch.refit import Completed, again, evidence, refit
 from fidim_lab.mismatch.restarts import find_pushes
-from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
+from fidim_lab.mismatch.trials import MOST_TERMS, Trials
+from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View
 from fidim_lab.mismatch.whiteness import whiteness
-from fidim_lab.mismatch.wider import general_forms, widened
+from fidim_lab.mismatch.wider import widened
 
-MOST_TERMS = 3
 CLOSE = 25.0
 """nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
 SHORTLIST = 3
 PUSH_COST = 20.0
 """nats: what the freedom of another start costs, as a few terms of a wide prior do"""
-WIDENED = 0.5
-"""of the rest: a term that leaves more is not tried in a wider form"""
-DROPPABLE = 200.0
-"""nats, to first order, above which nobody tries to do without a term"""
-
 Say = Callable[[str], None]
 
 
@@ -75,14 +65,12 @@ def select(start: Baseline, say: Say, *, pushes: bool = True, known: Completed |
 
 
 class _Search:
-    """One search: what was fitted on the way is kept for the ranking."""
+    """One search: what is tried in which order, and what of it is believed."""
 
     def __init__(self, start: Baseline, say: Say, look_for_pushes: bool) -> None:
         self.start, self.say, self.look_for_pushes = start, say, look_for_pushes
         self.pushes: tuple[Contact, ...] = ()
-        self.passing: list[Completed] = []
-        self.tried: list[Candidate] = []
-        self.first: View | None = None
+        self.trials = Trials(start, say)
 
     def run(self, known: Completed | None) -> Selection:
         """First seconds where needed, then whole windows; from a known model on where that does."""
@@ -100,9 +88,9 @@ class _Search:
         return Selection(
             best=best,
             baseline=baseline,
-            tried=tuple(sorted([baseline, *self.tried], key=rank)),
-            passing=tuple(self.passing),
-            first=last if self.first is None else self.first,
+            tried=tuple(sorted([baseline, *self.trials.tried], key=rank)),
+            passing=tuple(self.trials.passing),
+            first=last if self.trials.first is None else self.trials.first,
             last=last,
             pushes=self.pushes,
         )
@@ -113,45 +101,31 @@ class _Search:
             return None
         short = again(self.start.short_ground, self.start.short, known, self.start.context)
         whole = None if short is None else again(self.start.whole_ground, short.fit, short, self.start.context)
-        judged = None if whole is None else self._judged(whole)
+        judged = None if whole is None else self.trials.judged(whole)
         if judged is None or not judged.is_white:
             return None
-        self.tried.append(judged)
+        self.trials.tried.append(judged)
         return judged
 
     def _over_first_seconds(self) -> list[Completed]:
         """The few best models of the first seconds, the best first."""
         best = Completed((), self.start.short, whole=False)
         while True:
-            seen = self._view(best)
+            seen = self.trials.look(best)
             if seen.unfitted is not None:
                 break
-            fresh = self._fitted(self._additions(seen))
-            self.passing += fresh
+            fresh = self.trials.over_first_seconds(self.trials.additions(seen))
             further = most_convincing(best, fresh)
             if further is best:
                 break
-            best = self._pruned(further)
+            best = self.trials.pruned(further)
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
             if whiteness(best.leftovers).is_white:
                 break
-        scale = common_scale([best, *self.passing])
-        near = [m for m in self.passing if m is not best and evidence(best, m, scale) < CLOSE]
+        scale = common_scale([best, *self.trials.passing])
+        near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
         near.sort(key=lambda m: evidence(best, m, scale))
         return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
-
-    def _fitted(self, beside: Sequence[Addition]) -> list[Completed]:
-        """Models with these additions; once one leaves only noise, what costs more than its equals is not fitted."""
-        fresh: list[Completed] = []
-        for addition in beside:
-            terms = addition.score.tried
-            costly = len(terms) > 1 or any(stretches(h.effect) for h in terms)
-            if costly and any(whiteness(model.leftovers).is_white for model in fresh):
-                continue
-            found = self._added(addition)
-            if found is not None:
-                fresh.append(found)
-        return fresh
 
     def _best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
         """Models of the first seconds fitted to whole windows, and the best of them."""
@@ -162,31 +136,31 @@ class _Search:
             as_it_is = baseline.model
             found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context, simpler=as_it_is)
             if found is not None:
-                fresh.append(self._judged_or_wider(widened(self.start, found, found.tried), found.tried))
-        self.tried += fresh
-        return self._accepted(baseline, fresh)
+                fresh.append(self.trials.judged_or_wider(widened(self.start, found, found.tried), found.tried))
+        self.trials.tried += fresh
+        return accepted(baseline, fresh)
 
     def _over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
         """Additions until none is asked for, or a push is all that is left; the view from the last model."""
-        seen = self._view(best.model)
+        seen = self.trials.look(best.model)
         while best.model.whole and seen.unfitted is None and not self._pushed(best, seen):
             fresh: list[Candidate] = []
-            for addition in self._additions(seen):
+            for addition in self.trials.additions(seen):
                 self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")
-                found = self._added(addition)
+                found = self.trials.added(addition)
                 if found is None:
                     continue
-                fresh.append(self._judged_or_wider(self._pruned(found), addition.score.tried))
+                fresh.append(self.trials.judged_or_wider(self.trials.pruned(found), addition.score.tried))
                 if fresh[-1].is_white and len(fresh[-1].model.tried) <= len(best.model.tried) + 1:
                     break
-            self.tried += fresh
-            further = self._accepted(best, fresh)
+            self.trials.tried += fresh
+            further = accepted(best, fresh)
             if further is best:
                 self._pushed(best, None)
                 break
             best = further
             self.say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
-            seen = self._view(best.model)
+            seen = self.trials.look(best.model)
         return best, seen
 
     def _pushed(self, best: Candidate, seen: View | None) -> bool:
@@ -208,8 +182,8 @@ class _Search:
         """
         if not best.model.whole:
             return best, last
-        fresh = [self._judged(model) for model in in_their_place(last, self.start.whole_ground, self.say)]
-        self.tried += fresh
+        fresh = [self.trials.judged(model) for model in in_their_place(last, self.start.whole_ground, self.say)]
+        self.trials.tried += fresh
         as_good = {id(c.model): c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH}
         chosen = as_good.get(id(most_convincing(best.model, [c.model for c in as_good.values()])))
         return (best, last) if chosen is None else self._over_whole_windows(chosen)
@@ -223,63 +197,11 @@ class _Search:
             without = refit(self.start.whole_ground, first.model.fit, tried, thetas, self.start.context)
             if without is None or best.is_white:
                 continue
-            found, seen = self._over_whole_windows(self._judged(without))
+            found, seen = self._over_whole_windows(self.trials.judged(without))
             if found.whiteness.excess < best.whiteness.excess:
                 best, last, pushes = found, seen, self.pushes
         self.pushes = pushes
         return best, last
-
-    def _accepted(self, best: Candidate, fresh: Sequence[Candidate]) -> Candidate:
-        """The most convincing of those that also predict held-out windows better."""
-        usable = {id(c.model): c for c in fresh if improves(c, best)}
-        models = [c.model for c in usable.values()]
-        if not best.model.whole:
-            chosen = best_of(models) if models else best.model
-        else:
-            chosen = most_convincing(best.model, models)
-        return usable.get(id(chosen), best)
-
-    def _view(self, model: Completed) -> View:
-        self.say(f"looking at all effects beside {model.label}")
-        seen = view(model, self.start.tried, self.start.context)
-        self.first = seen if self.first is None else self.first
-        return seen
-
-    def _additions(self, seen: View) -> tuple[Addition, ...]:
-        room = MOST_TERMS - len(seen.model.tried)
-        return additions(seen, room, self.start.ground(seen.model), self.start.context)
-
-    def _added(self, addition: Addition) -> Completed | None:
-        """The model with these terms, or with a wider form of the new ones."""
-        best = addition.seen.model
-        found = addition.fitted(self.start.ground(best), self.start.context)
-        if found is None or rest_of(found) > WIDENED * rest_of(best):
-            return found  # it takes so little that no wider form of it can be the truth
-        return widened(self.start, found, addition.score.tried)
-
-    def _judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
-        """A model that fits and does not predict may be a simple form of the truth: then the wider ones are tried."""
-        judged = self._judged(model)
-        if judged.is_white or not whiteness(model.leftovers).is_white:
-            return judged
-        wide = most_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
-        return judged if wide is model else self._judged(wide)
-
-    def _pruned(self, model: Completed) -> Completed:
-        """Without terms that the others have made needless."""
-        for k in range(len(model.tried)):
-            if len(model.tried) < 2 or price(model, k) > DROPPABLE:
-                continue
-            kept = [j for j in range(len(model.tried)) if j != k]
-            thetas = [model.thetas[j] for j in kept]
-            tried: list[Hypothesis] = [model.tried[j] for j in kept]
-            less = refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
-            if less is not None and evidence(model, less, common_scale([model, less])) < ENOUGH:
-                return self._pruned(less)
-        return model
-
-    def _judged(self, model: Completed) -> Candidate:
-        return candidate(model, predict(model, self.start.held_out))
 
 
 def _less_doubtful(best: Candidate) -> list[list[int]]:

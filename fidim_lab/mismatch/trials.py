@@ -1,0 +1,94 @@
+"""Models with effects on trial: looked at, fitted, pruned and judged; what was done is kept for the ranking.
+
+What is tried in which order, and what of it is believed, is decided in `select`.
+"""
+
+from collections.abc import Callable, Sequence
+
+from fidim_lab.identification.mle.springs import stretches
+from fidim_lab.mismatch.additions import Addition, additions
+from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.candidates import Candidate, candidate, common_scale, most_convincing, price, rest_of
+from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.refit import Completed, evidence, predict, refit
+from fidim_lab.mismatch.views import ENOUGH, View, view
+from fidim_lab.mismatch.whiteness import whiteness
+from fidim_lab.mismatch.wider import general_forms, widened
+
+MOST_TERMS = 3
+WIDENED = 0.5
+"""of the rest: a term that leaves more is not tried in a wider form"""
+DROPPABLE = 200.0
+"""nats, to first order, above which nobody tries to do without a term"""
+
+
+class Trials:
+    """What one search fits, from the fits of the model as it is."""
+
+    def __init__(self, start: Baseline, say: Callable[[str], None]) -> None:
+        self.start, self.say = start, say
+        self.passing: list[Completed] = []
+        """models that were fitted to the first seconds alone"""
+        self.tried: list[Candidate] = []
+        """models that were fitted to whole windows"""
+        self.first: View | None = None
+        """what was seen at first"""
+
+    def look(self, model: Completed) -> View:
+        """All scores at a model."""
+        self.say(f"looking at all effects beside {model.label}")
+        seen = view(model, self.start.tried, self.start.context)
+        self.first = seen if self.first is None else self.first
+        return seen
+
+    def additions(self, seen: View) -> tuple[Addition, ...]:
+        """What is worth fitting beside the model that was looked at."""
+        room = MOST_TERMS - len(seen.model.tried)
+        return additions(seen, room, self.start.ground(seen.model), self.start.context)
+
+    def added(self, addition: Addition) -> Completed | None:
+        """The model with these terms, or with a wider form of the new ones."""
+        best = addition.seen.model
+        found = addition.fitted(self.start.ground(best), self.start.context)
+        if found is None or rest_of(found) > WIDENED * rest_of(best):
+            return found  # it takes so little that no wider form of it can be the truth
+        return widened(self.start, found, addition.score.tried)
+
+    def over_first_seconds(self, beside: Sequence[Addition]) -> list[Completed]:
+        """Models with these additions; once one leaves only noise, what costs more than its equals is not fitted."""
+        fresh: list[Completed] = []
+        for addition in beside:
+            terms = addition.score.tried
+            costly = len(terms) > 1 or any(stretches(h.effect) for h in terms)
+            if costly and any(whiteness(model.leftovers).is_white for model in fresh):
+                continue
+            found = self.added(addition)
+            if found is not None:
+                fresh.append(found)
+        self.passing += fresh
+        return fresh
+
+    def judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
+        """A model that fits and does not predict may be a simple form of the truth: then the wider ones are tried."""
+        judged = self.judged(model)
+        if judged.is_white or not whiteness(model.leftovers).is_white:
+            return judged
+        wide = most_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
+        return judged if wide is model else self.judged(wide)
+
+    def pruned(self, model: Completed) -> Completed:
+        """Without terms that the others have made needless."""
+        for k in range(len(model.tried)):
+            if len(model.tried) < 2 or price(model, k) > DROPPABLE:
+                continue
+            kept = [j for j in range(len(model.tried)) if j != k]
+            thetas = [model.thetas[j] for j in kept]
+            tried: list[Hypothesis] = [model.tried[j] for j in kept]
+            less = refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
+            if less is not None and evidence(model, less, common_scale([model, less])) < ENOUGH:
+                return self.pruned(less)
+        return model
+
+    def judged(self, model: Completed) -> Candidate:
+        """A model with what it leaves of held-out windows."""
+        return candidate(model, predict(model, self.start.held_out))
