@@ -189,12 +189,12 @@ class ExciteProtocol(WindowProtocol):
         self._place, self._bodies, self._knowledge = lesson.place, lesson.bodies, lesson.knowledge
         close, another = self.settings.excite.close, self._tries < self.settings.excite.tries
         reason = missed(seen.amplitudes, plan, close)
-        if not reason and another and falls_short(seen.amplitudes, plan, close):
+        if another and (reason or falls_short(seen.amplitudes, plan, close)):
             try:
                 self._again = yield from self._planned(planned)
+                reason = reason or more_in_reach(seen.amplitudes, self._again, close)
             except InfeasibleError:  # then what there is is the best
-                return verdict
-            reason = more_in_reach(seen.amplitudes, self._again, close)
+                another = False
         if not reason:
             self._again = None
             return verdict

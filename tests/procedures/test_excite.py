@@ -9,15 +9,19 @@ from drivers.ports import Prompt
 from fidim_lab.app import compose
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Plan, Robot
+from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.excitation.seen import Lesson
 from fidim_lab.identification.random_plan import Taste, random_plan
+from procedures import excite
 from procedures.catalogue import experiment, never_asks
 from procedures.events import Event, StepFinished
 from procedures.listing import Outline
+from procedures.outcomes import Outcome
 from procedures.report import RunReport
 from procedures.run import run_procedure
 from procedures.settings import MotionSettings, Settings
-from procedures.steps import Accept, Ask, MoveTo, Reject
-from procedures.steps.excitation import SeeRecordedSwing, Strokes
+from procedures.steps import Accept, Ask, GiveUp, MoveTo, Reject, Result
+from procedures.steps.excitation import SeeRecordedSwing, Strokes, Think
 
 
 class Nobody:
@@ -98,3 +102,44 @@ def test_moves_are_timed_for_the_modes(irma4: Robot, plan: Plan):
     for move in moves:
         assert move.speed <= settings.excite.speed
         assert move.acceleration <= settings.excite.acceleration
+
+
+@pytest.mark.parametrize("again", [True, False], ids=["planned again", "no second plan"])
+def test_a_swing_that_was_missed_is_kept_where_it_cannot_be_done_better(irma4: Robot, plan: Plan, monkeypatch, again):
+    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+    protocol, window, steps = excite.ExciteProtocol(irma4, settings), plan.windows[0], []
+    first, plans = excite.planned, []
+
+    def planned(*arguments):
+        if plans and not again:
+            raise InfeasibleError("The winches cannot.")
+        plans.append(first(*arguments))
+        return plans[-1]
+
+    monkeypatch.setattr(excite, "planned", planned)
+    monkeypatch.setattr(excite, "taught", lambda place, bodies, _plan, _seen, known: Lesson(place, bodies, known))
+
+    def played(steps_of):
+        result = None
+        while True:
+            try:
+                step = steps_of.send(result)
+            except StopIteration as end:
+                return end.value
+            steps.append(step)
+            if isinstance(step, Think):
+                step.job()
+            if isinstance(step, SeeRecordedSwing):  # half of what was planned
+                swing = 0.5 * plans[-1].reached
+                table = [swing, 0 * swing, step.swing.frequencies, step.swing.damping, swing]
+                result = Result(values=(0.0, *np.concatenate(table)))
+            else:
+                result = Result()
+
+    assert played(protocol.settle(window)) is not None
+    assert played(protocol.record(window, (0.0, 0.0, 0.0)))
+    (accepted,) = [step for step in steps if isinstance(step, Accept)]
+    assert accepted.outcome is Outcome.MARGINAL
+    assert "were planned" in accepted.reason
+    assert sum(isinstance(step, Reject) for step in steps) == int(again)
+    assert not [step for step in steps if isinstance(step, GiveUp)]

@@ -28,7 +28,7 @@ MASS_OFF = 0.05
 SPARE_TENSION = 0.015
 """of the span that tensions may have, kept at both ends for set-points that come late and bodies in between: without
 it 5 of 242 recordings fell short of the least tension, by 1.4 N at most"""
-LEAST = 0.05
+LEAST = 0.1
 """part of the wanted swing under which a place is refused"""
 ENOUGH = 0.97
 """part of the wanted swing that is said to be all of it"""
