@@ -187,7 +187,7 @@ class CanopenMaster:
         load = self._load_with(heartbeats)
         if load > MAX_LOAD:
             raise SetupError(
-                f"The CAN bus would be {load:.0%} full with {len(heartbeats)} winches at {self._rate:g} Hz; "
+                f"The CAN bus would be {load:.0%} full with {len(heartbeats)} of the winches at {self._rate:g} Hz; "
                 f"allowed is {MAX_LOAD:.0%}.",
                 hint="Lower the SYNC rate or raise the bit rate.",
             )

@@ -67,6 +67,8 @@ class ModelCheck:
             return
         if event.outcome not in (Outcome.PASS, Outcome.MARGINAL):
             return
+        if not (self._folder / "windows" / f"{event.window}.csv").exists():
+            return  # nothing was recorded: a tension check, or clocks that were compared
         self._waiting = event.window
         if self._working is None or self._working.done():
             self._working = asyncio.ensure_future(self._work())

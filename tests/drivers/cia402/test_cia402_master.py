@@ -39,7 +39,7 @@ def test_a_bus_that_would_be_too_full_is_refused(in_process_bus: MakeBus, config
     for node in (1, 2):
         master.add_node(config(node_id=node))
     before = master.load
-    with pytest.raises(SetupError, match=r"would be 11\d% full with 3 winches at 250 Hz; allowed is 80%"):
+    with pytest.raises(SetupError, match=r"would be 11\d% full with 3 of the winches at 250 Hz; allowed is 80%"):
         master.add_node(config(node_id=3))
     assert master.load == before
 

@@ -37,8 +37,11 @@ def finished(window, outcome=Outcome.PASS):
     return WindowFinished(0.0, window, outcome, "", 1, 3)
 
 
-def checked(monkeypatch, tmp_path, command, events, planned=12):
+def checked(monkeypatch, tmp_path, command, events, planned=12, recorded=True):
     """What is told of these events by a worker of this source; (event, whether it is answered before the next)."""
+    (tmp_path / "windows").mkdir()
+    for event, _ in events if recorded else ():
+        (tmp_path / "windows" / f"{event.window}.csv").touch()
     monkeypatch.setattr(model_check, "COMMAND", command)
     told: list[Checked] = []
 
@@ -68,6 +71,10 @@ def test_every_accepted_window_is_looked_at(monkeypatch, tmp_path):
 def test_plans_with_too_few_windows_start_nothing(monkeypatch, tmp_path):
     assert checked(monkeypatch, tmp_path, "raise SystemExit(3)", [(finished("i01"), False)], planned=2) == []
     assert FEWEST == so_far.FEWEST
+
+
+def test_what_records_nothing_is_not_looked_at(monkeypatch, tmp_path):
+    assert checked(monkeypatch, tmp_path, ECHO, [(finished("i01"), False)], recorded=False) == []
 
 
 def test_a_worker_that_dies_is_told_once_and_not_asked_again(monkeypatch, tmp_path):
