@@ -17,6 +17,7 @@ from drivers.canbus.candump import read_candump
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.words import Mode
 from drivers.clock import LoopClock
 from drivers.mocap.packet_log import Packet, read_packets
 from drivers.mocap.source import StreamMarkerSource
@@ -177,7 +178,8 @@ class _Player:
     def _sampled(self, cable: int, sample: WinchSample | None) -> None:
         if sample is None:
             return
-        says = self._expected.sample(cable, sample)
+        by_drive = self._winches[cable].config.mode is not Mode.CYCLIC_POSITION
+        says = self._expected.sample(cable, sample, arrival=by_drive)
         self._found.samples += says is not None
         if says:
             self._found.differences.append((sample.t, says))

@@ -53,7 +53,7 @@ class Expected:
 
     def marker(self, frame: MarkerFrame) -> str | None:
         """None where this frame was not recorded; else what differs, empty where nothing does."""
-        place = self.rows.pop((frame.number, round(frame.t * _MICRO)), None)
+        place = _taken(self.rows, frame.number, frame.t)
         if place is None:
             return None
         found = [v for p in frame.positions for v in (p or (math.nan,) * 3)][: len(place.value)]
@@ -63,16 +63,19 @@ class Expected:
                 return f"{place.window}, frame {frame.number}: {axis} was {was:.6f} m, is {now:.6f} m now"
         return ""
 
-    def sample(self, cable: int, sample: WinchSample) -> str | None:
-        """None where this sample was not recorded (or came already); else what differs, empty where nothing does."""
-        place = self.samples.pop((cable, round(sample.t * _MICRO)), None)
+    def sample(self, cable: int, sample: WinchSample, *, arrival: bool = True) -> str | None:
+        """None where this sample was not recorded (or came already); else what differs, empty where nothing does.
+
+        arrival: whether the drive itself says that it has arrived. In cyclic modes the host knows: it makes the way.
+        """
+        place = _taken(self.samples, cable, sample.t)
         if place is None:
             return None
         for name, unit in (("length", "m"), ("velocity", "m/s"), ("current", "A")):
             was, now = getattr(place.value, name), getattr(sample, name)
             if not _same(was, now):
                 return f"{place.window}, winch {cable + 1}: {name} was {was:.6f} {unit}, is {now:.6f} {unit} now"
-        if place.value.target_reached != sample.target_reached:
+        if arrival and place.value.target_reached != sample.target_reached:
             return f"{place.window}, winch {cable + 1}: target reached was {place.value.target_reached}"
         return ""
 
@@ -100,6 +103,13 @@ def expected_of(folder: Path) -> Expected:
                 expected.samples[key] = _Place(name, value.host_time, value)
     expected.syncs = tuple(sorted({place.t for place in expected.samples.values()}))
     return expected
+
+
+def _taken(table: dict[tuple[int, int], _Place], which: int, t: float) -> _Place | None:
+    """Take a value off by its key; one half way between two µs may have been rounded to either."""
+    key = round(t * _MICRO)
+    places = (table.pop((which, near), None) for near in (key, key - 1, key + 1))
+    return next((place for place in places if place is not None), None)
 
 
 def _same(was: float, now: float) -> bool:

@@ -14,7 +14,7 @@ from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.packet_log import PacketLog, read_packets
 from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
-from drivers.ports import DriveState
+from drivers.ports import DriveState, MarkerFrame, WinchSample
 from fidim_lab.app.cli import run
 from fidim_lab.app.devices_file import DEVICES, Parameter, WinchEntry, _read_again, read_devices
 from fidim_lab.app.replay_windows import Expected
@@ -42,6 +42,30 @@ def test_a_run_replays_as_it_was_recorded(rehearsed, tmp_path, capsys):
     assert table["markers"] == 1001
     assert table["samples"] > 4 * 1000
     assert table["counters"]["malformed"] == 0
+
+
+def _recorded(value):
+    return SimpleNamespace(window="w1", t=71619.592526, value=value)
+
+
+def test_a_time_half_way_between_two_microseconds_is_found_whichever_way_it_was_rounded():
+    frame = MarkerFrame(71619.5925267, 7112, ((1.0, 2.0, 3.0),))
+    expected = Expected(rows={(7112, 71619592526): _recorded([1.0, 2.0, 3.0])})
+    assert expected.marker(frame) == ""
+    assert expected.marker(frame) is None  # it comes out once
+    other = Expected(rows={(7112, 71619592524): _recorded([1.0, 2.0, 3.0])})
+    assert other.marker(frame) is None
+
+
+def test_whether_it_has_arrived_is_compared_only_where_the_drive_says_so():
+    sample = WinchSample(1.0, DriveState.OPERATION_ENABLED, 1.5, 0.0, 2.0, False)
+
+    def found(arrival):
+        before = SimpleNamespace(length=1.5, velocity=0.0, current=2.0, target_reached=True)
+        return Expected(samples={(0, 1_000_000): _recorded(before)}).sample(0, sample, arrival=arrival)
+
+    assert found(arrival=False) == ""
+    assert "target reached" in found(arrival=True)
 
 
 def test_the_manifest_of_a_run_holds(rehearsed):
