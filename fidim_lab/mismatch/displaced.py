@@ -2,12 +2,11 @@
 
 Matching pursuit: where one sample, or everything from one sample on, sits off the polynomial through its neighbours by
 more than noise can, the larger of the two is taken out of a working copy, and the search goes on. Steps that cancel
-make a displaced stretch. Frames that were lost while the time stamps went on look like a step of all coordinates along
-their velocity; the number of frames that makes the motion smooth again tells them apart (`lost_frames`).
+make a displaced stretch. Frames that were lost while the time stamps went on look like a step of all coordinates
+(`lost_frames`).
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +14,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.special import chdtri, ndtri
 
 from fidim_lab.identification.signals import runs
+from fidim_lab.mismatch.lost_frames import LostFrames, lost_frames
 from fidim_lab.mismatch.neighbours import FEWEST_BESIDE_STEP, look
 from fidim_lab.mismatch.rivals import Verdict, What, judge
 
@@ -27,16 +27,8 @@ NOTHING = 0.8
 CLEARER = 1.15
 """times as telling a step must be, where a spike would do; a true one is 1.4 times"""
 ROUNDS = 60
-SIDE, SMOOTH = 10, 7
-"""samples on either side, and degree, of the polynomial through a place where frames may be lost"""
-MOST_LOST = 20
-"""frames"""
-PLAINER = 0.7
-"""times the χ²/dof of one displaced sample, or a step, that lost frames must come down to"""
 SHORT = 3
 """samples: displaced stretches up to this are spikes"""
-FITS = 2.0
-"""χ²/dof up to which the motion with lost frames is smooth"""
 
 
 @dataclass(frozen=True)
@@ -70,14 +62,6 @@ class Displacement:
     """a step without return"""
     by_steps: bool = False
     """longer than `SHORT`: which side of the steps is the true one is not said"""
-
-
-@dataclass(frozen=True)
-class LostFrames:
-    """Between rows `at` − 1 and `at` so many frames are missing, unseen by the time stamps."""
-
-    at: int
-    frames: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,49 +198,6 @@ def _peaks(columns: np.ndarray, sigma: np.ndarray, half: int, limits: Limits) ->
         amplitude = amplitudes[int(is_step)][row, marker]
         found.append(_Peak(int(row), int(marker), is_step, float(best[row, marker]), amplitude))
     return found
-
-
-def lost_frames(columns: Float[np.ndarray, "G K"], sigma: Float[np.ndarray, " K"], near: int) -> LostFrames | None:
-    """How many frames are lost within ±2 rows of `near`, if that number makes all coordinates smooth; else None."""
-    places = [at for at in range(near - 2, near + 3) if SIDE <= at <= len(columns) - SIDE]
-    pieces = [columns[at - SIDE : at + SIDE] / sigma for at in places]
-    whole = [(at, piece) for at, piece in zip(places, pieces, strict=True) if np.isfinite(piece).all()]
-    if not whole:
-        return None
-    dof = (2 * SIDE - SMOOTH - 1) * columns.shape[1]
-    stacked = np.stack([piece for _, piece in whole])
-    costs = np.einsum("msr,prk->mpsk", _projectors(), stacked)
-    chi2_per_dof = (costs**2).sum(axis=(2, 3)) / dof
-    frames, place = (int(k) for k in np.unravel_index(int(np.argmin(chi2_per_dof)), chi2_per_dof.shape))
-    at = whole[place][0]
-    otherwise = np.einsum("asr,mrk->amsk", _displaced_projectors(), stacked)
-    as_displaced = float((otherwise**2).sum(axis=(2, 3)).min()) / (dof - columns.shape[1])
-    if frames == 0 or chi2_per_dof[frames, place] > min(FITS, PLAINER * as_displaced):
-        return None
-    return LostFrames(at, frames)
-
-
-@cache
-def _projectors() -> Float[np.ndarray, "F 20 20"]:
-    """What a polynomial leaves of 2 SIDE samples with 0, 1, 2 … frames lost in their middle."""
-    return np.stack(
-        [_left_by(np.arange(2 * SIDE) + frames * (np.arange(2 * SIDE) >= SIDE)) for frames in range(MOST_LOST + 1)]
-    )
-
-
-@cache
-def _displaced_projectors() -> Float[np.ndarray, "A 20 20"]:
-    """The same without lost frames, but with a step in the middle, or one sample displaced on either side of it."""
-    rows = np.arange(2 * SIDE)
-    others = (rows >= SIDE, rows == SIDE, rows == SIDE - 1)
-    return np.stack([_left_by(rows, other.astype(float)) for other in others])
-
-
-def _left_by(place: np.ndarray, *further: np.ndarray) -> np.ndarray:
-    scaled = 2 * (place - place[0]) / (place[-1] - place[0]) - 1
-    basis = np.column_stack([np.polynomial.legendre.legvander(scaled, SMOOTH), *further])
-    orthonormal = np.linalg.qr(basis)[0]
-    return np.eye(len(place)) - orthonormal @ orthonormal.T
 
 
 def _inserted(work: _Work, skip: LostFrames) -> _Work:

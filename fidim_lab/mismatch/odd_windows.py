@@ -13,9 +13,8 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_name
 from fidim_lab.mismatch.held_body import followed, left_of
+from fidim_lab.mismatch.lost_frames import MOST_LOST
 
-MOST_LOST = 20
-"""frames"""
 GOOD = 1.5
 """times what is usual, up to which a window is as good as the others"""
 BESIDE = 2.0

@@ -12,10 +12,11 @@ from jaxtyping import Bool, Float
 from fidim_lab.data.records import Window
 from fidim_lab.identification.signals import runs
 from fidim_lab.mismatch.clock_check import check_clock, even_grid
-from fidim_lab.mismatch.displaced import SHORT, Displacement, Limits, LostFrames, search
+from fidim_lab.mismatch.displaced import SHORT, Displacement, Limits, search
 from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_name
 from fidim_lab.mismatch.frozen import check_frozen
 from fidim_lab.mismatch.levels import ENOUGH, displaced_rows
+from fidim_lab.mismatch.lost_frames import LostFrames
 from fidim_lab.mismatch.neighbours import half_width, noise_of
 
 FEWEST = 30
