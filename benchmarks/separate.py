@@ -40,7 +40,8 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Explanation
 from fidim_lab.mismatch.next_windows import to_separate
-from fidim_lab.mismatch.separate import Claim, Proposal, Trial, evidence, separating
+from fidim_lab.mismatch.proposal import Claim, Proposal, Trial
+from fidim_lab.mismatch.separate import evidence, separating
 from sim_backends.plant.plant import Plant
 from sim_backends.simulate import RecordedWindow, simulate_campaign
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.page import table
 from fidim_lab.app.benchmark.statistics import Share
-from fidim_lab.mismatch.separate import CLEAR
+from fidim_lab.mismatch.proposal import CLEAR
 
 IDENTIFY, VALIDATE = 3, 2
 MORE = 4

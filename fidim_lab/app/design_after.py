@@ -17,7 +17,7 @@ from fidim_lab.identification.design.next_window import NextWindow
 from fidim_lab.identification.design.task import Criterion
 from fidim_lab.identification.result_file import read_result
 from fidim_lab.mismatch.next_windows import to_know, to_separate
-from fidim_lab.mismatch.separate import Claim, Proposal
+from fidim_lab.mismatch.proposal import Claim, Proposal
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 
@@ -63,6 +63,8 @@ def after_command(options: AfterOptions) -> int:
             windows = [np.concatenate([w.lengths, w.displacement]) for one in found for w in one.windows]
             plan, table = _plan(campaign, windows), {"claims": [_claim_table(one) for one in found]}
             lines, code = [one.says for one in found], int(not all(one.separates for one in found))
+            by_hand = explained.next_experiment if code or any(one.beyond for one in found) else None
+            lines += [by_hand] if by_hand else []
     _write(options, plan, {"format": FORMAT, "campaign": campaign.name, **table})
     console.out.print("\n".join(lines), markup=False)
     return code
@@ -115,6 +117,8 @@ def _claim_table(found: Proposal) -> dict[str, object]:
         "effect": found.claim.id,
         "cable": found.claim.cable,
         "rivals": list(found.claim.rivals),
+        "open": list(found.claim.open),
+        "beyond": list(found.beyond),
         "markers": found.markers,
         "separates": found.separates,
         "odds_now": round(found.before.probability, 4),

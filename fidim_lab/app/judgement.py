@@ -27,7 +27,7 @@ from fidim_lab.identification.design.windows import place
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Explanation, Verdict, write_explanation
 from fidim_lab.mismatch.next_windows import Reach, to_know, to_separate
-from fidim_lab.mismatch.separate import Claim, Proposal
+from fidim_lab.mismatch.proposal import Claim, Proposal
 from procedures.compare import FURTHER
 from procedures.steps.compare import Clarity
 
@@ -146,7 +146,8 @@ def _hopeful(found: Proposal) -> str:
     """What the windows promise that will be recorded."""
     count, last = len(found.windows), found.after[-1]
     windows = "The next window tells" if count == 1 else f"{count} more windows, of which this is the first, tell"
-    return f"{windows} {found.claim.id} from {last.rival} in {100 * last.probability:.0f} % of cases."
+    said = f"{windows} {found.claim.id} from {last.rival} in {100 * last.probability:.0f} % of cases."
+    return f"{said} Free motion hardly separates it from {' or '.join(found.beyond)}." if found.beyond else said
 
 
 def main(arguments: list[str]) -> int:

@@ -5,6 +5,7 @@ Both look at random windows that obey all the robot's limits, and the winches' w
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +18,8 @@ from fidim_lab.identification.design.next_window import NextWindow, next_window
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.identification.mle.possible import scales
-from fidim_lab.mismatch.separate import MOST_WINDOWS, Claim, Proposal, Trial, separating, with_markers
+from fidim_lab.mismatch.proposal import Claim, Odds, Proposal, Trial
+from fidim_lab.mismatch.separate import MOST_WINDOWS, completed, separating, with_markers
 from fidim_lab.model.mechanism import Mechanism
 
 POOL = 36
@@ -44,22 +46,17 @@ def to_separate(
     campaign: what has been recorded. body: nine base parameters as identified. noise: √(χ²/dof) of the completed model.
     more: windows at most, with the markers that there are.
     more_markers: whether markers may be asked for that the platform does not carry (a person has to mount them).
-    A proposal whose `separates` is False says that no window of the pool does, with any of these sensors. Raises
-    SetupError for robots that windows cannot be designed for, InfeasibleError where hardly any obeys the limits.
+    Rivals are those of the claim and all others that the recorded windows leave open. A proposal whose `separates` is
+    False says that no window of the pool does, with any of these sensors, or why there are no odds. Raises SetupError
+    for robots that windows cannot be designed for, InfeasibleError where hardly any obeys the limits.
     """
     robot = campaign.robot
     task = DesignTask(robot, equilibria=1, native=native)
     mechanism = task.mechanism()
     recorded = _recorded(mechanism, task, campaign)
     trials = [_trial(mechanism, task, z) for z in _pool(mechanism, task, seed, reach).z]
-    found: list[Proposal] = []
-    for claim in claims:
-        first = separating(robot, claim, recorded, trials, body, more=more, noise=noise, native=native)
-        if not first.separates and more_markers:
-            better = _with_more(robot, claim, recorded, trials, body, noise, native)
-            first = better if better.after[-1].non_centrality > 2 * first.after[-1].non_centrality else first
-        found.append(first)
-    return tuple(found)
+    look = _Look(recorded, trials, body, noise, native)
+    return tuple(look.proposed(robot, claim, more, more_markers=more_markers) for claim in claims)
 
 
 def to_know(
@@ -85,17 +82,33 @@ def to_know(
     return next_window(mechanism, task, np.linalg.inv(known), _pool(mechanism, task, seed, reach), body)
 
 
-def _with_more(
-    robot: Robot,
-    claim: Claim,
-    recorded: Sequence[Trial],
-    trials: Sequence[Trial],
-    body: np.ndarray | None,
-    noise: float,
-    native: bool,
-) -> Proposal:
-    """With more windows, and with three markers on the platform."""
-    return separating(with_markers(robot), claim, recorded, trials, body, more=MOST_WINDOWS, noise=noise, native=native)
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What windows there are, and what is known of the body and of the noise."""
+
+    recorded: Sequence[Trial]
+    trials: Sequence[Trial]
+    body: np.ndarray | None
+    noise: float
+    native: bool
+
+    def proposed(self, robot: Robot, claim: Claim, more: int, *, more_markers: bool) -> Proposal:
+        """For one claim; with more windows and three markers where that is much better than what it has."""
+        try:
+            if self.recorded:
+                claim = completed(robot, claim, self.recorded, self.body, noise=self.noise, native=self.native)
+            first = self._with(robot, claim, more)
+        except InfeasibleError as refusal:
+            return Proposal(claim, (), Odds("", 0.0, 0.0), (), len(robot.markers), refusal=refusal.message)
+        if first.separates or not more_markers:
+            return first
+        better = self._with(with_markers(robot), claim, MOST_WINDOWS)
+        return better if better.after[-1].non_centrality > 2 * first.after[-1].non_centrality else first
+
+    def _with(self, robot: Robot, claim: Claim, more: int) -> Proposal:
+        return separating(
+            robot, claim, self.recorded, self.trials, self.body, more=more, noise=self.noise, native=self.native
+        )
 
 
 def _pool(mechanism: Mechanism, task: DesignTask, seed: int, reach: Reach | None) -> pool.Pool:

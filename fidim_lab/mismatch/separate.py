@@ -4,7 +4,8 @@ What the named effect does to the recordings of a window, and what every rival c
 body and the window's start adjusted, are columns of the same information matrix. What remains between the two is the
 non-centrality λ of a χ² whose degrees of freedom are the effect's parameters; it adds up over windows. The odds are
 those of exceeding what a clear verdict takes (2 × 5 nats). First order, noise and encoders as the robot file has them;
-`noise` makes up for a model that is not perfect.
+`noise` makes up for a model that is not perfect. An explanation names a few rivals; `completed` finds all that what was
+recorded leaves in the claim's place. Rivals that no windows tell from it are set aside and said.
 """
 
 from collections.abc import Sequence
@@ -14,13 +15,15 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import ncx2
 
-from fidim_lab.data.records import Pose, Robot, Role, Window
+from fidim_lab.data.records import Robot, Role, Window
+from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.mle.likelihood import Likelihood, Point, simulate
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis, hypotheses
-from fidim_lab.mismatch.score import eliminated, window_grams
+from fidim_lab.mismatch.proposal import Claim, Odds, Proposal, Trial
+from fidim_lab.mismatch.score import TINY, bounded, eliminated, window_grams
 from fidim_lab.mismatch.views import ENOUGH
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -29,83 +32,8 @@ from fidim_lab.model.sensitivity.integrate import States
 
 RATE = 25.0
 """samples a second that are computed with; the noise is made smaller for those left out"""
-CLEAR = 0.9
-"""odds at which an experiment is said to separate"""
 MOST_WINDOWS = 12
 """further windows that a set may have"""
-
-
-@dataclass(frozen=True)
-class Claim:
-    """An effect that was named, and what may stand in its place."""
-
-    id: str
-    cable: int | None
-    theta: tuple[float, ...]
-    """as found, in the order of the effect's parameters"""
-    rivals: tuple[str, ...]
-    """ids"""
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One window that could be recorded: let go at `start` with the motors locked at `lengths`."""
-
-    lengths: Float[np.ndarray, " n"]
-    """m"""
-    displacement: Float[np.ndarray, " free"]
-    """m, of the marker"""
-    start: Pose
-
-
-@dataclass(frozen=True)
-class Odds:
-    """How likely a set of windows tells a claim from its most stubborn rival."""
-
-    rival: str
-    non_centrality: float
-    probability: float
-
-    @property
-    def clear(self) -> bool:
-        """Whether that is often enough."""
-        return self.probability >= CLEAR
-
-
-@dataclass(frozen=True, eq=False)
-class Proposal:
-    """What to record next for one claim."""
-
-    claim: Claim
-    windows: tuple[Trial, ...]
-    """in order; the first tells most"""
-    before: Odds
-    """with what has been recorded"""
-    after: tuple[Odds, ...]
-    """with the first, the first two, … of the windows beside it"""
-    markers: int
-    """that the platform must carry"""
-
-    @property
-    def separates(self) -> bool:
-        """Whether it is likely to give a clear verdict."""
-        return self.after[-1].clear if self.after else self.before.clear
-
-    @property
-    def says(self) -> str:
-        """A sentence for a person."""
-        last = self.after[-1] if self.after else self.before
-        what = f"{self.claim.id} and {last.rival}"
-        now = f"{100 * self.before.probability:.0f} %"
-        then = f"{100 * last.probability:.0f} %"
-        sensors = f" with {self.markers} markers on the platform" if self.markers > 1 else ""
-        if not self.separates:
-            return (
-                f"{what} are told apart in {then} of cases even after {len(self.windows)} more windows{sensors} "
-                f"(now: {now}): free motion hardly separates them."
-            )
-        count = f"{len(self.windows)} more window{'s' * (len(self.windows) != 1)}"
-        return f"{what} are told apart in {then} of cases after {count}{sensors} (now: {now})."
 
 
 def separating(
@@ -124,21 +52,43 @@ def separating(
     recorded: the windows there are. body: nine base parameters as identified; nominal without. noise: times the robot
     file's, √(χ²/dof) of a fit that is not perfect. Raises InfeasibleError for a claim that no score knows.
     """
-    tried, own, rivals = _pair(robot, claim)
-    mechanism = Mechanism(robot, native=native)
-    grams = _grams(mechanism, tried, [*recorded, *pool], body, noise)
-    theta = np.array(claim.theta)[list(tried.direct[own].scored)]
-    known = grams[: len(recorded)].sum(axis=0)
-    judge = _Judge(tried, own, rivals, theta, len(grams[0]))
-    before, after, chosen = judge.odds(known), list[Odds](), list[int]()
-    left = list(range(len(pool)))
-    while left and len(chosen) < min(more, MOST_WINDOWS) and not (after and after[-1].clear):
-        best = max(left, key=lambda k: judge.odds(known + grams[len(recorded) + k]).non_centrality)
-        known = known + grams[len(recorded) + best]
-        left.remove(best)
-        chosen.append(best)
-        after.append(judge.odds(known))
-    return Proposal(claim, tuple(pool[k] for k in chosen), before, tuple(after), len(robot.markers))
+    tried = _pair(robot, claim)
+    grams = _grams(Mechanism(robot, native=native), tried, [*recorded, *pool], body, noise)
+    judge = _Judge(tried, _theta(tried, claim), Context.of(robot))
+    known, fresh = grams[: len(recorded)].sum(axis=0), grams[len(recorded) :]
+    most = min(more, MOST_WINDOWS)
+    rivals, beyond = judge.rivals, tuple[str, ...]()
+    chosen, after = _greedy(judge, known, fresh, rivals, most)
+    if len(rivals) > 1 and not (after and after[-1].clear):
+        within = tuple(id for id in rivals if _together(judge, known, fresh, id, most).clear)
+        if set(within) & set(claim.rivals):  # else the verdict that was given stays as it is
+            beyond = tuple(id for id in rivals if id not in within)
+            rivals = within
+            chosen, after = _greedy(judge, known, fresh, rivals, most)
+    windows = tuple(pool[k] for k in chosen)
+    return Proposal(claim, windows, judge.odds(known, rivals), tuple(after), len(robot.markers), beyond)
+
+
+def completed(
+    robot: Robot,
+    claim: Claim,
+    recorded: Sequence[Trial],
+    body: Float[np.ndarray, "9"] | None = None,
+    *,
+    noise: float = 1.0,
+    native: bool = True,
+) -> Claim:
+    """The claim with all further rivals that the recorded windows leave in its place.
+
+    An effect of another cable is no rival. Arguments and InfeasibleError as `separating`.
+    """
+    own = _own(robot, claim)
+    others = [h for h in hypotheses(robot).direct if len(h.scored) and h.effect.id != claim.id]
+    tried = Hypotheses((own, *(h for h in others if h.effect.cable in (None, claim.cable))), (), ())
+    gram = _grams(Mechanism(robot, native=native), tried, recorded, body, noise).sum(axis=0)
+    judge = _Judge(tried, _theta(tried, claim), Context.of(robot))
+    further = (id for id in judge.rivals if id not in claim.rivals)
+    return replace(claim, open=tuple(id for id in further if judge.odds(gram, (id,)).non_centrality < 2 * ENOUGH))
 
 
 def evidence(
@@ -156,9 +106,8 @@ def evidence(
     """
     tried = Hypotheses((_own(robot, claim),), (), ())
     gram = _grams(Mechanism(robot, native=native), tried, recorded, body, noise).sum(axis=0)
-    scored = list(tried.direct[0].scored)
-    left = eliminated(gram, np.arange(BODY), BODY + np.arange(len(scored)))
-    theta = np.array(claim.theta)[scored]
+    left = eliminated(gram, np.arange(BODY), BODY + np.arange(len(tried.direct[0].scored)))
+    theta = _theta(tried, claim)
     return max(0.0, float(theta @ left @ theta))
 
 
@@ -173,35 +122,80 @@ def with_markers(robot: Robot, size: float = 0.1) -> Robot:
 
 @dataclass(frozen=True, eq=False)
 class _Judge:
-    tried: Hypotheses
-    own: int
-    rivals: tuple[int, ...]
-    theta: np.ndarray
-    columns: int
+    """The first of what is tried against the others."""
 
-    def odds(self, gram: np.ndarray) -> Odds:
-        """Against the rival that imitates most."""
-        ends = np.cumsum([len(h.scored) for h in self.tried.direct])
-        places = [BODY + np.arange(end - len(h.scored), end) for h, end in zip(self.tried.direct, ends, strict=True)]
+    tried: Hypotheses
+    theta: np.ndarray
+    """of the first one, as far as it is scored"""
+    context: Context
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Ids."""
+        return tuple(dict.fromkeys(h.effect.id for h in self.tried.direct[1:]))
+
+    def odds(self, gram: np.ndarray, rivals: Sequence[str]) -> Odds:
+        """Against that one of these rivals that imitates most, with sizes that are possible."""
+        own, ends = len(self.theta), np.cumsum([len(h.scored) for h in self.tried.direct])
+        rest = eliminated(gram, np.arange(BODY), np.arange(BODY, BODY + int(ends[-1])))
+        whole = float(self.theta @ rest[:own, :own] @ self.theta)
         found: list[tuple[float, str]] = []
-        for rival in self.rivals:
-            outside = np.concatenate([np.arange(BODY), places[rival]])
-            left = eliminated(gram, outside, places[self.own])
-            found.append((max(0.0, float(self.theta @ left @ self.theta)), self.tried.direct[rival].effect.id))
+        for rival, end in zip(self.tried.direct[1:], ends[1:], strict=True):
+            if rival.effect.id in rivals:
+                at = slice(int(end) - len(rival.scored), int(end))
+                best = _imitated(rest[at, at], rest[at, :own] @ self.theta, *self._possible(rival))
+                found.append((max(0.0, whole - best), rival.effect.id))
         least, id = min(found)
-        probability = float(ncx2.sf(2 * ENOUGH, df=len(self.theta), nc=least)) if least > 0 else 0.0
+        probability = float(ncx2.sf(2 * ENOUGH, df=own, nc=least)) if least > 0 else 0.0
         return Odds(id, least, probability)
 
+    def _possible(self, rival: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
+        low, high = rival.effect.bounds(self.context)
+        return low[list(rival.scored)], high[list(rival.scored)]
 
-def _pair(robot: Robot, claim: Claim) -> tuple[Hypotheses, int, tuple[int, ...]]:
-    """The claim and its rivals alone, with their places."""
-    nearest = _own(robot, claim)
+
+def _imitated(curvature: np.ndarray, cross: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+    """What of an effect's non-centrality a rival of a possible size takes up."""
+    if len(cross) == 1:  # most are; the general way takes milliseconds
+        best = np.clip(cross / np.maximum(np.diag(curvature), TINY), low, high)
+    else:
+        best = bounded(curvature, cross, low, high)
+    return float(2 * cross @ best - best @ curvature @ best)
+
+
+def _greedy(
+    judge: _Judge, known: np.ndarray, fresh: np.ndarray, rivals: Sequence[str], most: int
+) -> tuple[list[int], list[Odds]]:
+    """Which of the fresh windows to take until it is clear, at most so many, and the odds after each."""
+    chosen, after = list[int](), list[Odds]()
+    left = list(range(len(fresh)))
+    while left and len(chosen) < most and not (after and after[-1].clear):
+        best = max(left, key=lambda k: judge.odds(known + fresh[k], rivals).non_centrality)
+        known = known + fresh[best]
+        left.remove(best)
+        chosen.append(best)
+        after.append(judge.odds(known, rivals))
+    return chosen, after
+
+
+def _together(judge: _Judge, known: np.ndarray, fresh: np.ndarray, rival: str, most: int) -> Odds:
+    """The odds against one rival with those fresh windows that each alone tell most, at most so many."""
+    alone = [judge.odds(known + one, (rival,)).non_centrality for one in fresh]
+    return judge.odds(known + fresh[np.argsort(alone)[-most:]].sum(axis=0), (rival,))
+
+
+def _pair(robot: Robot, claim: Claim) -> Hypotheses:
+    """The claim, then its rivals."""
+    own = _own(robot, claim)
     every = [h for h in hypotheses(robot).direct if len(h.scored)]
-    rivals = [h for h in every if h.effect.id in claim.rivals and h.effect.id != claim.id]
+    rivals = [h for h in every if h.effect.id in (*claim.rivals, *claim.open) and h.effect.id != claim.id]
     if not rivals:
         raise InfeasibleError(f"Odds for {claim.id}: nothing of what may stand in its place has a score.")
-    tried = Hypotheses((nearest, *rivals), (), ())
-    return tried, 0, tuple(range(1, 1 + len(rivals)))
+    return Hypotheses((own, *rivals), (), ())
+
+
+def _theta(tried: Hypotheses, claim: Claim) -> Float[np.ndarray, " scored"]:
+    return np.array(claim.theta)[list(tried.direct[0].scored)]
 
 
 def _own(robot: Robot, claim: Claim) -> Hypothesis:

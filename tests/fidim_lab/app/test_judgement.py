@@ -27,7 +27,7 @@ from fidim_lab.mismatch.explanation import (
     NamedCause,
     Verdict,
 )
-from fidim_lab.mismatch.separate import Odds, Proposal, Trial
+from fidim_lab.mismatch.proposal import Odds, Proposal, Trial
 from procedures.catalogue import experiment
 from procedures.compare import FURTHER
 from procedures.handlers import HANDLERS

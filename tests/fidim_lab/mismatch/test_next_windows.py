@@ -20,7 +20,8 @@ from fidim_lab.identification.design import pool
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.mismatch.next_windows import to_know, to_separate
-from fidim_lab.mismatch.separate import Claim, Odds, Trial, separating, with_markers
+from fidim_lab.mismatch.proposal import Claim, Odds, Trial
+from fidim_lab.mismatch.separate import completed, separating, with_markers
 
 
 @pytest.fixture(scope="module")
@@ -149,3 +150,40 @@ def test_without_a_campaign_it_says_so(tmp_path: Path):
 def test_odds_know_what_is_clear():
     assert Odds("x", 40.0, 0.95).clear
     assert not Odds("x", 4.0, 0.2).clear
+
+
+def test_all_rivals_that_the_recorded_windows_leave_open_are_asked_about(irma4: Robot, trials: list[Trial]):
+    """An explanation names the nearest few; the window that tells from these alone may leave another in the place."""
+    faint = completed(irma4, Claim("rotational-drag", None, (5e-5,), ("umbilical",)), trials[:2])
+    assert faint.rivals == ("umbilical",)
+    assert {"swivel-damping", "attachment-friction"} <= set(faint.open)
+    assert "umbilical" not in faint.open
+    evident = completed(irma4, Claim("rotational-drag", None, (0.05,), ("umbilical",)), trials[:2])
+    assert not evident.open, "what these windows exclude is no rival"
+
+
+def test_a_rival_needs_a_size_that_is_possible(irma4: Robot, trials: list[Trial]):
+    """No damping pushes: one that would have to is told from a drag of the other sign by any window."""
+    drag = Claim("rotational-drag", None, (5e-4,), ("swivel-damping",))
+    pushing = replace(drag, theta=(-5e-4,))
+    told, opposite = (separating(irma4, one, trials[:2], []).before.non_centrality for one in (drag, pushing))
+    assert opposite > 10 * told
+
+
+def test_rivals_that_no_window_excludes_are_set_aside(irma4: Robot, trials: list[Trial]):
+    claim = Claim("gravity-tilt", None, (2e-3, 1e-3), ("constant-force", "frame-misalignment"))
+    found = separating(irma4, claim, trials[:1], trials[1:6], more=3)
+    assert found.separates
+    assert found.beyond == ("constant-force",)
+    assert found.after[-1].rival == "frame-misalignment"
+    assert found.says.endswith("Free motion hardly separates it from constant-force.")
+
+
+def test_a_claim_without_odds_does_not_hide_the_others(irma4: Robot, trials: list[Trial]):
+    hand = Claim("hand-contact", None, (1.0,), ("constant-force",))
+    bias = Claim("cable-length-bias", 2, (5e-3,), ("anchor-offset",))
+    none, some = to_separate(campaign_of(irma4, trials[:2]), [hand, bias])
+    assert "hand-contact" in none.says
+    assert not none.separates
+    assert some.separates
+    assert some.windows
