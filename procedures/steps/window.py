@@ -115,7 +115,7 @@ class Reject(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class GiveUp(Step):
-    """Go on without this window."""
+    """Go on without a recording of this window; with the outcome PASS none was wanted."""
 
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
 
@@ -125,7 +125,7 @@ class GiveUp(Step):
     @property
     def text(self) -> str:
         """What is done."""
-        return f"go on without {self.window}: {self.reason}"
+        return self.reason if self.outcome is Outcome.PASS else f"go on without {self.window}: {self.reason}"
 
 
 @dataclass(frozen=True, kw_only=True)
