@@ -38,12 +38,16 @@ def test_another_seed_gives_other_bytes(scene):
     }
 
 
+STARVED = ("not answer for", "0x8130", "this computer did nothing for")
+"""what a run stops for on a computer that has no time for it: hardware's limits, and the drives in the same process"""
+
+
 @pytest.mark.slow
 def test_in_real_time_over_python_can_and_udp(scene):
     """Real bus threads, real sockets, real seconds: a whole window of the same swing."""
-    for attempt in range(3):  # a busy machine starves the simulated drives' thread: then the run rightly stops
+    for attempt in range(5):  # a busy machine starves host or simulated drives: then the run rightly stops
         ended = run(scene, f"real{attempt}", real_time=True)
-        if "not answer for" not in ended.report.reason:
+        if not any(says in ended.report.reason for says in STARVED):
             break
     assert ended.report.exit_code == 0, ended.report.reason
     ended.check(log=False)
