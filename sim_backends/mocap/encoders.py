@@ -1,6 +1,7 @@
 r"""Motion-capture packets as a device sends them, written from the formats alone (nothing here knows the decoders).
 
-`ViconEncoder`: Tracker's UDP object stream, one object for each marker. `TextEncoder`: lines `frame,x,y,z…*hh\n`.
+`ViconEncoder`: Tracker's UDP object stream, one object for each marker; `ViconSubjectEncoder`: one body that carries
+them. `TextEncoder`: lines `frame,x,y,z…*hh\n`.
 `OscEncoder`: OSC bundles. Vicon's DataStream has its own module.
 """
 
@@ -22,6 +23,8 @@ _ITEM = np.dtype(
 """packed: 75 bytes"""
 _TRANSLATION = 27
 _ROTATION = math.radians(0.1)
+_TELL_A_POSE = 3
+"""points, not in a line"""
 
 
 class Encoder(Protocol):
@@ -61,6 +64,10 @@ class ViconEncoder:
         self._poses = [bytes(_ITEM.itemsize - _TRANSLATION)] * len(names)
         self._occluded = occluded
 
+    def turn(self, angles: tuple[float, float, float]) -> None:
+        """The rotation that objects are sent with from now on: rad about x, then the new y, then the new z."""
+        self._rotation = struct.pack("<3d", *angles)
+
     def encode(self, number: int, positions: Positions) -> bytes:
         """One datagram, padded to 256, 512 or 1024 bytes."""
         items: list[bytes] = []
@@ -75,6 +82,27 @@ class ViconEncoder:
             items.append(self._heads[index] + self._poses[index])
         packet = (number % 2**32).to_bytes(4, "little") + bytes([len(items)]) + b"".join(items)
         return packet.ljust(next(size for size in _BLOCK_SIZES if size >= len(packet)), b"\0")
+
+
+class ViconSubjectEncoder:
+    """Object stream with one tracked body: its pose, from points fixed in it as the cameras see them."""
+
+    is_stream = False
+
+    def __init__(self, subject: str, points: Sequence[Sequence[float]]) -> None:
+        """points: (M, 3) in the body's frame, m, three of them not in a line; of at most 23 bytes: the name."""
+        self._points = np.array(points, dtype=float)
+        self._encoder = ViconEncoder((subject,))
+
+    def encode(self, number: int, positions: Positions) -> bytes:
+        """One datagram; a body of which fewer than three points are seen is not tracked."""
+        seen = [k for k, position in enumerate(positions) if position is not None]
+        if len(seen) < _TELL_A_POSE:
+            return self._encoder.encode(number, (None,))
+        found = np.array([position for position in positions if position is not None])
+        place, rotation = _pose(self._points[seen], found)
+        self._encoder.turn(_euler(rotation))
+        return self._encoder.encode(number, (place,))
 
 
 class TextEncoder:
@@ -136,3 +164,22 @@ class TurnedEncoder:
     def encode(self, number: int, positions: Positions) -> bytes:
         """The bytes of one frame; positions in m, z up."""
         return self._encoder.encode(number, [None if p is None else (p[0], p[2], -p[1]) for p in positions])
+
+
+def _pose(points: np.ndarray, seen: np.ndarray) -> tuple[tuple[float, float, float], np.ndarray]:
+    """Place and rotation matrix that carry points (M, 3) nearest to where they are seen (Kabsch 1976)."""
+    middle, where = points.mean(axis=0), seen.mean(axis=0)
+    left, _, right = np.linalg.svd((points - middle).T @ (seen - where))
+    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    rotation = (left @ mirror @ right).T
+    x, y, z = (where - rotation @ middle).tolist()
+    return (x, y, z), rotation
+
+
+def _euler(rotation: np.ndarray) -> tuple[float, float, float]:
+    """Angles of Rx Ry Rz, rad."""
+    return (
+        math.atan2(-rotation[1, 2], rotation[2, 2]),
+        math.asin(min(max(float(rotation[0, 2]), -1.0), 1.0)),
+        math.atan2(-rotation[0, 1], rotation[0, 0]),
+    )

@@ -1,15 +1,26 @@
 """The motion capture of a rig file, simulated: the bytes of its kind, sent the way that kind sends them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
+
+import numpy as np
 
 from drivers.mocap.osc import address_of
 from drivers.ports import Clock
+from fidim_lab.data.records import Robot
 from fidim_lab.data.rig import MocapEntry, MocapKind, RigFile
 from fidim_lab.errors import SetupError
 from sim_backends.laboratory import Laboratory
 from sim_backends.mocap.datastream import DataStreamEncoder, DataStreamSession
-from sim_backends.mocap.encoders import Encoder, OscEncoder, TextEncoder, TurnedEncoder, ViconEncoder
+from sim_backends.mocap.encoders import (
+    Encoder,
+    OscEncoder,
+    TextEncoder,
+    TurnedEncoder,
+    ViconEncoder,
+    ViconSubjectEncoder,
+)
 from sim_backends.mocap.lsl_sender import LslSender
 from sim_backends.mocap.natnet import NatNetEncoder, NatNetServer
 from sim_backends.mocap.qtm import QtmEncoder, QtmSession
@@ -17,6 +28,10 @@ from sim_backends.mocap.sockets import PlainSession, Session, TcpServer, UdpSend
 
 SUBJECT = "platform"
 """what carries markers that are named without a subject"""
+
+
+ARM = 0.25
+"""m from the main marker to two points more, by which the pose of a tracked body is seen"""
 
 
 class MocapSender(Protocol):
@@ -34,7 +49,7 @@ class MocapSender(Protocol):
 def mocap_sender(file: RigFile, laboratory: Laboratory, clock: Clock) -> MocapSender:
     """What sends the markers of a laboratory as the rig file's system would. Raises SetupError where it cannot."""
     entry = file.motion_capture
-    encoder = _encoder(entry)
+    encoder = _encoder(entry, file.robot)
     server = laboratory.mocap_server(_turned(encoder, entry), entry.rate)
     if entry.kind is MocapKind.LSL:
         if entry.up != "z" or entry.unit != 1.0:
@@ -46,6 +61,15 @@ def mocap_sender(file: RigFile, laboratory: Laboratory, clock: Clock) -> MocapSe
         return TcpServer(server, clock, entry.port, entry.host, _session(entry))
     host = "127.0.0.1" if entry.host == "0.0.0.0" else entry.host
     return UdpSender(server, clock, entry.port, host)
+
+
+def as_cameras_see(file: RigFile) -> RigFile:
+    """The same, with the points of its robot by which a tracked body is seen, where the rig has such."""
+    if file.motion_capture.kind is not MocapKind.VICON_UDP or file.motion_capture.subject is None:
+        return file
+    robot = file.robot
+    more = (robot.marker + np.array([ARM, 0.0, 0.0]), robot.marker + np.array([0.0, ARM, 0.0]))
+    return replace(file, robot=replace(robot, extra_markers=(*robot.extra_markers, *more)))
 
 
 def _session(entry: MocapEntry) -> Callable[[], Session]:
@@ -62,7 +86,7 @@ def _turned(encoder: Encoder, entry: MocapEntry) -> Encoder:
     return TurnedEncoder(encoder) if entry.up == "y" else encoder
 
 
-def _encoder(entry: MocapEntry) -> Encoder:
+def _encoder(entry: MocapEntry, robot: Robot) -> Encoder:
     match entry.kind:
         case MocapKind.VICON_DATASTREAM:
             parts = [name.rpartition("/") for name in entry.markers]
@@ -80,10 +104,7 @@ def _encoder(entry: MocapEntry) -> Encoder:
             addresses = [address_of(marker) for marker in entry.markers]
             return OscEncoder(addresses, frame_address=entry.frame_address, unit=entry.unit)
         case MocapKind.VICON_UDP if entry.subject is not None:
-            raise SetupError(
-                f"motion_capture, subject: the simulated cameras show markers, not the body {entry.subject!r}.",
-                hint="For simulators, name markers instead.",
-            )
+            return ViconSubjectEncoder(entry.subject, [point.tolist() for point in robot.markers])
         case MocapKind.VICON_UDP:
             return ViconEncoder(entry.markers)
         case _:

@@ -17,7 +17,7 @@ from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.clock import LoopClock
 from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.compose.simulated import GRAIN, simulated_world
-from fidim_lab.app.compose.simulated_motion_capture import MocapSender, mocap_sender
+from fidim_lab.app.compose.simulated_motion_capture import MocapSender, as_cameras_see, mocap_sender
 from fidim_lab.app.compose.simulated_serial import (
     SerialSimulators,
     run_serial_simulators,
@@ -115,6 +115,7 @@ async def simulated_devices(
     or stream cannot be simulated or an address is taken, InfeasibleError where the robot cannot rest anywhere.
     """
     clock = LoopClock()
+    file = as_cameras_see(file)
     start = _start(file, plan, seed)
     configs = winch_configs(file)
     laboratory = _laboratory(file, configs, start, seed, hide)

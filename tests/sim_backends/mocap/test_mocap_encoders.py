@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from sim_backends.mocap.encoders import Occluded, TextEncoder, ViconEncoder
+from drivers.mocap.vicon_udp import SubjectPoints, ViconUdpDecoder
+from sim_backends.mocap.encoders import Occluded, TextEncoder, ViconEncoder, ViconSubjectEncoder
 
 ROTATION = np.full(3, np.radians(0.1)).tobytes()
 # Written out from the layout in ../shared/DRIVERS.md §4.
@@ -52,3 +54,20 @@ def test_lines(positions: list[tuple[float, float, float] | None], line: bytes) 
     assert TextEncoder(checksum=False, digits=3).encode(7, positions) == line
     total = np.bitwise_xor.reduce(np.frombuffer(line[:-1], np.uint8))
     assert TextEncoder(digits=3).encode(7, positions) == line[:-1] + b"*%02X\n" % total
+
+
+POINTS = ((0.0, 0.0, -0.1), (0.25, 0.0, -0.1), (0.0, 0.25, -0.1))
+
+
+def test_a_tracked_body_carries_its_points_to_where_they_are() -> None:
+    turn = Rotation.from_euler("XYZ", [0.3, -0.2, 2.5])
+    where = turn.apply(POINTS) + np.array([1.1, -0.3, -0.4])
+    packet = ViconSubjectEncoder("platform", POINTS).encode(7, [tuple(map(float, row)) for row in where])
+    (event,) = ViconUdpDecoder(SubjectPoints("platform", POINTS)).receive(packet)
+    np.testing.assert_allclose(event.positions, where, atol=1e-12)
+
+
+def test_a_body_of_which_two_points_are_seen_is_not_tracked() -> None:
+    packet = ViconSubjectEncoder("platform", POINTS).encode(7, [POINTS[0], None, POINTS[2]])
+    (event,) = ViconUdpDecoder(SubjectPoints("platform", POINTS)).receive(packet)
+    assert event.positions == (None, None, None)
