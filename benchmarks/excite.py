@@ -3,6 +3,7 @@
     python -m benchmarks.excite swings --runs 1000      amplitude after one and two tries, tensions
     python -m benchmarks.excite driven --runs 12        what the strokes themselves tell of the body
     python -m benchmarks.excite session --runs 6        whole sessions by hand and by winches: windows an hour, accuracy
+    python -m benchmarks.excite travel --runs 24        moves between equilibria: the swing they leave, time to settle
 
 Runs of `swings` take two CPU seconds each and are kept in --rows: the same command goes on with what is missing.
 """
@@ -19,6 +20,7 @@ from pydantic import TypeAdapter
 from benchmarks.excite_runs import CLOSE, Try, Window, one, window_of
 from benchmarks.excite_session import session
 from benchmarks.excite_strokes import LIMITS, driven
+from benchmarks.excite_travel import travels
 from benchmarks.page import table, write_section
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.design import pool
@@ -130,6 +132,7 @@ PARTS = {
     "driven": ("What the strokes themselves tell", driven),
     "swings": ("The swing that winches give", swings),
     "session": ("Sessions by hand and by winches", session),
+    "travel": ("Moves between equilibria", travels),
 }
 
 

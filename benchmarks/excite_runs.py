@@ -119,8 +119,14 @@ def _keeps(there: Place, displacement: np.ndarray, tension: tuple[float, float])
     return True
 
 
-def true_world(robot: Robot, rng: np.random.Generator, lengths: np.ndarray, mechanism: Mechanism) -> World:
-    """A body 5 % off CAD, a mass 5 % off, and drag that damps the most damped mode by up to 8 %."""
+def true_world(
+    robot: Robot,
+    rng: np.random.Generator,
+    lengths: np.ndarray,
+    mechanism: Mechanism,
+    damping: tuple[float, float] = (0.0, MOST_DAMPING),
+) -> World:
+    """A body 5 % off CAD, a mass 5 % off, and drag that damps the most damped mode by so much."""
     while True:
         com = robot.nominal.com * (1 + rng.uniform(-CAD_OFF, CAD_OFF, 3)) + np.append(rng.normal(0, 1.5e-3, 2), 0)
         moments = robot.nominal.inertia * (1 + rng.uniform(-CAD_OFF, CAD_OFF, 6))
@@ -132,7 +138,7 @@ def true_world(robot: Robot, rng: np.random.Generator, lengths: np.ndarray, mech
     share = np.diag([0.0] * 3 + [1.0] * 3)
     ratios = np.diag(swing.shapes.T @ share @ swing.shapes) / (4 * np.pi * swing.frequencies)
     mass = robot.mass * (1 + rng.uniform(-CAD_OFF, CAD_OFF))
-    c = float(rng.uniform(0, MOST_DAMPING) / ratios.max() * mass)
+    c = float(rng.uniform(*damping) / ratios.max() * mass)
     # friction at the attachments turns against the cables' directions, which move little: n of them drag like one
     if rng.uniform() < 0.5:
         hidden = (HiddenEffect("rotational-drag", None, (("c", c),)),)
