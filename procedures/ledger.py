@@ -32,9 +32,13 @@ class Ledger:
     @property
     def reason(self) -> str:
         """How many windows are there, and why some are not."""
-        missing = [f"{row.id}: {row.reason.rstrip('.') or 'not reached'}" for row in self.rows if row.file is None]
-        accepted = f"{len(self._rows) - len(missing)} of {len(self._rows)} windows accepted"
-        return ". ".join([accepted, *missing]) + "."
+        missing: dict[str, list[str]] = {}
+        for row in self.rows:
+            if row.file is None:
+                missing.setdefault(row.reason.rstrip(".") or "not reached", []).append(row.id)
+        accepted = sum(row.file is not None for row in self.rows)
+        why = (f"{', '.join(ids)}: {reason}" for reason, ids in missing.items())
+        return ". ".join([f"{accepted} of {len(self._rows)} windows accepted", *why]) + "."
 
     def take(self, step: Step, result: Result, t: float) -> WindowFinished | None:
         """Account for one finished step; the verdict event when it decides about a window."""

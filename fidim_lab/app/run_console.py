@@ -79,7 +79,7 @@ class Console:
 
 
 def _print(event: Happening) -> None:
-    words = [event.text, event.outcome, event.reason]
+    words = [event.text, event.outcome, "" if event.text.endswith(event.reason) else event.reason]
     match event.kind:
         case "step-finished" if not event.reason:
             return
