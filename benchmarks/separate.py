@@ -196,13 +196,13 @@ def _named(told: Explanation) -> str:
 
 
 def outcome(told: Explanation, hidden: str, other: str) -> str:
-    """Which of the two was named."""
+    """Which of the two was named, or may stand in the place of a third that was."""
     for cause in told.effects:
         named = {cause.id, *cause.equivalent_to}
         if {hidden, other} <= named:
             return "alike"
-        if cause.id in (hidden, other):
-            return "right" if cause.id == hidden else "wrong"
+        if {hidden, other} & named:
+            return "right" if hidden in named else "wrong"
     return "else"
 
 

@@ -68,9 +68,9 @@ def report(rows: Sequence[Row]) -> str:
         odds = 100 * float(np.mean([r.promised or 0.0 for r in likely]))
         kept.append(f"Where 50–90 % were promised ({odds:.0f} % on average): right in {_share(likely)}.")
     return f"""{len(rows)} trials on the paper's robot: {IDENTIFY} windows to identify from and {VALIDATE} held out,
-then {mean:.1f} further windows on average, at most {MORE}. A pair is right when the effect that was hidden is named and
-the other cannot stand in its place. Sizes are so small that the first windows should leave the pair open,
-yet so large that the effect is seen in them (non-centrality {EVIDENT:g} at least).
+then {mean:.1f} further windows on average, at most {MORE}. A pair is right when the effect that was hidden is named, or
+may stand in the place of a third, and the other may not. Sizes are so small that the first windows should leave the
+pair open, yet so large that the effect is seen in them (non-centrality {EVIDENT:g} at least).
 
 {table(HEAD, [*lines, _line("all", list(rows))])}
 

@@ -30,6 +30,8 @@ def told(*effects):
         ([("rotational-drag", "swivel-damping")], "alike"),
         ([("swivel-damping", "rotational-drag")], "alike"),
         ([("air-drag-linear",), ("swivel-damping",)], "wrong"),
+        ([("air-drag-linear", "rotational-drag")], "right"),
+        ([("air-drag-linear", "swivel-damping")], "wrong"),
         ([("air-drag-linear",)], "else"),
         ([], "else"),
     ],
