@@ -63,4 +63,6 @@ def _move(window: str, start: Lengths, lengths: Lengths, goal: Lengths, settings
 
 
 def _text(result: Result) -> str:
-    return " ".join(f"{value:.1f}" for value in result.values) + " N"
+    """Of what was measured, or of the step in a list of what will be done."""
+    seen = " ".join(f"{value:.1f}" for value in result.values)
+    return f"tensions {seen} N" if seen else "note the tensions: nothing is recorded here"

@@ -104,6 +104,14 @@ def test_windows_of_a_cross_validation_are_held_out(world, lab, tmp_path):
     assert {w.role for w in read_campaign(tmp_path / "run").windows} == {Role.VALIDATE}
 
 
+def test_a_tension_check_is_listed_in_words_before_there_are_tensions(world, lab, tmp_path):
+    made = experiment("tension-check", plan_for("tension-check", lab), world.robot, world.settings, statics=comfortable)
+    said = [step.text for step in Outline(made.procedure).steps]
+    assert said.count("note the tensions: nothing is recorded here") == 2
+    report = carry_out("tension-check", world, lab, tmp_path / "run")
+    assert all(row.reason.startswith("tensions ") for row in report.windows)
+
+
 def test_a_tension_check_says_what_is_wrong_where_and_goes_on(world, lab, tmp_path):
     world.winches[2].tension = 12.0
     report = carry_out("tension-check", world, lab, tmp_path / "run")
