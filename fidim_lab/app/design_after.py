@@ -73,9 +73,9 @@ def after_command(options: AfterOptions) -> int:
 def claims_of(explained: ExplanationTable) -> list[Claim]:
     """The effects that something else may stand for."""
     return [
-        Claim(e.id, e.cable, tuple(float(p.value or 0.0) for p in e.parameters.values()), e.equivalent_to)
+        Claim(e.id, e.cable, tuple(float(p.value or 0.0) for p in e.parameters.values()), e.alike)
         for e in explained.effects
-        if e.equivalent_to and e.parameters
+        if e.alike and e.parameters
     ]
 
 

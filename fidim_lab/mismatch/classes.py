@@ -10,18 +10,16 @@ from fidim_lab.mismatch.refit import evidence
 from fidim_lab.mismatch.select import Selection
 from fidim_lab.mismatch.views import ENOUGH
 
-MOST_ALIKE = 3
-
 
 def alike(found: Selection, k: int) -> tuple[str, ...]:
-    """Other ids that may stand in the place of term k of the best model, the most alike first; at most three."""
+    """Other ids that may stand in the place of term k of the best model, the most alike first."""
     named = found.best.model.tried[k].effect.id
     seen = imitators(found.last, k) if found.best.model.whole else ()
     losses = {one.tried.effect.id: one.loss for one in seen}
     for id, loss in _by_fits(found, k).items():
         losses[id] = min(loss, losses.get(id, np.inf))
     close = sorted((loss, id) for id, loss in losses.items() if id != named and loss < ENOUGH)
-    return tuple(id for _, id in close)[:MOST_ALIKE]
+    return tuple(id for _, id in close)
 
 
 def _by_fits(found: Selection, k: int) -> dict[str, float]:

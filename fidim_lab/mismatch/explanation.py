@@ -11,6 +11,9 @@ import numpy as np
 from fidim_lab.mismatch.generic.stored import unknown_table
 from fidim_lab.mismatch.generic.unknown import Unknown
 
+MOST_ALIKE = 3
+"""effects in `equivalent_to` of the file, by FORMAT.md; the others are in `further_equivalent`"""
+
 
 class Verdict(StrEnum):
     """What became of the difference between recording and model."""
@@ -40,6 +43,7 @@ class NamedCause:
     cable: int | None
     """1-based"""
     equivalent_to: tuple[str, ...]
+    """all that these data cannot tell it from, the most alike first"""
     parameters: dict[str, EffectParameter]
     says: str
     """with the formula"""
@@ -140,7 +144,8 @@ def _effect(cause: NamedCause) -> dict[str, Any]:
     return {
         "id": cause.id,
         "cable": cause.cable,
-        "equivalent_to": list(cause.equivalent_to),
+        "equivalent_to": list(cause.equivalent_to[:MOST_ALIKE]),
+        "further_equivalent": list(cause.equivalent_to[MOST_ALIKE:]),
         "parameters": {name: vars(value) for name, value in cause.parameters.items()},
         "says": cause.says,
     }

@@ -63,7 +63,7 @@ def explained(found: ExplanationTable, shown: Proof, noise: float) -> Explanatio
 
 def effect_table(effect: EffectTable) -> Table:
     """One effect with its sizes."""
-    alike = f"; these data cannot tell it from {', '.join(effect.equivalent_to)}" if effect.equivalent_to else ""
+    alike = f"; these data cannot tell it from {', '.join(effect.alike)}" if effect.alike else ""
     rows = [
         (name, short(p.value), "held at its bound" if p.sd is None else f"{p.sd:.2g}", p.unit)
         for name, p in effect.parameters.items()

@@ -37,6 +37,8 @@ class EffectTable(_Part):
     id: str
     cable: int | None = None
     equivalent_to: tuple[str, ...] = ()
+    """at most three"""
+    further_equivalent: tuple[str, ...] = ()
     parameters: dict[str, EffectParameterTable] = {}
     says: str = ""
 
@@ -44,6 +46,11 @@ class EffectTable(_Part):
     def label(self) -> str:
         """For people."""
         return self.id if self.cable is None else f"{self.id} (cable {self.cable})"
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """All that the data cannot tell it from."""
+        return self.equivalent_to + self.further_equivalent
 
 
 class PlaceTable(_Part):

@@ -35,8 +35,15 @@ class EffectTable(_Lenient):
     id: str
     cable: int | None = None
     equivalent_to: tuple[str, ...] = ()
+    """at most three"""
+    further_equivalent: tuple[str, ...] = ()
     parameters: dict[str, EffectParameterTable] = {}
     says: str = ""
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """All that the data cannot tell it from."""
+        return self.equivalent_to + self.further_equivalent
 
 
 class PlaceTable(_Lenient):

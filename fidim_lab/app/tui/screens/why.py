@@ -69,7 +69,7 @@ def _effects(found: ExplanationTable, width: int) -> list[Line]:
 
 def _effect(effect: EffectTable, width: int) -> list[Line]:
     place = "" if effect.cable is None else f" of cable {effect.cable}"
-    alike = f" (not to be told from {', '.join(effect.equivalent_to)})" if effect.equivalent_to else ""
+    alike = f" (not to be told from {', '.join(effect.alike)})" if effect.alike else ""
     rows = [line(Span(text, "head")) for text in wrapped(f"{effect.id}{place}: {effect.says}{alike}", width, "  ")]
     for name, parameter in effect.parameters.items():
         sd = "held" if parameter.sd is None else f"± {parameter.sd:.2g}"

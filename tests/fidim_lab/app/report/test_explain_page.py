@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fidim_lab.app.design_after import claims_of
 from fidim_lab.app.report import spectra
 from fidim_lab.app.report.explain_page import write_explain_page
-from fidim_lab.app.report.explained import explained
+from fidim_lab.app.report.explained import effect_table, explained
 from fidim_lab.app.report.explanation_file import as_file, read_explanation
 from fidim_lab.app.report.figures import sd_levels
 from fidim_lab.app.report.proof import proof, rms
@@ -158,6 +159,20 @@ def test_a_reports_section_comes_from_the_file(dragged, explanation, write_folde
 )
 def test_the_summary_tells_what_became_of_the_explanation(explanation, verdict, says):
     assert says in explained_sentence(as_file(replace(explanation, verdict=verdict)))
+
+
+def test_a_large_class_is_told_whole_and_the_file_keeps_to_its_format(explanation):
+    """At most three in `equivalent_to`, by FORMAT.md; a fourth is no less possible."""
+    alike = ("rotational-drag", "swivel-damping", "umbilical", "pulley-friction")
+    large = replace(explanation, effects=(replace(explanation.effects[0], equivalent_to=alike),))
+    assert large.table["effects"][0]["equivalent_to"] == list(alike[:3])
+    assert large.table["effects"][0]["further_equivalent"] == ["pulley-friction"]
+    read = as_file(large)
+    assert read.effects[0].alike == alike
+    assert claims_of(read)[0].rivals == alike
+    assert "these data cannot tell it from rotational-drag, swivel-damping, umbilical, pulley-friction" in str(
+        effect_table(read.effects[0])
+    )
 
 
 def test_several_effects_are_listed_and_the_centre_of_mass_has_its_interval(explanation):
