@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.refit import Completed, can_refit, refit
-from fidim_lab.mismatch.score import bounded, eliminated
+from fidim_lab.mismatch.score import eliminated, imitated
 from fidim_lab.mismatch.views import SLIGHT, TIE, View
 
 FITTED = 2
@@ -53,10 +54,8 @@ def imitators(seen: View, k: int) -> tuple[Imitator, ...]:
             continue
         at = slice(size + columns.start, size + columns.stop)
         low, high = (side[list(other.scored)] for side in other.effect.bounds(seen.context))
-        cross, curvature = rest[at, :size] @ away, rest[at, at]
-        best = bounded(curvature, cross, low, high)
-        imitated = 0.5 * float(2 * cross @ best - best @ curvature @ best) / projected.inflation
-        loss = max(0.0, whole - imitated)
+        best, taken = imitated(rest[at, at], rest[at, :size] @ away, low, high)
+        loss = max(0.0, whole - 0.5 * taken / projected.inflation)
         if other.effect.id not in found or loss < found[other.effect.id].loss:
             found[other.effect.id] = Imitator(other, other.theta(best), loss, whole)
     return tuple(sorted(found.values(), key=lambda one: one.loss))
@@ -77,8 +76,15 @@ def in_their_place(seen: View, ground: Ground, say: Callable[[str], None]) -> li
         able = [one for one in simple if can_refit(one.tried.effect, model.mechanism)]
         for other in able[:FITTED]:
             say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
-            tried = [*model.tried[:k], other.tried, *model.tried[k + 1 :]]
-            thetas = [*model.thetas[:k], other.theta, *model.thetas[k + 1 :]]
-            fitted = refit(ground, model.fit, tried, thetas, seen.context)
+            fitted = in_place_of(model, k, other.tried, other.theta, ground, seen.context)
             found += [] if fitted is None else [fitted]
     return found
+
+
+def in_place_of(
+    model: Completed, k: int, other: Hypothesis, theta: np.ndarray, ground: Ground, context: Context
+) -> Completed | None:
+    """The model with another effect, from this θ, in the place of term k; None where no fit gets there."""
+    tried = [*model.tried[:k], other, *model.tried[k + 1 :]]
+    thetas = [*model.thetas[:k], theta, *model.thetas[k + 1 :]]
+    return refit(ground, model.fit, tried, thetas, context)

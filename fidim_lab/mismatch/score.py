@@ -255,6 +255,18 @@ def _solve(curvature: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0] / scale
 
 
+def imitated(curvature: np.ndarray, cross: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
+    """The θ within bounds of an effect that comes nearest to another, and what of the other's θᵀ C θ it takes up.
+
+    curvature: of the effect (Q, Q); cross: its curvature with the other, times the other's θ.
+    """
+    if len(cross) == 1:  # most are; the general way takes milliseconds
+        best = np.clip(cross / np.maximum(np.diag(curvature), TINY), low, high)
+    else:
+        best = bounded(curvature, cross, low, high)
+    return best, float(2 * cross @ best - best @ curvature @ best)
+
+
 def bounded(curvature: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The θ within bounds that minimises ½ θᵀ C θ − gᵀ θ."""
     theta = _solve(curvature, gradient)

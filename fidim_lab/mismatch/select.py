@@ -192,9 +192,7 @@ class _Search:
         """The search once more without what the best model may have in another's place, where structure stays."""
         first, pushes = best, self.pushes
         for kept in _less_doubtful(first):
-            thetas = [first.model.thetas[k] for k in kept]
-            tried = [first.model.tried[k] for k in kept]
-            without = refit(self.start.whole_ground, first.model.fit, tried, thetas, self.start.context)
+            without = self.trials.keeping(first.model, kept)
             if without is None or best.is_white:
                 continue
             found, seen = self._over_whole_windows(self.trials.judged(without))

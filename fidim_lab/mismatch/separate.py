@@ -23,7 +23,7 @@ from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.proposal import Claim, Odds, Proposal, Trial
-from fidim_lab.mismatch.score import TINY, bounded, eliminated, window_grams
+from fidim_lab.mismatch.score import eliminated, imitated, window_grams
 from fidim_lab.mismatch.views import ENOUGH
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -143,8 +143,8 @@ class _Judge:
         for rival, end in zip(self.tried.direct[1:], ends[1:], strict=True):
             if rival.effect.id in rivals:
                 at = slice(int(end) - len(rival.scored), int(end))
-                best = _imitated(rest[at, at], rest[at, :own] @ self.theta, *self._possible(rival))
-                found.append((max(0.0, whole - best), rival.effect.id))
+                _, taken = imitated(rest[at, at], rest[at, :own] @ self.theta, *self._possible(rival))
+                found.append((max(0.0, whole - taken), rival.effect.id))
         least, id = min(found)
         probability = float(ncx2.sf(2 * ENOUGH, df=own, nc=least)) if least > 0 else 0.0
         return Odds(id, least, probability)
@@ -152,15 +152,6 @@ class _Judge:
     def _possible(self, rival: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
         low, high = rival.effect.bounds(self.context)
         return low[list(rival.scored)], high[list(rival.scored)]
-
-
-def _imitated(curvature: np.ndarray, cross: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
-    """What of an effect's non-centrality a rival of a possible size takes up."""
-    if len(cross) == 1:  # most are; the general way takes milliseconds
-        best = np.clip(cross / np.maximum(np.diag(curvature), TINY), low, high)
-    else:
-        best = bounded(curvature, cross, low, high)
-    return float(2 * cross @ best - best @ curvature @ best)
 
 
 def _greedy(

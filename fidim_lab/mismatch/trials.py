@@ -81,13 +81,15 @@ class Trials:
         for k in range(len(model.tried)):
             if len(model.tried) < 2 or price(model, k) > DROPPABLE:
                 continue
-            kept = [j for j in range(len(model.tried)) if j != k]
-            thetas = [model.thetas[j] for j in kept]
-            tried: list[Hypothesis] = [model.tried[j] for j in kept]
-            less = refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
+            less = self.keeping(model, [j for j in range(len(model.tried)) if j != k])
             if less is not None and evidence(model, less, common_scale([model, less])) < ENOUGH:
                 return self.pruned(less)
         return model
+
+    def keeping(self, model: Completed, kept: Sequence[int]) -> Completed | None:
+        """The model with these of its terms alone, from where they are; None where no fit gets there."""
+        tried, thetas = [model.tried[k] for k in kept], [model.thetas[k] for k in kept]
+        return refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
 
     def judged(self, model: Completed) -> Candidate:
         """A model with what it leaves of held-out windows."""

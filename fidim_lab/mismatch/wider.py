@@ -7,6 +7,7 @@ from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import best_of, most_convincing
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
+from fidim_lab.mismatch.imitators import in_place_of
 from fidim_lab.mismatch.refit import Completed, refit
 from fidim_lab.mismatch.sprung import left_at_first
 from fidim_lab.mismatch.whiteness import whiteness
@@ -44,8 +45,6 @@ def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffe
     found: list[Completed] = []
     for k, term in enumerate(simple.tried):
         for effect, begin in term.effect.wider(thetas[k], simple.mechanism.robot) if term.effect in fresh else ():
-            tried = [*simple.tried[:k], general(effect, begin), *simple.tried[k + 1 :]]
-            begins = [*thetas[:k], begin, *thetas[k + 1 :]]
-            wide = refit(start.short_ground, simple.fit, tried, begins, start.context)
+            wide = in_place_of(simple, k, general(effect, begin), begin, start.short_ground, start.context)
             found += [] if wide is None else [wide]
     return found
