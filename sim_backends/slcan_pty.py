@@ -34,6 +34,8 @@ class SlcanPtyBus(can.BusABC):
         """link: a name for it. Raises SetupError where that is taken, or the system has no pseudo terminal left."""
         self._end = self._host = -1
         self._link = link
+        self.path = ""
+        """what a host opens"""
         self.plugged = True
         """false: it vanishes with its name, as an adapter whose plug is pulled"""
         try:
@@ -41,7 +43,6 @@ class SlcanPtyBus(can.BusABC):
             tty.setraw(self._host)
             os.set_blocking(self._end, False)
             self.path = os.ttyname(self._host)
-            """what a host opens"""
             if link is not None:
                 put_link(link, self.path)
         except SetupError:
