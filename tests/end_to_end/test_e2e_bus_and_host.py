@@ -100,10 +100,10 @@ def test_lost_and_doubled_frames_disturb_nothing(rehearsal):
 
 def test_in_real_time_a_process_that_hangs_is_missed_by_its_drives(scene):
     """The whole process stands still for 0.8 s: on a real python-can bus the drives, in their own thread, stop."""
-    rehearsal = scene.make()
-    rehearsal.real_time = True
-    rehearsal.at("MoveTo", lambda stage: threading.Event().wait(0.8), after=0.3)
-    ended = rehearsal.run()
+    ended = scene.in_real_time(
+        lambda rehearsal: rehearsal.at("MoveTo", lambda stage: threading.Event().wait(0.8), after=0.3),
+        starved=(),  # which is what is planted
+    )
     report = ended.check(held=ended.report.held, log=False)
     assert report.held
     assert report.exit_code == 3
