@@ -25,9 +25,8 @@ SLOWER = (0.5, 0.25)
 """parts of the acceleration that are tried where tensions are the limit"""
 MASS_OFF = 0.05
 """part by which the platform's mass, and so every tension, may be off"""
-SPARE_TENSION = 0.015
-"""of the span that tensions may have, kept at both ends for set-points that come late and bodies in between: without
-it 5 of 242 recordings fell short of the least tension, by 1.4 N at most"""
+SPARE_TENSION = 0.005
+"""of the span that tensions may have, kept at both ends"""
 LEAST = 0.1
 """part of the wanted swing under which a place is refused"""
 ENOUGH = 0.97

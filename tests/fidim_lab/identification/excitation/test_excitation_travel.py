@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.excite_runs import one, window_of
+from benchmarks.excite_runs import CLOSE, one, window_of
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.excitation.place import Place
 from fidim_lab.identification.excitation.travel import Trapezoid, Travel, travel, travelled
@@ -72,9 +72,11 @@ def test_a_sample_of_the_monte_carlo_keeps_all_tensions(irma4: Robot):
     rests = [equilibrium_at(mechanism, irma4.nominal, np.array(p)) for p in ((1.25, -0.15, -0.2), (1.1, -0.1, -0.4))]
     windows = [window_of(mechanism, np.array([*rest.lengths, 0.04, 0.03])) for rest in rests]
     low, high = irma4.limits.tension
+    off: list[float] = []
     for run in range(6):
         tries = one(run, windows[run % 2])
         assert not isinstance(tries, str), tries
         for each in tries:
             assert low <= each.tension[0] < each.tension[1] <= high
-        assert min(abs(tries[-1].error), abs(tries[-1].off)) < 0.4
+        off.append(min(abs(tries[-1].error), abs(tries[-1].off)))
+    assert sum(part <= CLOSE for part in off) >= 5, off  # 97 % of many
