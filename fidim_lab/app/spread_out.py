@@ -2,9 +2,13 @@
 
 import multiprocessing
 import os
+import signal
+import sys
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import partial
+from types import FrameType
 from typing import Any, TypeVar
 
 from fidim_lab.errors import SetupError
@@ -18,7 +22,8 @@ Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 def workers(count: int | None = None, scheduler: str | None = None) -> Generator[Map]:
     """A map that computes elsewhere, in order: `count` local processes (default: one a core), or dask's workers.
 
-    Raises SetupError where the scheduler cannot be reached or dask is not installed.
+    An interruption ends local processes at once, whatever they compute. Raises SetupError where the scheduler cannot be
+    reached or dask is not installed.
     """
     if scheduler is not None:
         with _cluster(scheduler) as spread:
@@ -29,14 +34,51 @@ def workers(count: int | None = None, scheduler: str | None = None) -> Generator
         yield map
         return
     # fork would copy CasADi's and BLAS's threads in an unknown state
-    with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=_one_thread) as pool:
-        yield pool.map
+    with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=_begin) as pool:
+        try:
+            yield partial(_spread, pool)
+        except KeyboardInterrupt:
+            # no task is cancelled before: the pool's own thread would trip over it, and print that
+            for process in multiprocessing.active_children():
+                process.terminate()
+            raise
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
-def _one_thread() -> None:
-    """Processes share the cores already."""
+def _begin() -> None:
+    """Processes share the cores already, and Ctrl-C is for the command, which ends them."""
+    # not SIG_IGN, which what they start would inherit
+    signal.signal(signal.SIGINT, _unmoved)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"
+
+
+def _unmoved(number: int, frame: FrameType | None) -> None:
+    pass
+
+
+def _spread(pool: Executor, action: Callable[[T], R], tasks: Iterable[T]) -> Iterable[R]:
+    with _held_back():
+        futures = [pool.submit(action, task) for task in tasks]
+    return (future.result() for future in futures)
+
+
+@contextmanager
+def _held_back() -> Generator[None]:
+    """Ctrl-C waits, also in processes begun meanwhile: until each is ready for it."""
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -1,0 +1,65 @@
+"""Work spread over processes: in order, a failure ends it, and so does an interruption, at once and without noise."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+
+import pytest
+
+from fidim_lab.app.spread_out import workers
+from fidim_lab.errors import SetupError
+
+
+def _doubled(number: int) -> int:
+    if number < 0:
+        raise SetupError("a number below zero")
+    threading.Event().wait(0.02 * (3 - number))
+    return 2 * number
+
+
+def test_results_come_in_order():
+    with workers(2) as spread:
+        assert list(spread(_doubled, [0, 1, 2, 3])) == [0, 2, 4, 6]
+
+
+def test_a_task_that_fails_ends_it():
+    with pytest.raises(SetupError, match="below zero"), workers(2) as spread:
+        list(spread(_doubled, [0, -1, 2]))
+
+
+LONG = """
+import sys, time
+from fidim_lab.app.spread_out import workers
+if __name__ == "__main__":
+    with workers(2) as spread:
+        for _ in spread(time.sleep, [0.0, 600.0, 600.0, 600.0, 600.0]):
+            print("begun", flush=True)
+"""
+
+
+@pytest.mark.parametrize("to_all", [True, False], ids=["ctrl-c", "kill"])
+def test_an_interruption_ends_all_processes_and_prints_nothing_of_theirs(tmp_path, to_all):
+    script = tmp_path / "long.py"
+    script.write_text(LONG)
+    command = [sys.executable, str(script)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "begun\n"
+        if to_all:
+            os.killpg(process.pid, signal.SIGINT)
+        else:
+            process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=20.0)
+    assert errors.rstrip().endswith("KeyboardInterrupt")
+    assert errors.count("Traceback") == 1, errors  # the script's own; nothing of its workers or the pool's thread
+    gone = threading.Event()
+    with suppress(ProcessLookupError):
+        for _ in range(50):
+            os.killpg(process.pid, 0)
+            gone.wait(0.1)
+        pytest.fail("some of its processes live on")
