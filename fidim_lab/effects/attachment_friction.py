@@ -10,7 +10,10 @@ from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.forces import DRY_RATE, at_arm, over_cables, turning
 from fidim_lab.effects.plausibility import Context, Limit, over_rate
 from fidim_lab.model.geometry import CableExpressions
-from fidim_lab.model.slots import PlatformState
+from fidim_lab.model.slots import ExtraState, PlatformState
+
+REST_RATE = 0.01
+"""rad/s: a platform that turns more slowly lets what has given way creep no farther"""
 
 
 @dataclass(frozen=True)
@@ -33,11 +36,9 @@ class AttachmentFriction(NamedEffect):
         """Torque and the cable's reaction."""
 
         def each(cable: CableExpressions) -> ca.SX:
-            t, rho = cable.direction, cable.free_length
-            slip = state.spin - ca.cross(t, state.velocity(cable.arm)) / rho
+            slip = _slip(state, cable)
             speed = ca.sqrt(ca.dot(slip, slip) + DRY_RATE**2)
-            torque = -(theta[0] + theta[1] / speed) * slip
-            return turning(torque) + at_arm(cable.arm, ca.cross(t, torque) / rho)
+            return _on_both(cable, -(theta[0] + theta[1] / speed) * slip)
 
         return over_cables(self, state, each)
 
@@ -45,3 +46,76 @@ class AttachmentFriction(NamedEffect):
         """μ T r of an eyelet or knot, and the same at the usual rate."""
         torque = context.joint_torque(self.cable)
         return {"viscous": over_rate(torque, context.slip_rate), "dry": torque}
+
+
+@dataclass(frozen=True)
+class AttachmentFrictionGivingWay(NamedEffect):
+    """Friction at the attachments that gives way like a spring before it slips (Dahl, 1968), more of it about z.
+
+    Torque −(viscous s + dry R b) at each attachment, s as in `AttachmentFriction`, and −dry_z c R e_z on the platform:
+    whatever turns about the body's own z axis alone, twisted ends or a lead. b and c, the shares of the dry friction
+    that have built up, are extra states: ḃ = (Rᵀω − ‖ω‖ b)/give, ċ = (ω_z − |ω_z| c)/give in the body frame; cables
+    turn far less than the platform. At a reversal the friction takes about `give` to turn round, so it holds small
+    swings like a spring of stiffness dry/give and damps large ones like dry friction.
+    """
+
+    id: ClassVar[str] = "attachment-friction"
+    variant: ClassVar[str] = "giving way, more about z"
+    says: ClassVar[str] = (
+        "torque at each attachment, −(viscous s + dry b), and −dry_z c about the body's z axis; b and c build up over "
+        "a turn of `give`"
+    )
+    source: ClassVar[str] = "Dahl, A solid friction model, 1968; REAL.md §4"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        *AttachmentFriction.parameters,
+        Parameter("dry_z", "N m", "friction takes energy", scale=0.01, low=0.0, high=10.0, start=0.05),
+        Parameter(
+            "give",
+            "rad",
+            "what gives way does so over some turn",
+            scale=0.01,
+            low=0.003,
+            high=1.0,
+            start=0.03,
+            scan=(0.03,),
+        ),
+    )
+    extra_states: ClassVar[tuple[ExtraState, ...]] = tuple(
+        ExtraState(name, "1", spread=1.0) for name in ("bx", "by", "bz", "c")
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """What has built up, and viscous friction with the cables' reactions."""
+        dry = state.rotation @ state.extra[:3]
+
+        def each(cable: CableExpressions) -> ca.SX:
+            return _on_both(cable, -theta[0] * _slip(state, cable) - theta[1] * dry)
+
+        return over_cables(self, state, each) + turning(-theta[2] * state.extra[3] * state.rotation[:, 2])
+
+    def extra_start(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """Nothing has built up."""
+        del state, theta
+        return ca.SX.zeros(4)
+
+    def extra_rates(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """[ḃ; ċ]."""
+        spin = state.rotation.T @ state.spin
+        whole, about_z = ca.sqrt(ca.dot(spin, spin) + REST_RATE**2), ca.sqrt(spin[2] ** 2 + REST_RATE**2)
+        return ca.vertcat(spin - whole * state.extra[:3], spin[2] - about_z * state.extra[3]) / theta[3]
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """μ T r of an eyelet or knot, of all of them about z, and the same at the usual rate."""
+        torque = context.joint_torque(None)
+        of_all = Limit(len(context.tension) * torque.size, torque.why)
+        return {"viscous": over_rate(torque, context.slip_rate), "dry": torque, "dry_z": of_all}
+
+
+def _slip(state: PlatformState, cable: CableExpressions) -> ca.SX:
+    """s: the platform's rotation against a cable, rad/s."""
+    return state.spin - ca.cross(cable.direction, state.velocity(cable.arm)) / cable.free_length
+
+
+def _on_both(cable: CableExpressions, torque: ca.SX) -> ca.SX:
+    """A torque (N m) on the platform, and what its reaction on the cable gives across it."""
+    return turning(torque) + at_arm(cable.arm, ca.cross(cable.direction, torque) / cable.free_length)

@@ -19,6 +19,7 @@ from fidim_lab.model.mechanism import Mechanism
 
 DELAYS = 0.005 * np.arange(-12, 13)
 """s; the cells are read so much later than the markers"""
+LEAST_EXPLAINED = 0.01
 CLEAR = 3.0
 """standard deviations from zero below which nothing was measured"""
 
@@ -35,6 +36,14 @@ class Stretch:
     """s, by which the cells lag"""
     explained: float
     """share of the lengths' variance within windows that stretch explains"""
+
+    @property
+    def doubt(self) -> float:
+        """m/N: how far it is trusted, jackknife and what stretch does not explain of the lengths.
+
+        Lengths by tensions give κ, tensions by lengths κ/R²: were the cells as wrong as the lengths, κ/R would be true.
+        """
+        return float(np.hypot(self.sd, self.softness * (1 / np.sqrt(max(self.explained, LEAST_EXPLAINED)) - 1)))
 
     @property
     def clear(self) -> bool:

@@ -1,8 +1,9 @@
 """What robots with a soft direction lack: elastic cables with and without what dissipates (REAL.md §5).
 
 Where rigid cables are the wrong model, the search among effects beside them says nothing. Here the elastic fit
-(`identification.mle.soft`) is the ground: it is fitted without any dissipation, with each of its two terms alone, and
-with friction elsewhere in the place of that at the attachments. Windows that no fit has seen decide.
+(`identification.mle.soft`) is the ground: it is fitted without any dissipation, with each of its two terms alone, with
+friction elsewhere in the place of that at the attachments, and with friction that slips at once where that of the
+ground gives way first. Windows that no fit has seen decide.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +31,7 @@ from fidim_lab.model.slots import Effect
 
 Say = Callable[[str], None]
 
-DISSIPATION = (AttachmentFriction(), RotationalDragPerAxis())
+DRAG = RotationalDragPerAxis()
 ELSEWHERE = (SwivelFriction(), PulleyFriction())
 """friction that would stand in the place of that at the attachments"""
 
@@ -59,15 +60,9 @@ class Elastic:
 
     def theta_of(self, effect: NamedEffect) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"], np.ndarray]:
         """Values, standard deviations, and upper bounds of an effect in this model."""
-        first = BODY
-        for other in self.found.likelihood.mechanism.effects:
-            place = slice(first, first + len(other.parameters))
-            if other == effect:
-                high = self.found.prior.high
-                most = np.full(place.stop - place.start, np.inf) if high is None else high[place]
-                return self.found.values[place], self.found.sd[place], most
-            first = place.stop
-        raise RefusedError(f"{effect.id} is not in this model.", hint="Ask for one of its effects.")
+        place, high = self.found.place_of(effect), self.found.prior.high
+        most = np.full(place.stop - place.start, np.inf) if high is None else high[place]
+        return self.found.values[place], self.found.sd[place], most
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +78,14 @@ class Compared:
     """with one of them"""
     elsewhere: tuple[Elastic, ...]
     """with other friction in the place of that at the attachments; those that could be fitted"""
+    at_once: Elastic | None = None
+    """with friction that slips at once, where that of `whole` gives way before"""
+
+    @property
+    def dissipation(self) -> tuple[NamedEffect, NamedEffect]:
+        """Both terms: friction at the attachments, drag."""
+        friction, drag = self.whole.effects
+        return friction, drag
 
 
 def compare(campaign: Campaign, say: Say) -> Compared:
@@ -90,8 +93,9 @@ def compare(campaign: Campaign, say: Say) -> Compared:
     say("fitting elastic cables with what dissipates rotation")
     soft = fit_soft(campaign)
     windows = campaign.of_role(Role.VALIDATE)
-    attachment, drag = DISSIPATION
-    whole = _judged(soft, soft.found, DISSIPATION, windows)
+    friction = soft.friction
+    whole = _judged(soft, soft.found, (friction, DRAG), windows)
+    at_once = None if soft.at_once is None else _judged(soft, soft.at_once, (AttachmentFriction(), DRAG), windows)
 
     def variant(*effects: NamedEffect) -> Elastic:
         say(f"fitting elastic cables with {' and '.join(e.label for e in effects) or 'nothing that dissipates'}")
@@ -101,15 +105,15 @@ def compare(campaign: Campaign, say: Say) -> Compared:
     single: list[Elastic] = []
     elsewhere: list[Elastic] = []
     for into, effects in (
-        (single, (attachment,)),
-        (single, (drag,)),
-        *((elsewhere, (other, drag)) for other in ELSEWHERE if can_refit(other, soft.found.likelihood.mechanism)),
+        (single, (friction,)),
+        (single, (DRAG,)),
+        *((elsewhere, (other, DRAG)) for other in ELSEWHERE if can_refit(other, soft.found.likelihood.mechanism)),
     ):
         try:
             into.append(variant(*effects))
         except RefusedError as refusal:
             say(str(refusal))
-    return Compared(soft, whole, without, tuple(single), tuple(elsewhere))
+    return Compared(soft, whole, without, tuple(single), tuple(elsewhere), at_once)
 
 
 def _fitted(soft: SoftFit, effects: Sequence[NamedEffect]) -> Fit:
@@ -121,7 +125,7 @@ def _fitted(soft: SoftFit, effects: Sequence[NamedEffect]) -> Fit:
     for effect in mechanism.effects:
         place = slice(first, first + len(effect.parameters))
         first = place.stop
-        if effect in DISSIPATION and effect not in effects:
+        if effect in (soft.friction, DRAG) and effect not in effects:
             continue
         low, high = (np.full(len(found.values), side) for side in (-np.inf, np.inf))
         low, high = low if prior.low is None else prior.low, high if prior.high is None else prior.high

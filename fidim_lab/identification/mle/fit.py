@@ -28,6 +28,7 @@ from fidim_lab.identification.refusals import together
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.starts import tied
+from fidim_lab.model.slots import Effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,15 @@ class Fit:
     def values(self) -> Float[np.ndarray, " shared"]:
         """The shared parameters."""
         return self.journey.optimum.point.shared
+
+    def place_of(self, effect: Effect) -> slice:
+        """Where an effect's θ is among the shared parameters. Raises KeyError where the fit has no such effect."""
+        first = BODY
+        for other in self.likelihood.mechanism.effects:
+            if other == effect:
+                return slice(first, first + len(effect.parameters))
+            first += len(other.parameters)
+        raise KeyError(f"{effect} is not in this fit")
 
     @property
     def body(self) -> Body:
@@ -166,7 +176,7 @@ def fit(
         remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(likelihood.recordings))),
         prior=prior.loosened(1.0 if float(journey.ends.max()) < EARLY else FAR_PRIOR),
         plausible=plausible,
-        names=(*PARAMETER_NAMES, *(_name(p) for effect in mechanism.effects for p in effect.parameters)),
+        names=names_of(mechanism),
     )
 
 
@@ -220,9 +230,9 @@ def likelihood_of(
     )
 
 
-def _name(parameter: object) -> str:
-    """Of an effect's parameter, which is a name or a record with one."""
-    return str(getattr(parameter, "name", parameter))
+def names_of(mechanism: Mechanism) -> tuple[str, ...]:
+    """Of the shared parameters; an effect's parameter is a name or a record with one."""
+    return (*PARAMETER_NAMES, *(str(getattr(p, "name", p)) for effect in mechanism.effects for p in effect.parameters))
 
 
 def _guessed(

@@ -4,7 +4,8 @@ Stretch decides how such a platform moves, so every cable is a spring; and its s
 that any such robot has are fitted along with the body, within what is physically possible: one compliance for all
 cables, friction at the attachments, drag about each body axis, the encoders' zeros, and the frames of cameras and
 markers (`frames`). They are there so that the body does not carry them; which of them is real, `fidim explain` asks.
-How soft cables are, statics says where it can (`stretch`): the motion hardly does.
+How soft cables are, statics says where it can (`stretch`): the motion hardly does. Where the recordings ask for it,
+friction gives way before it slips (`AttachmentFrictionGivingWay`).
 
 What such a model misses even at its best is no white noise: it is common to all markers of the body and stays the same
 for a good part of an oscillation. Fits count that share of the motion as noise, as large as makes its information true
@@ -20,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
-from fidim_lab.effects.attachment_friction import AttachmentFriction
+from fidim_lab.effects.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
 from fidim_lab.effects.cable_elasticity import CableStiffness
 from fidim_lab.effects.cable_length_bias import CableLengthBias
 from fidim_lab.effects.effect import NamedEffect
@@ -28,6 +29,7 @@ from fidim_lab.effects.plausibility import Context
 from fidim_lab.effects.rotational_drag import RotationalDragPerAxis
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle import held_out
+from fidim_lab.identification.mle.exchanged import Newcomer, exchanged
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.frames import REGISTERED, free_frames
 from fidim_lab.identification.mle.judge import Remainder, remainder
@@ -45,6 +47,10 @@ POSSIBLE = 0.5
 """of the largest possible friction or drag: standard deviation about none"""
 BEGINNINGS = (0.1, 0.3, 0.03)
 """of that: sizes of everything that dissipates at which a fit begins"""
+GIVE = 0.03
+"""rad, over which friction gives way: where it begins, and standard deviation about that"""
+ASKED_FOR = 10.0
+"""nats by which friction that gives way must fit better than friction that slips at once, for two more parameters"""
 SHARE = 0.05
 """of the markers' motion (rms) that such a model misses even at its best"""
 LASTING = 0.15
@@ -65,7 +71,8 @@ class SoftFit:
     """its residuals whitened by the stated noise, its tables by the working one"""
     working: Sensors
     """with the noise that fits were made with"""
-    effects: tuple[NamedEffect, ...]
+    at_once: Fit | None
+    """the same with friction that slips at once, where `found` has friction that gives way"""
     stretch: Stretch | None
     """what statics says of the cables; None where there are no load cells"""
     costs: tuple[float, ...]
@@ -81,19 +88,37 @@ class SoftFit:
         return replace(seen, remainder=_restated(seen.remainder, self.working.marker_noise / likelihood.noise))
 
     @property
+    def friction(self) -> NamedEffect:
+        """What rubs at the attachments in `found`."""
+        return AttachmentFriction() if self.at_once is None else AttachmentFrictionGivingWay()
+
+    @property
+    def gained(self) -> float:
+        """Nats by which friction that gives way fits better than friction that slips at once; 0 where that is used."""
+        if self.at_once is None:
+            return 0.0
+        return 0.5 * (self.at_once.journey.optimum.cost - self.found.journey.optimum.cost)
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """What was fitted beside the body, how its start was found, and what was left out."""
-        softness, viscous, dry, *drag = self.found.values[BODY : BODY + 6]
+        softness = self.found.values[BODY]
+        viscous, dry, *giving = self.found.values[self.found.place_of(self.friction)]
+        drag = self.found.values[self.found.place_of(RotationalDragPerAxis())]
         source = f"by the motion, from {1e6 * SOFTNESS[0]:.0f} ± {1e6 * SOFTNESS[1]:.0f} without load cells that tell"
         if self.stretch is not None and self.stretch.clear:
             lag = f"which {'lag' if self.stretch.delay >= 0 else 'lead'} by {1e3 * abs(self.stretch.delay):.0f} ms"
             source = f"{1e6 * self.stretch.softness:.0f} by statics of lengths and load cells, {lag}"
-        frames = ", frames of cameras and markers" if len(self.effects) > 3 + self.found.likelihood.mechanism.n else ""
+        mechanism = self.found.likelihood.mechanism
+        frames = ", frames of cameras and markers" if len(mechanism.effects) > 3 + mechanism.n else ""
+        more = (
+            f", {giving[0]:.2g} N m more about the body's z axis, giving way over {giving[1]:.2g} rad" if giving else ""
+        )
         best = min(self.costs)
         alike = sum(cost < SAME * best for cost in self.costs)
         return (
             f"Cables were fitted as springs ({1e6 * softness:.0f} µm/N, {source}) with friction at the attachments "
-            f"({dry:.2g} N m dry, {viscous:.2g} N m s viscous for each cable), drag about the body's axes "
+            f"({dry:.2g} N m dry, {viscous:.2g} N m s viscous for each cable{more}), drag about the body's axes "
             f"({', '.join(f'{value:.2g}' for value in drag)} N m s), free encoder zeros{frames}; these terms take up "
             f"what dissipates, they do not prove where. {alike} of {len(self.costs)} beginnings led to this optimum.",
             *self.cut,
@@ -126,7 +151,7 @@ class _Task:
         low[0] = LOWEST
         softness, known = SOFTNESS
         if stretch is not None and stretch.clear:
-            softness, known = stretch.softness, stretch.sd
+            softness, known = stretch.softness, stretch.doubt
         of_frames = sum(len(frame.parameters) for frame in frames)
         sd = np.concatenate([[known], POSSIBLE * high[1:6], np.full(robot.n, ZERO), np.full(of_frames, REGISTERED)])
         return _Task(robot, effects, softness, sd, low, high, native)
@@ -159,8 +184,23 @@ def fit_soft(campaign: Campaign, *, native: bool = False) -> SoftFit:
     found = fits[int(np.argmin(costs))]
     if found is None:
         raise RefusedError("No beginning led to a motion on elastic cables that can be simulated.")
-    found = replace(found, unused=first.unused | found.unused)
-    return SoftFit(_by_stated_noise(found, robot.sensors), working, task.effects, stretch, costs, tuple(cut))
+    found, at_once = replace(found, unused=first.unused | found.unused), None
+    if working.marker_noise > robot.sensors.marker_noise and (better := _giving_way(found)) is not None:
+        found, at_once = better, _by_stated_noise(found, robot.sensors)
+    return SoftFit(_by_stated_noise(found, robot.sensors), working, at_once, stretch, costs, tuple(cut))
+
+
+def _giving_way(found: Fit) -> Fit | None:
+    """The fit with friction that gives way before it slips; None where the recordings do not ask for that."""
+    at_once, effect = AttachmentFriction(), AttachmentFrictionGivingWay()
+    low, high = effect.bounds(Context.of(found.likelihood.mechanism.robot))
+    viscous, dry = found.values[found.place_of(at_once)]
+    possible = POSSIBLE * high[:3]
+    newcomer = Newcomer(effect, [viscous, dry, dry, GIVE], [*possible, GIVE], low.tolist(), high.tolist())
+    better = exchanged(found, at_once, newcomer)
+    if better is None or better.journey.optimum.cost > found.journey.optimum.cost - 2 * ASKED_FOR:
+        return None
+    return better
 
 
 def working_noise(robot: Robot, windows: Sequence[Window]) -> float:

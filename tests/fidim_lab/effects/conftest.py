@@ -1,7 +1,7 @@
 """The paper's robot in a state with nothing special about it, and numbers out of the effects' expressions.
 
-A test that asks for `effect` runs for every class of the catalogue: once for all cables (or the platform), and once for
-the last cable.
+A test that asks for `effect` runs for every class of the catalogue and `BESIDE`: once for all cables (or the platform),
+and once for the last cable.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import read_robot
+from fidim_lab.effects.attachment_friction import AttachmentFrictionGivingWay
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
@@ -23,6 +24,9 @@ from fidim_lab.model.equations import MotionEquations, Symbols, motion_equations
 from fidim_lab.model.mechanism import Mechanism
 
 ROBOT = Path(__file__).parents[3] / "fidim_lab" / "data" / "robots" / "irma4.toml"
+
+BESIDE = (AttachmentFrictionGivingWay(),)
+"""effects that only fits with elastic cables know"""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -32,7 +36,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 def _of_each_kind() -> Iterator[NamedEffect]:
     chosen: dict[tuple[type, bool], NamedEffect] = {}
-    for effect in catalogue(read_robot(ROBOT)):
+    for effect in (*catalogue(read_robot(ROBOT)), *BESIDE):
         chosen[type(effect), effect.cable is None] = effect
     yield from (effect for effect in chosen.values() if effect.parameters)
 

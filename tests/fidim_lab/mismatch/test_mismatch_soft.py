@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
+from fidim_lab.effects.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.pulley_friction import PulleyFriction
 from fidim_lab.effects.swivel_friction import SwivelFriction
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.soft import SoftFit
 from fidim_lab.mismatch.explanation import Before, Explanation, Verdict
-from fidim_lab.mismatch.soft_cables import DISSIPATION, Compared, Elastic
+from fidim_lab.mismatch.soft_cables import DRAG, Compared, Elastic
 from fidim_lab.mismatch.soft_telling import soft_answer
 
-ATTACHMENT, DRAG = DISSIPATION
+ATTACHMENT, GIVING = AttachmentFriction(), AttachmentFrictionGivingWay()
 ON_RIGID = Explanation(
     "c", Verdict.UNKNOWN_PHYSICS, (), (), Before(9, 9), Before(9, 9), (), {}, {}, None, "As said.", 1.0
 )
@@ -41,6 +42,7 @@ def elastic(figures: Figures, *effects: NamedEffect) -> Elastic:
         prior=SimpleNamespace(high=np.ones(len(values))),
         likelihood=SimpleNamespace(mechanism=SimpleNamespace(effects=effects)),
         journey=SimpleNamespace(optimum=SimpleNamespace(cost=figures.cost)),
+        place_of=lambda effect: Fit.place_of(cast(Fit, found), effect),
     )
     return Elastic(effects, cast(Fit, found), {"v1": 1e-3 * figures.rms}, (figures.rms / 0.1) ** 2)
 
@@ -56,13 +58,16 @@ USUAL = {
 
 
 def answer(irma4: Robot, **changed: Figures) -> Explanation | None:
+    """at_once: given where the friction of the whole gives way before it slips."""
     of = USUAL | changed
+    friction = GIVING if "at_once" in of else ATTACHMENT
     compared = Compared(
-        soft=cast(SoftFit, SimpleNamespace(sentences=("Springs were fitted.",))),
-        whole=elastic(of["whole"], ATTACHMENT, DRAG),
+        soft=cast(SoftFit, SimpleNamespace(sentences=("Springs were fitted.",), gained=100.0)),
+        whole=elastic(of["whole"], friction, DRAG),
         without=elastic(of["without"]),
-        single=(elastic(of["attachment"], ATTACHMENT), elastic(of["drag"], DRAG)),
+        single=(elastic(of["attachment"], friction), elastic(of["drag"], DRAG)),
         elsewhere=(elastic(of["swivel"], SwivelFriction(), DRAG), elastic(of["pulley"], PulleyFriction(), DRAG)),
+        at_once=elastic(of["at_once"], ATTACHMENT, DRAG) if "at_once" in of else None,
     )
     return soft_answer(ON_RIGID, compared, irma4, "0.01 and 0.4")
 
@@ -79,6 +84,16 @@ def test_both_terms_are_named_with_what_cannot_be_told_from_them(irma4: Robot) -
     assert "pulley-friction in the place of the attachments asks for more torque" in told.message
     assert "20 times the markers' noise" in told.message
     assert [ranked.plausible for ranked in told.ranking].count(False) == 1
+
+
+def test_friction_that_gives_way_is_said_with_what_it_gains(irma4: Robot) -> None:
+    told = answer(irma4, at_once=Figures(2.6, 700.0))
+    assert told is not None
+    assert told.effects[0].id == "attachment-friction"
+    assert set(told.effects[0].parameters) == {"viscous", "dry", "dry_z", "give"}
+    assert "gives way over 17.2° (0.3 ± 0.01 rad) before it slips" in told.message
+    assert "100 nats better than friction that slips at once, which misses held-out ones by 2.6 mm" in told.message
+    assert ("attachment-friction", "rotational-drag (per body axis)") in [ranked.effects for ranked in told.ranking]
 
 
 def test_a_term_that_fitted_windows_do_not_ask_for_is_not_named(irma4: Robot) -> None:

@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.data.records import Body, Campaign, Role, Window
+from fidim_lab.effects.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
 from fidim_lab.effects.cable_elasticity import CableStiffness
 from fidim_lab.effects.frame_misalignment import FrameMisalignment
 from fidim_lab.effects.rotational_drag import RotationalDragPerAxis
+from fidim_lab.identification.mle.exchanged import Newcomer, exchanged
+from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.frames import MarkerSet, free_frames
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.optimise import Ending
@@ -35,9 +38,13 @@ def meeting(four):
 
 @pytest.fixture(scope="module")
 def swinging(meeting, truth) -> list[Window]:
-    """Elastic motions with drag, load cells that lag by 20 ms, lengths and markers with their noise."""
-    robot, body = meeting, truth(meeting)
-    mechanism = Mechanism(robot, (CableStiffness(), RotationalDragPerAxis()), [SOFT, *DRAG])
+    """Elastic motions with drag."""
+    return recorded(Mechanism(meeting, (CableStiffness(), RotationalDragPerAxis()), [SOFT, *DRAG]), truth(meeting))
+
+
+def recorded(mechanism: Mechanism, body: Body) -> list[Window]:
+    """Elastic motions, load cells that lag by 20 ms, lengths and markers with their noise."""
+    robot = mechanism.robot
     random = np.random.default_rng(5)
     t = np.arange(151) / 100
     windows = []
@@ -67,6 +74,7 @@ def test_statics_tells_stretch_and_the_cells_delay(meeting, swinging):
     assert seen.softness == pytest.approx(SOFT, rel=0.03)
     assert seen.delay == pytest.approx(0.02, abs=0.005)
     assert seen.explained > 0.2
+    assert seen.sd < seen.doubt < seen.softness
 
 
 def test_without_cells_or_markers_statics_says_nothing(meeting, swinging):
@@ -155,3 +163,24 @@ def test_a_small_soft_robot_is_found(meeting, swinging, truth):
     np.testing.assert_allclose(soft.found.body.inertia[:3], body.inertia[:3], rtol=0.05)
     held = soft.predict(swinging[3])
     assert held.remainder.rms < 3e-4
+
+
+@pytest.mark.slow
+def test_friction_that_gives_way_is_found_from_the_optimum_of_friction_that_slips_at_once(meeting, truth):
+    dry, about_z, give = 0.01, 0.05, 0.04
+    giving, slipping = AttachmentFrictionGivingWay(), AttachmentFriction()
+    hidden = Mechanism(meeting, (CableStiffness(), giving), [SOFT, 0.0, dry, about_z, give])
+    windows = recorded(hidden, truth(meeting))[:3]
+    plain = fit(Mechanism(meeting, (CableStiffness(), slipping), [SOFT, 0.001, 0.005]), windows)
+    newcomer = Newcomer(giving, [0.001, 0.01, 0.01, 0.03], [0.1, 0.1, 0.1, 0.03], [0, 0, 0, 0.003], [1, 1, 1, 1])
+    found = exchanged(plain, slipping, newcomer)
+    assert found is not None
+    count = sum(remainder.dof for remainder in found.remainders)
+    assert found.journey.optimum.cost == pytest.approx(count, rel=0.1)
+    assert plain.journey.optimum.cost > 1.2 * count
+    assert found.names[-4:] == ("viscous", "dry", "dry_z", "give")
+    values, sd = found.values[found.place_of(giving)], found.sd[found.place_of(giving)]
+    assert (np.abs(values - [0.0, dry, about_z, give]) < 4 * sd + 1e-3).all()
+    assert values[2:] == pytest.approx([about_z, give], rel=0.3)
+    with pytest.raises(KeyError):
+        found.place_of(slipping)
