@@ -122,8 +122,8 @@ its distance to CAD, and none is adopted: less than 15 % of the error is a tie.
 {table(head, [one.cells(lever) for one in found])}
 
 {len(alike)} of {len(found)} variants tie with the model as it is; they put s_z − a_z between {min(off):+.1f} and
-{max(off):+.1f} % of CAD (s_z from P, as it is: {cad}), while the jackknife of the table above is ± 9 % and CAD's own
-files differ by 13 %. Agreement with CAD below that is not a property of this recording."""
+{max(off):+.1f} % of CAD (s_z from P, as it is: {cad}), beside the jackknife of the table above; CAD's own files differ
+by 13 %. Agreement with CAD below that is not a property of this recording."""
     print(text)
     write_section("identification", TITLE, "python -m benchmarks.identification.real_variants RECORDING", text)
 
