@@ -41,8 +41,8 @@ def rank(judged: Candidate) -> float:
     return held.chi2_per_dof if held.dof else judged.model.fit.chi2_per_dof
 
 
-def improves(fresh: Candidate, best: Candidate) -> bool:
-    """Held-out windows get better; and where structure stays, a good part of it is taken away.
+def improves(fresh: Candidate, best: Candidate, *, feeble: bool = False) -> bool:
+    """Held-out windows get better; and where structure stays, a good part of it is taken away, unless `feeble`.
 
     Where the candidate is what makes all white, that is enough: a window that one of both cannot follow counts for one.
     """
@@ -51,12 +51,15 @@ def improves(fresh: Candidate, best: Candidate) -> bool:
     if no_better and (best.is_white or not fresh.is_white):
         return False
     rest = max(best.whiteness.excess, 1e-9)
-    return fresh.is_white or rest - fresh.whiteness.excess > FEEBLE * rest
+    return feeble or fresh.is_white or rest - fresh.whiteness.excess > FEEBLE * rest
 
 
-def accepted(best: Candidate, fresh: Sequence[Candidate]) -> Candidate:
-    """The most convincing of those that also predict held-out windows better; `best` where there is none."""
-    usable = {id(c.model): c for c in fresh if improves(c, best)}
+def accepted(best: Candidate, fresh: Sequence[Candidate], *, feeble: bool = False) -> Candidate:
+    """The most convincing of those that also predict held-out windows better; `best` where there is none.
+
+    feeble: also where most of what whole windows lack stays: it may be of something else, which drowns the rest there.
+    """
+    usable = {id(c.model): c for c in fresh if improves(c, best, feeble=feeble)}
     models = [c.model for c in usable.values()]
     if not best.model.whole:
         chosen = best_of(models) if models else best.model

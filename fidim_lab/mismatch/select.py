@@ -138,7 +138,7 @@ class _Search:
             if found is not None:
                 fresh.append(self.trials.judged_or_wider(widened(self.start, found, found.tried), found.tried))
         self.trials.tried += fresh
-        return accepted(baseline, fresh)
+        return accepted(baseline, fresh, feeble=True)
 
     def _over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
         """Additions until none is asked for, or a push is all that is left; the view from the last model."""
