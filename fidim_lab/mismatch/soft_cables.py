@@ -26,7 +26,6 @@ from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.soft import BEGINNINGS, POSSIBLE, SoftFit, fit_soft
 from fidim_lab.mismatch.refit import can_refit
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.slots import Effect
 
 Say = Callable[[str], None]
@@ -60,9 +59,9 @@ class Elastic:
 
     def theta_of(self, effect: NamedEffect) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"], np.ndarray]:
         """Values, standard deviations, and upper bounds of an effect in this model."""
-        place, high = self.found.place_of(effect), self.found.prior.high
-        most = np.full(place.stop - place.start, np.inf) if high is None else high[place]
-        return self.found.values[place], self.found.sd[place], most
+        place = self.found.place_of(effect)
+        _, high = self.found.prior.bounds
+        return self.found.values[place], self.found.sd[place], high[place]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +85,10 @@ class Compared:
         """Both terms: friction at the attachments, drag."""
         friction, drag = self.whole.effects
         return friction, drag
+
+    def behind(self, other: Elastic) -> float:
+        """Nats by which another model fits the fitted windows worse than the whole."""
+        return 0.5 * (other.cost - self.whole.cost)
 
 
 def compare(campaign: Campaign, say: Say) -> Compared:
@@ -121,19 +124,16 @@ def _fitted(soft: SoftFit, effects: Sequence[NamedEffect]) -> Fit:
     found = soft.found
     mechanism, prior = found.likelihood.mechanism, found.prior
     parts: list[tuple[Effect, np.ndarray]] = []
-    first = BODY
+    low, high = prior.bounds
     for effect in mechanism.effects:
-        place = slice(first, first + len(effect.parameters))
-        first = place.stop
         if effect in (soft.friction, DRAG) and effect not in effects:
             continue
-        low, high = (np.full(len(found.values), side) for side in (-np.inf, np.inf))
-        low, high = low if prior.low is None else prior.low, high if prior.high is None else prior.high
+        place = found.place_of(effect)
         parts.append((effect, np.array([prior.mean[place], found.plausible[place], low[place], high[place]])))
     for effect in effects:
         if effect not in mechanism.effects:
-            low, high = effect.bounds(Context.of(mechanism.robot))
-            parts.append((effect, np.array([BEGINNINGS[0] * POSSIBLE * high, POSSIBLE * high, low, high])))
+            least, most = effect.bounds(Context.of(mechanism.robot))
+            parts.append((effect, np.array([BEGINNINGS[0] * POSSIBLE * most, POSSIBLE * most, least, most])))
     theta, sd, low, high = np.concatenate([part for _, part in parts], axis=1)
     made = Mechanism(mechanism.robot, tuple(effect for effect, _ in parts), theta.tolist(), native=mechanism.native)
     windows = [recording.window for recording in found.likelihood.recordings]

@@ -65,7 +65,7 @@ def _is_asked_for(compared: Compared, effect: NamedEffect) -> bool:
     if not lacking:
         return False
     rest = lacking[0]
-    evident = 0.5 * (rest.cost - compared.whole.cost) > ENOUGH
+    evident = compared.behind(rest) > ENOUGH
     return evident and compared.whole.held_out < NO_WORSE * rest.held_out
 
 
@@ -99,7 +99,7 @@ def _ranking(compared: Compared) -> tuple[Ranked, ...]:
             one.chi2_per_dof if np.isfinite(one.chi2_per_dof) else None,
             not (one.effects and _impossible(one)),
             f"on elastic cables: held-out rms {1e3 * one.held_out:.2f} mm; fitted windows "
-            f"{0.5 * (one.cost - compared.whole.cost):+.0f} nats from the model with both terms",
+            f"{compared.behind(one):+.0f} nats from the model with both terms",
         )
         for one in every
     ]
@@ -155,7 +155,7 @@ def _giving_way(compared: Compared) -> list[str]:
     return [
         f"Friction there gives way over {np.degrees(give):.1f}° ({give:.2g} ± {sd:.1g} rad) before it slips, so it "
         f"holds small swings like a spring, and rubs by {about_z:.2g} N m more about the body's z axis: that fits the "
-        f"windows by {compared.soft.gained:.0f} nats better than friction that slips at once, which misses held-out "
+        f"windows by {compared.behind(before):.0f} nats better than friction that slips at once, which misses held-out "
         f"ones by {1e3 * before.held_out:.1f} mm."
     ]
 
@@ -163,7 +163,7 @@ def _giving_way(compared: Compared) -> list[str]:
 def _alone(compared: Compared, one: Elastic) -> str:
     return (
         f"With {one.effects[0].id} alone they are missed by {1e3 * one.held_out:.1f} mm, and the fitted windows are "
-        f"{0.5 * (one.cost - compared.whole.cost):.0f} nats worse."
+        f"{compared.behind(one):.0f} nats worse."
     )
 
 

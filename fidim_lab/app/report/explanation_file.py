@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from fidim_lab.app.equivalence import EquivalenceTable
 from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import FileError
 from fidim_lab.mismatch.explanation import Explanation, Verdict, finite
@@ -31,14 +32,11 @@ class EffectParameterTable(_Part):
     unit: str = ""
 
 
-class EffectTable(_Part):
+class EffectTable(EquivalenceTable, _Part):
     """One effect that was left out."""
 
     id: str
     cable: int | None = None
-    equivalent_to: tuple[str, ...] = ()
-    """at most three"""
-    further_equivalent: tuple[str, ...] = ()
     parameters: dict[str, EffectParameterTable] = {}
     says: str = ""
 
@@ -46,11 +44,6 @@ class EffectTable(_Part):
     def label(self) -> str:
         """For people."""
         return self.id if self.cable is None else f"{self.id} (cable {self.cable})"
-
-    @property
-    def alike(self) -> tuple[str, ...]:
-        """All that the data cannot tell it from."""
-        return self.equivalent_to + self.further_equivalent
 
 
 class PlaceTable(_Part):

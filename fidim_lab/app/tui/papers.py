@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from fidim_lab.app.equivalence import EquivalenceTable
 from fidim_lab.errors import FileError
 from fidim_lab.identification.result_file import ResultTable, read_result
 
@@ -29,21 +30,13 @@ class EffectParameterTable(_Lenient):
     unit: str = ""
 
 
-class EffectTable(_Lenient):
+class EffectTable(EquivalenceTable, _Lenient):
     """One of `effects`."""
 
     id: str
     cable: int | None = None
-    equivalent_to: tuple[str, ...] = ()
-    """at most three"""
-    further_equivalent: tuple[str, ...] = ()
     parameters: dict[str, EffectParameterTable] = {}
     says: str = ""
-
-    @property
-    def alike(self) -> tuple[str, ...]:
-        """All that the data cannot tell it from."""
-        return self.equivalent_to + self.further_equivalent
 
 
 class PlaceTable(_Lenient):

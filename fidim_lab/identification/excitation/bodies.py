@@ -46,8 +46,8 @@ class Bodies:
         less inertia swing at frequencies far apart. The others fill what is between, more of them near the sides.
         """
         corners = hadamard(8)[:, [1, 2, 3, 4, 5, 6, 7, 7, 7]]
-        parts = np.vstack([corners, _between(INSIDE)])
-        found = [Body.from_vector(body.vector + one * _spread(body, off)) for one in parts]
+        parts = np.vstack([corners, _between(INSIDE)]) * _spread(body, off)
+        found = [Body.from_vector(body.vector + part) for part in parts]
         return cls(body, tuple(one for one in found if _possible(one)))
 
     def tuned(self, place: Place, frequencies: Float[np.ndarray, " modes"], seen: Sequence[int]) -> "Bodies":

@@ -41,11 +41,11 @@ def exchanged(found: Fit, old: Effect, new: Newcomer) -> Fit | None:
     def placed(values: np.ndarray, newcomer: Sequence[float]) -> np.ndarray:
         return np.concatenate([values[: place.start], newcomer, values[place.stop :]])
 
-    shared, count = placed(found.values, new.start), len(found.values)
+    shared = placed(found.values, new.start)
     made = Mechanism(
         mechanism.robot, effects, shared[BODY:].tolist(), native=mechanism.native, springs=mechanism.springs
     )
-    low, high = (np.full(count, side) if bound is None else bound for bound, side in _bounds(prior))
+    low, high = prior.bounds
     known = Prior(
         placed(prior.mean, new.start),
         placed(prior.sd, new.sd),
@@ -69,7 +69,3 @@ def exchanged(found: Fit, old: Effect, new: Newcomer) -> Fit | None:
         plausible=placed(found.plausible, new.sd),
         names=names_of(made),
     )
-
-
-def _bounds(prior: Prior) -> tuple[tuple[np.ndarray | None, float], tuple[np.ndarray | None, float]]:
-    return (prior.low, -np.inf), (prior.high, np.inf)

@@ -46,6 +46,12 @@ class Prior:
         """[J r] of the prior at a point."""
         return np.column_stack([np.diag(1 / self.sd), (shared - self.mean) / self.sd])
 
+    @property
+    def bounds(self) -> tuple[Float[np.ndarray, " shared"], Float[np.ndarray, " shared"]]:
+        """Lowest and highest values, infinite where there is no bound."""
+        none = np.full(len(self.mean), np.inf)
+        return -none if self.low is None else self.low, none if self.high is None else self.high
+
     def room(self, shared: Float[np.ndarray, " shared"]) -> tuple[np.ndarray, np.ndarray] | None:
         """How far each parameter may go down (≤ 0) and up from here; None where nothing is bounded."""
         if self.low is None or self.high is None:

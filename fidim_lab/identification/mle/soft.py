@@ -93,13 +93,6 @@ class SoftFit:
         return AttachmentFriction() if self.at_once is None else AttachmentFrictionGivingWay()
 
     @property
-    def gained(self) -> float:
-        """Nats by which friction that gives way fits better than friction that slips at once; 0 where that is used."""
-        if self.at_once is None:
-            return 0.0
-        return 0.5 * (self.at_once.journey.optimum.cost - self.found.journey.optimum.cost)
-
-    @property
     def sentences(self) -> tuple[str, ...]:
         """What was fitted beside the body, how its start was found, and what was left out."""
         softness = self.found.values[BODY]

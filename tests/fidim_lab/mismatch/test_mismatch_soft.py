@@ -13,6 +13,7 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.pulley_friction import PulleyFriction
 from fidim_lab.effects.swivel_friction import SwivelFriction
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.soft import SoftFit
 from fidim_lab.mismatch.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.soft_cables import DRAG, Compared, Elastic
@@ -39,7 +40,7 @@ def elastic(figures: Figures, *effects: NamedEffect) -> Elastic:
     found = SimpleNamespace(
         values=values,
         sd=np.full(len(values), 0.01),
-        prior=SimpleNamespace(high=np.ones(len(values))),
+        prior=Prior(values, values, high=np.ones(len(values))),
         likelihood=SimpleNamespace(mechanism=SimpleNamespace(effects=effects)),
         journey=SimpleNamespace(optimum=SimpleNamespace(cost=figures.cost)),
         place_of=lambda effect: Fit.place_of(cast(Fit, found), effect),
@@ -62,7 +63,7 @@ def answer(irma4: Robot, **changed: Figures) -> Explanation | None:
     of = USUAL | changed
     friction = GIVING if "at_once" in of else ATTACHMENT
     compared = Compared(
-        soft=cast(SoftFit, SimpleNamespace(sentences=("Springs were fitted.",), gained=100.0)),
+        soft=cast(SoftFit, SimpleNamespace(sentences=("Springs were fitted.",))),
         whole=elastic(of["whole"], friction, DRAG),
         without=elastic(of["without"]),
         single=(elastic(of["attachment"], friction), elastic(of["drag"], DRAG)),
