@@ -15,14 +15,15 @@ import numpy as np
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.candidates import common_scale
-from fidim_lab.mismatch.ground import NEAR, Ground
+from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.refit import Completed, evidence, refit
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.views import View
+from fidim_lab.mismatch.whiteness import whiteness
 
-SCANNED = 6
-"""values of a scanned parameter that are tried"""
+SCANNED = 4
+"""values of a scanned parameter that are tried, as long as none leaves only noise"""
 FINALISTS = 4
 """of those that raced"""
 
@@ -92,7 +93,7 @@ def _nearby(seen: View, short: Completed, score: Score, ground: Ground, context:
         found = refit(near, seen.fit, tried, thetas, context)
         if found is not None and (best is None or found.excess < best.excess):
             best = found
-        if best is not None and best.excess < NEAR:
+        if best is not None and whiteness(best.leftovers).is_white:
             break
     return best
 

@@ -9,6 +9,8 @@ from fidim_lab.mismatch.finding import Finding
 
 PLACES = 6
 """faults that are listed each in a place of its own; the others are counted in the message"""
+REPEATED = 3
+"""faults of sensors from which on a contradiction of the kinematics that has no name is put down to them"""
 HAND = "hand-contact"
 
 
@@ -16,7 +18,8 @@ def with_cleaning(explanation: Explanation, cleaned: Cleaned) -> Explanation:
     """The answer to the campaign as it was recorded.
 
     Contacts are effects of their own. Faults alone make the verdict "sensor-fault" where the cleaned campaign lacks
-    nothing; where physics is missing too it is named, and the faults are said.
+    nothing, or contradicts its kinematics in a way that has no name, as no force does; where physics is missing too it
+    is named, and the faults are said.
     """
     effects, verdict = explanation.effects, explanation.verdict
     if cleaned.contacts:
@@ -25,7 +28,7 @@ def with_cleaning(explanation: Explanation, cleaned: Cleaned) -> Explanation:
             Verdict.NOTHING_MISSING: Verdict.EXPLAINED,
             Verdict.UNKNOWN_PHYSICS: Verdict.PARTLY_EXPLAINED,
         }.get(verdict, verdict)
-    elif cleaned.faults and verdict is Verdict.NOTHING_MISSING:
+    elif _sensors_alone(cleaned, verdict):
         verdict = Verdict.SENSOR_FAULT
     return replace(
         explanation,
@@ -34,6 +37,13 @@ def with_cleaning(explanation: Explanation, cleaned: Cleaned) -> Explanation:
         where=(*_places(cleaned), *explanation.where),
         message=_message(explanation, cleaned, verdict),
     )
+
+
+def _sensors_alone(cleaned: Cleaned, verdict: Verdict) -> bool:
+    """Whether faults of sensors are all that is known to be wrong."""
+    if verdict is Verdict.UNKNOWN_PHYSICS:
+        return len(cleaned.faults) >= REPEATED and cleaned.screening.contradicts_kinematics
+    return bool(cleaned.faults) and verdict is Verdict.NOTHING_MISSING
 
 
 def _hand(contacts: tuple[Contact, ...]) -> NamedCause:
@@ -61,6 +71,9 @@ def _message(explanation: Explanation, cleaned: Cleaned, verdict: Verdict) -> st
     said = list(cleaned.says)
     if verdict is Verdict.SENSOR_FAULT:
         head = "A sensor is at fault, not the physics: without the faulty samples nothing is missing."
+        if explanation.verdict is not Verdict.NOTHING_MISSING:
+            head = "Sensors are at fault: there are samples that no motion gives, and what is left no force explains."
+            said.append(cleaned.kinematics or "")
         return " ".join([head, *said, explanation.message])
     if cleaned.contacts:
         said.insert(0, f"Cut out first: {len(cleaned.contacts)} contacts, as of an operator's hand.")

@@ -20,6 +20,7 @@ from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.clean import Cleaned
 from fidim_lab.mismatch.contacts import FAR_ABOVE, Contact, find_contacts, without
 from fidim_lab.mismatch.finding import Finding, Kind, marker_channel
+from fidim_lab.mismatch.ground import NEAR, short_fit
 from fidim_lab.mismatch.leftover import of_fit
 from fidim_lab.mismatch.odd_windows import slipped_encoder, stumble
 from fidim_lab.mismatch.off_motion import without_breaks
@@ -29,6 +30,8 @@ from fidim_lab.mismatch.whiteness import whiteness
 
 Say = Callable[[str], None]
 
+NOT_PREDICTED = HeldOut(chi2=0.0, dof=0, rms=float("nan"), refused={})
+"""what a model that not even follows the windows it is fitted to says of others: nothing that would show a fault"""
 ROUNDS = 3
 """of looking at segments: what is weak shows only when what is stronger is gone"""
 ODD = 1.5
@@ -45,7 +48,7 @@ def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) ->
     Held-out windows are looked at as well: a hand on one of them alone would pass for physics that does not predict.
     Raises RefusedError where no segment can be used.
     """
-    found, held = baseline.fit, baseline.predicted
+    found, held = baseline.fit, NOT_PREDICTED if baseline.whole is None else baseline.predicted
     if whiteness((*of_fit(found), *held.leftovers)).is_white and not held.refused:
         return cleaned
     left = (*baseline.as_it_is.leftovers, *held.leftovers)
@@ -65,8 +68,14 @@ def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) ->
 
 
 def _looked_again(cleaned: Cleaned, found: Fit) -> Cleaned:
-    """Without what only a fit shows that is not bent by faults any more, most of all in the held-out windows."""
-    again = fit(found.likelihood.mechanism, cleaned.campaign.of_role(Role.IDENTIFY), start=found.body)
+    """Without what only a fit shows that is not bent by faults any more, most of all in the held-out windows.
+
+    Where something else bends it, even over the first seconds, it shows nothing more than the segments did.
+    """
+    mechanism, identify = found.likelihood.mechanism, cleaned.campaign.of_role(Role.IDENTIFY)
+    if short_fit(mechanism, identify).excess >= NEAR:
+        return cleaned
+    again = fit(mechanism, identify, start=found.body)
     model = Completed((), again, whole=True)
     held = predict(model, cleaned.campaign.of_role(Role.VALIDATE))
     return without_breaks(cleaned, (*model.leftovers, *held.leftovers))

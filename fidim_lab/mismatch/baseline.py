@@ -22,7 +22,7 @@ from fidim_lab.model.sensitivity.integrate import step_of
 
 Say = Callable[[str], None]
 
-HOPELESS = 100.0
+HOPELESS = 30.0
 """χ²/dof of the first seconds beyond which whole windows are not tried"""
 
 

@@ -64,7 +64,9 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     audited = audit(cleaned, baseline, say=say)
     first = look(audited, baseline if audited is cleaned else None)
     kept = restored(cleaned, audited, first.found.best.model, say)
-    first = first if kept is audited else look(kept, known=first.found.best.model)
+    if kept is not audited:
+        known, again = first.found.best.model, baseline if _all_put_back(cleaned, kept) else None
+        first = look(kept, again, known=known)
     last = _by_the_right_clock(first, look, say)
     judged = judge(last.found)
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)
@@ -77,6 +79,12 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
         audited = without_needless_contacts(cleaned, audited, whole.unknown.fit)
     whole = _with_soft_mode(whole, audited.campaign, say)
     return with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)
+
+
+def _all_put_back(cleaned: Cleaned, kept: Cleaned) -> bool:
+    """Whether nothing is cut out any more, so that the first fit of the model as it is still holds."""
+    before, after = cleaned.campaign.windows, kept.campaign.windows
+    return len(before) == len(after) and all(one is other for one, other in zip(before, after, strict=True))
 
 
 def _without(cleaned: Cleaned, pushes: Sequence[Contact], say: Say) -> Cleaned:

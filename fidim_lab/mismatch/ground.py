@@ -29,6 +29,8 @@ HORIZONS = (3.0, 10.0)
 """s; the start is that of a good fit, so the strides may be long"""
 IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6)
 """a short look at one of many models"""
+IN_FULL = replace(FINAL, haste=1e4, creep=0.03, idle=0.3)
+"""whole windows for the first time: to a hundredth of a standard deviation only if the model may be right"""
 BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
 """whole windows that are followed already: to a tenth of a standard deviation"""
 
@@ -99,8 +101,8 @@ def settle(
     likelihood = likelihood_with(ground.likelihood, mechanism, start.shared)
     if ground.whole and not _is_whole(ground, donor):
         nearby = replace(prior, sd=prior.sd / FAR_PRIOR)
-        last = replace(AT_LAST if mechanism.springs else FINAL, wanted=wanted)
-        journey = grow(likelihood, start, nearby, free, HORIZONS, last)
+        last = replace(AT_LAST if mechanism.springs else IN_FULL, wanted=wanted)
+        journey = grow(likelihood, start, nearby, free, HORIZONS, last, once=donor.excess >= NEAR)
     else:
         effort = replace(BESIDE, wanted=wanted) if ground.whole else IN_PASSING
         optimum = optimise(likelihood, start, donor.journey.ends, prior, effort, free)

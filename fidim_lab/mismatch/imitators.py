@@ -71,20 +71,31 @@ def in_their_place(seen: View, ground: Ground, say: Callable[[str], None]) -> li
     found: list[Completed] = []
     for k in range(len(model.tried)) if len(model.tried) > 1 else ():
         freedom = len(model.tried[k].scored)
-        near = (one for one in imitators(seen, k) if one.loss < TIE + SLIGHT * one.whole)
+        slight = 0.0 if model.mechanism.springs else SLIGHT  # fits with springs are dear
+        near = (one for one in imitators(seen, k) if one.loss < TIE + slight * one.whole)
         simple = (one for one in near if len(one.tried.scored) <= freedom)
         able = [one for one in simple if can_refit(one.tried.effect, model.mechanism)]
         for other in able[:FITTED]:
             say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
-            fitted = in_place_of(model, k, other.tried, other.theta, ground, seen.context)
+            fitted = in_place_of(model, k, other.tried, other.theta, ground, seen.context, better=True)
             found += [] if fitted is None else [fitted]
     return found
 
 
 def in_place_of(
-    model: Completed, k: int, other: Hypothesis, theta: np.ndarray, ground: Ground, context: Context
+    model: Completed,
+    k: int,
+    other: Hypothesis,
+    theta: np.ndarray,
+    ground: Ground,
+    context: Context,
+    *,
+    better: bool = False,
 ) -> Completed | None:
-    """The model with another effect, from this θ, in the place of term k; None where no fit gets there."""
+    """The model with another effect, from this θ, in the place of term k; None where no fit gets there.
+
+    better: a fit that will hardly get as far as the model is given up.
+    """
     tried = [*model.tried[:k], other, *model.tried[k + 1 :]]
     thetas = [*model.thetas[:k], theta, *model.thetas[k + 1 :]]
-    return refit(ground, model.fit, tried, thetas, context)
+    return refit(ground, model.fit, tried, thetas, context, simpler=model if better else None)

@@ -50,6 +50,11 @@ class Score:
         return " + ".join(h.label for h in self.tried)
 
     @property
+    def size(self) -> int:
+        """Parameters that a fit of it has."""
+        return sum(len(h.effect.parameters) for h in self.tried)
+
+    @property
     def key(self) -> tuple[tuple[str, int | None], ...]:
         """Ids and cables."""
         return tuple(sorted(((h.effect.id, h.effect.cable) for h in self.tried), key=str))

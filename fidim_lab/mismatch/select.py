@@ -9,6 +9,8 @@ of whole windows, when those that no fit has seen get better; a term that anothe
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from fidim_lab.mismatch.baseline import HOPELESS, Baseline
 from fidim_lab.mismatch.candidates import (
     Candidate,
@@ -131,6 +133,8 @@ class _Search:
         """Models of the first seconds fitted to whole windows, and the best of them."""
         fresh: list[Candidate] = []
         for model in (model for model in short if model.excess < HOPELESS):
+            if any(one.is_white for one in fresh) and not whiteness(model.leftovers).is_white:
+                continue  # it misses the first seconds already, where another follows whole windows
             self.say(f"fitting {model.label} to whole windows")
             thetas = model.thetas
             as_it_is = baseline.model
@@ -141,18 +145,27 @@ class _Search:
         return accepted(baseline, fresh, feeble=True)
 
     def _over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
-        """Additions until none is asked for, or a push is all that is left; the view from the last model."""
+        """Additions until none is asked for, or a push is all that is left; the view from the last model.
+
+        The simplest first; once one more term leaves only noise, what said less is not fitted any more.
+        """
         seen = self.trials.look(best.model)
+        if best.model.whole and self._in_vain(best):
+            self._pushed(best, None)
+            return best, seen
         while best.model.whole and seen.unfitted is None and not self._pushed(best, seen):
             fresh: list[Candidate] = []
-            for addition in self.trials.additions(seen):
+            done = -np.inf
+            for addition in sorted(self.trials.additions(seen), key=lambda addition: addition.score.size):
+                if addition.score.log_evidence < done:
+                    continue
                 self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")
-                found = self.trials.added(addition)
+                found = self.trials.added(addition, [one.model for one in fresh])
                 if found is None:
                     continue
                 fresh.append(self.trials.judged_or_wider(self.trials.pruned(found), addition.score.tried))
                 if fresh[-1].is_white and len(fresh[-1].model.tried) <= len(best.model.tried) + 1:
-                    break
+                    done = max(done, addition.score.log_evidence)
             self.trials.tried += fresh
             further = accepted(best, fresh)
             if further is best:
@@ -163,6 +176,10 @@ class _Search:
             seen = self.trials.look(best.model)
         return best, seen
 
+    def _in_vain(self, best: Candidate) -> bool:
+        """Whether additions to the model as it is were already tried: over the first seconds, and then in full."""
+        return not (best.model.tried or self.start.follows) and bool(self.trials.tried)
+
     def _pushed(self, best: Candidate, seen: View | None) -> bool:
         """Whether pushes are all that is left; with a view, only where they say more than any effect would."""
         if not self.look_for_pushes:
@@ -171,7 +188,7 @@ class _Search:
         gain = sum(push.gain or 0.0 for push in found)
         if seen is not None and found:
             evidence = 0.5 * gain / seen.projected.inflation - PUSH_COST * len(found)
-            found = found if evidence > seen.singles[0].log_evidence else ()
+            found = found if evidence > max((one.log_evidence for one in seen.singles[:1]), default=0.0) else ()
         self.pushes = found
         return bool(found)
 

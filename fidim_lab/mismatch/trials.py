@@ -46,11 +46,17 @@ class Trials:
         room = MOST_TERMS - len(seen.model.tried)
         return additions(seen, room, self.start.ground(seen.model), self.start.context)
 
-    def added(self, addition: Addition) -> Completed | None:
-        """The model with these terms, or with a wider form of the new ones."""
+    def added(self, addition: Addition, others: Sequence[Completed]) -> Completed | None:
+        """The model with these terms, or with a wider form of the new ones.
+
+        others: models that were fitted beside the same one; those with fewer terms show what these are worth.
+        """
         best = addition.seen.model
         found = addition.fitted(self.start.ground(best), self.start.context)
-        if found is None or rest_of(found) > WIDENED * rest_of(best):
+        if found is None:
+            return None
+        fewer = [best, *(other for other in others if len(other.tried) < len(found.tried))]
+        if rest_of(found) > WIDENED * min(rest_of(other) for other in fewer):
             return found  # it takes so little that no wider form of it can be the truth
         return widened(self.start, found, addition.score.tried)
 
@@ -62,7 +68,7 @@ class Trials:
             costly = len(terms) > 1 or any(stretches(h.effect) for h in terms)
             if costly and any(whiteness(model.leftovers).is_white for model in fresh):
                 continue
-            found = self.added(addition)
+            found = self.added(addition, fresh)
             if found is not None:
                 fresh.append(found)
         self.passing += fresh

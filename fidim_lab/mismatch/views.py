@@ -52,7 +52,7 @@ class View:
     model: Completed
     projected: Projected
     singles: tuple[Score, ...]
-    """the most evident first"""
+    """the most evident first; none where the model is so wrong that nothing can be said to first order"""
     context: Context
     fit: Fit
     """of the model, over the time that was looked at"""
@@ -78,8 +78,8 @@ class View:
     @property
     def unfitted(self) -> Score | None:
         """The most evident addition, where trajectories cannot carry it and no other comes near."""
-        top = self.singles[0]
-        if top.log_evidence < ENOUGH or self._can_be_fitted(top.tried[0].effect):
+        top = self.singles[0] if self.singles else None
+        if top is None or top.log_evidence < ENOUGH or self._can_be_fitted(top.tried[0].effect):
             return None
         rest = next((s for s in self.singles if self._can_be_fitted(s.tried[0].effect)), None)
         return top if rest is None or top.log_evidence > rest.log_evidence + ENOUGH else None
@@ -121,7 +121,7 @@ class View:
             id = score.tried[0].effect.id
             counts[id] += 1
             varied += [score] if counts[id] <= OF_ONE_KIND else []
-        return varied[:RACING]
+        return [score for k, score in enumerate(varied) if k < RACING or _is_scanned(score)]
 
     def _near(self, scores: Sequence[Score], less: float) -> tuple[Score, ...]:
         """Those that come near the first; `less`: χ² that fewer terms take."""
@@ -186,6 +186,12 @@ def _followed(found: Fit) -> Fit:
         short = nearer(found, seconds)
         found = found if short is None else short
     return found
+
+
+def _is_scanned(score: Score) -> bool:
+    """Whether its effect has scores at some values of a parameter only: the best of them may be far from the truth."""
+    effect = score.tried[0].effect
+    return effect.id not in PERIODIC and any(len(parameter.scan) > 1 for parameter in effect.parameters)
 
 
 def _varied(pairs: Sequence[Score]) -> tuple[Score, ...]:

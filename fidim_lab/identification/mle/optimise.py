@@ -22,6 +22,8 @@ EDGE = 0.1
 slack or dry friction that turns, on which the optimum lies; beyond it something is wrong"""
 PATIENCE, REACH = 5, 3.0
 """rounds after which, and times what is promised beyond which, a sum of squares that is wanted is out of reach"""
+ASTRAY, LOOKED_BACK = 5.0, 3
+"""χ²/dof beyond which a fit is far astray, and rounds over which its pace is taken"""
 HOPELESS = 1e-3
 """a promise of more than this share of the whole is always followed up, however large the misfit"""
 
@@ -56,6 +58,12 @@ class Effort:
     """at the start"""
     wanted: float = np.inf
     """sum of squares that is of any use: what will hardly come so far is given up (`Ending.EXHAUSTED`)"""
+    haste: float = MISFIT_HASTE
+    """times the promise that is negligible where the model is wrong (beyond `MISFIT`)"""
+    creep: float = 0.0
+    """share of the whole that a round must take off a fit that is far astray, else it is given up"""
+    idle: float = 0.0
+    """what several rounds must take away together, in units of χ² for χ²/dof = 1, to be worth a further one"""
 
 
 ROUGH = Effort(resolution=QUICK, promise=1.0, rounds=25, damping=1e-3)
@@ -99,6 +107,7 @@ def optimise(
     if now is None:
         return None
     damping, stretch, rounds = effort.damping, 1.0, 0
+    costs = [now[1]]
     while True:
         simulation, cost = now
         tables = compress(linearised(likelihood, simulation), len(ends))
@@ -106,7 +115,8 @@ def optimise(
         promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted
         if promise < min(negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
-        if rounds == effort.rounds or (rounds >= PATIENCE and cost - REACH * promise > effort.wanted):
+        beyond = rounds >= PATIENCE and cost - REACH * promise > effort.wanted
+        if rounds == effort.rounds or beyond or _creeps(costs, _residuals(simulation), effort):
             ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.EXHAUSTED
             return Optimum(simulation, tables, cost, ending, rounds)
         while True:
@@ -125,6 +135,16 @@ def optimise(
         damping = relaxed(damping, gain / foretold(stretch))
         stretch = stretched(stretch, gain)
         now, rounds = there, rounds + 1
+        costs.append(now[1])
+
+
+def _creeps(costs: list[float], count: int, effort: Effort) -> bool:
+    """Whether a fit of so many residuals gets better too slowly for what is left to gain."""
+    if len(costs) <= PATIENCE:
+        return False
+    gained, misfit = costs[-1 - LOOKED_BACK] - costs[-1], costs[-1] / count
+    astray = misfit > ASTRAY and gained < LOOKED_BACK * effort.creep * costs[-1]
+    return astray or gained < effort.idle * max(1.0, misfit)
 
 
 def _damped(likelihood: Likelihood, damping: float) -> float:
@@ -148,7 +168,7 @@ def edge(likelihood: Likelihood, count: int, promise: float, cost: float) -> End
 
 def negligible(effort: Effort, misfit: float) -> float:
     """The promise of a step that is not worth taking; larger where the model is wrong and the sd mean little."""
-    haste = MISFIT_HASTE if misfit > MISFIT else 1.0
+    haste = effort.haste if misfit > MISFIT else 1.0
     return effort.promise * max(1.0, misfit) * haste
 
 

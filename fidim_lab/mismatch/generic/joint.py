@@ -12,16 +12,19 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.judge import remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior
-from fidim_lab.identification.mle.optimise import FINAL, optimise
+from fidim_lab.identification.mle.optimise import FINAL, Effort, optimise
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
 from fidim_lab.mismatch.generic.latent import LatentForce
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.model.sensitivity.starts import tied
 
 STRIDES = (5.0, 10.0)
 """s; from the horizon at which the unknown was looked at to whole windows"""
+JOINTLY = Effort(resolution=FINE, promise=1e-2, rounds=15, damping=1e-6, idle=0.3)
+"""to a tenth of a standard deviation: beyond, a wrench without a name creeps along what the data do not tell"""
 
 
 @dataclass(frozen=True)
@@ -69,13 +72,13 @@ def fitted(base: Fit, donor: Point, latent: LatentForce, seconds: float) -> Fit 
     longest = max(recording.end for recording in likelihood.recordings)
     if seconds < longest:
         ends = np.minimum(np.array([recording.end for recording in likelihood.recordings]), seconds)
-        first = optimise(likelihood, point, ends, prior, FINAL, free)
+        first = optimise(likelihood, point, ends, prior, JOINTLY, free)
         if first is None:
             return None
         point = first.point
     # `grow` takes FAR_PRIOR times the standard deviations beyond its first seconds: these are meant as they stand
     strides = tuple(h for h in STRIDES if h > seconds) or (longest,)
-    journey = grow(likelihood, point, replace(prior, sd=prior.sd / FAR_PRIOR), free, strides)
+    journey = grow(likelihood, point, replace(prior, sd=prior.sd / FAR_PRIOR), free, strides, JOINTLY)
     if journey is None:
         return None
     simulation = journey.optimum.simulation

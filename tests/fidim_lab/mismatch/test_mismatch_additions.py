@@ -56,9 +56,10 @@ def fits(monkeypatch):
         done.append((tuple(h.effect.id for h in tried), thetas))
         suits = {"loose-mass": 1.0 if 2.4 in thetas[-1] else 300.0, "rotational-drag": 40.0}
         found = suits.get(tried[-1].effect.id, 500.0)
-        return SimpleNamespace(excess=found, fit=donor, tried=tried, thetas=thetas, evidence=-found)
+        return SimpleNamespace(excess=found, fit=donor, tried=tried, thetas=thetas, evidence=-found, leftovers=found)
 
     monkeypatch.setattr(module, "refit", refit)
+    monkeypatch.setattr(module, "whiteness", lambda left: SimpleNamespace(is_white=left < 1.5))
     monkeypatch.setattr(module, "Completed", lambda *a, **k: SimpleNamespace(tried=(), thetas=[], evidence=-867.0))
     monkeypatch.setattr(module, "common_scale", lambda models: 1.0)
     monkeypatch.setattr(module, "evidence", lambda model, than, scale: model.evidence - than.evidence)
@@ -75,7 +76,7 @@ def test_where_the_motion_is_followed_nothing_races(every: Hypotheses, fits: lis
 
 
 def test_a_mass_is_tried_at_other_frequencies_until_one_suits(every: Hypotheses, fits: list) -> None:
-    loud = sorted(masses(every), key=lambda h: abs(h.absent[FREQUENCY] - 3.2))[:8]  # the score points elsewhere
+    loud = sorted(masses(every), key=lambda h: abs(h.absent[FREQUENCY] - 2.8))[:8]  # the score points elsewhere
     place = [h.absent[FREQUENCY] for h in loud].index(2.4)
     (found,) = additions(seen([score(h, 900.0 - k) for k, h in enumerate(loud)], shortened=True), 3, GROUND, None)
     assert found.near is not None
@@ -116,6 +117,22 @@ def test_cables_that_stretch_take_half_of_the_places_and_failures_none(
     found = [one.score.tried[0].effect.id for one in additions(seen(scores, shortened=True), 3, GROUND, None)]
     assert found[:2] == [h.effect.id for h in springs[:2]]
     assert found[2:] == ["rotational-drag", "swivel-damping"]
+
+
+def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places(every: Hypotheses) -> None:
+    """A loose mass whose best scanned value is far from its own says less there than frictions that merely imitate."""
+    ids = list(dict.fromkeys(h.effect.id for h in every.direct if h.effect.id != "loose-mass"))
+    others = [next(h for h in every.direct if h.effect.id == id) for id in ids][: RACING + 2]
+    scores = [*(score(h, 900.0 - k) for k, h in enumerate(others)), score(masses(every)[0], 500.0)]
+    found = [one.tried[0].effect.id for one in seen(scores, shortened=True).additions(3)]
+    assert found[:RACING] == [h.effect.id for h in others[:RACING]]
+    assert found[-1] == "loose-mass"
+
+
+def test_a_model_of_which_nothing_can_be_said_to_first_order_gets_no_additions() -> None:
+    nothing = seen([], shortened=False)
+    assert nothing.unfitted is None
+    assert nothing.additions(3) == ()
 
 
 def test_one_kind_does_not_fill_the_race(every: Hypotheses) -> None:

@@ -180,3 +180,25 @@ def test_verdicts_after_cleaning(recorded) -> None:
         "i02 end 2": 5.0,
     }
     assert with_cleaning(explanation(Verdict.UNKNOWN_PHYSICS), touched).verdict is Verdict.PARTLY_EXPLAINED
+
+
+@pytest.mark.parametrize(
+    ("faults", "contradicted", "verdict"),
+    [
+        (3, True, Verdict.SENSOR_FAULT),
+        (2, True, Verdict.UNKNOWN_PHYSICS),  # may be chance beside wrong geometry
+        (3, False, Verdict.UNKNOWN_PHYSICS),  # a force may be at work
+    ],
+)
+def test_what_has_no_name_and_no_force_does_is_put_down_to_sensors_that_are_known_to_be_faulty(
+    recorded, faults: int, contradicted: bool, verdict: Verdict
+) -> None:
+    cleaned = clean(recorded())
+    spikes = [Finding(Kind.SPIKE, "i01", "x", (t, t), 0.01, "m", "Window i01: a spike.") for t in range(1, faults + 1)]
+    redundancy = tuple(replace(one, contradicts=contradicted) for one in cleaned.screening.redundancy)
+    screening = replace(cleaned.screening, redundancy=redundancy)
+    told = with_cleaning(
+        explanation(Verdict.UNKNOWN_PHYSICS), replace(cleaned, screening=screening, faults=tuple(spikes))
+    )
+    assert told.verdict is verdict
+    assert ("Sensors are at fault" in told.message) == (verdict is Verdict.SENSOR_FAULT)

@@ -77,6 +77,27 @@ def test_a_fit_that_will_not_come_as_far_as_is_wanted_is_given_up(from_cad):
     assert given_up.rounds == PATIENCE
 
 
+def test_a_fit_far_astray_that_creeps_is_given_up_and_one_that_gains_is_not(from_cad):
+    likelihood, found = from_cad.likelihood, from_cad.journey.optimum
+    count, start = len(found.point.shared), likelihood.guesses
+    held = np.arange(count) >= 9  # the body stays wrong: the windows' starts alone cannot make good for it
+    wrong = Point(found.point.shared * np.append(np.full(9, 1.1), np.ones(count - 9)), start)
+
+    def ended(point, free, **patience):
+        effort = replace(FINAL, promise=0.0, **patience)
+        return optimise(likelihood, point, from_cad.journey.ends, from_cad.prior, effort, free)
+
+    patient, creeping = ended(wrong, held), ended(wrong, held, creep=0.03)
+    assert creeping.rounds < patient.rounds
+    assert creeping.ending is Ending.EXHAUSTED
+    assert creeping.cost < 1.05 * patient.cost
+    free = np.ones(count, dtype=bool)
+    assert ended(wrong, free, creep=0.03).cost == pytest.approx(ended(wrong, free).cost, rel=1e-9)
+    idle = ended(wrong, free, idle=0.3)
+    assert idle.rounds <= ended(wrong, free).rounds
+    assert idle.cost < found.cost + 1.0
+
+
 @pytest.mark.parametrize(
     "signs",
     [
