@@ -103,7 +103,8 @@ class _Search:
             return None
         short = again(self.start.short_ground, self.start.short, known, self.start.context)
         whole = None if short is None else again(self.start.whole_ground, short.fit, short, self.start.context)
-        judged = None if whole is None else self.trials.judged(whole)
+        # a term that the cuts had made needful may be needless now
+        judged = None if whole is None else self.trials.judged(self.trials.pruned(whole))
         if judged is None or not judged.is_white:
             return None
         self.trials.tried.append(judged)
@@ -140,7 +141,9 @@ class _Search:
             as_it_is = baseline.model
             found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context, simpler=as_it_is)
             if found is not None:
-                fresh.append(self.trials.judged_or_wider(widened(self.start, found, found.tried), found.tried))
+                # what made good for the first seconds alone may be needless beside the whole
+                found = self.trials.pruned(widened(self.start, found, found.tried))
+                fresh.append(self.trials.judged_or_wider(found, found.tried))
         self.trials.tried += fresh
         return accepted(baseline, fresh, feeble=True)
 

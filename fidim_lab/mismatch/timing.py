@@ -21,8 +21,8 @@ CLEAR = 5.0
 """standard deviations beyond which an offset is named: once in a million without one"""
 SMALLEST = 3e-4
 """s; less matters to nobody, and current loops lag as much"""
-SLOWEST = 2e-5
-"""of a rate: what quartz clocks have"""
+SLOWEST = 5e-5
+"""of a rate: what cheap quartz clocks have, and less than anybody would notice"""
 FARTHEST, STRIDE = 0.3, 0.01
 """s, of the first look"""
 ROUNDS = 4

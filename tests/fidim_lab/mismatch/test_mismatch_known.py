@@ -9,7 +9,7 @@ from fidim_lab.data.records import Robot
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.contacts import Contact, without
-from fidim_lab.mismatch.refit import _phases_of
+from fidim_lab.mismatch.refit import _phases_of, refit
 from fidim_lab.mismatch.select import Selection, select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -53,6 +53,14 @@ def test_what_is_known_to_do_is_not_searched_again(irma4: Robot) -> None:
     assert [h.effect.id for h in again.best.model.tried] == ["air-drag-linear"]
     assert again.best in again.tried
     assert not any("beside nothing" in sentence for sentence in says)
+    # a term that it had beside, needless in these windows, is dropped
+    drag, force = (
+        next(h for h in other.tried.direct if h.effect.id == id) for id in ("air-drag-linear", "constant-force")
+    )
+    both = refit(other.whole_ground, other.short, [drag, force], [np.array([0.5]), np.zeros(3)], other.context)
+    assert both is not None
+    pruned, _ = searched(other, known=both)
+    assert [h.effect.id for h in pruned.best.model.tried] == ["air-drag-linear"]
     # of a model that does not do, nothing is kept
     empty = fit_baseline(campaign, native=True, say=lambda _: None).as_it_is
     assert any("beside nothing" in sentence for sentence in searched(other, known=empty)[1])
