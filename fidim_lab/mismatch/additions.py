@@ -22,7 +22,7 @@ from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.views import View
 from fidim_lab.mismatch.whiteness import whiteness
 
-SCANNED = 4
+SCANNED = 6
 """values of a scanned parameter that are tried, as long as none leaves only noise"""
 FINALISTS = 4
 """of those that raced"""

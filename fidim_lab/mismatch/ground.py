@@ -15,7 +15,7 @@ from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior
-from fidim_lab.identification.mle.optimise import FINAL, Effort, optimise
+from fidim_lab.identification.mle.optimise import FINAL, ON_TRIAL, Effort, optimise
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
 from fidim_lab.mismatch.sprung import AT_LAST, NEAR, begins_anew, bounded, carried_on, grown, likelihood_with
@@ -29,8 +29,8 @@ HORIZONS = (3.0, 10.0)
 """s; the start is that of a good fit, so the strides may be long"""
 IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6)
 """a short look at one of many models"""
-IN_FULL = replace(FINAL, haste=1e4, creep=0.03, idle=0.3)
-"""whole windows for the first time: to a hundredth of a standard deviation only if the model may be right"""
+IN_FULL = replace(ON_TRIAL, creep=0.03, idle=0.3)
+"""whole windows for the first time: what gets nowhere is given up"""
 BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
 """whole windows that are followed already: to a tenth of a standard deviation"""
 

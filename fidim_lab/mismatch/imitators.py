@@ -77,25 +77,18 @@ def in_their_place(seen: View, ground: Ground, say: Callable[[str], None]) -> li
         able = [one for one in simple if can_refit(one.tried.effect, model.mechanism)]
         for other in able[:FITTED]:
             say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
-            fitted = in_place_of(model, k, other.tried, other.theta, ground, seen.context, better=True)
+            fitted = in_place_of(model, k, other.tried, other.theta, ground, seen.context)
             found += [] if fitted is None else [fitted]
     return found
 
 
 def in_place_of(
-    model: Completed,
-    k: int,
-    other: Hypothesis,
-    theta: np.ndarray,
-    ground: Ground,
-    context: Context,
-    *,
-    better: bool = False,
+    model: Completed, k: int, other: Hypothesis, theta: np.ndarray, ground: Ground, context: Context
 ) -> Completed | None:
     """The model with another effect, from this θ, in the place of term k; None where no fit gets there.
 
-    better: a fit that will hardly get as far as the model is given up.
+    A fit of whole windows that will hardly get as far as the model is given up.
     """
     tried = [*model.tried[:k], other, *model.tried[k + 1 :]]
     thetas = [*model.thetas[:k], theta, *model.thetas[k + 1 :]]
-    return refit(ground, model.fit, tried, thetas, context, simpler=model if better else None)
+    return refit(ground, model.fit, tried, thetas, context, simpler=model)

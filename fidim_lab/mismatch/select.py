@@ -191,7 +191,8 @@ class _Search:
         gain = sum(push.gain or 0.0 for push in found)
         if seen is not None and found:
             evidence = 0.5 * gain / seen.projected.inflation - PUSH_COST * len(found)
-            found = found if evidence > max((one.log_evidence for one in seen.singles[:1]), default=0.0) else ()
+            least = seen.singles[0].log_evidence if seen.singles else 0.0
+            found = found if evidence > least else ()
         self.pushes = found
         return bool(found)
 

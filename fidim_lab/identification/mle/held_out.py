@@ -11,7 +11,7 @@ from fidim_lab.identification.mle.fit import likelihood_of
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior
-from fidim_lab.identification.mle.optimise import FINAL
+from fidim_lab.identification.mle.optimise import ON_TRIAL
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import Journey, grow
 from fidim_lab.identification.mle.start import Guess, first_guesses
@@ -22,8 +22,6 @@ from fidim_lab.model.sensitivity.starts import spreads
 
 HORIZONS = (0.5, 3.0)
 """s; the parameters are known, so the strides may be long"""
-IN_FULL = replace(FINAL, haste=1e4)
-"""a start from which a wrong model does not follow anyhow need not be known to a hundredth of its standard deviation"""
 PHASES = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
 """rad, at which own states begin that may have any value"""
 
@@ -99,7 +97,7 @@ def _predicted(
 def _fitted(likelihood: Likelihood, shared: np.ndarray, states: States) -> Journey | None:
     nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
     held = np.zeros(len(shared), dtype=bool)
-    return grow(likelihood, Point(shared, states), nothing, held, HORIZONS, IN_FULL)
+    return grow(likelihood, Point(shared, states), nothing, held, HORIZONS, ON_TRIAL)
 
 
 def _start(likelihood: Likelihood, shared: np.ndarray) -> States | None:

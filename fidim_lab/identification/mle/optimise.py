@@ -1,6 +1,6 @@
 """Levenberg–Marquardt on the unknowns of a trajectory fit, at one horizon."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -63,7 +63,7 @@ class Effort:
     creep: float = 0.0
     """share of the whole that a round must take off a fit that is far astray, else it is given up"""
     idle: float = 0.0
-    """what several rounds must take away together, in units of χ² for χ²/dof = 1, to be worth a further one"""
+    """what `LOOKED_BACK` rounds must take away together, in units of χ² for χ²/dof = 1, to be worth a further one"""
 
 
 ROUGH = Effort(resolution=QUICK, promise=1.0, rounds=25, damping=1e-3)
@@ -71,6 +71,8 @@ ROUGH = Effort(resolution=QUICK, promise=1.0, rounds=25, damping=1e-3)
 ON_THE_WAY = Effort(resolution=QUICK, promise=1.0, rounds=25, damping=1e-9)
 FINAL = Effort(resolution=FINE, promise=1e-4, rounds=30, damping=1e-9)
 """to a hundredth of a standard deviation"""
+ON_TRIAL = replace(FINAL, haste=1e4)
+"""the same only as far as the model may be right: of one that is wrong nobody asks for so much"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +108,11 @@ def optimise(
     now = _try(likelihood, start, ends, prior, effort)
     if now is None:
         return None
-    damping, stretch, rounds = effort.damping, 1.0, 0
+    damping, stretch = effort.damping, 1.0
     costs = [now[1]]
     while True:
         simulation, cost = now
+        rounds = len(costs) - 1
         tables = compress(linearised(likelihood, simulation), len(ends))
         rows, room = prior.rows(simulation.point.shared), prior.room(simulation.point.shared)
         promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted
@@ -134,7 +137,7 @@ def optimise(
         gain = (cost - there[1]) / promised if promised > 0 else 1.0  # rounding may leave nothing of a promise
         damping = relaxed(damping, gain / foretold(stretch))
         stretch = stretched(stretch, gain)
-        now, rounds = there, rounds + 1
+        now = there
         costs.append(now[1])
 
 
