@@ -52,11 +52,12 @@ def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) ->
     if whiteness((*of_fit(found), *held.leftovers)).is_white and not held.refused:
         return cleaned
     left = (*baseline.as_it_is.leftovers, *held.leftovers)
-    after = without_breaks(cleaned, left)
+    astray = not baseline.follows
+    after = without_breaks(cleaned, left, astray=astray)
     say("looking for hands and single bad windows")
     for _ in range(ROUNDS):
-        segments = fit_segments(found.likelihood.mechanism, after.campaign.windows, hasty=not baseline.follows)
-        further = without_breaks(after, segments.leftovers)
+        segments = fit_segments(found.likelihood.mechanism, after.campaign.windows, hasty=astray)
+        further = without_breaks(after, segments.leftovers, astray=astray)
         if further is after:
             further = _cut(after, segments, find_contacts(segments), say)
         if further is after:

@@ -1,6 +1,6 @@
 """The model as it is, fitted: where every explanation starts.
 
-To the first seconds of each window always; to the whole windows where the model follows them so far.
+To the first seconds of each window always; to the whole windows where it follows those.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,6 @@ from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.integrate import step_of
 
 Say = Callable[[str], None]
-
-HOPELESS = 30.0
-"""χ²/dof of the first seconds beyond which whole windows are not tried"""
-
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
@@ -94,7 +90,7 @@ def fit_baseline(campaign: Campaign, *, native: bool, say: Say, mechanism: Mecha
     near = ground_of(short)
     far = whole_ground(near, windows)
     whole = None
-    if short.excess < HOPELESS:
+    if short.excess < NEAR:
         everything = np.ones(len(short.values), dtype=bool)
         prior = far.prior(np.zeros(0), np.zeros(0))
         whole = settle(far, short, mechanism, short.journey.optimum.point, prior, everything)

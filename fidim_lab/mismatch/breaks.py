@@ -51,12 +51,13 @@ def breaks_of(
     step: float,
     limits: Limits,
     *,
+    clearer: float = CLEARER,
     spikes: Limits | None = None,
     jumps: bool = False,
 ) -> Breaks:
     """Breaks in one marker's whitened residual on an even grid of `step` seconds (NaN: missing).
 
-    limits: how far beyond chance something must stand. spikes: how far single samples must, of a marker known to have
+    limits: how far beyond chance something must stand. clearer: by how much a fault must be preferred. spikes: how far single samples must, of a marker known to have
     many that are off. jumps: the marker is known to jump.
     """
     sigma = np.maximum(np.nan_to_num(noise_of(values), nan=1.0), 1.0)
@@ -70,8 +71,8 @@ def breaks_of(
         if not peaks and not behind:
             break
         for row in (*peaks, *behind):
-            clearer = PLAIN if row in behind and not jumps else CLEARER
-            found = judge(work, step, row, clearer=clearer, spiking=spikes is not None, jumps=jumps)
+            needed = max(clearer, PLAIN) if row in behind and not jumps else clearer
+            found = judge(work, step, row, clearer=needed, spiking=spikes is not None, jumps=jumps)
             looked.update((row,) if found.what is Break.SPIKES else range(row - 2, row + 3))
             if found.what is Break.SPIKES:
                 alone += found.rows

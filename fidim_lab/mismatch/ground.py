@@ -29,7 +29,7 @@ HORIZONS = (3.0, 10.0)
 """s; the start is that of a good fit, so the strides may be long"""
 IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6)
 """a short look at one of many models"""
-IN_FULL = replace(ON_TRIAL, creep=0.03, idle=0.3)
+IN_FULL = replace(ON_TRIAL, creep=0.1, idle=0.3)
 """whole windows for the first time: what gets nowhere is given up"""
 BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
 """whole windows that are followed already: to a tenth of a standard deviation"""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.data.records import Window
+from fidim_lab.mismatch.break_rivals import CLEARER
 from fidim_lab.mismatch.breaks import breaks_of
 from fidim_lab.mismatch.clean import Cleaned
 from fidim_lab.mismatch.clock_check import EvenGrid, even_grid
@@ -30,6 +31,8 @@ CLOSER = Limits(4.2, 4.7)
 """of its single samples: of 20 000 good ones about one and a half are lost"""
 SAME = 2.0
 """standard deviations of a coordinate, within which a marker that was displaced twice is where it was"""
+CLEARER_ASTRAY = 5 * CLEARER
+"""as `CLEARER`, of a fit far astray: what it leaves turns as sharply as the motion does"""
 FEWEST = 30
 """samples, without which nothing is looked for"""
 
@@ -72,10 +75,11 @@ class _Off:
         return Finding(Kind.JUMP, window.id, marker_channel(marker, axis), t, size, "m", says)
 
 
-def without_breaks(cleaned: Cleaned, left: Sequence[Leftover]) -> Cleaned:
+def without_breaks(cleaned: Cleaned, left: Sequence[Leftover], *, astray: bool = False) -> Cleaned:
     """Without what is off the motion that a fit of `cleaned.campaign` found; the same object where nothing is.
 
-    left: what that fit leaves of windows, or of parts of them that bear their window's id.
+    left: what that fit leaves of windows, or of parts of them that bear their window's id. astray: it does not follow
+    them.
     """
     windows = {window.id: window for window in cleaned.campaign.windows}
     strict = Limits.for_tests(sum(window.markers.shape[0] * window.markers.shape[1] for window in windows.values()))
@@ -84,7 +88,7 @@ def without_breaks(cleaned: Cleaned, left: Sequence[Leftover]) -> Cleaned:
     for one in left:
         for marker in range(one.values.shape[1]):
             found = off.setdefault((one.window, marker), _Off(windows[one.window], marker, one.noise, {}, {}))
-            _add(found, one, strict, known)
+            _add(found, one, strict, known, CLEARER_ASTRAY if astray else CLEARER)
     found = [one for one in off.values() if one.spikes or one.steps]
     if not found:
         return cleaned
@@ -120,14 +124,15 @@ class _Known:
         )
 
 
-def _add(off: _Off, left: Leftover, limits: Limits, known: _Known) -> None:
+def _add(off: _Off, left: Leftover, limits: Limits, known: _Known, clearer: float) -> None:
     """What is found in one leftover."""
     values = left.values[:, off.marker]
     if np.isfinite(values).all(axis=1).sum() < FEWEST:
         return
     grid = even_grid(left.t)
     spikes = CLOSER if off.marker in known.spiking else None
-    found = breaks_of(grid.spread(values), grid.step, limits, spikes=spikes, jumps=off.marker in known.jumping)
+    jumps = off.marker in known.jumping
+    found = breaks_of(grid.spread(values), grid.step, limits, clearer=clearer, spikes=spikes, jumps=jumps)
     for row in found.spikes if len(found.spikes) < MOST_OFF * len(values) else ():
         size = float(np.abs(values[np.searchsorted(grid.slots, row)]).max())
         off.spikes[_row(off.window, left, grid, row)] = size * left.noise

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidim_lab.mismatch.baseline import HOPELESS, Baseline
+from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import (
     Candidate,
     accepted,
@@ -33,6 +33,8 @@ from fidim_lab.mismatch.wider import widened
 CLOSE = 25.0
 """nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
 SHORTLIST = 3
+HOPELESS = 30.0
+"""χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
 PUSH_COST = 20.0
 """nats: what the freedom of another start costs, as a few terms of a wide prior do"""
 Say = Callable[[str], None]
@@ -82,8 +84,10 @@ class _Search:
         best = self._known_to_do(known) or baseline
         if best is baseline and not start.follows:
             best = self._best_over_all(baseline, self._over_first_seconds())
+        begun_with = best
         best, last = self._over_whole_windows(best)
-        if not self.pushes:
+        # a model with which a search ended stands among its imitators already
+        if not self.pushes and not (best is begun_with and known is not None):
             best, last = self._with_imitators(best, last)
         if not (self.pushes or start.follows):
             best, last = self._without_the_doubtful(best, last)
@@ -134,18 +138,28 @@ class _Search:
         """Models of the first seconds fitted to whole windows, and the best of them."""
         fresh: list[Candidate] = []
         for model in (model for model in short if model.excess < HOPELESS):
-            if any(one.is_white for one in fresh) and not whiteness(model.leftovers).is_white:
-                continue  # it misses the first seconds already, where another follows whole windows
+            if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
+                continue  # where another follows whole windows
             self.say(f"fitting {model.label} to whole windows")
             thetas = model.thetas
             as_it_is = baseline.model
             found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context, simpler=as_it_is)
-            if found is not None:
+            if found is not None and found.excess < HOPELESS:
                 # what made good for the first seconds alone may be needless beside the whole
                 found = self.trials.pruned(widened(self.start, found, found.tried))
                 fresh.append(self.trials.judged_or_wider(found, found.tried))
         self.trials.tried += fresh
         return accepted(baseline, fresh, feeble=True)
+
+    def _follows_first_seconds(self, model: Completed) -> bool:
+        """Whether it leaves only noise of all the first seconds, too, where it was fitted to fewer."""
+        if not whiteness(model.leftovers).is_white:
+            return False
+        start = self.start
+        if (model.fit.journey.ends == start.short.journey.ends).all():
+            return True
+        longer = refit(start.short_ground, start.short, model.tried, model.thetas, start.context)
+        return longer is not None and whiteness(longer.leftovers).is_white
 
     def _over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
         """Additions until none is asked for, or a push is all that is left; the view from the last model.
@@ -181,7 +195,7 @@ class _Search:
 
     def _in_vain(self, best: Candidate) -> bool:
         """Whether additions to the model as it is were already tried: over the first seconds, and then in full."""
-        return not (best.model.tried or self.start.follows) and bool(self.trials.tried)
+        return not (best.model.tried or self.start.follows) and bool(self.trials.passing)
 
     def _pushed(self, best: Candidate, seen: View | None) -> bool:
         """Whether pushes are all that is left; with a view, only where they say more than any effect would."""

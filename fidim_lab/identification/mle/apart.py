@@ -18,6 +18,7 @@ from fidim_lab.identification.mle.optimise import (
     Effort,
     Ending,
     Optimum,
+    creeps,
     edge,
     foretold,
     negligible,
@@ -45,6 +46,8 @@ class _Search:
     """of residuals"""
     promises: Float[np.ndarray, " W"]
     """what the linearised problem promises to take away"""
+    courses: list[list[float]]
+    """costs of each, round by round"""
 
     def accept(self, w: int, cost: float, predicted: float, states: States, place: int) -> None:
         """A better state of a window, found at a place among others."""
@@ -81,6 +84,7 @@ def optimise_apart(
         endings=[None] * count,
         counts=np.zeros(count, dtype=int),
         promises=np.zeros(count),
+        courses=[[] for _ in range(count)],
     )
     rounds, ours, simulation = 0, _Part(likelihood, np.arange(count), ends), first
     while True:
@@ -136,9 +140,10 @@ def _settle(search: _Search, ours: _Part, simulation: Simulation, *, last: bool,
         cost, residual = float(search.costs[w]), simulation.residuals[k]
         count = len(residual.markers) + len(residual.lengths)
         search.counts[w], search.promises[w] = count, promised[k]
+        search.courses[w].append(cost)
         if promised[k] < min(negligible(effort, cost / count), HOPELESS * cost):
             search.endings[w] = Ending.CONVERGED
-        elif last:
+        elif last or creeps(search.courses[w], count, effort):
             search.endings[w] = edge(ours.likelihood, count, float(promised[k]), cost) or Ending.EXHAUSTED
 
 

@@ -22,6 +22,8 @@ from fidim_lab.model.sensitivity.starts import spreads
 
 HORIZONS = (0.5, 3.0)
 """s; the parameters are known, so the strides may be long"""
+FORETOLD = replace(ON_TRIAL, creep=0.1)
+"""what is far off is not followed to the last digit"""
 PHASES = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
 """rad, at which own states begin that may have any value"""
 
@@ -97,7 +99,7 @@ def _predicted(
 def _fitted(likelihood: Likelihood, shared: np.ndarray, states: States) -> Journey | None:
     nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
     held = np.zeros(len(shared), dtype=bool)
-    return grow(likelihood, Point(shared, states), nothing, held, HORIZONS, ON_TRIAL)
+    return grow(likelihood, Point(shared, states), nothing, held, HORIZONS, FORETOLD)
 
 
 def _start(likelihood: Likelihood, shared: np.ndarray) -> States | None:

@@ -22,7 +22,7 @@ EDGE = 0.1
 slack or dry friction that turns, on which the optimum lies; beyond it something is wrong"""
 PATIENCE, REACH = 5, 3.0
 """rounds after which, and times what is promised beyond which, a sum of squares that is wanted is out of reach"""
-ASTRAY, LOOKED_BACK = 5.0, 3
+ASTRAY, LOOKED_BACK = 5.0, 2
 """χ²/dof beyond which a fit is far astray, and rounds over which its pace is taken"""
 HOPELESS = 1e-3
 """a promise of more than this share of the whole is always followed up, however large the misfit"""
@@ -119,7 +119,7 @@ def optimise(
         if promise < min(negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
         beyond = rounds >= PATIENCE and cost - REACH * promise > effort.wanted
-        if rounds == effort.rounds or beyond or _creeps(costs, _residuals(simulation), effort):
+        if rounds == effort.rounds or beyond or creeps(costs, _residuals(simulation), effort):
             ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.EXHAUSTED
             return Optimum(simulation, tables, cost, ending, rounds)
         while True:
@@ -141,9 +141,9 @@ def optimise(
         costs.append(now[1])
 
 
-def _creeps(costs: list[float], count: int, effort: Effort) -> bool:
+def creeps(costs: list[float], count: int, effort: Effort) -> bool:
     """Whether a fit of so many residuals gets better too slowly for what is left to gain."""
-    if len(costs) <= PATIENCE:
+    if len(costs) <= LOOKED_BACK:
         return False
     gained, misfit = costs[-1 - LOOKED_BACK] - costs[-1], costs[-1] / count
     astray = misfit > ASTRAY and gained < LOOKED_BACK * effort.creep * costs[-1]

@@ -23,8 +23,8 @@ from fidim_lab.model.sensitivity.starts import tied
 
 STRIDES = (5.0, 10.0)
 """s; from the horizon at which the unknown was looked at to whole windows"""
-JOINTLY = Effort(resolution=FINE, promise=1e-2, rounds=15, damping=1e-6, idle=0.3)
-"""to a tenth of a standard deviation: beyond, a wrench without a name creeps along what the data do not tell"""
+JOINTLY = Effort(resolution=FINE, promise=0.1, rounds=15, damping=1e-6, idle=3.0)
+"""to a third of a standard deviation: beyond, a wrench without a name creeps along what the data do not tell"""
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ class Unknown:
     terms: tuple[Term, ...]
     """empty where no family is believed"""
     explained: float
-    """share of the fitted windows' excess χ² that is gone; 0 … 1"""
+    """share of the excess χ² that is gone, of the windows as far as the base was fitted to them; 0 … 1"""
     before: HeldOutFigures
     after: HeldOutFigures
     words: tuple[str, ...]
@@ -112,7 +112,7 @@ class Unknown:
 def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     """Find, fit and describe the wrench that a fitted model lacks.
 
-    base: the best model that has names, with rigid cables, fitted to whole windows. validate: windows of role
+    base: the best model that has names, with rigid cables, of whole recordings, however far it was fitted. validate: windows of role
     `validate`; only their starts are fitted, and nothing is chosen by them.
     Source: Álvarez, Luengo, Lawrence 2009 (latent forces); evidence: see `evidence`.
     Raises RefusedError where cables of the base are springs (then the free directions of acceleration are all six), or
@@ -129,16 +129,16 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
         if found is None:
             break
         completed, latent, weighed = found
-        if not _excess(completed) < _excess(now):
+        if not _excess(completed, base) < _excess(now, base):
             break
         now, latents, chosen = completed, [*latents, latent], [*chosen, (weighed, tried)]
-        if _excess(now) < SECOND * _excess(base):
+        if _excess(now, base) < SECOND * _excess(base, base):
             break
     after = judged(now, validate) if latents else before
     terms = _terms(now, latents, chosen)
     return Unknown(
         terms=terms,
-        explained=float(np.clip(1 - _excess(now) / max(_excess(base), 1e-9), 0.0, 1.0)),
+        explained=float(np.clip(1 - _excess(now, base) / max(_excess(base, base), 1e-9), 0.0, 1.0)),
         before=before,
         after=after,
         words=tuple(sentence for term in terms for sentence in term.words),
@@ -197,11 +197,13 @@ def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:
     return best
 
 
-def _excess(found: Fit) -> float:
-    """χ²/dof beyond what the noise explains that the residuals show."""
-    dof = sum(left.dof for left in found.remainders)
-    chi2 = sum(left.chi2 for left in found.remainders)
-    return max(0.0, chi2 / max(1, dof) - max(1.0, found.noise_ratio**2))
+def _excess(found: Fit, base: Fit) -> float:
+    """χ²/dof of markers beyond what the noise explains that the residuals show, as far as `base` is fitted."""
+    squares, count = 0.0, 0
+    for left, end in zip(found.remainders, base.journey.ends, strict=True):
+        near = left.residuals[left.t - left.t[0] <= end + 1e-9]
+        squares, count = squares + float(np.nansum(near**2)), count + int(np.isfinite(near).sum())
+    return max(0.0, squares / found.likelihood.noise**2 / max(1, count) - max(1.0, found.noise_ratio**2))
 
 
 def _terms(

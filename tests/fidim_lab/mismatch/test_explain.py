@@ -79,7 +79,7 @@ def test_two_effects_are_named_together(irma4: Robot) -> None:
 
 @pytest.mark.slow
 def test_what_no_effect_describes_is_unknown(irma4: Robot) -> None:
-    explanation = explain(short_campaign(irma4, 62, "unknown:k=-4"))
+    explanation = explain(short_campaign(irma4, 62, "unknown:k=-60"))
     assert explanation.verdict is Verdict.UNKNOWN_PHYSICS
     assert not explanation.effects
     assert explanation.where
