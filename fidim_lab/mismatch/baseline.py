@@ -22,6 +22,7 @@ from fidim_lab.model.sensitivity.integrate import step_of
 
 Say = Callable[[str], None]
 
+
 @dataclass(frozen=True, eq=False)
 class Baseline:
     """A campaign with the fits of the model as it is, and what can be tried beside it."""

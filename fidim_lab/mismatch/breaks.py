@@ -57,8 +57,8 @@ def breaks_of(
 ) -> Breaks:
     """Breaks in one marker's whitened residual on an even grid of `step` seconds (NaN: missing).
 
-    limits: how far beyond chance something must stand. clearer: by how much a fault must be preferred. spikes: how far single samples must, of a marker known to have
-    many that are off. jumps: the marker is known to jump.
+    limits: how far beyond chance something must stand. clearer: by how much a fault must be preferred to motion.
+    spikes: how far single samples must stand, of a marker known to have many that are off. jumps: it is known to jump.
     """
     sigma = np.maximum(np.nan_to_num(noise_of(values), nan=1.0), 1.0)
     work = values / sigma

@@ -25,7 +25,7 @@ from fidim_lab.mismatch.clean import Cleaned, clean
 from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.explanation import Explanation, Verdict
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.restored import restored, without_needless_contacts
+from fidim_lab.mismatch.restored import restored, without_needless_contacts, without_needless_faults
 from fidim_lab.mismatch.select import Selection, select
 from fidim_lab.mismatch.soft_cables import compare
 from fidim_lab.mismatch.soft_telling import soft_answer
@@ -75,6 +75,8 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     told = with_timing(told, judged.named.model, put_right=last is not first)
     whole = with_unknown(told, judged.named.model, last.cleaned.campaign, say)
     audited = last.cleaned
+    if last.found.best.is_white:
+        audited = without_needless_faults(campaign, audited, last.found.best.model)
     if whole.unknown is not None and audited.contacts:
         audited = without_needless_contacts(cleaned, audited, whole.unknown.fit)
     whole = _with_soft_mode(whole, audited.campaign, say)

@@ -16,10 +16,12 @@ from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.identification.mle.start import Guess, first_guesses
-from fidim_lab.mismatch.ground import Ground, settle
+from fidim_lab.mismatch.beyond_errors import beyond_errors
+from fidim_lab.mismatch.ground import NEAR, Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover, of_remainder
 from fidim_lab.mismatch.sprung import are_stiff, begins_anew, stiffest
+from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown, sprung
@@ -42,6 +44,7 @@ class HeldOut:
     refused: dict[str, str]
     """window → why it could not be predicted"""
     leftovers: tuple[Leftover, ...] = ()
+    """beyond what the fit's own errors explain (`beyond_errors`)"""
     of_window: dict[str, float] = field(default_factory=dict[str, float])
     """χ²/dof of each, lengths included"""
 
@@ -232,6 +235,12 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
         of_window[window.id] = left.chi2_per_dof
         leftovers.append(of_remainder(window.id, left, likelihood))
     rms = float(np.sqrt(squares / count)) if count else float("nan")
+    followed = chi2 < NEAR * dof and not any(prediction.lost for _, prediction in found)
+    if followed and not whiteness(leftovers).is_white:
+        free = ~np.concatenate([np.zeros(BODY, dtype=bool), np.array(completed.at_bound, dtype=bool)])
+        left = beyond_errors(completed.fit, free, [prediction for _, prediction in found])
+        noise = likelihood.noise
+        leftovers = [replace(one, values=values / noise) for one, values in zip(leftovers, left, strict=True)]
     return HeldOut(chi2, dof, rms, refused, tuple(leftovers), of_window)
 
 

@@ -16,7 +16,7 @@ from fidim_lab.identification.mle.held_out import predict as predicted
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.mismatch.clean import Cleaned
 from fidim_lab.mismatch.contacts import Contact, whole_id, without
-from fidim_lab.mismatch.finding import Finding
+from fidim_lab.mismatch.finding import Finding, Kind
 from fidim_lab.mismatch.off_motion import OFF
 from fidim_lab.mismatch.refit import Completed, predict
 from fidim_lab.mismatch.whiteness import whiteness
@@ -56,6 +56,21 @@ def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = la
     say("some of what was cut out follows the completed model: it is put back")
     campaign = replace(audited.campaign, windows=tuple(windows))
     return replace(audited, campaign=campaign, contacts=tuple(contacts), faults=(*cleaned.faults, *faults))
+
+
+def without_needless_faults(recorded: Campaign, cleaned: Cleaned, model: Completed) -> Cleaned:
+    """The result without displaced samples of windows that the model follows as they were recorded.
+
+    Screening knows a sample's neighbours alone: in violent motion, seen a few times a swing, some look displaced
+    through which the fitted motion passes. model: one that leaves only noise.
+    """
+    seen = {window.id: window.markers for window in recorded.windows}
+    touched = {contact.window for contact in cleaned.contacts}
+    doubted = {one.window for one in cleaned.faults if one.kind in (Kind.SPIKE, Kind.JUMP)} - touched
+    as_seen = [replace(one, markers=seen[one.id]) for one in cleaned.campaign.windows if one.id in doubted]
+    followed = {window.id for window in as_seen if _follows(model, [window])}
+    faults = tuple(one for one in cleaned.faults if one.window not in followed)
+    return replace(cleaned, faults=faults) if followed else cleaned
 
 
 def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, unnamed: Fit) -> Cleaned:

@@ -22,7 +22,7 @@ from fidim_lab.identification.mle.optimise import FINAL, ON_THE_WAY, ROUGH, Endi
 from fidim_lab.identification.mle.possible import nearest_possible, scales
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import spring_prior, with_springs
-from fidim_lab.identification.mle.stages import EARLY, FAR_PRIOR, HORIZONS, Journey, grow
+from fidim_lab.identification.mle.stages import EARLY, FAR_PRIOR, HORIZONS, TRUSTED, Journey, grow
 from fidim_lab.identification.mle.start import Guess, as_states, first_guesses
 from fidim_lab.identification.refusals import together
 from fidim_lab.model.mechanism import Mechanism
@@ -152,32 +152,49 @@ def fit(
     spread_of_theta = np.full(mechanism.theta.size, np.inf) if theta_sd is None else np.asarray(theta_sd, dtype=float)
     plausible = np.concatenate([scales(body), spread_of_theta])
     begun = _begun(mechanism, body, windows, plausible)
-    likelihood, shared, guesses = begun.likelihood, begun.shared, begun.guesses
-    prior = Prior(mean=shared, sd=plausible, firm=BODY)
+    prior = Prior(mean=begun.shared, sd=plausible, firm=BODY)
     if bounds is not None:
         unbounded = np.full(BODY, np.inf)
         prior = replace(prior, low=np.concatenate([-unbounded, bounds[0]]), high=np.concatenate([unbounded, bounds[1]]))
-    free = np.ones(len(shared), dtype=bool)
-    last = ON_THE_WAY if hasty else FINAL
-    journey = grow(likelihood, Point(shared, likelihood.guesses), prior, free, last=last, once=hasty)
+    journey = _grown(begun, prior, hasty=hasty)
+    if journey is not None and _begun_elsewhere(begun.likelihood, journey):
+        # orientations that nobody read were guessed by rests of the body as it was thought to be
+        known = _begun(mechanism, journey.optimum.point.body, windows, plausible)
+        again = _grown(known, prior, hasty=hasty)
+        if again is not None and _begun_elsewhere(known.likelihood, again) < _begun_elsewhere(
+            begun.likelihood, journey
+        ):
+            begun, journey = known, again
     if journey is None:
         raise RefusedError(
             "The motion cannot be simulated from the start values.",
             hint="Check geometry and nominal inertia in the robot file.",
         )
-    simulation = journey.optimum.simulation
+    likelihood, simulation = begun.likelihood, journey.optimum.simulation
     return Fit(
         likelihood=likelihood,
         journey=journey,
         start=body,
         start_moved=body is not wanted,
         unused=begun.unused,
-        misfits=tuple(guess.misfit for guess in guesses),
+        misfits=tuple(guess.misfit for guess in begun.guesses),
         remainders=tuple(remainder(likelihood, simulation, w) for w in range(len(likelihood.recordings))),
         prior=prior.loosened(1.0 if float(journey.ends.max()) < EARLY else FAR_PRIOR),
         plausible=plausible,
         names=names_of(mechanism),
     )
+
+
+def _grown(begun: "_Begun", prior: Prior, *, hasty: bool) -> Journey | None:
+    free = np.ones(len(begun.shared), dtype=bool)
+    start = Point(begun.shared, begun.likelihood.guesses)
+    return grow(begun.likelihood, start, prior, free, last=ON_THE_WAY if hasty else FINAL, once=hasty)
+
+
+def _begun_elsewhere(likelihood: Likelihood, journey: Journey) -> int:
+    """How many windows without lengths begin in a pose from which a cable is slack at once."""
+    blind = [not np.isfinite(recording.lengths).any() for recording in likelihood.recordings]
+    return sum(blind[w] and time < TRUSTED for w, (time, _) in journey.slack.items())
 
 
 @dataclass(frozen=True, eq=False)

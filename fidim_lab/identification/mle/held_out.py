@@ -11,19 +11,22 @@ from fidim_lab.identification.mle.fit import likelihood_of
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior
-from fidim_lab.identification.mle.optimise import ON_TRIAL
+from fidim_lab.identification.mle.optimise import ON_TRIAL, Effort
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import Journey, grow
 from fidim_lab.identification.mle.start import Guess, first_guesses
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.grid import QUICK
 from fidim_lab.model.sensitivity.integrate import States
 from fidim_lab.model.sensitivity.starts import spreads
 
 HORIZONS = (0.5, 3.0)
 """s; the parameters are known, so the strides may be long"""
-FORETOLD = replace(ON_TRIAL, creep=0.1)
-"""what is far off is not followed to the last digit"""
+FORETOLD = replace(ON_TRIAL, creep=0.1, idle=0.1)
+"""what is far off is not followed to the last digit, nor what the window hardly tells"""
+GLANCE = replace(FORETOLD, resolution=QUICK, idle=1.0)
+"""the same, to choose among starts"""
 PHASES = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
 """rad, at which own states begin that may have any value"""
 
@@ -96,10 +99,10 @@ def _predicted(
     return [_predicted(mechanism, shared, [one], sensors)[0] for one in begun]
 
 
-def _fitted(likelihood: Likelihood, shared: np.ndarray, states: States) -> Journey | None:
+def _fitted(likelihood: Likelihood, shared: np.ndarray, states: States, effort: Effort = FORETOLD) -> Journey | None:
     nothing = Prior(mean=shared, sd=np.full(len(shared), np.inf))
     held = np.zeros(len(shared), dtype=bool)
-    return grow(likelihood, Point(shared, states), nothing, held, HORIZONS, FORETOLD)
+    return grow(likelihood, Point(shared, states), nothing, held, HORIZONS, effort)
 
 
 def _start(likelihood: Likelihood, shared: np.ndarray) -> States | None:
@@ -114,7 +117,7 @@ def _start(likelihood: Likelihood, shared: np.ndarray) -> States | None:
     near = replace(likelihood, recordings=tuple(recording.until(HORIZONS[-1]) for recording in likelihood.recordings))
     nowhere = np.zeros((len(guesses.positions), len(spread)))
     begins = [replace(guesses, astray=np.where(np.isinf(spread), phase, nowhere)) for phase in PHASES]
-    journeys = [journey for begin in begins if (journey := _fitted(near, shared, begin)) is not None]
+    journeys = [journey for begin in begins if (journey := _fitted(near, shared, begin, GLANCE)) is not None]
     if not journeys:
         return None
     chosen = journeys[0].optimum.point.states

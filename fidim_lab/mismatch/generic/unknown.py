@@ -112,8 +112,8 @@ class Unknown:
 def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     """Find, fit and describe the wrench that a fitted model lacks.
 
-    base: the best model that has names, with rigid cables, of whole recordings, however far it was fitted. validate: windows of role
-    `validate`; only their starts are fitted, and nothing is chosen by them.
+    base: the best model that has names, with rigid cables, of whole recordings, however far it was fitted. validate:
+    windows of role `validate`; only their starts are fitted, and nothing is chosen by them.
     Source: Álvarez, Luengo, Lawrence 2009 (latent forces); evidence: see `evidence`.
     Raises RefusedError where cables of the base are springs (then the free directions of acceleration are all six), or
     effects of it have states of their own.

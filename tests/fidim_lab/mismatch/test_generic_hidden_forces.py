@@ -118,10 +118,10 @@ def explored(campaign: Campaign) -> tuple[Fit, Unknown]:
 @pytest.mark.parametrize(
     ("name", "size", "expected", "said"),
     [
-        ("magnet", 10.0, {Dependence.CENTRE}, "towards"),
-        ("when turning", 1.0, {Dependence.TURNING}, "only while the platform turns"),
+        ("magnet", 40.0, {Dependence.CENTRE}, "towards"),
+        ("when turning", 4.0, {Dependence.TURNING}, "only while the platform turns"),
         ("bump in time", 1.0, {Dependence.MOMENT, Dependence.TIME}, "between"),
-        ("square wave", 1.0, {Dependence.PERIODIC}, "repeats every 0.9"),
+        ("square wave", 3.0, {Dependence.PERIODIC}, "repeats every 0.9"),
         ("third swivel", 1.0, {Dependence.CABLE}, "cable 3"),
         ("speed cubed", 5.0, {Dependence.SPEED, Dependence.VELOCITY}, "speed"),
     ],
@@ -130,7 +130,7 @@ def test_a_hidden_force_is_typed_and_helps_where_it_was_not_fitted(
     irma4: Robot, name: str, size: float, expected: set[Dependence], said: str
 ) -> None:
     base, found = explored(hidden_campaign(irma4, name, size))
-    assert base.chi2_per_dof > 1.005, "nothing was hidden"
+    assert base.chi2_per_dof > 1.1, "hardly anything was hidden"
     assert found.terms
     assert found.terms[0].dependence in expected
     assert said in " ".join(found.words)

@@ -13,7 +13,7 @@ from fidim_lab.mismatch.contacts import Contact, without
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.finding import Finding, Kind
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.restored import restored
+from fidim_lab.mismatch.restored import restored, without_needless_faults
 from fidim_lab.mismatch.select import select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -85,6 +85,20 @@ def test_a_sample_that_is_off_stays_out_and_one_that_is_not_comes_back(touched: 
     assert kept.faults == spikes[:1]
     lacking = {window.id for window in kept.campaign.windows if np.isnan(window.markers).any()}
     assert lacking == {"i03"}
+
+
+def test_screening_is_overruled_by_a_model_that_follows_the_samples(irma4: Robot) -> None:
+    campaign = recorded(irma4)
+    windows = {window.id: window for window in campaign.windows}
+    markers = windows["i03"].markers.copy()
+    markers[200, 0, 0] += 0.002
+    seen = _with(campaign, replace(windows["i03"], markers=markers))
+    model = fit_baseline(campaign, native=False, say=lambda _: None).as_it_is
+    faults = tuple(Finding(Kind.SPIKE, name, "x", (2.0, 2.0), 0.002, "m", "A spike.") for name in ("i03", "i05"))
+    screened = clean(campaign)
+    lacking = _with(_with(campaign, _without_row(windows["i03"])), _without_row(windows["i05"]))
+    cleaned = replace(screened, campaign=lacking, faults=faults)
+    assert without_needless_faults(seen, cleaned, model).faults == faults[:1]
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from fidim_lab.data.records import Role, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.effects.cable_elasticity import CableStiffness
 from fidim_lab.effects.winch_hold_compliance import WinchHoldCompliance
+from fidim_lab.identification.mle import fit as fit_module
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.start import first_guess
 from fidim_lab.identification.mle.unread import rest_near
@@ -81,3 +82,25 @@ def test_a_rest_is_sought_where_the_marker_rested_or_in_the_middle_of_its_motion
     np.testing.assert_allclose(rested.marker_position(four.marker), aside, atol=1e-6)
     unreachable = replace(window, equilibrium=np.array([1.2, -0.1, 3.0]))
     assert rest_near(mechanism, four.nominal, prepare(unreachable, four)) is None
+
+
+def test_windows_that_nobody_read_are_begun_anew_once_the_others_tell_the_body(four, record, monkeypatch):
+    """A rest of a wrong body may be turned so far that a cable is slack at once: the window would be lost."""
+    windows = [replace(window, lengths=None) for window in record(four, 4)]
+    found, guessed = fit_module.fit(Mechanism(four), windows), fit_module.first_guesses
+    assert not found.journey.slack
+    asked = []
+
+    def turned(mechanism, body, recordings, theta):
+        asked.append(body)
+        guesses = list(guessed(mechanism, body, recordings, theta))
+        if len(asked) == 1:
+            away = Rotation.from_rotvec([0.5, -0.6, 0.9]).as_matrix()
+            guesses[2] = replace(guesses[2], rotation=guesses[2].rotation @ away)
+        return tuple(guesses)
+
+    monkeypatch.setattr(fit_module, "first_guesses", turned)
+    again = fit_module.fit(Mechanism(four), windows)
+    assert len(asked) == 2
+    assert not again.journey.slack
+    np.testing.assert_allclose(again.values, found.values, atol=0.1 * found.sd.max())
