@@ -237,7 +237,8 @@ def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
     rms = float(np.sqrt(squares / count)) if count else float("nan")
     followed = chi2 < NEAR * dof and not any(prediction.lost for _, prediction in found)
     if followed and not whiteness(leftovers).is_white:
-        free = ~np.concatenate([np.zeros(BODY, dtype=bool), np.array(completed.at_bound, dtype=bool)])
+        free = np.ones(len(completed.fit.values), dtype=bool)
+        free[BODY : BODY + len(completed.at_bound)] = ~np.array(completed.at_bound, dtype=bool)
         left = beyond_errors(completed.fit, free, [prediction for _, prediction in found])
         noise = likelihood.noise
         leftovers = [replace(one, values=values / noise) for one, values in zip(leftovers, left, strict=True)]

@@ -66,11 +66,12 @@ def without_needless_faults(recorded: Campaign, cleaned: Cleaned, model: Complet
     """
     seen = {window.id: window.markers for window in recorded.windows}
     touched = {contact.window for contact in cleaned.contacts}
-    doubted = {one.window for one in cleaned.faults if one.kind in (Kind.SPIKE, Kind.JUMP)} - touched
+    displaced = [one for one in cleaned.faults if one.kind in (Kind.SPIKE, Kind.JUMP)]
+    doubted = {one.window for one in displaced if one.window in seen} - touched
     as_seen = [replace(one, markers=seen[one.id]) for one in cleaned.campaign.windows if one.id in doubted]
     followed = {window.id for window in as_seen if _follows(model, [window])}
-    faults = tuple(one for one in cleaned.faults if one.window not in followed)
-    return replace(cleaned, faults=faults) if followed else cleaned
+    needless = [one for one in displaced if one.window in followed]
+    return replace(cleaned, faults=tuple(one for one in cleaned.faults if one not in needless))
 
 
 def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, unnamed: Fit) -> Cleaned:

@@ -81,13 +81,12 @@ class _Search:
         start = self.start
         baseline = candidate(start.as_it_is, start.predicted)
         self.say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
-        best = self._known_to_do(known) or baseline
+        settled = self._known_to_do(known)
+        best = settled or baseline
         if best is baseline and not start.follows:
             best = self._best_over_all(baseline, self._over_first_seconds())
-        begun_with = best
         best, last = self._over_whole_windows(best)
-        # a model with which a search ended stands among its imitators already
-        if not self.pushes and not (best is begun_with and known is not None):
+        if not (self.pushes or best is settled):  # a model with which a search ended stood among its imitators already
             best, last = self._with_imitators(best, last)
         if not (self.pushes or start.follows):
             best, last = self._without_the_doubtful(best, last)
