@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fidim_lab.errors import OurBugError
@@ -21,12 +21,13 @@ def moved(pattern: Pattern, count: int = 800) -> tuple[np.ndarray, np.ndarray, n
 
 
 @given(PATTERNS)
+@example(Pattern(half=0.11626980147154892, turns=4, duty=0.5))  # the rounding adds up
 def test_every_stroke_ends_at_rest_at_its_target(pattern: Pattern):
     t, offset, speed, _ = moved(pattern)
     for start, duration, target in zip(pattern.starts, pattern.durations, pattern.targets, strict=True):
         k = np.argmin(np.abs(t - start - duration))
         assert abs(offset[k] - target) < 1e-5
-        assert abs(speed[k]) < 1e-5
+        assert abs(speed[k]) < 5e-7 * pattern.speed  # its edges are rounded to a nanosecond
     assert np.abs(speed).max() <= pattern.speed * (1 + 1e-6)
     assert np.abs(offset).max() <= 1 + 1e-5
 
