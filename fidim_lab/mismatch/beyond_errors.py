@@ -14,6 +14,8 @@ from jaxtyping import Bool, Float
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import Prediction
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, WindowLinear, linearised
+from fidim_lab.identification.mle.normal import reduced
+from fidim_lab.identification.mle.spread import Quadratic
 
 
 def beyond_errors(
@@ -26,29 +28,15 @@ def beyond_errors(
     journeys = {id(one.journey): one for one in predicted}
     all_linear = {key: _linear(one.likelihood, one.journey.optimum.simulation) for key, one in journeys.items()}
     linear = [all_linear[id(one.journey)][one.place] for one in predicted]
-    rows = np.concatenate([*found.tables, found.prior_rows])
-    known = rows[:, :-1].T @ rows[:, :-1]
-    toward = np.zeros(len(known))
-    projected = [_without_own(one) for one in linear]
-    for by_shared, residual in projected:
-        known += by_shared.T @ by_shared
-        toward -= by_shared.T @ residual
-    step = np.zeros(len(known))
-    scale = np.sqrt(np.diag(known))[free]
-    step[free] = np.linalg.solve(known[np.ix_(free, free)] / np.outer(scale, scale), toward[free] / scale) / scale
+    tables = np.stack([one.journey.optimum.tables[one.place] for one in predicted])
+    held = Quadratic.of(reduced(tables, found.likelihood.own), np.zeros((0, len(found.values) + 1)))
+    both = Quadratic(found.quadratic.information + held.information, held.gradient)
+    step = both.step(free, np.zeros(len(found.values)))
     return [_residuals(prediction, one, step) for prediction, one in zip(predicted, linear, strict=True)]
 
 
 def _linear(likelihood: Likelihood, simulation: Simulation) -> dict[int, WindowLinear]:
     return {one.window: one for one in linearised(likelihood, simulation)}
-
-
-def _without_own(one: WindowLinear) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives by what is shared, and the residual, as far as the window's own unknowns do not take them up."""
-    basis = np.linalg.qr(one.by_own)[0]
-    both = np.column_stack([one.by_shared, one.residual])
-    both = both - basis @ (basis.T @ both)
-    return both[:, :-1], both[:, -1]
 
 
 def _residuals(prediction: Prediction, one: WindowLinear, step: np.ndarray) -> np.ndarray:
