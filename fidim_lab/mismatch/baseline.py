@@ -78,10 +78,13 @@ def ready(robot: Robot, *, native: bool) -> Mechanism:
     return mechanism
 
 
-def fit_baseline(campaign: Campaign, *, native: bool, say: Say, mechanism: Mechanism | None = None) -> Baseline:
+def fit_baseline(
+    campaign: Campaign, *, native: bool, say: Say, mechanism: Mechanism | None = None, hopeless: float = NEAR
+) -> Baseline:
     """Fit the windows of role `identify` with nothing beside the rigid model.
 
-    mechanism: of this robot, where `ready` has made one; what it has compiled is used again.
+    mechanism: of this robot, where `ready` has made one; what it has compiled is used again. hopeless:
+    χ²/dof of the first seconds, for the noise that they show, from which on whole windows are not tried.
     Raises RefusedError where no window can be fitted at all.
     """
     say("fitting the model as it is")
@@ -91,7 +94,7 @@ def fit_baseline(campaign: Campaign, *, native: bool, say: Say, mechanism: Mecha
     near = ground_of(short)
     far = whole_ground(near, windows)
     whole = None
-    if short.excess < NEAR:
+    if short.excess < hopeless:
         everything = np.ones(len(short.values), dtype=bool)
         prior = far.prior(np.zeros(0), np.zeros(0))
         whole = settle(far, short, mechanism, short.journey.optimum.point, prior, everything)

@@ -15,6 +15,10 @@ from fidim_lab.mismatch.baseline import fit_baseline
 QUIET = 0.1
 """of the stated marker noise; less would make the baseline fit give up what is a fair fit at full noise"""
 
+GROSS = 30.0
+"""χ²/dof of the first seconds, for a tenth of the noise, from which on they alone are loud enough; a fit that explains
+gives up sooner, at what is a faint misfit in such noise"""
+
 
 @dataclass(frozen=True)
 class Loudness:
@@ -33,7 +37,7 @@ def loudness(quiet: Campaign) -> Loudness:
 
     Raises RefusedError where no window can be fitted at all.
     """
-    baseline = fit_baseline(quiet, native=True, say=_nothing)
+    baseline = fit_baseline(quiet, native=True, say=_nothing, hopeless=GROSS)
     sigma = quiet.robot.sensors.marker_noise
     markers = len(quiet.robot.markers)
     counts = np.array([3.0 * markers * len(left.t) for left in baseline.fit.remainders])
