@@ -59,7 +59,7 @@ def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = la
 
 
 def without_needless_faults(recorded: Campaign, cleaned: Cleaned, model: Completed) -> Cleaned:
-    """The result without displaced samples of windows that the model follows as they were recorded.
+    """The result without the faults of displaced samples in windows that the model follows as they were recorded.
 
     Screening knows a sample's neighbours alone: in violent motion, seen a few times a swing, some look displaced
     through which the fitted motion passes. model: one that leaves only noise.

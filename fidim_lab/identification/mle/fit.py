@@ -157,13 +157,12 @@ def fit(
         unbounded = np.full(BODY, np.inf)
         prior = replace(prior, low=np.concatenate([-unbounded, bounds[0]]), high=np.concatenate([unbounded, bounds[1]]))
     journey = _grown(begun, prior, hasty=hasty)
-    if journey is not None and _begun_elsewhere(begun.likelihood, journey):
+    elsewhere = 0 if journey is None else _begun_elsewhere(begun.likelihood, journey)
+    if journey is not None and elsewhere:
         # orientations that nobody read were guessed by rests of the body as it was thought to be
         known = _begun(mechanism, journey.optimum.point.body, windows, plausible)
         again = _grown(known, prior, hasty=hasty)
-        if again is not None and _begun_elsewhere(known.likelihood, again) < _begun_elsewhere(
-            begun.likelihood, journey
-        ):
+        if again is not None and _begun_elsewhere(known.likelihood, again) < elsewhere:
             begun, journey = known, again
     if journey is None:
         raise RefusedError(

@@ -123,22 +123,24 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
         raise RefusedError("An unknown force is modelled on rigid cables alone; this model has springs or own states.")
     before = judged(base, validate)
     now, latents, chosen, ranking = base, [], [], ()
+    whole = left = _excess(base, base)
     for _ in range(TERMS):
         found, tried = _next_term(now, FEEBLE if latents else -np.inf)
         ranking = ranking or tried
         if found is None:
             break
         completed, latent, weighed = found
-        if not _excess(completed, base) < _excess(now, base):
+        rest = _excess(completed, base)
+        if not rest < left:
             break
-        now, latents, chosen = completed, [*latents, latent], [*chosen, (weighed, tried)]
-        if _excess(now, base) < SECOND * _excess(base, base):
+        left, now, latents, chosen = rest, completed, [*latents, latent], [*chosen, (weighed, tried)]
+        if left < SECOND * whole:
             break
     after = judged(now, validate) if latents else before
     terms = _terms(now, latents, chosen)
     return Unknown(
         terms=terms,
-        explained=float(np.clip(1 - _excess(now, base) / max(_excess(base, base), 1e-9), 0.0, 1.0)),
+        explained=float(np.clip(1 - left / max(whole, 1e-9), 0.0, 1.0)),
         before=before,
         after=after,
         words=tuple(sentence for term in terms for sentence in term.words),
