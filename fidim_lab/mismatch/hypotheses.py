@@ -39,11 +39,18 @@ class Hypothesis:
     """which of its parameters are free"""
     prior_sd: np.ndarray = field(default_factory=lambda: np.zeros(0))
     """of the scored ones, before any data"""
+    alike: int = 1
+    """how many differ from it in the cable alone, itself counted"""
 
     @property
     def label(self) -> str:
         """For people."""
         return self.effect.label
+
+    @property
+    def choice(self) -> float:
+        """Nats that having chosen its cable costs: on all of them alike nothing was chosen."""
+        return float(np.log(self.alike))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -81,10 +88,11 @@ def hypotheses(robot: Robot) -> Hypotheses:
     seen: set[str] = set()
     effects = [effect for effect in catalogue(robot) if effect.id not in NOT_BY_SCORE]
     for effect in effects:
+        alike = 1 if effect.cable is None else len(robot.cables)
         if effect.id in PERIODIC and not effect.of_each_window:
-            periodic.extend(_at_scan_points(effect))
+            periodic.extend(_at_scan_points(effect, alike))
         elif _can_be_scored(effect):
-            direct.extend(_at_scan_points(effect))
+            direct.extend(_at_scan_points(effect, alike))
         else:
             continue
         seen.add(effect.id)
@@ -92,12 +100,13 @@ def hypotheses(robot: Robot) -> Hypotheses:
     return Hypotheses(tuple(direct), tuple(periodic), tuple(untested))
 
 
-def general(effect: NamedEffect, start: np.ndarray) -> Hypothesis:
-    """A more general form of an effect that was found, at what it starts from: only its amplitudes may be absent."""
+def general(simple: Hypothesis, effect: NamedEffect, start: np.ndarray) -> Hypothesis:
+    """A more general form of a hypothesis that was found, at what it starts from: only its amplitudes may be absent."""
     scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
     absent = start.copy()
     absent[list(scored)] = 0.0
-    return Hypothesis(effect, absent, scored, np.array([BROAD * effect.parameters[k].scale for k in scored]))
+    prior = np.array([BROAD * effect.parameters[k].scale for k in scored])
+    return Hypothesis(effect, absent, scored, prior, simple.alike)
 
 
 def _can_be_scored(effect: NamedEffect) -> bool:
@@ -106,7 +115,7 @@ def _can_be_scored(effect: NamedEffect) -> bool:
     return known and effect.id not in PERIODIC and len(effect.scan_points) <= MOST_SCANNED
 
 
-def _at_scan_points(effect: NamedEffect) -> Iterable[Hypothesis]:
+def _at_scan_points(effect: NamedEffect, alike: int) -> Iterable[Hypothesis]:
     scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
     prior = np.array([BROAD * effect.parameters[k].scale for k in scored])
-    return [Hypothesis(effect, point, scored, prior) for point in effect.scan_points]
+    return [Hypothesis(effect, point, scored, prior, alike) for point in effect.scan_points]

@@ -121,12 +121,12 @@ class Completed:
         return slice(first, first + len(self.tried[k].effect.parameters))
 
     def freedom(self, scale: float) -> float:
-        """What the effects' freedom costs, in nats: ln of prior over posterior standard deviations."""
+        """What the effects' freedom costs, in nats: ln of prior over posterior standard deviations, and of cables."""
         if not self.tried:
             return 0.0
         wide = np.concatenate([_theta_sd(h) for h in self.tried])
         ratio = wide / np.maximum(self.fit.sd[BODY:] * np.sqrt(scale), 1e-300)
-        return float(np.log(np.maximum(ratio, 1.0)).sum())
+        return float(np.log(np.maximum(ratio, 1.0)).sum()) + sum(h.choice for h in self.tried)
 
 
 def evidence(model: Completed, than: Completed, scale: float) -> float:

@@ -233,7 +233,8 @@ def freedom(found: Projected, members: tuple[int, ...]) -> tuple[float, np.ndarr
     prior = np.concatenate([found.tried[k].prior_sd for k in members])
     index = _columns(found, members)
     wide = prior[:, np.newaxis] * found.curvature[np.ix_(index, index)] * prior / found.inflation
-    return 0.5 * float(np.linalg.slogdet(np.eye(len(index)) + wide)[1]), prior
+    chosen = sum(found.tried[k].choice for k in members)
+    return 0.5 * float(np.linalg.slogdet(np.eye(len(index)) + wide)[1]) + chosen, prior
 
 
 def _columns(found: Projected, members: tuple[int, ...]) -> np.ndarray:

@@ -45,6 +45,7 @@ def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffe
     found: list[Completed] = []
     for k, term in enumerate(simple.tried):
         for effect, begin in term.effect.wider(thetas[k], simple.mechanism.robot) if term.effect in fresh else ():
-            wide = in_place_of(simple, k, general(effect, begin), begin, start.short_ground, start.context)
+            wider = general(term, effect, begin)
+            wide = in_place_of(simple, k, wider, begin, start.short_ground, start.context)
             found += [] if wide is None else [wide]
     return found

@@ -46,6 +46,8 @@ LOOSE_RATE = 10.0
 """m/s and rad/s, from rest"""
 STIFFEST = 2 * np.pi * 300
 """rad/s: springs that oscillate faster are not simulated; cables as stiff as that are rigid"""
+SHORTEST_BLOCK = 0.02
+"""s: a block shorter than that is not halved, however quick the motion"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,27 +177,50 @@ def simulate(
     measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
     batches = in_batches(likelihood.recordings, measurement, ends, fine)
     parts = side_by_side([partial(_simulated, likelihood, point, starts, ends, *batch) for batch in batches])
-    found = {int(w): residual for batch, of in parts for w, residual in zip(batch.members, of, strict=True)}
+    of_batches = [one for part in parts for one in part]
+    found = {int(w): residual for batch, of in of_batches for w, residual in zip(batch.members, of, strict=True)}
     residuals = tuple(found[w] for w in range(len(likelihood.recordings)))
-    return Simulation(point, ends, tuple(batch for batch, _ in parts), starts, residuals)
+    return Simulation(point, ends, tuple(batch for batch, _ in of_batches), starts, residuals)
 
 
 def _simulated(
     likelihood: Likelihood, point: Point, starts: Starts, ends: np.ndarray, members: np.ndarray, grid: Grid
-) -> tuple[_Batch, list[WindowResidual]]:
-    """One batch."""
-    mechanism, recordings = likelihood.mechanism, likelihood.recordings
+) -> list[tuple[_Batch, list[WindowResidual]]]:
+    """One batch; and others, of windows that move too quickly for its grid."""
+    trajectories = _integrated(likelihood, point, starts, members, grid)
+    coarse = trajectories.is_coarse
+    if not coarse.any() or grid.resolution.block < SHORTEST_BLOCK:
+        return [_judged(likelihood, point, starts, ends, _Batch(members, trajectories))]
+    finer = _simulated(likelihood, point, starts, ends, members[coarse], grid.halved)
+    if coarse.all():
+        return finer
+    kept = _Batch(members[~coarse], trajectories.of(~coarse))
+    return [_judged(likelihood, point, starts, ends, kept), *finer]
+
+
+def _integrated(
+    likelihood: Likelihood, point: Point, starts: Starts, members: np.ndarray, grid: Grid
+) -> Trajectories:
+    """The motions of some windows."""
     begins, unstretched = likelihood.begins[members], rows_of(starts.unstretched, members)
-    extra = rows_of(starts.extra, members)
-    trajectories = integrate(mechanism, point.shared, point.states.of(members), grid, begins, unstretched, extra)
-    measurement = Measurement(mechanism, point.shared[BODY:])
-    nodal = markers.at_nodes(trajectories, measurement.places(body_markers(recordings, mechanism.robot, members)))
+    states, extra = point.states.of(members), rows_of(starts.extra, members)
+    return integrate(likelihood.mechanism, point.shared, states, grid, begins, unstretched, extra)
+
+
+def _judged(
+    likelihood: Likelihood, point: Point, starts: Starts, ends: np.ndarray, batch: _Batch
+) -> tuple[_Batch, list[WindowResidual]]:
+    """A batch with its residuals."""
+    trajectories, robot = batch.trajectories, likelihood.mechanism.robot
+    measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
+    stated = body_markers(likelihood.recordings, robot, batch.members)
+    nodal = markers.at_nodes(trajectories, measurement.places(stated))
     residuals: list[WindowResidual] = []
-    for place, w in enumerate(int(w) for w in members):
+    for place, w in enumerate(int(w) for w in batch.members):
         if trajectories.breaks_down(place, measurement.latest(float(ends[w]))):
             nodal[place] = np.nan
-        residuals.append(_residual(likelihood, point, starts, w, float(ends[w]), grid, nodal[place]))
-    return _Batch(members, trajectories), residuals
+        residuals.append(_residual(likelihood, point, starts, w, float(ends[w]), trajectories.grid, nodal[place]))
+    return batch, residuals
 
 
 def linearised(likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowLinear]:

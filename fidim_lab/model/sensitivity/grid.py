@@ -33,6 +33,11 @@ class Resolution:
         """As good where cables are stiff: of two orders less, so with two nodes more."""
         return replace(self, intervals=self.intervals + 2, stiff=True)
 
+    @property
+    def halved(self) -> "Resolution":
+        """With blocks half as long."""
+        return replace(self, block=self.block / 2)
+
     def for_frequency(self, fastest: float) -> "Resolution":
         """As fine as an oscillation of `fastest` rad/s asks for; blocks are a whole part of the usual ones."""
         return replace(self, block=self.block / max(1, int(np.ceil(self.block * fastest / LARGEST_PHASE))))
@@ -68,6 +73,22 @@ class Grid:
         inner = _collocation(self.resolution)[0][1:]
         ends = (np.arange(self.blocks)[:, np.newaxis] + inner) * self.resolution.block
         return np.concatenate([[0.0], ends.ravel()])
+
+    @property
+    def halved(self) -> "Grid":
+        """As long, with blocks half as long."""
+        return Grid(2 * self.blocks, self.resolution.halved)
+
+    def tails(self, values: Float[np.ndarray, "W N d"]) -> Float[np.ndarray, " W"]:
+        """Of what values at the nodes say of their integrals, what the last two orders of a block say at most.
+
+        In the unit of the values times seconds: what is left out by a polynomial of that degree is hardly more.
+        """
+        k = self.resolution.intervals
+        inside = np.arange(self.blocks)[:, np.newaxis] * k + np.arange(k + 1)
+        values_of = legendre.legvander(2 * _collocation(self.resolution)[0] - 1, k)
+        last = np.linalg.inv(values_of)[-2:]
+        return np.abs(last @ values[:, inside]).max(axis=(1, 2, 3)) * self.resolution.block / k
 
     @property
     def quadrature(self) -> Float[np.ndarray, "k+1 k+1"]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.integrate import DOP853
 
 from fidim_lab.arrays import Series
@@ -19,6 +19,10 @@ from fidim_lab.model.sensitivity.equations import BODY, slopes
 from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.stiff import Began, follow
 
+COARSE = 1e-5
+"""m: what blocks of a stiff grid may leave out of a marker's motion, a fifth of what the best cameras see"""
+MARKER_SPEEDS = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
+"""m: by a twist, of a marker at 0.2 m"""
 STAGES = DOP853.n_stages
 # scipy's stubs do not know the tableau
 COEFFICIENTS: np.ndarray = np.asarray(DOP853.A)[:STAGES, :STAGES]
@@ -89,12 +93,22 @@ class Trajectories:
 
     def only(self, window: int) -> "Trajectories":
         """One of the windows alone."""
-        k = slice(window, window + 1)
-        state = (self.positions[k], self.rotations[k], self.twists[k])
-        unstretched = None if self.unstretched is None else self.unstretched[k]
-        extra = None if self.extra is None else self.extra[k]
-        forces = (self.accelerations[k], self.tensions[k])
-        return Trajectories(self.grid, self.begins[k], *state, *forces, unstretched, extra)
+        return self.of(slice(window, window + 1))
+
+    def of(self, chosen: slice | Bool[np.ndarray, " W"]) -> "Trajectories":
+        """Some of the windows."""
+        state = (self.positions[chosen], self.rotations[chosen], self.twists[chosen])
+        unstretched = None if self.unstretched is None else self.unstretched[chosen]
+        extra = None if self.extra is None else self.extra[chosen]
+        forces = (self.accelerations[chosen], self.tensions[chosen])
+        return Trajectories(self.grid, self.begins[chosen], *state, *forces, unstretched, extra)
+
+    @property
+    def is_coarse(self) -> Bool[np.ndarray, " W"]:
+        """Which windows move too quickly for the blocks of a stiff grid; also where no solution was found."""
+        if not self.grid.resolution.stiff:
+            return np.zeros(len(self.begins), dtype=bool)
+        return ~(self.grid.tails(self.twists * MARKER_SPEEDS) < COARSE)
 
     def breaks_down(self, window: int, until: float) -> bool:
         """Whether a motion ends before the block in which `until` (s of the grid) lies is over.
