@@ -15,7 +15,7 @@ import numpy as np
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.candidates import common_scale
-from fidim_lab.mismatch.ground import Ground
+from fidim_lab.mismatch.ground import NEAR, Ground
 from fidim_lab.mismatch.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.refit import Completed, evidence, refit
 from fidim_lab.mismatch.score import Score
@@ -63,28 +63,30 @@ def additions(seen: View, room: int, ground: Ground, context: Context) -> tuple[
 
 
 def _finalists(short: Completed, raced: Sequence[Addition]) -> tuple[Addition, ...]:
-    """Those that convince most over the short time, and before them up to half as many with cables that stretch.
+    """Those that convince most over the short time, and before them up to half as many that could not race.
 
-    Those did not race, and stay where their scores put them; what was not found over the short time comes last.
+    These are of cables that stretch, and stay where their scores put them; beside two terms that do not follow even the
+    short time they are not tried: they would have to be found from nothing. What was not found comes last.
     """
     scale = common_scale([short, *(one.near for one in raced if one.near is not None)])
 
     def convincing(one: Addition) -> float:
         return -np.inf if one.near is None else evidence(one.near, short, scale)
 
-    stretching = [one for one in raced if _stretches(one.score)][: FINALISTS // 2]
-    others = sorted((one for one in raced if not _stretches(one.score)), key=convincing, reverse=True)
-    return (*stretching, *others[: FINALISTS - len(stretching)])
+    apart = [one for one in raced if not _may_race(short, one.score)]
+    others = sorted((one for one in raced if _may_race(short, one.score)), key=convincing, reverse=True)
+    apart = apart[: 0 if len(short.tried) > 1 else FINALISTS // 2]
+    return (*apart, *others[: FINALISTS - len(apart)])
 
 
-def _stretches(score: Score) -> bool:
-    """Whether it is of cables that stretch: they find their own way from short recordings to long ones."""
-    return any(stretches(h.effect) for h in score.tried)
+def _may_race(short: Completed, score: Score) -> bool:
+    """Whether terms can begin at a fit of the short time: cables that stretch only where it follows the motion."""
+    return short.excess < NEAR or not any(stretches(h.effect) for h in score.tried)
 
 
 def _nearby(seen: View, short: Completed, score: Score, ground: Ground, context: Context) -> Completed | None:
-    """The model with these terms over the time of the view; None where none is found, or cables that stretch are."""
-    if _stretches(score):
+    """The model with these terms over the time of the view; None where none is found, or none may race."""
+    if not _may_race(short, score):
         return None
     near = ground.as_far_as(seen.fit)
     best: Completed | None = None

@@ -112,10 +112,8 @@ class Scorer:
         starts = np.concatenate([begin, added], axis=1)
         by = variations(self.mechanism, one, shared, starts[np.newaxis], moving.further[np.newaxis])
         places = self.mechanism.robot.markers[: recording.markers.shape[1]]
-        nodal = markers.varied_at_nodes(one, by, places)[0]
         use, seen = recording.seen_until(float(simulation.ends[w]))
-        index, weights = markers.hermite(one.grid.t, recording.t[use])
-        by_markers = markers.between(nodal, index, weights)
+        by_markers = markers.varied_at(one, by, places, recording.t[use])
         direct = own + len(shared) + self._direct
         ours, theirs = self._seen(recording, recording.t[use], shared, one)
         by_markers[..., own + BODY : own + len(shared)] += ours[:, : len(places)]
@@ -161,11 +159,11 @@ class Scorer:
         t = one.begins[0] + one.grid.t
         sample = (one.positions[0], one.rotations[0], one.twists[0], one.own_states[0])
         compiled = self._kernel("forcing", lambda made: forcing(made, self._absent))
-        found = _over(compiled, len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
+        found = over(compiled, len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
         table = found[0].reshape(len(t), 6 + self.mechanism.n, -1)[:, :6]
         first = (x[:1] for x in (t[:, np.newaxis], *sample))
         compiled = self._kernel("gaps", lambda made: start_gaps(made, self._absent))
-        gaps = _over(compiled, 1, *first, shared[:BODY], theta)
+        gaps = over(compiled, 1, *first, shared[:BODY], theta)
         n, count = self.mechanism.n, len(self._all.theta)
         lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
@@ -211,7 +209,7 @@ class Scorer:
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
         stamps = (recording.begin + t)[:, np.newaxis]
         given = (stamps, motion.positions, motion.rotations, motion.twists, own_states(one, 0, t))
-        found = _over(self._kernel("sightings", sightings), len(t), *given, theta)[4]
+        found = over(self._kernel("sightings", sightings), len(t), *given, theta)[4]
         table = found.reshape(len(t), -1, 3, len(theta))
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
         parts = [table[..., chosen], np.zeros((*table.shape[:3], self._direct - len(chosen)))]
@@ -226,7 +224,7 @@ def _with_all(mechanism: Mechanism, tried: Sequence[Hypothesis]) -> Mechanism:
     return Mechanism(mechanism.robot, [*mechanism.effects, *(h.effect for h in tried), *units], theta.tolist())
 
 
-def _over(compiled: Kernel, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
+def over(compiled: Kernel, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
     """As `over_samples`, of a kernel."""
     columns = [np.broadcast_to(a, (samples, a.size)) if a.ndim == 1 else a for a in arguments]
     return evaluate(compiled.over(samples), *columns)

@@ -16,12 +16,13 @@ from jaxtyping import Float
 from fidim_lab.effects.constant_force import ConstantForce
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, priors_by
 from fidim_lab.identification.mle.springs import stretches
-from fidim_lab.mismatch.columns import FRAME_SWAY, WindowColumns, frequency_of, scored_places, waves
+from fidim_lab.mismatch.columns import FRAME_SWAY, WindowColumns, frequency_of, over, scored_places, waves
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.mismatch.resonance import swings
-from fidim_lab.model.batch import evaluate, over_samples
+from fidim_lab.model.batch import evaluate
 from fidim_lab.model.forcing import sightings
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY, derivatives, sprung
 from fidim_lab.model.sensitivity.integrate import Trajectories, node_times
@@ -85,16 +86,16 @@ class SprungScorer:
         by = variations(self._all, one, shared, starts.states_by[w][np.newaxis], unstretched=unstretched)
         places = self.mechanism.robot.markers[: recording.markers.shape[1]]
         use, seen = recording.seen_until(float(simulation.ends[w]))
-        index, weights = markers.hermite(one.grid.t, recording.t[use])
-        steady = markers.between(markers.varied_at_nodes(one, by, places)[0], index, weights)
+        steady = markers.varied_at(one, by, places, recording.t[use])
         motion = sampled(self.mechanism, simulation.point.shared, one, 0, recording.t[use])
         stamps = (recording.begin + recording.t[use])[:, np.newaxis]
         states = own_states(one, 0, recording.t[use])
         given = (stamps, motion.positions, motion.rotations, motion.twists, states, shared[BODY:])
-        sights = over_samples(sightings(self._all), len(stamps), *given)[4]
+        seen_as = self._all.compiled("sightings: kernel", lambda made: Kernel.of(sightings(made), native=False))
+        sights = over(seen_as, len(stamps), *given)[4]
         steady[..., own + BODY :] += sights.reshape(len(stamps), -1, 3, len(shared) - BODY)[:, : len(places)]
         chosen = np.concatenate([np.arange(base), own + BODY + self._places])
-        waving = self._waving(simulation, w, one, places, recording.begin + recording.t[use], index, weights)
+        waving = self._waving(simulation, w, one, places, recording.begin, recording.t[use])
         by_markers = np.concatenate([steady[..., chosen], waving], axis=-1)
         known = np.isfinite(recording.lengths)
         residual = simulation.residuals[w]
@@ -111,13 +112,12 @@ class SprungScorer:
         w: int,
         one: Trajectories,
         places: Float[np.ndarray, "M 3"],
-        stamps: np.ndarray,
-        index: np.ndarray,
-        weights: np.ndarray,
+        begin: float,
+        times: np.ndarray,
     ) -> Float[np.ndarray, "T M 3 Q"]:
         """Columns of the periodic hypotheses."""
         if not self._frequencies:
-            return np.zeros((len(stamps), len(places), 3, 0))
+            return np.zeros((len(times), len(places), 3, 0))
         shared = np.concatenate([simulation.point.shared, np.zeros(3)])
         t = node_times(one).reshape(-1, 1)
         flat = (t, one.positions[0], one.rotations[0].reshape(-1, 9), one.moving[0])
@@ -128,15 +128,14 @@ class SprungScorer:
         nothing = np.zeros((1, 6 + one.moving.shape[-1], len(simulation.point.shared) + further.shape[-1]))
         still = np.zeros((1, len(sprung(self.mechanism)), len(simulation.point.shared)))
         by = variations(self.mechanism, one, simulation.point.shared, nothing, further[np.newaxis], still)
-        nodal = markers.varied_at_nodes(one, by, places)[0]
-        forced = markers.between(nodal, index, weights)[..., len(simulation.point.shared) :]
+        forced = markers.varied_at(one, by, places, times)[..., len(simulation.point.shared) :]
         parts = [np.zeros((*forced.shape[:-1], 0))]
         for h in self.tried.periodic:
             f = frequency_of(h)
             k = 6 * self._frequencies.index(f)
             part = forced[..., k : k + 6]
             if h.effect.id == FRAME_SWAY:
-                part = self.mechanism.robot.mass * (2 * np.pi * f) ** 2 * part + waves(f, stamps)[:, np.newaxis]
+                part = self.mechanism.robot.mass * (2 * np.pi * f) ** 2 * part + waves(f, begin + times)[:, np.newaxis]
             parts.append(part)
         return np.concatenate(parts, axis=-1)
 

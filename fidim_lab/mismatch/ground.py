@@ -18,7 +18,7 @@ from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import FINAL, ON_TRIAL, Effort, optimise
 from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
-from fidim_lab.mismatch.sprung import AT_LAST, NEAR, begins_anew, bounded, carried_on, grown, likelihood_with
+from fidim_lab.mismatch.sprung import AT_LAST, CRAWL, NEAR, begins_anew, bounded, carried_on, grown, likelihood_with
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
@@ -27,9 +27,9 @@ SHORT = 3.0
 """s"""
 HORIZONS = (3.0, 10.0)
 """s; the start is that of a good fit, so the strides may be long"""
-IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6)
+IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6, crawl=CRAWL)
 """a short look at one of many models"""
-IN_FULL = replace(ON_TRIAL, creep=0.1, idle=0.3)
+IN_FULL = replace(ON_TRIAL, creep=0.1, crawl=CRAWL, idle=0.3)
 """whole windows for the first time: what gets nowhere is given up"""
 BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
 """whole windows that are followed already: to a tenth of a standard deviation"""
@@ -105,8 +105,9 @@ def settle(
         journey = grow(likelihood, start, nearby, free, HORIZONS, last, once=donor.excess >= NEAR)
     else:
         effort = replace(BESIDE, wanted=wanted) if ground.whole else IN_PASSING
-        optimum = optimise(likelihood, start, donor.journey.ends, prior, effort, free)
-        journey = None if optimum is None else replace(donor.journey, optimum=optimum)
+        ends = np.minimum(donor.journey.ends, [recording.end for recording in likelihood.recordings])
+        optimum = optimise(likelihood, start, ends, prior, effort, free)
+        journey = None if optimum is None else replace(donor.journey, optimum=optimum, ends=ends)
     return None if journey is None else as_fit(donor, likelihood, journey, prior)
 
 

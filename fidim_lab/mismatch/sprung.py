@@ -40,7 +40,9 @@ RINGING = 0.7
 """s, in which 40 N s/m take nearly all of what rings at a winch of 10 kg"""
 ON = (1.0, 3.0)
 """s, of the way from a fit without springs to one with them"""
-AT_LAST = Effort(resolution=FINE, promise=0.1, rounds=10, damping=1e-6)
+CRAWL = 0.01
+"""share of what is left, than which a round should not take less off a fit that leaves more than noise"""
+AT_LAST = Effort(resolution=FINE, promise=0.1, rounds=10, damping=1e-6, creep=0.1, crawl=CRAWL)
 """a third of a standard deviation: nearer, fast oscillations that no sample shows bend the sum of squares"""
 
 

@@ -12,6 +12,9 @@ from fidim_lab.mismatch.refit import Completed, refit
 from fidim_lab.mismatch.sprung import left_at_first
 from fidim_lab.mismatch.whiteness import whiteness
 
+AS_GOOD = 1.1
+"""times what the simple form leaves: a wider one that leaves more has not found its way"""
+
 
 def widened(start: Baseline, model: Completed, new: Sequence[Hypothesis]) -> Completed:
     """With a more general form of a new term, or cables that ring, where the simple form leaves such structure."""
@@ -29,7 +32,8 @@ def general_forms(start: Baseline, model: Completed, fresh: set[NamedEffect]) ->
     """The model with wider forms of these effects, from the first seconds on: else they lose phase."""
     simple = model
     if model.whole:
-        found = refit(start.short_ground, start.short, model.tried, model.thetas, start.context)
+        donor = model.fit if model.mechanism.springs else start.short  # springs would have to be found anew
+        found = refit(start.short_ground, donor, model.tried, model.thetas, start.context)
         simple = model if found is None else found
     near = _over_first_seconds(start, simple, fresh)
     if not model.whole or not near:
@@ -40,12 +44,12 @@ def general_forms(start: Baseline, model: Completed, fresh: set[NamedEffect]) ->
 
 
 def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffect]) -> list[Completed]:
-    """Each wider form in the place of the simple one."""
+    """Each wider form in the place of the simple one, as far as it was found: it leaves no more then."""
     thetas = simple.thetas
     found: list[Completed] = []
     for k, term in enumerate(simple.tried):
         for effect, begin in term.effect.wider(thetas[k], simple.mechanism.robot) if term.effect in fresh else ():
             wider = general(term, effect, begin)
             wide = in_place_of(simple, k, wider, begin, start.short_ground, start.context)
-            found += [] if wide is None else [wide]
+            found += [] if wide is None or wide.excess > AS_GOOD * simple.excess else [wide]
     return found

@@ -198,9 +198,7 @@ def _simulated(
     return [_judged(likelihood, point, starts, ends, kept), *finer]
 
 
-def _integrated(
-    likelihood: Likelihood, point: Point, starts: Starts, members: np.ndarray, grid: Grid
-) -> Trajectories:
+def _integrated(likelihood: Likelihood, point: Point, starts: Starts, members: np.ndarray, grid: Grid) -> Trajectories:
     """The motions of some windows."""
     begins, unstretched = likelihood.begins[members], rows_of(starts.unstretched, members)
     states, extra = point.states.of(members), rows_of(starts.extra, members)

@@ -61,7 +61,9 @@ class Effort:
     haste: float = MISFIT_HASTE
     """times the promise that is negligible where the model is wrong (beyond `MISFIT`)"""
     creep: float = 0.0
-    """share of the whole that a round must take off a fit that is far astray, else it is given up"""
+    """share of the whole that a round must take off a fit that is far astray (`ASTRAY`), else it is given up"""
+    crawl: float = 0.0
+    """the same of one that is less astray, and still misses more than noise (`MISFIT`)"""
     idle: float = 0.0
     """what `LOOKED_BACK` rounds must take away together, in units of χ² for χ²/dof = 1, to be worth a further one"""
 
@@ -146,8 +148,8 @@ def creeps(costs: list[float], count: int, effort: Effort) -> bool:
     if len(costs) <= LOOKED_BACK:
         return False
     gained, misfit = costs[-1 - LOOKED_BACK] - costs[-1], costs[-1] / count
-    astray = misfit > ASTRAY and gained < LOOKED_BACK * effort.creep * costs[-1]
-    return astray or gained < effort.idle * max(1.0, misfit)
+    pace = effort.creep if misfit > ASTRAY else effort.crawl if misfit > MISFIT else 0.0
+    return gained < LOOKED_BACK * pace * costs[-1] or gained < effort.idle * max(1.0, misfit)
 
 
 def _damped(likelihood: Likelihood, damping: float) -> float:

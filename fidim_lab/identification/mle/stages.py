@@ -67,10 +67,14 @@ class _Way:
     limits: Float[np.ndarray, " W"]
     slack: dict[int, tuple[float, int]]
     last: Effort
-    """at full length"""
+    """at full length; before, its pace is asked for too"""
     lost: tuple[int, ...] = ()
     whole: tuple[int, ...] = ()
     """recordings that are used to their limit whatever the horizon"""
+
+    def effort(self, before: float) -> Effort:
+        """How hard to try before full length, having come so far (s)."""
+        return replace(ON_THE_WAY if before else ROUGH, creep=self.last.creep, crawl=self.last.crawl)
 
     def ends(self, horizon: float) -> Float[np.ndarray, " W"]:
         ends = np.minimum(self.limits, horizon)
@@ -97,7 +101,8 @@ def grow(
 ) -> Journey | None:
     """The optimum at full length, reached by growing horizons; None where not even the first can be simulated.
 
-    last: how hard to try at full length. once: windows that get lost on the way are not tried again.
+    last: how hard to try at full length, and at which pace on the way. once: windows that get lost on the way are not
+    tried again.
     """
     limits = np.array([recording.end for recording in likelihood.recordings])
     way, optimum = _grown(_Way(likelihood, prior, free, limits, {}, last), start, horizons)
@@ -128,7 +133,7 @@ def _grown(way: _Way, start: Point, horizons: tuple[float, ...]) -> tuple[_Way, 
     before, point, optimum = 0.0, start, None
     for stop in stops:
         last = stop == stops[-1]
-        effort = way.last if last else ROUGH if before == 0 else ON_THE_WAY
+        effort = way.last if last else way.effort(before)
         way, found = _advance(way, point, before, stop, effort)
         if found is None:
             return way, None
@@ -157,7 +162,7 @@ def _advance(way: _Way, start: Point, before: float, stop: float, effort: Effort
         return _advance(slackening, start, before, stop, effort)
     between = float(np.sqrt(before * stop)) if before > 0 else stop / 2
     if stop / between > SMALLEST_STRIDE and between > HORIZONS[0] / 2:
-        way, halfway = _advance(way, start, before, between, ON_THE_WAY)
+        way, halfway = _advance(way, start, before, between, way.effort(between))
         if halfway is None:
             return way, None
         return _advance(way, halfway.point, between, stop, effort)

@@ -157,12 +157,10 @@ def _window(
     starts[0, :, :first] = simulation.starts.states_by[w]
     by = variations(likelihood.mechanism, one, shared, starts, courses[np.newaxis])
     places = likelihood.mechanism.robot.markers[: recording.markers.shape[1]]
-    nodal = markers.varied_at_nodes(one, by, places)[0]
     use, seen = recording.seen_until(float(simulation.ends[w]))
-    index, weights = markers.hermite(one.grid.t, recording.t[use])
     residual, known = simulation.residuals[w], np.isfinite(recording.lengths)
     jacobian = np.zeros((len(residual.rows), starts.shape[2]))
-    jacobian[: len(residual.markers)] = markers.between(nodal, index, weights)[seen] / likelihood.noise
+    jacobian[: len(residual.markers)] = markers.varied_at(one, by, places, recording.t[use])[seen] / likelihood.noise
     jacobian[len(residual.markers) : -own, :first] = simulation.starts.lengths_by[w][known] / likelihood.resolution
     jacobian[-own:, :own] = np.diag(1 / np.r_[np.full(6, LOOSE_POSE), np.full(own - 6, LOOSE_RATE)])
     basis = np.linalg.qr(jacobian[:, :own])[0]

@@ -5,7 +5,7 @@ Position, velocity and acceleration at the nodes, and the quintic Hermite polyno
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
 from fidim_lab.arrays import Series
@@ -35,22 +35,25 @@ def at_nodes(trajectories: Trajectories, markers: Float[np.ndarray, "M 3"]) -> N
 
 
 def varied_at_nodes(
-    trajectories: Trajectories, by: Variations, markers: Float[np.ndarray, "M 3"]
+    trajectories: Trajectories,
+    by: Variations,
+    markers: Float[np.ndarray, "M 3"],
+    nodes: slice | Int[np.ndarray, " N"] = slice(None),
 ) -> Float[np.ndarray, "W N 3 M 3 P"]:
-    """Derivatives of `at_nodes` by the P columns of the variations."""
+    """Derivatives of `at_nodes` by the P columns of the variations, at these nodes."""
+    held = _arms(trajectories, markers)[:, nodes]
     arms, spin, spin_rate = (
         _skew(x)
         for x in (
-            _arms(trajectories, markers),
-            trajectories.twists[:, :, np.newaxis, 3:],
-            trajectories.accelerations[:, :, np.newaxis, 3:],
+            held,
+            trajectories.twists[:, nodes, np.newaxis, 3:],
+            trajectories.accelerations[:, nodes, np.newaxis, 3:],
         )
     )
-    count, nodes, marks = arms.shape[:3]
-    one = np.broadcast_to(np.eye(3), (count, nodes, marks, 3, 3))
+    one = np.broadcast_to(np.eye(3), arms.shape)
     # δ(R m) = δθ × R m with δθ = R δφ
-    turned = -arms @ trajectories.rotations[:, :, np.newaxis]
-    swept = _skew((spin @ _arms(trajectories, markers)[..., np.newaxis])[..., 0])
+    turned = -arms @ trajectories.rotations[:, nodes, np.newaxis]
+    swept = _skew((spin @ held[..., np.newaxis])[..., 0])
     none = np.zeros_like(one)
     by_pose = np.stack(
         [
@@ -62,10 +65,23 @@ def varied_at_nodes(
     )
     rigid = np.concatenate([one, -arms], axis=-1)
     by_spin = np.concatenate([none, -swept - spin @ arms], axis=-1)
-    varied = by_pose @ by.poses[:, :, np.newaxis, np.newaxis]
-    varied[:, :, 1] += rigid @ by.twists[:, :, np.newaxis]
-    varied[:, :, 2] += by_spin @ by.twists[:, :, np.newaxis] + rigid @ by.accelerations[:, :, np.newaxis]
+    varied = by_pose @ by.poses[:, nodes, np.newaxis, np.newaxis]
+    varied[:, :, 1] += rigid @ by.twists[:, nodes, np.newaxis]
+    varied[:, :, 2] += by_spin @ by.twists[:, nodes, np.newaxis] + rigid @ by.accelerations[:, nodes, np.newaxis]
     return varied
+
+
+def varied_at(
+    trajectories: Trajectories, by: Variations, markers: Float[np.ndarray, "M 3"], times: Series
+) -> Float[np.ndarray, "T M 3 P"]:
+    """Derivatives of markers' positions (m) in the first window at some times (s of the grid).
+
+    Only nodes beside a time are looked at: of many columns each costs as much as the motion itself.
+    """
+    index, weights = hermite(trajectories.grid.t, times)
+    nodes = np.unique(np.concatenate([index, index + 1]))
+    nodal = varied_at_nodes(trajectories, by, markers, nodes)[0]
+    return between(nodal, np.searchsorted(nodes, index), weights)
 
 
 def hermite(nodes: Series, times: Series) -> tuple[np.ndarray, Float[np.ndarray, "T 2 3"]]:

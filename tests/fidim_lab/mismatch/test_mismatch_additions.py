@@ -47,6 +47,11 @@ def masses(every: Hypotheses) -> list[Hypothesis]:
     return [h for h in every.direct if h.effect.id == "loose-mass"]
 
 
+def short(tried: tuple[Hypothesis, ...], excess: float) -> SimpleNamespace:
+    """The model that was looked at, over the short time."""
+    return SimpleNamespace(tried=tried, thetas=[h.absent for h in tried], evidence=-867.0, excess=excess)
+
+
 @pytest.fixture
 def fits(monkeypatch):
     """What was fitted: (names, θ); a loose mass suits at 2.4 Hz alone, drag of the rotation somewhat."""
@@ -60,7 +65,7 @@ def fits(monkeypatch):
 
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "whiteness", lambda left: SimpleNamespace(is_white=left < 1.5))
-    monkeypatch.setattr(module, "Completed", lambda *a, **k: SimpleNamespace(tried=(), thetas=[], evidence=-867.0))
+    monkeypatch.setattr(module, "Completed", lambda tried, *_, **__: short(tried, 867.0))
     monkeypatch.setattr(module, "common_scale", lambda models: 1.0)
     monkeypatch.setattr(module, "evidence", lambda model, than, scale: model.evidence - than.evidence)
     return done
@@ -117,6 +122,29 @@ def test_cables_that_stretch_take_half_of_the_places_and_failures_none(
     found = [one.score.tried[0].effect.id for one in additions(seen(scores, shortened=True), 3, GROUND, None)]
     assert found[:2] == [h.effect.id for h in springs[:2]]
     assert found[2:] == ["rotational-drag", "swivel-damping"]
+
+
+def test_cables_that_stretch_race_too_where_the_short_time_is_followed(
+    every: Hypotheses, fits: list, monkeypatch
+) -> None:
+    """Stiff cables beside friction: from there they are found in a step, from nothing not at all."""
+    of_id = {h.effect.id: h for h in every.direct}
+    monkeypatch.setattr(module, "Completed", lambda tried, *_, **__: short(tried, 1.3))
+    scores = [score(of_id["cable-elasticity"], 900.0), score(of_id["rotational-drag"], 890.0)]
+    found = additions(seen(scores, shortened=True), 3, GROUND, None)
+    assert [ids for ids, _ in fits] == [("cable-elasticity",), ("rotational-drag",)]
+    assert [one.score.tried[0].effect.id for one in found] == ["rotational-drag", "cable-elasticity"]
+    assert all(one.near is not None for one in found)
+
+
+def test_cables_that_stretch_are_not_looked_for_beside_two_terms_that_do_not_follow(
+    every: Hypotheses, fits: list
+) -> None:
+    of_id = {h.effect.id: h for h in every.direct}
+    looked = seen([score(of_id["cable-elasticity"], 900.0), score(of_id["rotational-drag"], 890.0)], shortened=True)
+    looked.model.tried = (of_id["cable-mass"], of_id["swivel-damping"])  # type: ignore[misc]
+    found = additions(looked, 1, GROUND, None)
+    assert [one.score.tried[0].effect.id for one in found] == ["rotational-drag"]
 
 
 def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places(every: Hypotheses) -> None:

@@ -12,7 +12,7 @@ from fidim_lab.identification.mle.likelihood import Point, simulate
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.hypotheses import Hypotheses, hypotheses
-from fidim_lab.mismatch.score import pair_scores, project, single_scores
+from fidim_lab.mismatch.score import freedom, pair_scores, project, single_scores
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.model.sensitivity.starts import tied
@@ -134,3 +134,17 @@ def test_nothing_is_named_where_nothing_is_hidden(irma4: Robot) -> None:
         Scorer(found.likelihood.mechanism, case.few), found, found.likelihood, found.journey.optimum.simulation
     )
     assert single_scores(projected, Context.of(irma4))[0].log_evidence < 5
+
+
+def test_having_chosen_a_cable_costs_what_there_was_to_choose_from(dragged: Case) -> None:
+    every = hypotheses(dragged.campaign.robot)
+    friction = {h.effect.cable: h for h in every.direct if h.effect.id == "attachment-friction"}
+    assert friction[None].choice == 0.0
+    assert friction[2].choice == pytest.approx(np.log(dragged.campaign.robot.n))
+    found = dragged.found
+    projected = project(
+        Scorer(found.likelihood.mechanism, dragged.few), found, found.likelihood, found.journey.optimum.simulation
+    )
+    place = next(k for k, h in enumerate(projected.tried) if h.effect == friction[2].effect)
+    free = replace(projected, tried=tuple(replace(h, alike=1) for h in projected.tried))
+    assert freedom(projected, (place,))[0] == pytest.approx(freedom(free, (place,))[0] + friction[2].choice)

@@ -5,16 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fidim_lab.effects.cable_elasticity import CableStiffness
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.apart import optimise_apart
 from fidim_lab.identification.mle.fit import likelihood_of
 from fidim_lab.identification.mle.held_out import Prediction, predict, predict_all
-from fidim_lab.identification.mle.likelihood import Point
+from fidim_lab.identification.mle.likelihood import Point, simulate
 from fidim_lab.identification.mle.normal import Prior, own_steps, step
-from fidim_lab.identification.mle.optimise import ON_THE_WAY, optimise
+from fidim_lab.identification.mle.optimise import ON_THE_WAY, creeps, optimise
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.start import first_guess, first_guesses
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.grid import FINE
+from fidim_lab.model.sensitivity.starts import tied
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +75,40 @@ def test_one_window_that_contradicts_its_lengths_leaves_the_others_be(recorded):
         assert isinstance(prediction, Prediction)
         alone = predict(mechanism, shared, recording, robot.sensors)
         assert prediction.remainder.chi2 == pytest.approx(alone.remainder.chi2, rel=1e-6)
+
+
+def test_a_window_too_quick_for_its_blocks_gets_shorter_ones_alone(recorded):
+    robot, recordings = recorded
+    stiff = Mechanism(robot, (CableStiffness(),), [2e-6], springs=True, quiet=True)
+    shared = np.concatenate([robot.nominal.vector, stiff.theta])
+    guesses = [first_guess(Mechanism(robot), robot.nominal, recording) for recording in recordings]
+    likelihood = likelihood_of(stiff, shared, tuple(recordings), guesses, robot.sensors)
+    held, ends = likelihood.guesses, np.full(3, 0.5)
+    quick = replace(held, twists=held.twists + np.array([[0.0], [8.0], [0.0]]) * np.eye(6)[3])
+    states = tied(stiff, shared, replace(quick, tensions=None), likelihood.begins)
+    found = simulate(likelihood, Point(shared, states), ends, FINE)
+    assert found is not None
+    usual, finer = found.batches
+    assert usual.members.tolist() == [0, 2]
+    assert finer.members.tolist() == [1]
+    assert finer.trajectories.grid.resolution.block < usual.trajectories.grid.resolution.block
+    finest = simulate(likelihood, Point(shared, states), ends, replace(FINE, block=FINE.block / 8))
+    assert finest is not None
+    for one, other in zip(found.residuals, finest.residuals, strict=True):
+        np.testing.assert_allclose(one.markers, other.markers, atol=0.1)  # of a standard deviation
+
+
+@pytest.mark.parametrize(
+    ("costs", "given_up"),
+    [
+        ([300.0, 242.0, 240.0, 239.0], True),  # misses by more than noise, and hardly gets nearer
+        ([300.0, 242.0, 240.0, 230.0], False),
+        ([3000.0, 2900.0, 2850.0, 2800.0], True),  # so far astray that more is asked for
+        ([3000.0, 2600.0, 2300.0, 1800.0], False),
+        ([101.0, 100.5, 100.3, 100.2], False),  # of noise the last of it is wanted
+    ],
+)
+def test_a_fit_that_will_hardly_leave_noise_must_keep_its_pace(costs, given_up):
+    effort = replace(ON_THE_WAY, creep=0.1, crawl=0.01)
+    assert creeps(costs, 100, effort) is given_up
+    assert not creeps(costs, 100, ON_THE_WAY)

@@ -105,6 +105,20 @@ def test_a_motion_that_has_no_solution_is_nan_and_leaves_the_others_be(paper):
     np.testing.assert_allclose(found.positions[0], alone.positions[0], atol=1e-8)
 
 
+def test_a_motion_too_quick_for_its_blocks_is_said_to_be(paper):
+    """The platform flung and rocking at its window's begin, as between nearly slack cables; the other swings gently."""
+    mechanism, shared, states = begun(paper.robot, CableStiffness(), 2e-6)
+    flung = replace(states, twists=states.twists * np.array([[1.0], [30.0]]))
+    resolution = FINE.for_stiff
+    found = followed(mechanism, shared, flung, resolution)
+    assert found.is_coarse.tolist() == [False, True]
+    finer = followed(mechanism, shared, flung, resolution.halved.halved)
+    assert not finer.is_coarse.any()
+    apart = np.abs(seen(found) - seen(finer)).max(axis=(1, 2, 3))
+    assert apart[0] < RING
+    assert apart[1] > 10 * RING
+
+
 def test_radau_nodes_integrate_polynomials_exactly():
     nodes, matrix = radau(4)
     assert nodes[0] == 0
