@@ -180,7 +180,7 @@ class _Search:
                 if found is None:
                     continue
                 fresh.append(self.trials.judged_or_wider(self.trials.pruned(found), addition.score.tried))
-                if fresh[-1].is_white and len(fresh[-1].model.tried) <= len(best.model.tried) + 1:
+                if fresh[-1].is_white and len(addition.score.tried) == 1:
                     done = max(done, addition.score.log_evidence)
             self.trials.tried += fresh
             further = accepted(best, fresh)
