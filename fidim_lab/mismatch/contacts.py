@@ -6,6 +6,9 @@ release (a friction that ends the motion, a loose part) is told by its coming fi
 grows steeply with the motion (a drag of the cube of the speed, 64 times χ² for twice the swing), by its standing no
 farther out than segments of other windows that swing as far. Begin and end are where the motion of the free parts,
 carried on from both sides, leaves the recording.
+
+Whoever pushes at the same time of every window is found by all of them together, however softly: before and after it
+they are noise, as no physics leaves them that is at work there.
 """
 
 from collections.abc import Sequence
@@ -44,6 +47,14 @@ DEPARTED = 3.0
 SMOOTH = 5
 SOONER = 0.25
 """s by which a soft push begins before it shows"""
+AS_NOISE = 4.0
+"""standard deviations of the usual χ²/dof up to which all windows' segments of one time are noise"""
+MEDIAN = 1.25
+"""times the standard deviation of a mean: that of the median, which a hand on a few windows does not move"""
+SAME_TIME = 0.1
+"""s by which the edges of segments may differ that are pooled"""
+POOLED = 4
+"""windows, and at least half of all"""
 WORTH = 1.0
 """s of free motion, without which a part is not kept"""
 PART = ", part "
@@ -64,6 +75,10 @@ class Contact:
     """of begin and end, s"""
     gain: float | None = None
     """χ² that a new start after the contact takes off, where that is how it was found (`restarts`)"""
+
+    def overlaps(self, other: "Contact") -> bool:
+        """Whether both have a time in common."""
+        return self.begin <= other.end and other.begin <= self.end
 
     @property
     def says(self) -> str:
@@ -100,7 +115,12 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
     begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
     if np.nanmean(np.array(begins) > LIVELY) > OFTEN:
         runs = [(one, run) for one, run in runs if run[0] > 0]
-    return tuple(_timed(segments, one, first, end) for one, (first, end) in runs)
+    common = {contact.window: contact for contact in _at_the_same_time(segments)}
+    found = [_timed(segments, one, first, end) for one, (first, end) in runs]
+    found = [one for one in found if one.window not in common or not one.overlaps(common[one.window])]
+    found += common.values()
+    order = {one.window.id: k for k, one in enumerate(segments.windows)}
+    return tuple(sorted(found, key=lambda contact: (order[contact.window], contact.begin)))
 
 
 def without(campaign: Campaign, contacts: Sequence[Contact]) -> Campaign:
@@ -161,6 +181,34 @@ def _lasting(segments: Segments, seen: set[str]) -> list[tuple[Segmented, tuple[
         if one.window.id not in seen and first and high[first:].all() and (free < ABOVE * max(1.0, usual)).all():
             found.append((one, (int(known[first]), len(one.chi2_per_dof))))
     return found if len(found) <= max(1.0, LASTING * len(segments.windows)) else []
+
+
+def _at_the_same_time(segments: Segments) -> tuple[Contact, ...]:
+    """One contact in every window, where the median over all of them is noise before and after one time, not then."""
+    longest = max(segments.windows, key=lambda one: len(one.dof))
+    places = longest.edges - longest.edges[0]
+    alike = [
+        one
+        for one in segments.windows
+        if len(one.edges) == len(places) and np.abs(one.edges - one.edges[0] - places).max() < SAME_TIME
+    ]
+    if len(alike) < max(POOLED, len(segments.windows) / 2) or len(longest.dof) < 3:
+        return ()
+    chi2, dof = np.array([one.chi2_per_dof for one in alike]), np.array([one.dof for one in alike])
+    if np.isnan(chi2).all(axis=0).any():
+        return ()
+    pooled, of_all = np.nanmedian(chi2, axis=0), np.nansum(dof, axis=0)
+    level = max(1.0, float(np.quantile(pooled, 0.4)))
+    beyond = (pooled / level - 1) / (MEDIAN * np.sqrt(2 / of_all))
+    high = beyond > AS_NOISE
+    first, end = int(np.argmax(high)), len(high) - int(np.argmax(high[::-1]))
+    if not beyond.max() > CERTAIN or first == 0 or end == len(high) or not high[first:end].all():
+        return ()
+    ratio = float(pooled[first:end].max() / level)
+    return tuple(
+        Contact(one.window.id, round(float(one.edges[first]), 2), round(float(one.edges[end]), 2), ratio, SOONER)
+        for one in alike
+    )
 
 
 def _foreseen(segments: Segments) -> list[np.ndarray]:

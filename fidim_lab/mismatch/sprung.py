@@ -28,6 +28,7 @@ from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.grid import FINE
+from fidim_lab.model.sensitivity.integrate import RINGING
 from fidim_lab.model.sensitivity.starts import quiet_springs, tied
 
 STIFFEST = 1e-7
@@ -36,8 +37,6 @@ STIFF = 300.0
 """rad/s, of the fastest oscillation on the springs: from here on they are quiet, at no higher price however stiff"""
 NEAR = 3.0
 """χ²/dof below which a motion is followed well enough for first-order statements about it"""
-RINGING = 0.7
-"""s, in which 40 N s/m take nearly all of what rings at a winch of 10 kg"""
 ON = (1.0, 3.0)
 """s, of the way from a fit without springs to one with them"""
 CRAWL = 0.01

@@ -79,16 +79,19 @@ class Grid:
         """As long, with blocks half as long."""
         return Grid(2 * self.blocks, self.resolution.halved)
 
-    def tails(self, values: Float[np.ndarray, "W N d"]) -> Float[np.ndarray, " W"]:
+    def tails(self, values: Float[np.ndarray, "W N d"], begin: float) -> Float[np.ndarray, " W"]:
         """Of what values at the nodes say of their integrals, what the last two orders of a block say at most.
 
         In the unit of the values times seconds: what is left out by a polynomial of that degree is hardly more.
+        begin: s, before which blocks are not looked at.
         """
         k = self.resolution.intervals
-        inside = np.arange(self.blocks)[:, np.newaxis] * k + np.arange(k + 1)
+        blocks = np.arange(round(begin / self.resolution.block), self.blocks)
+        inside = blocks[:, np.newaxis] * k + np.arange(k + 1)
         values_of = legendre.legvander(2 * _collocation(self.resolution)[0] - 1, k)
         last = np.linalg.inv(values_of)[-2:]
-        return np.abs(last @ values[:, inside]).max(axis=(1, 2, 3)) * self.resolution.block / k
+        largest = np.abs(last @ values[:, inside]).max(axis=(1, 2, 3), initial=0.0)
+        return largest * self.resolution.block / k
 
     @property
     def quadrature(self) -> Float[np.ndarray, "k+1 k+1"]:

@@ -21,6 +21,10 @@ from fidim_lab.model.sensitivity.stiff import Began, follow
 
 COARSE = 1e-5
 """m: what blocks of a stiff grid may leave out of a marker's motion, a fifth of what the best cameras see"""
+RINGING = 0.7
+"""s, in which 40 N s/m take nearly all of what rings at a winch of 10 kg"""
+SOLVABLE = 0.05
+"""s: what has no solution in blocks as long as that has none in shorter ones"""
 MARKER_SPEEDS = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
 """m: by a twist, of a marker at 0.2 m"""
 STAGES = DOP853.n_stages
@@ -105,10 +109,14 @@ class Trajectories:
 
     @property
     def is_coarse(self) -> Bool[np.ndarray, " W"]:
-        """Which windows move too quickly for the blocks of a stiff grid; also where no solution was found."""
+        """Which windows move too quickly for the blocks of a stiff grid; also where blocks so long have no solution.
+
+        What rings at first is not looked at: it is to die, not to be followed.
+        """
         if not self.grid.resolution.stiff:
             return np.zeros(len(self.begins), dtype=bool)
-        return ~(self.grid.tails(self.twists * MARKER_SPEEDS) < COARSE)
+        quick = self.grid.tails(self.twists * MARKER_SPEEDS, RINGING) > COARSE
+        return quick | ~np.isfinite(self.twists[:, -1]).all(axis=1) & (self.grid.resolution.block > SOLVABLE)
 
     def breaks_down(self, window: int, until: float) -> bool:
         """Whether a motion ends before the block in which `until` (s of the grid) lies is over.

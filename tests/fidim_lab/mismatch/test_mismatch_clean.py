@@ -12,9 +12,10 @@ from fidim_lab.mismatch.aftermath import with_cleaning
 from fidim_lab.mismatch.audit import audit
 from fidim_lab.mismatch.baseline import fit_baseline
 from fidim_lab.mismatch.clean import Cleaned, clean
-from fidim_lab.mismatch.contacts import Contact, without
+from fidim_lab.mismatch.contacts import Contact, find_contacts, without
 from fidim_lab.mismatch.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.finding import Finding, Kind
+from fidim_lab.mismatch.segments import Segmented, Segments
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign
@@ -57,6 +58,17 @@ def test_a_hand_is_found_with_its_window_and_times(recorded, force: str) -> None
             here = (window.t > inside[0]) & (window.t < inside[1])
             assert np.isnan(window.markers[here]).all()
     assert {"i02", "i02, part 2"} <= {window.id for window in after.campaign.windows}
+
+
+@pytest.mark.slow
+def test_a_soft_hand_at_the_same_time_of_every_window_is_found_by_all_of_them(recorded) -> None:
+    """Too soft to stand out in all of them: at 2.3 to 3.5 s of each."""
+    cleaned, after = audited(recorded("hand-contact:fx=0.4,fy=-0.32,start=2.3,stop=3.5,window=0", duration=8.0))
+    assert {contact.window for contact in after.contacts} == {window.id for window in cleaned.campaign.windows}
+    for contact in after.contacts:
+        assert contact.begin < 2.3
+        assert contact.end > 3.5
+        assert contact.end - contact.begin < 2.5
 
 
 @pytest.mark.slow
@@ -202,3 +214,28 @@ def test_what_has_no_name_and_no_force_does_is_put_down_to_sensors_that_are_know
     )
     assert told.verdict is verdict
     assert ("Sensors are at fault" in told.message) == (verdict is Verdict.SENSOR_FAULT)
+
+
+PUSHED = [1.01, 1.6, 0.99, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("chi2", "expected"),
+    [
+        (PUSHED, (1.5, 3.0)),
+        (PUSHED[::-1], (3.0, 4.5)),
+        ([1.6, 1.01, 0.99, 1.0], None),  # how every motion begins
+        ([1.3, 1.6, 1.3, 1.2], None),  # physics that is at work all the time
+        ([1.0, 1.5, 1.0, 1.5], None),
+        ([1.0, 1.02, 1.01, 1.0], None),
+    ],
+)
+def test_windows_pooled_show_what_none_of_them_does(recorded, chi2, expected) -> None:
+    edges = np.linspace(0.0, 6.0, 5)
+    noise = np.random.default_rng(1)
+    pooled = tuple(
+        Segmented(window, edges, np.array(chi2) + 0.05 * noise.normal(size=4), np.full(4, 400.0))
+        for window in recorded().windows
+    )
+    found = find_contacts(Segments(pooled, None))  # type: ignore[arg-type]
+    assert {(contact.begin, contact.end) for contact in found} == ({expected} if expected else set())

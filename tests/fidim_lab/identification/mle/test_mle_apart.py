@@ -83,10 +83,11 @@ def test_a_window_too_quick_for_its_blocks_gets_shorter_ones_alone(recorded):
     shared = np.concatenate([robot.nominal.vector, stiff.theta])
     guesses = [first_guess(Mechanism(robot), robot.nominal, recording) for recording in recordings]
     likelihood = likelihood_of(stiff, shared, tuple(recordings), guesses, robot.sensors)
-    held, ends = likelihood.guesses, np.full(3, 0.5)
-    quick = replace(held, twists=held.twists + np.array([[0.0], [8.0], [0.0]]) * np.eye(6)[3])
+    held, ends = likelihood.guesses, np.full(3, 1.0)
+    quick = replace(held, twists=held.twists * np.array([[1.0], [30.0], [1.0]]))
     states = tied(stiff, shared, replace(quick, tensions=None), likelihood.begins)
-    found = simulate(likelihood, Point(shared, states), ends, FINE)
+    with np.errstate(all="ignore"):  # as where it is asked for: a motion may have no solution
+        found = simulate(likelihood, Point(shared, states), ends, FINE)
     assert found is not None
     usual, finer = found.batches
     assert usual.members.tolist() == [0, 2]
@@ -95,7 +96,7 @@ def test_a_window_too_quick_for_its_blocks_gets_shorter_ones_alone(recorded):
     finest = simulate(likelihood, Point(shared, states), ends, replace(FINE, block=FINE.block / 8))
     assert finest is not None
     for one, other in zip(found.residuals, finest.residuals, strict=True):
-        np.testing.assert_allclose(one.markers, other.markers, atol=0.1)  # of a standard deviation
+        np.testing.assert_allclose(one.markers, other.markers, atol=0.3)  # of a standard deviation
 
 
 @pytest.mark.parametrize(
