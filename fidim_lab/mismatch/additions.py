@@ -41,6 +41,7 @@ class Addition:
     def fitted(self, ground: Ground, context: Context) -> Completed | None:
         """The model with these terms; one that it has already begins anew as the score says. None: no fit gets there.
 
+        Beside springs, whose states a leap of θ leaves behind, terms begin from nothing.
         ground: what the model was fitted to, or more.
         """
         model, near = self.seen.model, self.near
@@ -49,6 +50,9 @@ class Addition:
             if found is not None:
                 return found
         tried, thetas = _beside(model.tried, model.thetas, self.score)
+        if model.mechanism.springs and not _stretches(self.score) and self.score.phases is None:
+            known = len(tried) - len(self.score.tried)
+            thetas = [*thetas[:known], *(h.absent for h in self.score.tried)]
         return refit(ground, model.fit, tried, thetas, context, phases=self.score.phases, simpler=model)
 
 
@@ -81,7 +85,12 @@ def _finalists(short: Completed, raced: Sequence[Addition]) -> tuple[Addition, .
 
 def _may_race(short: Completed, score: Score) -> bool:
     """Whether terms can begin at a fit of the short time: cables that stretch only where it follows the motion."""
-    return short.excess < NEAR or not any(stretches(h.effect) for h in score.tried)
+    return short.excess < NEAR or not _stretches(score)
+
+
+def _stretches(score: Score) -> bool:
+    """Whether it is of cables that stretch."""
+    return any(stretches(h.effect) for h in score.tried)
 
 
 def _nearby(seen: View, short: Completed, score: Score, ground: Ground, context: Context) -> Completed | None:

@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch import additions as module
-from fidim_lab.mismatch.additions import FINALISTS, SCANNED, additions
+from fidim_lab.mismatch.additions import FINALISTS, SCANNED, Addition, additions
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.views import OF_ONE_KIND, RACING, View
@@ -145,6 +145,22 @@ def test_cables_that_stretch_are_not_looked_for_beside_two_terms_that_do_not_fol
     looked.model.tried = (of_id["cable-mass"], of_id["swivel-damping"])  # type: ignore[misc]
     found = additions(looked, 1, GROUND, None)
     assert [one.score.tried[0].effect.id for one in found] == ["rotational-drag"]
+
+
+def test_beside_springs_terms_begin_from_nothing_but_others_that_stretch(every: Hypotheses, fits: list) -> None:
+    """Their states are left behind by a leap, and friction was lost so; stiffness must begin where the score says."""
+    of_id = {h.effect.id: h for h in every.direct}
+    scores = {id: score(of_id[id], 900.0) for id in ("rotational-drag", "cable-elasticity")}
+    for springs, id, expected in (
+        (True, "rotational-drag", 0.0),
+        (False, "rotational-drag", 0.1),
+        (True, "cable-elasticity", 0.1),
+    ):
+        looked = seen(list(scores.values()), shortened=False)
+        looked.model.mechanism.springs = springs  # type: ignore[misc]
+        Addition(looked, scores[id]).fitted(GROUND, None)  # type: ignore[arg-type]
+        assert fits[-1][0] == (id,)
+        assert fits[-1][1][-1][0] == expected
 
 
 def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places(every: Hypotheses) -> None:
