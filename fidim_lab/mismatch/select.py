@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import (
     Candidate,
@@ -136,14 +137,19 @@ class _Search:
     def _best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
         """Models of the first seconds fitted to whole windows, and the best of them."""
         fresh: list[Candidate] = []
+        in_vain: list[set[NamedEffect]] = []
         for model in (model for model in short if model.excess < HOPELESS):
+            terms = {h.effect for h in model.tried}
+            if any(terms <= more for more in in_vain):
+                continue  # with fewer terms it can follow no better
             if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
                 continue  # where another follows whole windows
             self.say(f"fitting {model.label} to whole windows")
-            thetas = model.thetas
-            as_it_is = baseline.model
-            found = refit(self.start.whole_ground, model.fit, model.tried, thetas, self.start.context, simpler=as_it_is)
-            if found is not None and found.excess < HOPELESS:
+            whole, as_it_is = self.start.whole_ground, baseline.model
+            found = refit(whole, model.fit, model.tried, model.thetas, self.start.context, simpler=as_it_is)
+            if found is not None and found.excess >= HOPELESS:
+                in_vain.append(terms)
+            elif found is not None:
                 # what made good for the first seconds alone may be needless beside the whole
                 found = self.trials.pruned(widened(self.start, found, found.tried))
                 fresh.append(self.trials.judged_or_wider(found, found.tried))

@@ -1,0 +1,46 @@
+"""Which models of the first seconds are fitted to whole windows."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.mismatch import select as module
+from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
+
+
+@pytest.mark.parametrize(
+    ("left", "expected"),
+    [
+        # what is left by a pair, by one of the pair and by another term, and what is fitted to whole windows
+        ((40.0, 35.0, 50.0), ["a + b", "c"]),
+        ((2.0, 2.0, 2.0), ["a + b", "a", "c"]),
+        ((None, 2.0, 2.0), ["a + b", "a", "c"]),  # not found at all says nothing of others
+    ],
+)
+def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, left: tuple[float | None, ...], expected: list[str]
+) -> None:
+    ids = ("air-drag-linear", "swivel-friction", "rotational-drag")
+    a, b, c = (next(h for h in hypotheses(irma4).direct if h.effect.id == id) for id in ids)
+    whole = dict(zip([(a, b), (a,), (c,)], left, strict=True))
+    short = [
+        SimpleNamespace(tried=tried, excess=1.1, label=" + ".join("abc"[(a, b, c).index(h)] for h in tried), fit=None)
+        for tried in whole
+    ]
+    for one in short:
+        one.thetas = []
+    said: list[str] = []
+
+    def refit(ground: object, donor: object, tried: tuple[Hypothesis, ...], *_: object, **__: object) -> object:
+        return None if whole[tried] is None else SimpleNamespace(excess=whole[tried], tried=tried)
+
+    monkeypatch.setattr(module, "refit", refit)
+    monkeypatch.setattr(module, "widened", lambda start, found, tried: found)
+    monkeypatch.setattr(module, "accepted", lambda baseline, fresh, **_: baseline)
+    search = module._Search(SimpleNamespace(whole_ground=None, context=None), said.append, False)  # type: ignore[arg-type]
+    monkeypatch.setattr(search.trials, "pruned", lambda found: found)
+    monkeypatch.setattr(search.trials, "judged_or_wider", lambda found, new: SimpleNamespace(is_white=False))
+    baseline = SimpleNamespace(model=None)
+    assert search._best_over_all(baseline, short) is baseline  # type: ignore[arg-type]
+    assert said == [f"fitting {label} to whole windows" for label in expected]
