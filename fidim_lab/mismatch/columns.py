@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
+from fidim_lab.data.records import Motion
 from fidim_lab.effects.constant_force import ConstantForce
 from fidim_lab.identification.mle.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
 from fidim_lab.identification.mle.recordings import Recording
@@ -159,11 +160,11 @@ class Scorer:
         t = one.begins[0] + one.grid.t
         sample = (one.positions[0], one.rotations[0], one.twists[0], one.own_states[0])
         compiled = self._kernel("forcing", lambda made: forcing(made, self._absent))
-        found = over(compiled, len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
+        found = _over(compiled, len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
         table = found[0].reshape(len(t), 6 + self.mechanism.n, -1)[:, :6]
         first = (x[:1] for x in (t[:, np.newaxis], *sample))
         compiled = self._kernel("gaps", lambda made: start_gaps(made, self._absent))
-        gaps = over(compiled, 1, *first, shared[:BODY], theta)
+        gaps = _over(compiled, 1, *first, shared[:BODY], theta)
         n, count = self.mechanism.n, len(self._all.theta)
         lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
@@ -205,12 +206,9 @@ class Scorer:
         self, recording: Recording, t: np.ndarray, shared: np.ndarray, one: Trajectories
     ) -> tuple[np.ndarray, np.ndarray]:
         """What the model's own θ (T M 3 θ), and direct hypotheses, change of the cameras' report at the same motion."""
-        motion = sampled(self.mechanism, shared, one, 0, t)
         theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
-        stamps = (recording.begin + t)[:, np.newaxis]
-        given = (stamps, motion.positions, motion.rotations, motion.twists, own_states(one, 0, t))
-        found = over(self._kernel("sightings", sightings), len(t), *given, theta)[4]
-        table = found.reshape(len(t), -1, 3, len(theta))
+        motion = sampled(self.mechanism, shared, one, 0, t)
+        table = seen_by(self._all, theta, motion, own_states(one, 0, t), recording.begin + t)
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
         parts = [table[..., chosen], np.zeros((*table.shape[:3], self._direct - len(chosen)))]
         direct = np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
@@ -224,7 +222,16 @@ def _with_all(mechanism: Mechanism, tried: Sequence[Hypothesis]) -> Mechanism:
     return Mechanism(mechanism.robot, [*mechanism.effects, *(h.effect for h in tried), *units], theta.tolist())
 
 
-def over(compiled: Kernel, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
+def seen_by(
+    every: Mechanism, theta: np.ndarray, motion: Motion, states: np.ndarray, stamps: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, "T M 3 theta"]:
+    """What all θ change of the cameras' report at the same motion; states: effects' own (T, extra); stamps: s."""
+    kernel = every.compiled("sightings: kernel", lambda made: Kernel.of(sightings(made), native=False))
+    given = (stamps[:, np.newaxis], motion.positions, motion.rotations, motion.twists, states, theta)
+    return _over(kernel, len(stamps), *given)[4].reshape(len(stamps), -1, 3, len(theta))
+
+
+def _over(compiled: Kernel, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
     """As `over_samples`, of a kernel."""
     columns = [np.broadcast_to(a, (samples, a.size)) if a.ndim == 1 else a for a in arguments]
     return evaluate(compiled.over(samples), *columns)

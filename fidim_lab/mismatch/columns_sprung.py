@@ -16,13 +16,11 @@ from jaxtyping import Float
 from fidim_lab.effects.constant_force import ConstantForce
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, priors_by
 from fidim_lab.identification.mle.springs import stretches
-from fidim_lab.mismatch.columns import FRAME_SWAY, WindowColumns, frequency_of, over, scored_places, waves
+from fidim_lab.mismatch.columns import FRAME_SWAY, WindowColumns, frequency_of, scored_places, seen_by, waves
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.mismatch.resonance import swings
 from fidim_lab.model.batch import evaluate
-from fidim_lab.model.forcing import sightings
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY, derivatives, sprung
 from fidim_lab.model.sensitivity.integrate import Trajectories, node_times
@@ -88,12 +86,9 @@ class SprungScorer:
         use, seen = recording.seen_until(float(simulation.ends[w]))
         steady = markers.varied_at(one, by, places, recording.t[use])
         motion = sampled(self.mechanism, simulation.point.shared, one, 0, recording.t[use])
-        stamps = (recording.begin + recording.t[use])[:, np.newaxis]
         states = own_states(one, 0, recording.t[use])
-        given = (stamps, motion.positions, motion.rotations, motion.twists, states, shared[BODY:])
-        seen_as = self._all.compiled("sightings: kernel", lambda made: Kernel.of(sightings(made), native=False))
-        sights = over(seen_as, len(stamps), *given)[4]
-        steady[..., own + BODY :] += sights.reshape(len(stamps), -1, 3, len(shared) - BODY)[:, : len(places)]
+        sights = seen_by(self._all, shared[BODY:], motion, states, recording.begin + recording.t[use])
+        steady[..., own + BODY :] += sights[:, : len(places)]
         chosen = np.concatenate([np.arange(base), own + BODY + self._places])
         waving = self._waving(simulation, w, one, places, recording.begin, recording.t[use])
         by_markers = np.concatenate([steady[..., chosen], waving], axis=-1)

@@ -24,7 +24,7 @@ COARSE = 1e-5
 RINGING = 0.7
 """s, in which 40 N s/m take nearly all of what rings at a winch of 10 kg"""
 SOLVABLE = 0.05
-"""s: what has no solution in blocks as long as that has none in shorter ones"""
+"""s: what has no solution in blocks as long as that is hardly a motion, and not looked for in shorter ones"""
 MARKER_SPEEDS = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
 """m: by a twist, of a marker at 0.2 m"""
 STAGES = DOP853.n_stages
@@ -116,7 +116,8 @@ class Trajectories:
         if not self.grid.resolution.stiff:
             return np.zeros(len(self.begins), dtype=bool)
         quick = self.grid.tails(self.twists * MARKER_SPEEDS, RINGING) > COARSE
-        return quick | ~np.isfinite(self.twists[:, -1]).all(axis=1) & (self.grid.resolution.block > SOLVABLE)
+        lost = ~np.isfinite(self.twists[:, -1]).all(axis=1)
+        return quick | lost if self.grid.resolution.block > SOLVABLE else quick
 
     def breaks_down(self, window: int, until: float) -> bool:
         """Whether a motion ends before the block in which `until` (s of the grid) lies is over.
