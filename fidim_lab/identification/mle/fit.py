@@ -157,18 +157,18 @@ def fit(
         unbounded = np.full(BODY, np.inf)
         prior = replace(prior, low=np.concatenate([-unbounded, bounds[0]]), high=np.concatenate([unbounded, bounds[1]]))
     journey = _grown(begun, prior, hasty=hasty)
-    elsewhere = 0 if journey is None else _begun_elsewhere(begun.likelihood, journey)
-    if journey is not None and elsewhere:
-        # orientations that nobody read were guessed by rests of the body as it was thought to be
-        known = _begun(mechanism, journey.optimum.point.body, windows, plausible)
-        again = _grown(known, prior, hasty=hasty)
-        if again is not None and _begun_elsewhere(known.likelihood, again) < elsewhere:
-            begun, journey = known, again
     if journey is None:
         raise RefusedError(
             "The motion cannot be simulated from the start values.",
             hint="Check geometry and nominal inertia in the robot file.",
         )
+    elsewhere = _begun_elsewhere(begun, journey)
+    if elsewhere:
+        # orientations that nobody read were guessed by rests of the body as it was thought to be
+        known = _begun(mechanism, journey.optimum.point.body, windows, plausible)
+        again = _grown(known, prior, hasty=hasty)
+        if again is not None and _begun_elsewhere(known, again) < elsewhere:
+            begun, journey = known, again
     likelihood, simulation = begun.likelihood, journey.optimum.simulation
     return Fit(
         likelihood=likelihood,
@@ -190,9 +190,9 @@ def _grown(begun: "_Begun", prior: Prior, *, hasty: bool) -> Journey | None:
     return grow(begun.likelihood, start, prior, free, last=ON_THE_WAY if hasty else FINAL, once=hasty)
 
 
-def _begun_elsewhere(likelihood: Likelihood, journey: Journey) -> int:
+def _begun_elsewhere(begun: "_Begun", journey: Journey) -> int:
     """How many windows without lengths begin in a pose from which a cable is slack at once."""
-    blind = [not np.isfinite(recording.lengths).any() for recording in likelihood.recordings]
+    blind = [not np.isfinite(recording.lengths).any() for recording in begun.likelihood.recordings]
     return sum(blind[w] and time < TRUSTED for w, (time, _) in journey.slack.items())
 
 
