@@ -61,17 +61,17 @@ def imitators(seen: View, k: int) -> tuple[Imitator, ...]:
     return tuple(sorted(found.values(), key=lambda one: one.loss))
 
 
-def in_their_place(seen: View, ground: Ground, say: Callable[[str], None]) -> list[Completed]:
+def in_their_place(seen: View, ground: Ground, say: Callable[[str], None], slight: float = SLIGHT) -> list[Completed]:
     """The model that was looked at with other effects in the place of a term, where they come near; at least two terms.
 
     What has more freedom than the term is left out: it would not convince where it only imitates.
-    ground: what the model was fitted to.
+    ground: what the model was fitted to. slight: share of a term's evidence that another may miss.
     """
     model = seen.model
+    slight = 0.0 if model.mechanism.springs else slight  # fits with springs are dear
     found: list[Completed] = []
     for k in range(len(model.tried)) if len(model.tried) > 1 else ():
         freedom = len(model.tried[k].scored)
-        slight = 0.0 if model.mechanism.springs else SLIGHT  # fits with springs are dear
         near = (one for one in imitators(seen, k) if one.loss < TIE + slight * one.whole)
         simple = (one for one in near if len(one.tried.scored) <= freedom)
         able = [one for one in simple if can_refit(one.tried.effect, model.mechanism)]

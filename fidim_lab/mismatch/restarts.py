@@ -4,7 +4,9 @@ After a push the platform moves freely again, from another state. To first order
 J d before it and J d' after it, with the cables as long as before: a least-squares fit with two starts, not one,
 of which the gain in χ² by chance is known (Wilks). It needs a model that follows all but a few windows: where more
 begin anew, where what the others leave is not white, or where two starts do not make good a window either, something
-acts that is not a hand, and nothing is cut.
+acts that is not a hand, and nothing is cut. Nor is it where a new start does nearly as well at any other time: a hand
+has its moment, while a little physics that is missing goes on for the whole of a window, and shows in that one only
+because its motion magnifies it.
 """
 
 from collections.abc import Sequence
@@ -36,6 +38,10 @@ CERTAIN = 2.0
 """standard deviations by which a longer push must leave less"""
 WELL = 5.0
 """standard deviations of χ² beyond its expectation, up to which two starts make good a window"""
+AWAY = 1.0
+"""s from a push, from where on a new start must do worse"""
+MUCH_MORE = 40.0
+"""χ², that must be left beyond the best with a new start away from it: 100 and more for hands, under 25 for physics"""
 UNSEEN = 1e-11
 """of the largest eigenvalue of scaled normal equations, below which a direction is not seen at all"""
 
@@ -137,10 +143,29 @@ def _pairs(one: _Parts) -> Int[np.ndarray, "P 2"]:
 
 
 def _push(id: str, one: _Parts, level: float, chance: float) -> Contact | None:
-    """The push of one window; None where a second start gains no more than chance would."""
+    """The push of one window; None where a second start gains no more than chance would, or has no moment."""
     pairs = _pairs(one)
     if not len(pairs):
         return None
+    single, double = (left / level**2 for left in _left(one, pairs))
+    gain = single - double
+    if gain.max() < chdtri(one.kept.shape[1], chance):
+        return None
+    inside = one.count[pairs[:, 1]] - one.count[pairs[:, 0]]
+    best = _shortest(double, inside)
+    free = one.count[-1] - inside[best]
+    if double[best] > free + WELL * np.sqrt(2.0 * free):
+        return None
+    times = one.t[pairs]
+    if not _has_its_moment(times, double + inside, best):
+        return None
+    begin, end = (float(t) for t in times[best])
+    ratio = float(single[best] / double[best])
+    return Contact(id, round(begin - SOONER, 2), round(end + SOONER, 2), ratio, SOONER, float(gain.max()))
+
+
+def _left(one: _Parts, pairs: Int[np.ndarray, "P 2"]) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
+    """χ² of what is outside each pair of times, with one start and with two."""
     before, after = one.grams[pairs[:, 0]], one.whole - one.grams[pairs[:, 1]]
     outer = before + after + one.untimed
     shift = one.kept.T @ after[:, :-1]  # P, s, own + 1
@@ -151,19 +176,19 @@ def _push(id: str, one: _Parts, level: float, chance: float) -> Contact | None:
         ],
         axis=1,
     )
+    right = np.concatenate([outer[:, :-1, -1], shift[..., -1]], axis=1)
     single = outer[:, -1, -1] - _taken(outer[:, :-1, :-1], outer[:, :-1, -1])
-    double = outer[:, -1, -1] - _taken(both, np.concatenate([outer[:, :-1, -1], shift[..., -1]], axis=1))
-    gain = (single - double) / level**2
-    if gain.max() < chdtri(one.kept.shape[1], chance):
-        return None
-    inside = one.count[pairs[:, 1]] - one.count[pairs[:, 0]]
-    best = _shortest(double / level**2, inside)
-    free = one.count[-1] - inside[best]
-    if double[best] / level**2 > free + WELL * np.sqrt(2.0 * free):
-        return None
-    begin, end = (float(one.t[k]) for k in pairs[best])
-    ratio = float(single[best] / double[best])
-    return Contact(id, round(begin - SOONER, 2), round(end + SOONER, 2), ratio, SOONER, float(gain.max()))
+    return single, outer[:, -1, -1] - _taken(both, right)
+
+
+def _has_its_moment(times: Float[np.ndarray, "P 2"], whole: Float[np.ndarray, " P"], best: int) -> bool:
+    """Whether a new start far from the best pair leaves much more than there.
+
+    times: begin and end of each pair, s. whole: χ² with two starts, what is between them being noise.
+    """
+    (begin, end), at = times[best], times[:, 0]
+    far = (times[:, 0] == times[:, 1]) & ((at <= begin - AWAY) | (at >= end + AWAY))
+    return not far.any() or whole[far].min() - whole[best] > MUCH_MORE
 
 
 def _shortest(left: Float[np.ndarray, " P"], inside: Int[np.ndarray, " P"]) -> int:

@@ -6,39 +6,21 @@ of whole windows, when those that no fit has seen get better; a term that anothe
 (together: a swap). At most three terms.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.baseline import Baseline
-from fidim_lab.mismatch.candidates import (
-    Candidate,
-    accepted,
-    candidate,
-    common_scale,
-    most_convincing,
-    price,
-    rank,
-)
+from fidim_lab.mismatch.candidates import Candidate, accepted, best_of, candidate, most_convincing, price, rank
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.imitators import in_their_place
-from fidim_lab.mismatch.refit import Completed, again, evidence, refit
-from fidim_lab.mismatch.restarts import find_pushes
-from fidim_lab.mismatch.trials import MOST_TERMS, Trials
+from fidim_lab.mismatch.refit import Completed
+from fidim_lab.mismatch.search import Say, Search
+from fidim_lab.mismatch.trials import MOST_TERMS
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View
-from fidim_lab.mismatch.whiteness import whiteness
-from fidim_lab.mismatch.wider import widened
 
-CLOSE = 25.0
-"""nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
-SHORTLIST = 3
-HOPELESS = 30.0
-"""χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
-PUSH_COST = 20.0
-"""nats: what the freedom of another start costs, as a few terms of a wide prior do"""
-Say = Callable[[str], None]
+FITS = 1.05
+"""χ²/dof of a fit that leaves next to nothing"""
+SIBLINGS = 0.15
+"""of a term's evidence, that its sibling may miss where a model fits and does not predict"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,180 +48,72 @@ def select(start: Baseline, say: Say, *, pushes: bool = True, known: Completed |
     pushes: break off where a push within a few windows is all that is left, so that it can be cut out. known: the model
     with which a search of nearly the same windows ended; where it leaves only noise of these, it is where this begins.
     """
-    return _Search(start, say, pushes).run(known)
+    search = Search(start, say, pushes)
+    baseline = candidate(start.as_it_is, start.predicted)
+    say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
+    settled = search.known_to_do(known)
+    best = settled or baseline
+    if best is baseline and not start.follows:
+        best = search.best_over_all(baseline, search.over_first_seconds())
+    best, last = search.over_whole_windows(best)
+    if not (search.pushes or best is settled):  # a model with which a search ended stood among its imitators already
+        best, last = _with_imitators(search, best, last)
+        best, last = _with_siblings(search, best, last)
+    if not (search.pushes or start.follows):
+        best, last = _without_the_doubtful(search, best, last)
+    return Selection(
+        best=best,
+        baseline=baseline,
+        tried=tuple(sorted([baseline, *search.trials.tried], key=rank)),
+        passing=tuple(search.trials.passing),
+        first=last if search.trials.first is None else search.trials.first,
+        last=last,
+        pushes=search.pushes,
+    )
 
 
-class _Search:
-    """One search: what is tried in which order, and what of it is believed."""
+def _with_imitators(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+    """The search on from what may stand in the place of a term, where that is more convincing.
 
-    def __init__(self, start: Baseline, say: Say, look_for_pushes: bool) -> None:
-        self.start, self.say, self.look_for_pushes = start, say, look_for_pushes
-        self.pushes: tuple[Contact, ...] = ()
-        self.trials = Trials(start, say)
-
-    def run(self, known: Completed | None) -> Selection:
-        """First seconds where needed, then whole windows; from a known model on where that does."""
-        start = self.start
-        baseline = candidate(start.as_it_is, start.predicted)
-        self.say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
-        settled = self._known_to_do(known)
-        best = settled or baseline
-        if best is baseline and not start.follows:
-            best = self._best_over_all(baseline, self._over_first_seconds())
-        best, last = self._over_whole_windows(best)
-        if not (self.pushes or best is settled):  # a model with which a search ended stood among its imitators already
-            best, last = self._with_imitators(best, last)
-        if not (self.pushes or start.follows):
-            best, last = self._without_the_doubtful(best, last)
-        return Selection(
-            best=best,
-            baseline=baseline,
-            tried=tuple(sorted([baseline, *self.trials.tried], key=rank)),
-            passing=tuple(self.trials.passing),
-            first=last if self.trials.first is None else self.trials.first,
-            last=last,
-            pushes=self.pushes,
-        )
-
-    def _known_to_do(self, known: Completed | None) -> Candidate | None:
-        """A known model fitted to these windows, where it leaves only noise."""
-        if known is None or not known.tried:
-            return None
-        short = again(self.start.short_ground, self.start.short, known, self.start.context)
-        whole = None if short is None else again(self.start.whole_ground, short.fit, short, self.start.context)
-        # a term that the cuts had made needful may be needless now
-        judged = None if whole is None else self.trials.judged(self.trials.pruned(whole))
-        if judged is None or not judged.is_white:
-            return None
-        self.trials.tried.append(judged)
-        return judged
-
-    def _over_first_seconds(self) -> list[Completed]:
-        """The few best models of the first seconds, the best first."""
-        best = Completed((), self.start.short, whole=False)
-        while True:
-            seen = self.trials.look(best)
-            if seen.unfitted is not None:
-                break
-            fresh = self.trials.over_first_seconds(self.trials.additions(seen))
-            further = most_convincing(best, fresh)
-            if further is best:
-                break
-            best = self.trials.pruned(further)
-            self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
-            if whiteness(best.leftovers).is_white:
-                break
-        scale = common_scale([best, *self.trials.passing])
-        near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
-        near.sort(key=lambda m: evidence(best, m, scale))
-        return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
-
-    def _best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
-        """Models of the first seconds fitted to whole windows, and the best of them."""
-        fresh: list[Candidate] = []
-        in_vain: list[set[NamedEffect]] = []
-        for model in (model for model in short if model.excess < HOPELESS):
-            terms = {h.effect for h in model.tried}
-            if any(terms <= more for more in in_vain):
-                continue  # with fewer terms it can follow no better
-            if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
-                continue  # where another follows whole windows
-            self.say(f"fitting {model.label} to whole windows")
-            whole, as_it_is = self.start.whole_ground, baseline.model
-            found = refit(whole, model.fit, model.tried, model.thetas, self.start.context, simpler=as_it_is)
-            if found is not None and found.excess >= HOPELESS:
-                in_vain.append(terms)
-            elif found is not None:
-                # what made good for the first seconds alone may be needless beside the whole
-                found = self.trials.pruned(widened(self.start, found, found.tried))
-                fresh.append(self.trials.judged_or_wider(found, found.tried))
-        self.trials.tried += fresh
-        return accepted(baseline, fresh, feeble=True)
-
-    def _follows_first_seconds(self, model: Completed) -> bool:
-        """Whether it leaves only noise of all the first seconds, too, where it was fitted to fewer."""
-        if not whiteness(model.leftovers).is_white:
-            return False
-        start = self.start
-        if (model.fit.journey.ends == start.short.journey.ends).all():
-            return True
-        longer = refit(start.short_ground, start.short, model.tried, model.thetas, start.context)
-        return longer is not None and whiteness(longer.leftovers).is_white
-
-    def _over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
-        """Additions until none is asked for, or a push is all that is left; the view from the last model.
-
-        The simplest first; once one more term leaves only noise, what said less is not fitted any more.
-        """
-        seen = self.trials.look(best.model)
-        if best.model.whole and self._in_vain(best):
-            self._pushed(best, None)
-            return best, seen
-        while best.model.whole and seen.unfitted is None and not self._pushed(best, seen):
-            fresh: list[Candidate] = []
-            done = -np.inf
-            for addition in sorted(self.trials.additions(seen), key=lambda addition: addition.score.size):
-                if addition.score.log_evidence < done:
-                    continue
-                self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")
-                found = self.trials.added(addition, [one.model for one in fresh])
-                if found is None:
-                    continue
-                fresh.append(self.trials.judged_or_wider(self.trials.pruned(found), addition.score.tried))
-                if fresh[-1].is_white and len(addition.score.tried) == 1:
-                    done = max(done, addition.score.log_evidence)
-            self.trials.tried += fresh
-            further = accepted(best, fresh)
-            if further is best:
-                self._pushed(best, None)
-                break
-            best = further
-            self.say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
-            seen = self.trials.look(best.model)
-        return best, seen
-
-    def _in_vain(self, best: Candidate) -> bool:
-        """Whether additions to the model as it is were already tried: over the first seconds, and then in full."""
-        return not (best.model.tried or self.start.follows) and bool(self.trials.passing)
-
-    def _pushed(self, best: Candidate, seen: View | None) -> bool:
-        """Whether pushes are all that is left; with a view, only where they say more than any effect would."""
-        if not self.look_for_pushes:
-            return False
-        found = find_pushes(best.model, best.held_out, self.start.held_out)
-        gain = sum(push.gain or 0.0 for push in found)
-        if seen is not None and found:
-            evidence = 0.5 * gain / seen.projected.inflation - PUSH_COST * len(found)
-            least = seen.singles[0].log_evidence if seen.singles else 0.0
-            found = found if evidence > least else ()
-        self.pushes = found
-        return bool(found)
-
-    def _with_imitators(self, best: Candidate, last: View) -> tuple[Candidate, View]:
-        """The search on from what may stand in the place of a term, where that is more convincing.
-
-        Each term was chosen before those that came after it: beside them another may do the same with less freedom.
-        """
-        if not best.model.whole:
-            return best, last
-        fresh = [self.trials.judged(model) for model in in_their_place(last, self.start.whole_ground, self.say)]
-        self.trials.tried += fresh
-        as_good = {id(c.model): c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH}
-        chosen = as_good.get(id(most_convincing(best.model, [c.model for c in as_good.values()])))
-        return (best, last) if chosen is None else self._over_whole_windows(chosen)
-
-    def _without_the_doubtful(self, best: Candidate, last: View) -> tuple[Candidate, View]:
-        """The search once more without what the best model may have in another's place, where structure stays."""
-        first, pushes = best, self.pushes
-        for kept in _less_doubtful(first):
-            without = self.trials.keeping(first.model, kept)
-            if without is None or best.is_white:
-                continue
-            found, seen = self._over_whole_windows(self.trials.judged(without))
-            if found.whiteness.excess < best.whiteness.excess:
-                best, last, pushes = found, seen, self.pushes
-        self.pushes = pushes
+    Each term was chosen before those that came after it: beside them another may do the same with less freedom.
+    """
+    if not best.model.whole:
         return best, last
+    fresh = [search.trials.judged(model) for model in in_their_place(last, search.start.whole_ground, search.say)]
+    search.trials.tried += fresh
+    as_good = {id(c.model): c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH}
+    chosen = as_good.get(id(most_convincing(best.model, [c.model for c in as_good.values()])))
+    return (best, last) if chosen is None else search.over_whole_windows(chosen)
+
+
+def _with_siblings(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+    """The search on from a model that fits and does not predict, with an effect in it exchanged for its sibling.
+
+    What a drag of the speed imitates of a drag of its square comes out elsewhere, and not where it swings wildest.
+    """
+    fitting = [c.model for c in search.trials.tried if c.model.whole and c.model.excess < FITS and c.model.tried]
+    if best.is_white or not fitting:
+        return best, last
+    seen = search.trials.look(best_of(fitting))
+    exchanged = in_their_place(seen, search.start.whole_ground, search.say, SIBLINGS)
+    fresh = [search.trials.judged(model) for model in exchanged]
+    search.trials.tried += fresh
+    further = accepted(best, fresh)
+    return (best, last) if further is best else search.over_whole_windows(further)
+
+
+def _without_the_doubtful(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+    """The search once more without what the best model may have in another's place, where structure stays."""
+    first, pushes = best, search.pushes
+    for kept in _less_doubtful(first):
+        without = search.trials.keeping(first.model, kept)
+        if without is None or best.is_white:
+            continue
+        found, seen = search.over_whole_windows(search.trials.judged(without))
+        if found.whiteness.excess < best.whiteness.excess:
+            best, last, pushes = found, seen, search.pushes
+    search.pushes = pushes
+    return best, last
 
 
 def _less_doubtful(best: Candidate) -> list[list[int]]:

@@ -134,10 +134,11 @@ def _stiffnesses(mechanism: Mechanism) -> list[np.ndarray]:
 
 
 def stiffest(mechanism: Mechanism) -> np.ndarray:
-    """Lowest θ with which the cables are springs; −∞ for what stretches none."""
+    """Lowest θ with which the cables are springs that do not drive themselves; −∞ for what stretches none."""
     low = [np.full(len(e.parameters), -np.inf) for e in mechanism.effects]
     for effect, part in zip(mechanism.effects, low, strict=True):
-        part[:1] = STIFFEST if stretches(effect) else -np.inf
+        if stretches(effect):
+            part[:1], part[1:] = STIFFEST, 0.0  # a damping below 0, which the first second may like, blows up
     return np.concatenate([np.zeros(0), *low])
 
 

@@ -18,6 +18,8 @@ from fidim_lab.mismatch.wider import general_forms, widened
 MOST_TERMS = 3
 WIDENED = 0.5
 """of the rest: a term that leaves more is not tried in a wider form"""
+NEARLY = 25.0
+"""nats by which a further term beats a simpler model, within which a wider form of that one may do the same"""
 DROPPABLE = 200.0
 """nats, to first order, above which nobody tries to do without a term"""
 
@@ -81,6 +83,16 @@ class Trials:
             return judged
         wide = most_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
         return judged if wide is model else self.judged(wide)
+
+    def wider_rivals(self, further: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
+        """Models with fewer terms that leave only noise, with these in wider forms: another term may stand for one."""
+        found: list[Candidate] = []
+        for one in others:
+            gained = evidence(further.model, one.model, common_scale([further.model, one.model]))
+            if 0 < len(one.model.tried) < len(further.model.tried) and one.is_white and gained < NEARLY:
+                wide = general_forms(self.start, one.model, {term.effect for term in one.model.tried})
+                found += [self.judged(model) for model in wide]
+        return found
 
     def pruned(self, model: Completed) -> Completed:
         """Without terms that the others have made needless."""

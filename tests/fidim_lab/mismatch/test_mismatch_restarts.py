@@ -10,7 +10,7 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.contacts import SOONER, Contact, whole_id, without
-from fidim_lab.mismatch.restarts import STEP, find_pushes
+from fidim_lab.mismatch.restarts import STEP, _has_its_moment, find_pushes
 from fidim_lab.mismatch.select import select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -67,3 +67,22 @@ def test_parts_of_a_window_know_which_they_were_cut_from(irma4: Robot) -> None:
     twice = without(replace(once), [Contact("i01, part 2", 4.0, 4.4, 2.0, 0.25)])
     assert [whole_id(window.id) for window in twice.windows].count("i01") == 3
     assert len({window.id for window in twice.windows}) == len(twice.windows)
+
+
+def test_a_push_has_its_moment_and_physics_has_none() -> None:
+    at = np.arange(1.0, 9.25, 0.25)
+    times, best = np.column_stack([at, at]), 12
+    sharp = 6000 + 900 * np.abs(at - at[best])
+    assert _has_its_moment(times, sharp, best)
+    broad = 6000 + 8 * np.abs(at - at[best])
+    assert not _has_its_moment(times, broad, best)
+    short = np.abs(at - at[best]) < 0.9  # so short a window has no time that is far away
+    assert _has_its_moment(times[short], broad[short], int(np.argmin(broad[short])))
+
+
+@pytest.mark.slow
+def test_a_push_beside_physics_is_taken_for_no_friction(irma4: Robot) -> None:
+    hidden = ("gravity-tilt:rx=0.012,ry=0.006", "hand-contact:fx=0.42,fy=0.38,start=2.5,stop=3.0,window=1")
+    found = select(fitted(irma4, *hidden), lambda _: None)
+    assert [push.window for push in found.pushes] == ["i01"]
+    assert found.best.model.label in ("gravity-tilt", "constant-force")

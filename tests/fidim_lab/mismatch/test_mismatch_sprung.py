@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot, Role
-from fidim_lab.effects.cable_elasticity import CableElasticity, CableStiffness
+from fidim_lab.effects.cable_elasticity import CableElasticity, CableStiffness, DampedElasticity
 from fidim_lab.effects.periodic_force import PeriodicForce
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.likelihood import Point, simulate
+from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.columns_sprung import SprungScorer
 from fidim_lab.mismatch.hypotheses import Hypotheses, hypotheses
 from fidim_lab.mismatch.leftover import Leftover
-from fidim_lab.mismatch.sprung import begins_anew, left_at_first, stiffest
+from fidim_lab.mismatch.sprung import STIFFEST, begins_anew, bounded, left_at_first, stiffest
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -69,6 +71,15 @@ def _rows(found: Fit, effect: object, absent: np.ndarray, k: int, change: float)
     moved = simulate(replace(base, mechanism=mechanism), there, found.journey.ends, FINE)
     assert moved is not None
     return moved.residuals[0].rows
+
+
+def test_a_fit_cannot_take_a_damper_for_a_drive(irma4: Robot) -> None:
+    damped = Mechanism(irma4, (PeriodicForce(), DampedElasticity()), springs=True)
+    size = BODY + len(damped.theta)
+    prior = bounded(Prior(np.zeros(size), np.ones(size)), damped)
+    assert prior.low is not None
+    np.testing.assert_array_equal(prior.low[-2:], [STIFFEST, 0.0])
+    assert (prior.low[:-2] == -np.inf).all(), "what moves no cable is bounded where the fit has ended"
 
 
 def test_springs_begin_anew_where_others_become_springs(irma4: Robot) -> None:

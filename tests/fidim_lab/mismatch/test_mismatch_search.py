@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.mismatch import select as module
+from fidim_lab.mismatch import search as module
 from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
 
 
@@ -38,9 +38,9 @@ def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "widened", lambda start, found, tried: found)
     monkeypatch.setattr(module, "accepted", lambda baseline, fresh, **_: baseline)
-    search = module._Search(SimpleNamespace(whole_ground=None, context=None), said.append, False)  # type: ignore[arg-type]
+    search = module.Search(SimpleNamespace(whole_ground=None, context=None), said.append, False)  # type: ignore[arg-type]
     monkeypatch.setattr(search.trials, "pruned", lambda found: found)
     monkeypatch.setattr(search.trials, "judged_or_wider", lambda found, new: SimpleNamespace(is_white=False))
     baseline = SimpleNamespace(model=None)
-    assert search._best_over_all(baseline, short) is baseline  # type: ignore[arg-type]
+    assert search.best_over_all(baseline, short) is baseline  # type: ignore[arg-type]
     assert said == [f"fitting {label} to whole windows" for label in expected]

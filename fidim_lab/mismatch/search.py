@@ -1,0 +1,173 @@
+"""Additions to a model, one after the other: over the first seconds where needed, then over whole windows.
+
+The search may end early: at pushes within a few windows that are all that is left. What a search that has ended
+thinks better of is in `select`.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.candidates import Candidate, accepted, common_scale, most_convincing
+from fidim_lab.mismatch.contacts import Contact
+from fidim_lab.mismatch.refit import Completed, again, evidence, refit
+from fidim_lab.mismatch.restarts import find_pushes
+from fidim_lab.mismatch.trials import Trials
+from fidim_lab.mismatch.views import View
+from fidim_lab.mismatch.whiteness import whiteness
+from fidim_lab.mismatch.wider import widened
+
+CLOSE = 25.0
+"""nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
+SHORTLIST = 3
+HOPELESS = 30.0
+"""χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
+PUSH_COST = 20.0
+"""nats: what the freedom of another start costs, as a few terms of a wide prior do"""
+Say = Callable[[str], None]
+
+
+class Search:
+    """What is tried in which order, and what of it is believed."""
+
+    def __init__(self, start: Baseline, say: Say, look_for_pushes: bool) -> None:
+        self.start, self.say, self.look_for_pushes = start, say, look_for_pushes
+        self.pushes: tuple[Contact, ...] = ()
+        """for which it was broken off"""
+        self.trials = Trials(start, say)
+
+    def known_to_do(self, known: Completed | None) -> Candidate | None:
+        """A known model fitted to these windows, where it leaves only noise."""
+        if known is None or not known.tried:
+            return None
+        short = again(self.start.short_ground, self.start.short, known, self.start.context)
+        whole = None if short is None else again(self.start.whole_ground, short.fit, short, self.start.context)
+        # a term that the cuts had made needful may be needless now
+        judged = None if whole is None else self.trials.judged(self.trials.pruned(whole))
+        if judged is None or not judged.is_white:
+            return None
+        self.trials.tried.append(judged)
+        return judged
+
+    def over_first_seconds(self) -> list[Completed]:
+        """The few best models of the first seconds, the best first."""
+        best = Completed((), self.start.short, whole=False)
+        while True:
+            seen = self.trials.look(best)
+            if seen.unfitted is not None:
+                break
+            fresh = self.trials.over_first_seconds(self.trials.additions(seen))
+            further = most_convincing(best, fresh)
+            if further is best:
+                break
+            best = self.trials.pruned(further)
+            self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
+            if whiteness(best.leftovers).is_white:
+                break
+        scale = common_scale([best, *self.trials.passing])
+        near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
+        near.sort(key=lambda m: evidence(best, m, scale))
+        return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
+
+    def best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
+        """Models of the first seconds fitted to whole windows, and the best of them."""
+        fresh: list[Candidate] = []
+        in_vain: list[set[NamedEffect]] = []
+        for model in (model for model in short if model.excess < HOPELESS):
+            terms = {h.effect for h in model.tried}
+            if any(terms <= more for more in in_vain):
+                continue  # with fewer terms it can follow no better
+            if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
+                continue  # where another follows whole windows
+            self.say(f"fitting {model.label} to whole windows")
+            whole, as_it_is = self.start.whole_ground, baseline.model
+            found = refit(whole, model.fit, model.tried, model.thetas, self.start.context, simpler=as_it_is)
+            if found is not None and found.excess >= HOPELESS:
+                in_vain.append(terms)
+            elif found is not None:
+                # what made good for the first seconds alone may be needless beside the whole
+                found = self.trials.pruned(widened(self.start, found, found.tried))
+                fresh.append(self.trials.judged_or_wider(found, found.tried))
+        self.trials.tried += fresh
+        return accepted(baseline, fresh, feeble=True)
+
+    def _follows_first_seconds(self, model: Completed) -> bool:
+        """Whether it leaves only noise of all the first seconds, too, where it was fitted to fewer."""
+        if not whiteness(model.leftovers).is_white:
+            return False
+        start = self.start
+        if (model.fit.journey.ends == start.short.journey.ends).all():
+            return True
+        longer = refit(start.short_ground, start.short, model.tried, model.thetas, start.context)
+        return longer is not None and whiteness(longer.leftovers).is_white
+
+    def over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
+        """Additions until none is asked for, or a push is all that is left; the view from the last model.
+
+        The simplest first; once one more term leaves only noise, what said less is not fitted any more.
+        """
+        seen = self.trials.look(best.model)
+        if best.model.whole and self._in_vain(best):
+            self._pushed(best)
+            return best, seen
+        while best.model.whole and seen.unfitted is None and not self._pushed(best, *_best_score(seen)):
+            fresh: list[Candidate] = []
+            done = -np.inf
+            for addition in sorted(self.trials.additions(seen), key=lambda addition: addition.score.size):
+                if addition.score.log_evidence < done:
+                    continue
+                self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")
+                found = self.trials.added(addition, [one.model for one in fresh])
+                if found is None:
+                    continue
+                fresh.append(self.trials.judged_or_wider(self.trials.pruned(found), addition.score.tried))
+                if fresh[-1].is_white and len(addition.score.tried) == 1:
+                    done = max(done, addition.score.log_evidence)
+            further = accepted(best, fresh)
+            if further is not best:
+                fresh += self.trials.wider_rivals(further, [best, *fresh])
+                further = accepted(best, fresh)
+            self.trials.tried += fresh
+            if further is best:
+                self._pushed(best)
+                break
+            pushed = self._with_pushes(further, fresh)
+            if pushed is not None:
+                return pushed, seen
+            best = further
+            self.say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
+            seen = self.trials.look(best.model)
+        return best, seen
+
+    def _in_vain(self, best: Candidate) -> bool:
+        """Whether additions to the model as it is were already tried: over the first seconds, and then in full."""
+        return not (best.model.tried or self.start.follows) and bool(self.trials.passing)
+
+    def _with_pushes(self, further: Candidate, fresh: Sequence[Candidate]) -> Candidate | None:
+        """A model with fewer terms beside which pushes say more than the others do: a hand is no friction."""
+        for one in sorted(fresh, key=lambda c: len(c.model.tried)):
+            if len(one.model.tried) >= len(further.model.tried) or one.is_white:
+                continue
+            if self._pushed(one, evidence(further.model, one.model, common_scale([further.model, one.model]))):
+                return one
+        return None
+
+    def _pushed(self, best: Candidate, least: float = -np.inf, inflation: float = 1.0) -> bool:
+        """Whether pushes are all that is left, and say more than so many nats.
+
+        inflation: χ²/dof that counts as noise, beyond what all but the pushed windows show.
+        """
+        if not self.look_for_pushes:
+            return False
+        found = find_pushes(best.model, best.held_out, self.start.held_out)
+        gain = sum(push.gain or 0.0 for push in found)
+        said = 0.5 * gain / inflation - PUSH_COST * len(found)
+        self.pushes = found if said > least else ()
+        return bool(self.pushes)
+
+
+def _best_score(seen: View) -> tuple[float, float]:
+    """Nats of the best effect that was looked at, and the χ²/dof that counts as noise there."""
+    return seen.singles[0].log_evidence if seen.singles else 0.0, seen.projected.inflation
