@@ -1,23 +1,26 @@
 """Winch-driven excitation on hidden true bodies: amplitude, tensions, accuracy.
 
     python -m benchmarks.excite swings --runs 1000      amplitude after one and two tries, tensions
+    python -m benchmarks.excite learning --runs 60      sessions of six windows: what earlier ones teach, and tensions
     python -m benchmarks.excite driven --runs 12        what the strokes themselves tell of the body
     python -m benchmarks.excite session --runs 6        whole sessions by hand and by winches: windows an hour, accuracy
     python -m benchmarks.excite travel --runs 24        moves between equilibria: the swing they leave, time to settle
 
-Runs of `swings` take two CPU seconds each and are kept in --rows: the same command goes on with what is missing.
+Runs of `swings` take two CPU seconds each, of `learning` 20, and are kept in --rows: the same command goes on with what
+is missing.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from benchmarks.excite_runs import CLOSE, MOST_TRIES, Try, Window, one, window_of
+from benchmarks.excite_runs import CLOSE, MOST_TRIES, Try, Window, carried, one, window_of
 from benchmarks.excite_session import session
 from benchmarks.excite_strokes import LIMITS, driven
 from benchmarks.excite_travel import travels
@@ -28,6 +31,11 @@ from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.model.mechanism import Mechanism
 
 WINDOWS = 30
+SESSION = 6
+"""windows"""
+Tries = tuple[Try, ...] | str
+"""of a window; the words of a refusal"""
+T = TypeVar("T")
 
 
 @cache
@@ -48,36 +56,76 @@ def _drawn() -> np.ndarray:
     return pool.draw(_mechanism(), task, WINDOWS, np.random.default_rng(5), lambda _: None).z
 
 
-def numbered(run: int) -> tuple[Try, ...] | str:
+def numbered(run: int) -> Tries:
     """The run of this number, always the same."""
     return one(run, window_numbered(run % WINDOWS))
 
 
-_KEPT = TypeAdapter(tuple[int, tuple[Try, ...] | str])
+def session_numbered(run: int) -> list[Tries]:
+    """The session of this number, always the same: so many different windows in an order of its own."""
+    order = np.random.default_rng([run, 9]).choice(WINDOWS, SESSION, replace=False)
+    return carried(run, [window_numbered(int(number)) for number in order])
 
 
-def kept(path: Path) -> dict[int, tuple[Try, ...] | str]:
+def kept(path: Path, kind: TypeAdapter[tuple[int, T]]) -> dict[int, T]:
     """Runs that were made before."""
     if not path.exists():
         return {}
-    return dict(_KEPT.validate_json(line) for line in path.read_text(encoding="utf-8").splitlines())
+    return dict(kind.validate_json(line) for line in path.read_text(encoding="utf-8").splitlines())
 
 
-def made(options: argparse.Namespace) -> list[tuple[Try, ...] | str]:
+def made(options: argparse.Namespace, run_of: Callable[[int], T], kind: TypeAdapter[tuple[int, T]]) -> list[T]:
     """All runs; those that are missing are made, and kept as soon as they are."""
-    known = kept(options.rows)
+    known = kept(options.rows, kind)
     left = [] if options.as_it_is else [run for run in range(options.runs) if run not in known]
     with ProcessPoolExecutor(options.jobs) as processes, options.rows.open("a", encoding="utf-8") as file:
-        for run, tries in zip(left, processes.map(numbered, left), strict=True):
-            file.write(_KEPT.dump_json((run, tries)).decode() + "\n")
+        for run, found in zip(left, processes.map(run_of, left), strict=True):
+            file.write(kind.dump_json((run, found)).decode() + "\n")
             file.flush()
-    known = kept(options.rows)
+    known = kept(options.rows, kind)
     return [known[run] for run in sorted(known) if run < options.runs]
+
+
+def learning(options: argparse.Namespace) -> str:
+    """What the windows of a session teach the later ones, and whether these keep the tensions."""
+    sessions = made(options, session_numbered, TypeAdapter(tuple[int, list[Tries]]))
+    low, high = read_robot(PAPERS_ROBOT).limits.tension
+    rows: list[list[object]] = []
+    for number in range(SESSION):
+        done = [tries for tries in (session[number] for session in sessions) if not isinstance(tries, str)]
+        outside = sum(not low <= t.tension[0] <= t.tension[1] <= high for tries in done for t in tries)
+        first, last = [tries[0] for tries in done], [tries[-1] for tries in done]
+        rows.append(
+            [
+                number + 1,
+                f"{len(sessions) - len(done)} of {len(sessions)}",
+                share(_good(first)),
+                share(_good(last)),
+                share(_as_wanted(last)),
+                f"{np.median([t.share for t in first]):.2f}",
+                f"{np.median([1 + t.off for t in last]):.2f}",
+                f"{outside} of {sum(len(tries) for tries in done)}",
+            ]
+        )
+    head = [
+        "window",
+        "refused",
+        "first try as planned or wanted",
+        "after at most two",
+        "… as wanted",
+        "planned over wanted, median",
+        "swing over wanted",
+        f"outside {low:g}–{high:g} N",
+    ]
+    return (
+        f"Sessions of {SESSION} of the windows above, in different orders; the same hidden bodies, masses and damping. "
+        "What a window taught (frequencies, damping, the body) goes into the plans of the next.\n\n" + table(head, rows)
+    )
 
 
 def swings(options: argparse.Namespace) -> str:
     """Amplitude after one and two tries, and tensions."""
-    robot, runs = read_robot(PAPERS_ROBOT), made(options)
+    robot, runs = read_robot(PAPERS_ROBOT), made(options, numbered, TypeAdapter(tuple[int, Tries]))
     done = [tries for tries in runs if not isinstance(tries, str)]
     low, high = robot.limits.tension
     tensions = np.array([t.tension for tries in done for t in tries])
@@ -132,6 +180,7 @@ def share(which: np.ndarray) -> str:
 
 
 PARTS = {
+    "learning": ("What a session learns", learning),
     "driven": ("What the strokes themselves tell", driven),
     "swings": ("The swing that winches give", swings),
     "session": ("Sessions by hand and by winches", session),

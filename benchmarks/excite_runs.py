@@ -3,6 +3,7 @@
 `window_of` is what all bodies share at a window, `one` is a run; `benchmarks.excite` makes many and counts.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -166,32 +167,82 @@ def looked_at(robot: Robot, place: Place, found: Swung, rng: np.random.Generator
     return seen
 
 
+@dataclass(frozen=True, eq=False)
+class Learnt:
+    """What a session knows before a window."""
+
+    bodies: Bodies
+    knowledge: Knowledge | None = None
+
+
 def one(run: int, window: Window) -> tuple[Try, ...] | str:
-    """One run: at most two tries, the second where `fidim run --procedure excite` would make one."""
-    rng = np.random.default_rng([run, 7])
-    place, wanted, excitation = window.place, window.wanted, window.first
-    robot, held = place.robot, place.equilibrium.lengths
-    if excitation is None:
+    """The first window of a session: at most two tries, the second where `fidim run` would make one."""
+    if window.first is None:
         return "refused"
-    plant = Plant(true_world(robot, rng, held, place.mechanism))
-    knowledge, bodies = Knowledge.none(len(wanted)), Bodies.around(robot.nominal)
+    rng = np.random.default_rng([run, 7])
+    robot, held = window.place.robot, window.place.equilibrium.lengths
+    plant = Plant(true_world(robot, rng, held, window.place.mechanism))
+    return tried(window, window.first, plant, Learnt(Bodies.around(robot.nominal)), rng)[0]
+
+
+def carried(run: int, windows: Sequence[Window]) -> list[tuple[Try, ...] | str]:
+    """A session of one hidden body: each window is planned with what the ones before it taught."""
+    rng = np.random.default_rng([run, 8])
+    robot, mechanism = windows[0].place.robot, windows[0].place.mechanism
+    plant = Plant(true_world(robot, rng, windows[0].place.equilibrium.lengths, mechanism))
+    learnt, done = Learnt(Bodies.around(robot.nominal)), list[tuple[Try, ...] | str]()
+    for window in windows:
+        first = window.first
+        if learnt.knowledge is not None:
+            first = _planned(_as_likely(window, learnt), learnt.knowledge.elsewhere(), learnt.bodies, window.wanted)
+        if first is None:
+            done.append("refused")
+            continue
+        tries, learnt = tried(window, first, plant, learnt, rng)
+        done.append(tries)
+    return done
+
+
+def tried(
+    window: Window, excitation: Excitation, plant: Plant, learnt: Learnt, rng: np.random.Generator
+) -> tuple[tuple[Try, ...], Learnt]:
+    """A window's recordings, and what is known after them."""
+    wanted, robot, held = window.wanted, window.place.robot, window.place.equilibrium.lengths
+    knowledge, bodies, place = (
+        learnt.knowledge or Knowledge.none(len(wanted)),
+        learnt.bodies,
+        _as_likely(window, learnt),
+    )
     tries: list[Try] = []
     while True:
         found = swung(robot, plant, excitation, held, rng)
         seen = looked_at(robot, place, found, rng)
         prediction = (excitation.tension, excitation.why_less, excitation.seconds)
-        swings = (tuple(map(float, values)) for values in (excitation.reached, seen.amplitudes, wanted))
-        reached, amplitudes, aim = swings
+        reached, amplitudes, aim = (
+            tuple(map(float, values)) for values in (excitation.reached, seen.amplitudes, wanted)
+        )
         tries.append(Try(reached, amplitudes, found.tension, *prediction, aim))
-        well = not missed(seen.amplitudes, excitation, CLOSE)
-        if len(tries) == MOST_TRIES or (well and not falls_short(seen.amplitudes, excitation, CLOSE)):
-            return tuple(tries)
         lesson = taught(place, bodies, excitation, seen, knowledge)
         place, bodies, knowledge = lesson.place, lesson.bodies, lesson.knowledge
-        try:
-            again = planned(place, wanted, knowledge, LIMITS, bodies.others)
-        except InfeasibleError:
-            return tuple(tries)
-        if well and not more_in_reach(seen.amplitudes, again, CLOSE):
-            return tuple(tries)
+        well = not missed(seen.amplitudes, excitation, CLOSE)
+        again = None
+        if len(tries) < MOST_TRIES and not (well and not falls_short(seen.amplitudes, excitation, CLOSE)):
+            again = _planned(place, knowledge, bodies, wanted)
+        if again is None or (well and not more_in_reach(seen.amplitudes, again, CLOSE)):
+            return tuple(tries), Learnt(bodies, knowledge)
         excitation = again
+
+
+def _as_likely(window: Window, learnt: Learnt) -> Place:
+    """The window's place with the body that is likely."""
+    if learnt.knowledge is None:
+        return window.place
+    return Place.at(window.place.mechanism, window.place.equilibrium.lengths, learnt.bodies.likely)
+
+
+def _planned(place: Place, knowledge: Knowledge, bodies: Bodies, wanted: np.ndarray) -> Excitation | None:
+    """None where it is refused."""
+    try:
+        return planned(place, wanted, knowledge, LIMITS, bodies.others)
+    except InfeasibleError:
+        return None

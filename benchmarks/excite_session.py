@@ -26,10 +26,16 @@ from fidim_lab.model.mechanism import Mechanism
 from procedures.catalogue import experiment
 from procedures.events import Event, StepFinished
 from procedures.run import run_procedure
-from procedures.settings import ExciteSettings, MotionSettings, Settings
+from procedures.settings import ExciteSettings, MotionSettings, RecordSettings, Settings
 from procedures.steps import Ask, Reject
 
 SEED = 4
+SESSIONS = {
+    "by hand": ("identify", 10.0),
+    "by winches": ("excite", 10.0),
+    "by winches, windows of 15 s": ("excite", 15.0),
+}
+"""procedure, and s of each window"""
 NAMES = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
 
 
@@ -57,9 +63,10 @@ class Session:
         return 3600 * self.windows / (self.seconds + self.waited)
 
 
-def held(procedure: str, robot: Robot, plan: Plan, folder: Path) -> Session:
-    """Carry a session out, identify by maximum likelihood, compare with the hidden body."""
-    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+def held(procedure: str, robot: Robot, plan: Plan, folder: Path, seconds: float) -> Session:
+    """Carry a session with windows of so many seconds out, identify by maximum likelihood, compare with the truth."""
+    motion = MotionSettings(length_limits=compose.length_limits(plan))
+    settings = Settings(motion=motion, record=RecordSettings(seconds=seconds))
     world = compose.simulated_world(robot, SEED, ())
     done: list[StepFinished] = []
 
@@ -75,14 +82,14 @@ def held(procedure: str, robot: Robot, plan: Plan, folder: Path) -> Session:
             )
             return report.seconds
 
-    seconds = compose.run_loop(run(), real_time=False)
+    took = compose.run_loop(run(), real_time=False)
     questions = [event.step for event in done if isinstance(event.step, Ask)]
     windows = read_campaign(folder).windows
     found = fit(Mechanism(robot, native=True), windows)
     return Session(
         windows=len(windows),
         repeated=sum(isinstance(event.step, Reject) for event in done),
-        seconds=seconds,
+        seconds=took,
         asked=len(questions),
         waited=sum(step.estimate for step in questions),
         swing=float(np.median([_far(window) for window in windows])),
@@ -98,14 +105,14 @@ def _far(window: Window) -> float:
 
 
 def session(options: argparse.Namespace) -> str:
-    """Both kinds of session."""
+    """All kinds of session."""
     robot, excite = read_robot(PAPERS_ROBOT), ExciteSettings()
     plan = random_plan(robot, "session", options.runs, 0, SEED, UNTOUCHED)
     rows: list[list[object]] = []
     errors: list[list[object]] = []
-    for name, procedure in (("by hand", "identify"), ("by winches", "excite")):
+    for name, (procedure, seconds) in SESSIONS.items():
         with TemporaryDirectory() as folder:
-            one = held(procedure, robot, plan, Path(folder) / "run")
+            one = held(procedure, robot, plan, Path(folder) / "run", seconds)
         rows.append(
             [
                 name,
