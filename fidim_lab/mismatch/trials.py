@@ -11,7 +11,7 @@ from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, candidate, common_scale, most_convincing, price, rest_of
 from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.refit import Completed, evidence, predict, refit
-from fidim_lab.mismatch.views import ENOUGH, View, view
+from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.mismatch.wider import general_forms, widened
 
@@ -33,6 +33,8 @@ class Trials:
         """models that were fitted to the first seconds alone"""
         self.tried: list[Candidate] = []
         """models that were fitted to whole windows"""
+        self._fitted: list[Completed] = []
+        """every fit, so that what pruning asks for again and again is made once"""
         self.first: View | None = None
         """what was seen at first"""
 
@@ -57,6 +59,7 @@ class Trials:
         found = addition.fitted(self.start.ground(best), self.start.context)
         if found is None:
             return None
+        self._fitted.append(found)
         fewer = [best, *(other for other in others if len(other.tried) < len(found.tried))]
         if rest_of(found) > WIDENED * min(rest_of(other) for other in fewer):
             return found  # it takes so little that no wider form of it can be the truth
@@ -107,8 +110,24 @@ class Trials:
     def keeping(self, model: Completed, kept: Sequence[int]) -> Completed | None:
         """The model with these of its terms alone, from where they are; None where no fit gets there."""
         tried, thetas = [model.tried[k] for k in kept], [model.thetas[k] for k in kept]
-        return refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
+        known = self._known(model, tried)
+        if known is not None:
+            return known
+        found = refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
+        self._fitted += [] if found is None else [found]
+        return found
+
+    def _known(self, like: Completed, tried: Sequence[Hypothesis]) -> Completed | None:
+        """The fit of whole windows with exactly these terms, where there is one; frequencies have many optima."""
+        if not like.whole or any(h.effect.id in PERIODIC for h in tried):
+            return None
+        wanted = [_key(h) for h in tried]
+        return next((one for one in self._fitted if one.whole and [_key(h) for h in one.tried] == wanted), None)
 
     def judged(self, model: Completed) -> Candidate:
         """A model with what it leaves of held-out windows."""
         return candidate(model, predict(model, self.start.held_out))
+
+
+def _key(tried: Hypothesis) -> tuple[object, ...]:
+    return (tried.effect, *tried.absent)

@@ -1,0 +1,43 @@
+"""What is fitted on trial, and what is not fitted again."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.mismatch import trials as module
+from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
+from fidim_lab.mismatch.trials import Trials
+
+
+def model(*tried: Hypothesis, whole: bool = True) -> SimpleNamespace:
+    return SimpleNamespace(tried=tried, thetas=[h.absent for h in tried], whole=whole, fit=None)
+
+
+@pytest.mark.parametrize(
+    ("ids", "whole", "fits"),
+    [
+        (("air-drag-linear", "gravity-tilt"), True, 1),
+        (("air-drag-linear", "gravity-tilt"), False, 2),  # over the first seconds fits cost little
+        (("air-drag-linear", "periodic-force"), True, 2),  # another frequency is another optimum
+    ],
+)
+def test_pruning_fits_the_same_terms_of_whole_windows_once(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, ids: tuple[str, str], whole: bool, fits: int
+) -> None:
+    every = hypotheses(irma4)
+    first, second = (next(h for h in (*every.direct, *every.periodic) if h.effect.id == id) for id in ids)
+    asked: list[tuple[Hypothesis, ...]] = []
+
+    def refit(ground: object, donor: object, tried: list[Hypothesis], *_: object) -> SimpleNamespace:
+        asked.append(tuple(tried))
+        return model(*tried, whole=whole)
+
+    monkeypatch.setattr(module, "refit", refit)
+    trials = Trials(SimpleNamespace(ground=lambda model: None, context=None), lambda _: None)  # type: ignore[arg-type]
+    pair = model(first, second, whole=whole)
+    kept = [trials.keeping(pair, [1]) for _ in range(2)]  # type: ignore[arg-type]
+    assert [one.tried for one in kept if one] == [(second,)] * 2
+    assert len(asked) == fits
+    trials.keeping(pair, [0])  # type: ignore[arg-type]
+    assert asked[-1] == (first,)
