@@ -100,6 +100,7 @@ class Watch:
         """as far as windows are looked at; None: whole"""
         self._grams: list[WindowGram] = []
         """one for each window of the fit"""
+        self._ready = False
 
     def look(self, windows: Sequence[Window]) -> SoFar:
         """Take in new windows (usually one), and say what all of them say."""
@@ -110,6 +111,7 @@ class Watch:
                 self._refused[window.id] = str(refusal)
         refusal = next(iter(self._refused.values()), "")
         if len(self._windows) < FEWEST:
+            self._prepare()
             says = refusal or f"{_windows(len(self._windows))} so far: {FEWEST} are needed to check the model."
             return SoFar(len(self._windows), None, None, None, not refusal, (), says)
         try:
@@ -117,6 +119,16 @@ class Watch:
         except RefusedError as problem:
             return SoFar(len(self._windows), None, None, None, False, (), str(problem))
         return _told(found, self._scored(found), refusal)
+
+    def _prepare(self) -> None:
+        """What is built at the first look is built while there is nothing to tell: its fit of a window or two is none."""
+        if self._ready or not self._windows:
+            return
+        try:
+            self._scored(self._begun())
+        except RefusedError:
+            return
+        self._ready, self._grams, self._seconds = True, [], None
 
     def _refitted(self) -> Fit:
         """The fit of all windows: the last one extended, or begun."""

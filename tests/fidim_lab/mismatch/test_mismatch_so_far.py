@@ -50,3 +50,12 @@ def test_a_window_of_another_robot_is_said_at_once(irma4):
     said = Watch(irma4, native=False).look([swapped])
     assert not said.holds
     assert "do not belong together" in said.says
+
+
+def test_what_was_prepared_on_the_first_window_changes_nothing_that_is_told(irma4):
+    windows = windows_of(irma4, "air-drag-linear:c=0.5", count=3)
+    one_by_one, at_once = (Watch(irma4, native=False) for _ in range(2))
+    said = [one_by_one.look([window]) for window in windows]
+    assert said[-1] == at_once.look(windows)
+    assert one_by_one._ready
+    assert not at_once._ready
