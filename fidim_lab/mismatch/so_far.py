@@ -121,7 +121,7 @@ class Watch:
         return _told(found, self._scored(found), refusal)
 
     def _prepare(self) -> None:
-        """Builds what the first look needs while there is nothing to tell; the fit of a window or two is thrown away."""
+        """Builds what the first look needs while there is nothing to tell; the fit of so few windows is thrown away."""
         if self._ready or not self._windows:
             return
         try:
