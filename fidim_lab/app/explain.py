@@ -15,15 +15,20 @@ from fidim_lab.app.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Explanation, NamedCause, write_explanation
+from fidim_lab.mismatch.patience import PATIENCE
 from fidim_lab.units import millimetres
 
 
 def explain_command(
-    campaign_folder: Path, json_file: Path | None, report: Path | None = None, pictures: Path | None = None
+    campaign_folder: Path,
+    json_file: Path | None,
+    report: Path | None = None,
+    pictures: Path | None = None,
+    patience: float | None = None,
 ) -> int:
     """What `fidim explain` does: explain, print, write. Returns the exit code.
 
-    `pictures`: a folder for the report's pictures as SVG files.
+    `pictures`: a folder for the report's pictures as SVG files. `patience`: as `explain` has it, s of CPU time.
     Raises FileError for a wrong campaign, RefusedError where no window can be fitted.
     """
     campaign = read_campaign(campaign_folder)
@@ -34,7 +39,7 @@ def explain_command(
             if not console.err.is_terminal:
                 console.err.print(sentence, markup=False)
 
-        explanation = explain(campaign, say=say)
+        explanation = explain(campaign, say=say, patience=PATIENCE if patience is None else patience)
     if json_file is not None:
         write_explanation(json_file, explanation)
     console.out.print(summary(explanation))

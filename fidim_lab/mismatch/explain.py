@@ -24,6 +24,7 @@ from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.clean import Cleaned, clean
 from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.explanation import Explanation, Verdict
+from fidim_lab.mismatch.patience import PATIENCE, Patience
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.restored import restored, without_needless_contacts, without_needless_faults
 from fidim_lab.mismatch.select import Selection, select
@@ -39,13 +40,16 @@ MOST_CUTS = 2
 """how often pushes that only the best model shows are cut out"""
 
 
-def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: None) -> Explanation:
+def explain(
+    campaign: Campaign, *, native: bool = True, say: Say = lambda _: None, patience: float = PATIENCE
+) -> Explanation:
     """Name what the model leaves out of this campaign.
 
     native: with compiled C where there is a compiler, as `identify`. say: is told of progress, in sentences.
+    patience: s of CPU time after which no further model is tried, and what there is, is told.
     Raises RefusedError where no window can be fitted at all, or where the robot file is grossly and simply wrong.
     """
-    begin = perf_counter()
+    begin, until = perf_counter(), Patience(patience)
     mechanism = ready(campaign.robot, native=native)
 
     def look(
@@ -53,11 +57,13 @@ def explain(campaign: Campaign, *, native: bool = True, say: Say = lambda _: Non
     ) -> _Looked:
         campaign = cleaned.campaign
         baseline = baseline or fit_baseline(campaign, native=native, say=say, mechanism=mechanism)
-        found = select(baseline, say, pushes=cuts > 0, known=known)
+        found = select(baseline, say, pushes=cuts > 0, known=known, patience=until)
         if not found.pushes:
             return _Looked(cleaned, baseline, found)
         again = look(_without(cleaned, found.pushes, say), known=found.best.model, cuts=cuts - 1)
-        return again if again.found.best.is_white else _Looked(cleaned, baseline, select(baseline, say, pushes=False))
+        if again.found.best.is_white or until.ended:
+            return again
+        return _Looked(cleaned, baseline, select(baseline, say, pushes=False, patience=until))
 
     cleaned = clean(campaign, say=say)
     baseline = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism)

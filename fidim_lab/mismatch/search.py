@@ -12,6 +12,7 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, accepted, common_scale, most_convincing
 from fidim_lab.mismatch.contacts import Contact
+from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, evidence, refit
 from fidim_lab.mismatch.restarts import find_pushes
 from fidim_lab.mismatch.trials import Trials
@@ -32,8 +33,8 @@ Say = Callable[[str], None]
 class Search:
     """What is tried in which order, and what of it is believed."""
 
-    def __init__(self, start: Baseline, say: Say, look_for_pushes: bool) -> None:
-        self.start, self.say, self.look_for_pushes = start, say, look_for_pushes
+    def __init__(self, start: Baseline, say: Say, look_for_pushes: bool, patience: Patience) -> None:
+        self.start, self.say, self.look_for_pushes, self.patience = start, say, look_for_pushes, patience
         self.pushes: tuple[Contact, ...] = ()
         """for which it was broken off"""
         self.trials = Trials(start, say)
@@ -56,7 +57,7 @@ class Search:
         best = Completed((), self.start.short, whole=False)
         while True:
             seen = self.trials.look(best)
-            if seen.unfitted is not None:
+            if seen.unfitted is not None or self.patience.ended:
                 break
             fresh = self.trials.over_first_seconds(self.trials.additions(seen))
             further = most_convincing(best, fresh)
@@ -77,6 +78,8 @@ class Search:
         in_vain: list[set[NamedEffect]] = []
         for model in (model for model in short if model.excess < HOPELESS):
             terms = {h.effect for h in model.tried}
+            if self.patience.ended:
+                break
             if any(terms <= more for more in in_vain):
                 continue  # with fewer terms it can follow no better
             if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
@@ -116,6 +119,8 @@ class Search:
             fresh: list[Candidate] = []
             done = -np.inf
             for addition in sorted(self.trials.additions(seen), key=lambda addition: addition.score.size):
+                if self.patience.ended:
+                    break
                 if addition.score.log_evidence < done:
                     continue
                 self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")

@@ -12,6 +12,7 @@ from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, accepted, best_of, candidate, most_convincing, price, rank
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.imitators import in_their_place
+from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.search import Say, Search
 from fidim_lab.mismatch.trials import MOST_TERMS
@@ -40,15 +41,24 @@ class Selection:
     """all scores at the best model: what could still be added, or stand in the place of what is in"""
     pushes: tuple[Contact, ...] = ()
     """for which the search was broken off: all but these windows follow the best model"""
+    cut_short: str = ""
+    """why it was not gone on with, where structure stays and patience has ended"""
 
 
-def select(start: Baseline, say: Say, *, pushes: bool = True, known: Completed | None = None) -> Selection:
+def select(
+    start: Baseline,
+    say: Say,
+    *,
+    pushes: bool = True,
+    known: Completed | None = None,
+    patience: Patience | None = None,
+) -> Selection:
     """Search for what was left out, starting from the fits of the model as it is.
 
     pushes: break off where a push within a few windows is all that is left, so that it can be cut out. known: the model
     with which a search of nearly the same windows ended; where it leaves only noise of these, it is where this begins.
     """
-    search = Search(start, say, pushes)
+    search = Search(start, say, pushes, patience or Patience())
     baseline = candidate(start.as_it_is, start.predicted)
     say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
     settled = search.known_to_do(known)
@@ -56,10 +66,12 @@ def select(start: Baseline, say: Say, *, pushes: bool = True, known: Completed |
     if best is baseline and not start.follows:
         best = search.best_over_all(baseline, search.over_first_seconds())
     best, last = search.over_whole_windows(best)
-    if not (search.pushes or best is settled):  # a model with which a search ended stood among its imitators already
+    if not (
+        search.pushes or best is settled or search.patience.ended
+    ):  # a model with which a search ended stood among its imitators already
         best, last = _with_imitators(search, best, last)
         best, last = _with_siblings(search, best, last)
-    if not (search.pushes or start.follows):
+    if not (search.pushes or start.follows or search.patience.ended):
         best, last = _without_the_doubtful(search, best, last)
     return Selection(
         best=best,
@@ -69,6 +81,7 @@ def select(start: Baseline, say: Say, *, pushes: bool = True, known: Completed |
         first=last if search.trials.first is None else search.trials.first,
         last=last,
         pushes=search.pushes,
+        cut_short=search.patience.says if search.patience.ended and not best.is_white else "",
     )
 
 

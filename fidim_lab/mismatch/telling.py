@@ -107,13 +107,14 @@ def _next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | N
 
 
 def _limits(baseline: Baseline, found: Selection) -> str:
-    """What the figures mean: false alarms, a model that was not fitted to whole windows, what was not tested."""
+    """What the figures mean: false alarms, a model that was not fitted to whole windows, what was not tried."""
     said = f" {alarm_rate(found.first.projected, ENOUGH).says}"
     if baseline.whole is None:
         said += f" Without effects the model follows no whole window: it was fitted to the first {SHORT:g} s of each."
     refused = found.best.held_out.refused
     if refused:
         said += f" Held-out windows without figures: {'; '.join(refused.values())}"
+    said += f" {found.cut_short}" if found.cut_short else ""
     untested = baseline.tried.untested
     return said + (f" Not tested: {', '.join(untested)}." if untested else "")
 

@@ -136,8 +136,13 @@ def simulate(**options: Any) -> None:
 @click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-explanation/1".')
 @click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page with the proof.")
 @click.option("--pictures", type=FOLDER, default=None, help="With --report: also every picture as an SVG file, here.")
+@click.option(
+    "--patience", type=click.FloatRange(min=0), default=None, help="CPU s until what there is, is told; default 200."
+)
 @example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
-def explain(campaign: Path, json_file: Path | None, report: Path | None, pictures: Path | None) -> None:
+def explain(
+    campaign: Path, json_file: Path | None, report: Path | None, pictures: Path | None, patience: float | None
+) -> None:
     """Name the physics that the model leaves out of CAMPAIGN, and show it on held-out windows.
 
     Every effect of the catalogue is tested; those that matter are fitted with the inertial parameters and accepted only
@@ -147,7 +152,7 @@ def explain(campaign: Path, json_file: Path | None, report: Path | None, picture
 
     if pictures is not None and report is None:
         raise click.UsageError("--pictures goes with --report.")
-    sys.exit(explain_command(campaign, json_file, report, pictures))
+    sys.exit(explain_command(campaign, json_file, report, pictures, patience))
 
 
 @fidim.group(invoke_without_command=True)

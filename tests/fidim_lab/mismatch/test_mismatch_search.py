@@ -7,6 +7,7 @@ import pytest
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch import search as module
 from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
+from fidim_lab.mismatch.patience import Patience
 
 
 @pytest.mark.parametrize(
@@ -38,7 +39,7 @@ def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "widened", lambda start, found, tried: found)
     monkeypatch.setattr(module, "accepted", lambda baseline, fresh, **_: baseline)
-    search = module.Search(SimpleNamespace(whole_ground=None, context=None), said.append, False)  # type: ignore[arg-type]
+    search = module.Search(SimpleNamespace(whole_ground=None, context=None), said.append, False, Patience())  # type: ignore[arg-type]
     monkeypatch.setattr(search.trials, "pruned", lambda found: found)
     monkeypatch.setattr(search.trials, "judged_or_wider", lambda found, new: SimpleNamespace(is_white=False))
     baseline = SimpleNamespace(model=None)
