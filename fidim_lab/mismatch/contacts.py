@@ -205,6 +205,8 @@ def _at_the_same_time(segments: Segments) -> tuple[Contact, ...]:
     if not beyond.max() > CERTAIN or first == 0 or end == len(high) or not high[first:end].all():
         return ()
     ratio = float(pooled[first:end].max() / level)
+    if ratio < level:
+        return ()  # more is left at all other times: physics that is a little more at work here
     return tuple(
         Contact(one.window.id, round(float(one.edges[first]), 2), round(float(one.edges[end]), 2), ratio, SOONER)
         for one in alike

@@ -226,6 +226,7 @@ PUSHED = [1.01, 1.6, 0.99, 1.0]
         (PUSHED[::-1], (3.0, 4.5)),
         ([1.6, 1.01, 0.99, 1.0], None),  # how every motion begins
         ([1.3, 1.6, 1.3, 1.2], None),  # physics that is at work all the time
+        ([2.0, 2.9, 2.0, 2.0], None),  # the same, a little more in the middle
         ([1.0, 1.5, 1.0, 1.5], None),
         ([1.0, 1.02, 1.01, 1.0], None),
     ],
