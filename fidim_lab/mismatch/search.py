@@ -103,7 +103,7 @@ class Search:
         start = self.start
         if (model.fit.journey.ends == start.short.journey.ends).all():
             return True
-        longer = refit(start.short_ground, start.short, model.tried, model.thetas, start.context)
+        longer = again(start.short_ground, start.short, model, start.context)
         return longer is not None and whiteness(longer.leftovers).is_white
 
     def over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
