@@ -33,7 +33,7 @@ SEED = 4
 SESSIONS = {
     "by hand": ("identify", 10.0),
     "by winches": ("excite", 10.0),
-    "by winches, windows of 15 s": ("excite", 15.0),
+    "by winches, windows of 20 s": ("excite", 20.0),
 }
 """procedure, and s of each window"""
 NAMES = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
