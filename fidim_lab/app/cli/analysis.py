@@ -137,7 +137,7 @@ def simulate(**options: Any) -> None:
 @click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page with the proof.")
 @click.option("--pictures", type=FOLDER, default=None, help="With --report: also every picture as an SVG file, here.")
 @click.option(
-    "--patience", type=click.FloatRange(min=0), default=None, help="CPU s until what there is, is told; default 200."
+    "--patience", type=click.FloatRange(min=0), default=None, help="CPU s until what there is, is told; default 300."
 )
 @example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
 def explain(
