@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 
-from benchmarks.excite_runs import CLOSE, MOST_TRIES, Try, Window, carried, one, window_of
+from benchmarks.excite_runs import CLOSE, MOST_TRIES, Tries, Try, Window, carried, one, window_of
 from benchmarks.excite_session import session
 from benchmarks.excite_strokes import LIMITS, driven
 from benchmarks.excite_travel import travels
@@ -33,8 +33,6 @@ from fidim_lab.model.mechanism import Mechanism
 WINDOWS = 30
 SESSION = 6
 """windows"""
-Tries = tuple[Try, ...] | str
-"""of a window; the words of a refusal"""
 T = TypeVar("T")
 
 
@@ -93,7 +91,6 @@ def learning(options: argparse.Namespace) -> str:
     rows: list[list[object]] = []
     for number in range(SESSION):
         done = [tries for tries in (session[number] for session in sessions) if not isinstance(tries, str)]
-        outside = sum(not low <= t.tension[0] <= t.tension[1] <= high for tries in done for t in tries)
         first, last = [tries[0] for tries in done], [tries[-1] for tries in done]
         rows.append(
             [
@@ -104,7 +101,7 @@ def learning(options: argparse.Namespace) -> str:
                 share(_as_wanted(last)),
                 f"{np.median([t.share for t in first]):.2f}",
                 f"{np.median([1 + t.off for t in last]):.2f}",
-                f"{outside} of {sum(len(tries) for tries in done)}",
+                _outside([t for tries in done for t in tries], (low, high)),
             ]
         )
     head = [
@@ -128,8 +125,8 @@ def swings(options: argparse.Namespace) -> str:
     robot, runs = read_robot(PAPERS_ROBOT), made(options, numbered, TypeAdapter(tuple[int, Tries]))
     done = [tries for tries in runs if not isinstance(tries, str)]
     low, high = robot.limits.tension
-    tensions = np.array([t.tension for tries in done for t in tries])
-    beyond = int(((tensions[:, 0] < low) | (tensions[:, 1] > high)).sum())
+    every = [t for tries in done for t in tries]
+    tensions = np.array([t.tension for t in every])
     first, last = [tries[0] for tries in done], [tries[-1] for tries in done]
     errors = np.abs([t.error for t in last])
     able = [t for t in last if not t.why_less]
@@ -149,7 +146,10 @@ def swings(options: argparse.Namespace) -> str:
             share(np.array([t.mix_error <= CLOSE for t in last])),
         ),
         ("off the planned swing, last try: median, 95 %", f"{np.median(errors):.3f}, {np.quantile(errors, 0.95):.3f}"),
-        (f"recordings with a tension outside {low:g}–{high:g} N", f"{beyond} of {len(tensions)}"),
+        (
+            f"recordings with a tension outside {low:g}–{high:g} N",
+            _outside([t for tries in done for t in tries], (low, high)),
+        ),
         ("least and largest tension of all, N", f"{tensions[:, 0].min():.1f}, {tensions[:, 1].max():.1f}"),
         ("strokes take, median", f"{np.median([t.seconds for tries in done for t in tries]):.1f} s"),
     ]
@@ -169,6 +169,12 @@ def _good(tries: Sequence[Try]) -> np.ndarray:
 
 def _as_wanted(tries: Sequence[Try]) -> np.ndarray:
     return np.array([abs(t.off) <= CLOSE for t in tries])
+
+
+def _outside(tries: Sequence[Try], tension: tuple[float, float]) -> str:
+    """How many recordings leave the tensions (N) that are allowed."""
+    beyond = sum(t.tension[0] < tension[0] or t.tension[1] > tension[1] for t in tries)
+    return f"{beyond} of {len(tries)}"
 
 
 def _low(values: Sequence[float]) -> str:

@@ -1,6 +1,7 @@
 """One run of winch-driven excitation on a hidden body: at most two tries, what was planned and what was seen.
 
-`window_of` is what all bodies share at a window, `one` is a run; `benchmarks.excite` makes many and counts.
+`window_of` is what all bodies share at a window, `one` is a run, `carried` a session of them; `benchmarks.excite` makes
+many and counts.
 """
 
 from collections.abc import Sequence
@@ -69,6 +70,10 @@ class Try:
     def mix_error(self) -> float:
         """The largest of any mode, as a part of the whole swing."""
         return float(np.abs(np.subtract(self.seen, self.reached)).max() / np.linalg.norm(self.reached))
+
+
+Tries = tuple[Try, ...] | str
+"""of a window; the words of a refusal"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +180,7 @@ class Learnt:
     knowledge: Knowledge | None = None
 
 
-def one(run: int, window: Window) -> tuple[Try, ...] | str:
+def one(run: int, window: Window) -> Tries:
     """The first window of a session: at most two tries, the second where `fidim run` would make one."""
     if window.first is None:
         return "refused"
@@ -185,12 +190,12 @@ def one(run: int, window: Window) -> tuple[Try, ...] | str:
     return tried(window, window.first, plant, Learnt(Bodies.around(robot.nominal)), rng)[0]
 
 
-def carried(run: int, windows: Sequence[Window]) -> list[tuple[Try, ...] | str]:
+def carried(run: int, windows: Sequence[Window]) -> list[Tries]:
     """A session of one hidden body: each window is planned with what the ones before it taught."""
     rng = np.random.default_rng([run, 8])
     robot, mechanism = windows[0].place.robot, windows[0].place.mechanism
     plant = Plant(true_world(robot, rng, windows[0].place.equilibrium.lengths, mechanism))
-    learnt, done = Learnt(Bodies.around(robot.nominal)), list[tuple[Try, ...] | str]()
+    learnt, done = Learnt(Bodies.around(robot.nominal)), list[Tries]()
     for window in windows:
         first = window.first
         if learnt.knowledge is not None:
@@ -208,11 +213,8 @@ def tried(
 ) -> tuple[tuple[Try, ...], Learnt]:
     """A window's recordings, and what is known after them."""
     wanted, robot, held = window.wanted, window.place.robot, window.place.equilibrium.lengths
-    knowledge, bodies, place = (
-        learnt.knowledge or Knowledge.none(len(wanted)),
-        learnt.bodies,
-        _as_likely(window, learnt),
-    )
+    place, bodies = _as_likely(window, learnt), learnt.bodies
+    knowledge = learnt.knowledge or Knowledge.none(len(wanted))
     tries: list[Try] = []
     while True:
         found = swung(robot, plant, excitation, held, rng)

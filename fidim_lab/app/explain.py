@@ -24,7 +24,7 @@ def explain_command(
     json_file: Path | None,
     report: Path | None = None,
     pictures: Path | None = None,
-    patience: float | None = None,
+    patience: float = PATIENCE,
 ) -> int:
     """What `fidim explain` does: explain, print, write. Returns the exit code.
 
@@ -39,7 +39,7 @@ def explain_command(
             if not console.err.is_terminal:
                 console.err.print(sentence, markup=False)
 
-        explanation = explain(campaign, say=say, patience=PATIENCE if patience is None else patience)
+        explanation = explain(campaign, say=say, patience=patience)
     if json_file is not None:
         write_explanation(json_file, explanation)
     console.out.print(summary(explanation))

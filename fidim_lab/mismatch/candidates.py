@@ -88,6 +88,11 @@ def common_scale(models: Sequence[Completed]) -> float:
     return max(1e-3, min(m.fit.chi2_per_dof for m in models))
 
 
+def advantage(model: Completed, than: Completed) -> float:
+    """Nats by which one model is more convincing than another; what the better one leaves counts as noise."""
+    return evidence(model, than, common_scale([model, than]))
+
+
 def price(model: Completed, k: int) -> float:
     """Nats that doing without term k would cost, to first order."""
     place, tried = model.place_of(k), model.tried[k]

@@ -10,7 +10,7 @@ import numpy as np
 
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.baseline import Baseline
-from fidim_lab.mismatch.candidates import Candidate, accepted, common_scale, most_convincing
+from fidim_lab.mismatch.candidates import Candidate, accepted, advantage, common_scale, most_convincing
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, evidence, refit
@@ -155,7 +155,7 @@ class Search:
         for one in sorted(fresh, key=lambda c: len(c.model.tried)):
             if len(one.model.tried) >= len(further.model.tried) or one.is_white:
                 continue
-            if self._pushed(one, evidence(further.model, one.model, common_scale([further.model, one.model]))):
+            if self._pushed(one, advantage(further.model, one.model)):
                 return one
         return None
 

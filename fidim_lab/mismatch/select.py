@@ -66,9 +66,8 @@ def select(
     if best is baseline and not start.follows:
         best = search.best_over_all(baseline, search.over_first_seconds())
     best, last = search.over_whole_windows(best)
-    if not (
-        search.pushes or best is settled or search.patience.ended
-    ):  # a model with which a search ended stood among its imitators already
+    # a model with which a search ended stood among its imitators already
+    if not (search.pushes or best is settled or search.patience.ended):
         best, last = _with_imitators(search, best, last)
         best, last = _with_siblings(search, best, last)
     if not (search.pushes or start.follows or search.patience.ended):

@@ -128,7 +128,7 @@ class Watch:
             self._scored(self._begun())
         except RefusedError:
             return
-        self._ready, self._grams, self._seconds = True, [], None
+        self._ready = True
 
     def _refitted(self) -> Fit:
         """The fit of all windows: the last one extended, or begun."""

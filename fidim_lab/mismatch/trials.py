@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.additions import Addition, additions
 from fidim_lab.mismatch.baseline import Baseline
-from fidim_lab.mismatch.candidates import Candidate, candidate, common_scale, most_convincing, price, rest_of
+from fidim_lab.mismatch.candidates import Candidate, advantage, candidate, most_convincing, price, rest_of
 from fidim_lab.mismatch.hypotheses import Hypothesis
-from fidim_lab.mismatch.refit import Completed, evidence, predict, refit
+from fidim_lab.mismatch.refit import Completed, predict, refit
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.mismatch.wider import general_forms, widened
@@ -33,8 +33,8 @@ class Trials:
         """models that were fitted to the first seconds alone"""
         self.tried: list[Candidate] = []
         """models that were fitted to whole windows"""
-        self._fitted: list[Completed] = []
-        """every fit, so that what pruning asks for again and again is made once"""
+        self._known: dict[tuple[object, ...], Completed] = {}
+        """fits of whole windows by their terms, so that what pruning asks for again and again is made once"""
         self.first: View | None = None
         """what was seen at first"""
 
@@ -59,7 +59,7 @@ class Trials:
         found = addition.fitted(self.start.ground(best), self.start.context)
         if found is None:
             return None
-        self._fitted.append(found)
+        self._remember(found)
         fewer = [best, *(other for other in others if len(other.tried) < len(found.tried))]
         if rest_of(found) > WIDENED * min(rest_of(other) for other in fewer):
             return found  # it takes so little that no wider form of it can be the truth
@@ -91,8 +91,8 @@ class Trials:
         """Models with fewer terms that leave only noise, with these in wider forms: another term may stand for one."""
         found: list[Candidate] = []
         for one in others:
-            gained = evidence(further.model, one.model, common_scale([further.model, one.model]))
-            if 0 < len(one.model.tried) < len(further.model.tried) and one.is_white and gained < NEARLY:
+            simpler = 0 < len(one.model.tried) < len(further.model.tried) and one.is_white
+            if simpler and advantage(further.model, one.model) < NEARLY:
                 wide = general_forms(self.start, one.model, {term.effect for term in one.model.tried})
                 found += [self.judged(model) for model in wide]
         return found
@@ -103,31 +103,29 @@ class Trials:
             if len(model.tried) < 2 or price(model, k) > DROPPABLE:
                 continue
             less = self.keeping(model, [j for j in range(len(model.tried)) if j != k])
-            if less is not None and evidence(model, less, common_scale([model, less])) < ENOUGH:
+            if less is not None and advantage(model, less) < ENOUGH:
                 return self.pruned(less)
         return model
 
     def keeping(self, model: Completed, kept: Sequence[int]) -> Completed | None:
         """The model with these of its terms alone, from where they are; None where no fit gets there."""
         tried, thetas = [model.tried[k] for k in kept], [model.thetas[k] for k in kept]
-        known = self._known(model, tried)
-        if known is not None:
-            return known
+        if model.whole and _terms(tried) in self._known:
+            return self._known[_terms(tried)]
         found = refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
-        self._fitted += [] if found is None else [found]
+        if found is not None:
+            self._remember(found)
         return found
 
-    def _known(self, like: Completed, tried: Sequence[Hypothesis]) -> Completed | None:
-        """The fit of whole windows with exactly these terms, where there is one; frequencies have many optima."""
-        if not like.whole or any(h.effect.id in PERIODIC for h in tried):
-            return None
-        wanted = [_key(h) for h in tried]
-        return next((one for one in self._fitted if one.whole and [_key(h) for h in one.tried] == wanted), None)
+    def _remember(self, found: Completed) -> None:
+        """For pruning; not what oscillates: frequencies have many optima."""
+        if found.whole and not any(h.effect.id in PERIODIC for h in found.tried):
+            self._known.setdefault(_terms(found.tried), found)
 
     def judged(self, model: Completed) -> Candidate:
         """A model with what it leaves of held-out windows."""
         return candidate(model, predict(model, self.start.held_out))
 
 
-def _key(tried: Hypothesis) -> tuple[object, ...]:
-    return (tried.effect, *tried.absent)
+def _terms(tried: Sequence[Hypothesis]) -> tuple[object, ...]:
+    return tuple((h.effect, *h.absent) for h in tried)

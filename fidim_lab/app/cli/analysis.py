@@ -11,6 +11,7 @@ import click
 
 from fidim_lab.app.cli.completion import hide_option
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
+from fidim_lab.mismatch.patience import PATIENCE
 
 
 @fidim.command()
@@ -137,11 +138,16 @@ def simulate(**options: Any) -> None:
 @click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page with the proof.")
 @click.option("--pictures", type=FOLDER, default=None, help="With --report: also every picture as an SVG file, here.")
 @click.option(
-    "--patience", type=click.FloatRange(min=0), default=None, help="CPU s until what there is, is told; default 300."
+    "--patience",
+    type=click.FloatRange(min=0),
+    default=PATIENCE,
+    show_default=True,
+    metavar="S",
+    help="CPU seconds until what there is, is told.",
 )
 @example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
 def explain(
-    campaign: Path, json_file: Path | None, report: Path | None, pictures: Path | None, patience: float | None
+    campaign: Path, json_file: Path | None, report: Path | None, pictures: Path | None, patience: float
 ) -> None:
     """Name the physics that the model leaves out of CAMPAIGN, and show it on held-out windows.
 
