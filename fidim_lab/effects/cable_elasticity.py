@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import casadi as ca
+import numpy as np
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.plausibility import Context, Limit
@@ -84,6 +85,10 @@ class DampedElasticity(CableElasticity):
 
     parameters: ClassVar[tuple[Parameter, ...]] = (*CableElasticity.parameters, DAMPER)
 
+    def other_forms(self, values: np.ndarray, context: Context) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """The same compliance at the usual length, whatever the length."""
+        return ((DampedStiffness(self.cable), values * (context.free_length, 1.0)),)
+
     def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
         """The same for every cable."""
         return theta[1] if self.concerns(number) else ca.SX(0)
@@ -94,6 +99,10 @@ class DampedStiffness(CableStiffness):
     """l = l₀ + τ/k with a damper beside each spring: what `explain` looks for, and fits."""
 
     parameters: ClassVar[tuple[Parameter, ...]] = (*CableStiffness.parameters, DAMPER)
+
+    def other_forms(self, values: np.ndarray, context: Context) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """The same compliance at the usual length, going with the length."""
+        return ((DampedElasticity(self.cable), values / (context.free_length, 1.0)),)
 
     def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
         """The same for every cable."""

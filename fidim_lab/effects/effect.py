@@ -64,6 +64,11 @@ class NamedEffect(Effect):
         del values, robot
         return ()
 
+    def other_forms(self, values: np.ndarray, context: Context) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
+        """Forms of this effect that are as free, with θ at which they do nearly what this does with these values."""
+        del values, context
+        return ()
+
     @property
     def label(self) -> str:
         """For people: id, variant, cable."""

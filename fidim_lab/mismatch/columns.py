@@ -198,7 +198,7 @@ class Scorer:
 
     def _order(self) -> np.ndarray:
         """From the order in which parts are computed to that of `tried.every`."""
-        kinds = np.concatenate([[_composition(h)] * len(h.scored) for h in self.tried.direct])
+        kinds = np.concatenate([*([_composition(h)] * len(h.scored) for h in self.tried.direct), np.zeros(0)])
         order = np.argsort(np.argsort(kinds, kind="stable"), kind="stable")
         return np.concatenate([order, len(order) + np.arange(6 * len(self._frequencies))]).astype(int)
 

@@ -5,16 +5,21 @@ thinks better of is in `select`.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.errors import RefusedError
+from fidim_lab.mismatch.additions import Addition
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, accepted, advantage, common_scale, most_convincing
-from fidim_lab.mismatch.contacts import Contact
+from fidim_lab.mismatch.contacts import Contact, at_the_same_time
+from fidim_lab.mismatch.ground import NEAR
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, evidence, refit
 from fidim_lab.mismatch.restarts import find_pushes
+from fidim_lab.mismatch.segments import fit_segments
 from fidim_lab.mismatch.trials import Trials
 from fidim_lab.mismatch.views import View
 from fidim_lab.mismatch.whiteness import whiteness
@@ -25,6 +30,8 @@ CLOSE = 25.0
 SHORTLIST = 3
 HOPELESS = 30.0
 """χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
+MOST = 0.5
+"""of what is left: a tone that takes as much is tried alone"""
 PUSH_COST = 20.0
 """nats: what the freedom of another start costs, as a few terms of a wide prior do"""
 Say = Callable[[str], None]
@@ -63,7 +70,7 @@ class Search:
             further = most_convincing(best, fresh)
             if further is best:
                 break
-            best = self.trials.pruned(further)
+            best = self.trials.in_best_form(self.trials.pruned(further))
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
             if whiteness(best.leftovers).is_white:
                 break
@@ -109,34 +116,17 @@ class Search:
     def over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
         """Additions until none is asked for, or a push is all that is left; the view from the last model.
 
-        The simplest first; once one more term leaves only noise, what said less is not fitted any more.
+        Where structure stays, and only the first seconds were looked at, tones are listened for in whole windows.
         """
         seen = self.trials.look(best.model)
         if best.model.whole and self._in_vain(best):
             self._pushed(best)
             return best, seen
         while best.model.whole and seen.unfitted is None and not self._pushed(best, *_best_score(seen)):
-            fresh: list[Candidate] = []
-            done = -np.inf
-            for addition in sorted(self.trials.additions(seen), key=lambda addition: addition.score.size):
-                if self.patience.ended:
-                    break
-                if addition.score.log_evidence < done:
-                    continue
-                self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")
-                found = self.trials.added(addition, [one.model for one in fresh])
-                if found is None:
-                    continue
-                fresh.append(self.trials.judged_or_wider(self.trials.pruned(found), addition.score.tried))
-                if fresh[-1].is_white and len(addition.score.tried) == 1:
-                    done = max(done, addition.score.log_evidence)
-            further = accepted(best, fresh)
-            if further is not best:
-                fresh += self.trials.wider_rivals(further, [best, *fresh])
-                further = accepted(best, fresh)
-            self.trials.tried += fresh
+            further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
             if further is best:
-                self._pushed(best)
+                if not self._pushed(best):
+                    self.pushes = self._pushed_alike(best)
                 break
             pushed = self._with_pushes(further, fresh)
             if pushed is not None:
@@ -145,6 +135,41 @@ class Search:
             self.say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
             seen = self.trials.look(best.model)
         return best, seen
+
+    def _tones(self, best: Candidate, seen: View) -> tuple[Addition, ...]:
+        """Tones that take most of what is left of whole windows, where only the first seconds were looked at."""
+        if not seen.races or best.is_white or best.model.excess > HOPELESS:
+            return ()
+        heard = self.trials.look_for_tones(best.model)
+        if not heard.singles or heard.singles[0].gain < MOST * heard.rest:
+            return ()
+        return self.trials.additions(heard)
+
+    def _one_further(self, best: Candidate, additions: Sequence[Addition]) -> tuple[Candidate, list[Candidate]]:
+        """The best with one addition, or as it was; and what was tried for it.
+
+        The simplest first; once one more term leaves only noise, what said less is not fitted any more.
+        """
+        fresh: list[Candidate] = []
+        done = -np.inf
+        for addition in sorted(additions, key=lambda addition: addition.score.size):
+            if self.patience.ended:
+                break
+            if addition.score.log_evidence < done:
+                continue
+            self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")
+            found = self.trials.added(addition, [one.model for one in fresh])
+            if found is None:
+                continue
+            fresh.append(self.trials.judged_or_wider(self.trials.pruned(found), addition.score.tried))
+            if fresh[-1].is_white and len(addition.score.tried) == 1:
+                done = max(done, addition.score.log_evidence)
+        further = accepted(best, fresh)
+        if further is not best:
+            fresh += self.trials.wider_rivals(further, [best, *fresh])
+            further = accepted(best, fresh)
+        self.trials.tried += fresh
+        return further, fresh
 
     def _in_vain(self, best: Candidate) -> bool:
         """Whether additions to the model as it is were already tried: over the first seconds, and then in full."""
@@ -171,6 +196,17 @@ class Search:
         said = 0.5 * gain / inflation - PUSH_COST * len(found)
         self.pushes = found if said > least else ()
         return bool(self.pushes)
+
+    def _pushed_alike(self, best: Candidate) -> tuple[Contact, ...]:
+        """A push at the same time of every window, softer than what the model as it is misses elsewhere."""
+        model = best.model
+        useful = self.look_for_pushes and model.tried and not best.is_white
+        if not useful or model.excess > NEAR or model.mechanism.springs:
+            return ()
+        self.say(f"looking for a hand beside {model.label}")
+        with suppress(RefusedError):
+            return at_the_same_time(fit_segments(model.mechanism, self.start.campaign.windows, hasty=True))
+        return ()
 
 
 def _best_score(seen: View) -> tuple[float, float]:

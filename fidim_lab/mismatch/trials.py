@@ -9,9 +9,10 @@ from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.additions import Addition, additions
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, advantage, candidate, most_convincing, price, rest_of
-from fidim_lab.mismatch.hypotheses import Hypothesis
+from fidim_lab.mismatch.hypotheses import Hypothesis, general
+from fidim_lab.mismatch.imitators import in_place_of
 from fidim_lab.mismatch.refit import Completed, predict, refit
-from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, view
+from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, tones, view
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.mismatch.wider import general_forms, widened
 
@@ -44,6 +45,11 @@ class Trials:
         seen = view(model, self.start.tried, self.start.context)
         self.first = seen if self.first is None else self.first
         return seen
+
+    def look_for_tones(self, model: Completed) -> View:
+        """The scores of steady tones at a model, over whole windows."""
+        self.say(f"listening for a tone beside {model.label}")
+        return tones(model, self.start.tried, self.start.context)
 
     def additions(self, seen: View) -> tuple[Addition, ...]:
         """What is worth fitting beside the model that was looked at."""
@@ -106,6 +112,16 @@ class Trials:
             if less is not None and advantage(model, less) < ENOUGH:
                 return self.pruned(less)
         return model
+
+    def in_best_form(self, model: Completed) -> Completed:
+        """The model with another form of a term, as free, where that has become more convincing beside the others."""
+        best = model
+        for k, term in enumerate(model.tried if len(model.tried) > 1 else ()):
+            for effect, theta in term.effect.other_forms(model.thetas[k], self.start.context):
+                other = general(term, effect, theta)
+                found = in_place_of(best, k, other, theta, self.start.ground(model), self.start.context)
+                best = best if found is None else most_convincing(best, [found])
+        return best
 
     def keeping(self, model: Completed, kept: Sequence[int]) -> Completed | None:
         """The model with these of its terms alone, from where they are; None where no fit gets there."""

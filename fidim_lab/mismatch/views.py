@@ -147,7 +147,23 @@ class View:
 def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     """The scores at a model, over as long a time as it follows the motion."""
     found = _followed(model.fit)
-    left = _without(tried, model.tried)
+    # in a few seconds a tone at any phase passes for what other effects leave: beside them, in whole windows alone
+    own_phase = not model.tried or (model.whole and found is model.fit)
+    return _seen(model, found, _without(tried, model.tried), context, own_phase=own_phase)
+
+
+def tones(model: Completed, tried: Hypotheses, context: Context) -> View:
+    """The scores of steady tones alone over whole windows, however much the model leaves of these.
+
+    First-order statements are worth little there, but for a tone with a phase of each window: it is what no few seconds
+    tell, and what nothing but itself takes away.
+    """
+    left = replace(_without(tried, model.tried), direct=())
+    return _seen(model, model.fit, left, context, own_phase=True)
+
+
+def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, *, own_phase: bool) -> View:
+    """The scores of what is left to be tried at a fit of the model."""
     simulation = found.journey.optimum.simulation
     likely = _likely_frequencies(found, sorted({float(h.absent[-1]) for h in left.periodic}))
     left = replace(left, periodic=tuple(h for h in left.periodic if float(h.absent[-1]) in likely))
@@ -156,8 +172,7 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     grams = window_grams(scored, found.likelihood, simulation)
     seen = projected(scored, found, grams)
     singles = same = single_scores(seen, context)
-    if not model.tried or (model.whole and found is model.fit):
-        # in a few seconds a tone at any phase passes for what other effects leave: beside them, in whole windows alone
+    if own_phase:
         singles = (*same, *_own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model))
     return View(model, seen, tuple(sorted(singles, key=lambda score: -score.log_evidence)), context, found)
 

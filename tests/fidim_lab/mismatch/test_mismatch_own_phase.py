@@ -6,10 +6,13 @@ import pytest
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.baseline import fit_baseline
+from fidim_lab.mismatch.ground import NEAR
 from fidim_lab.mismatch.hypotheses import hypotheses
 from fidim_lab.mismatch.own_phase import own_phase_scores, rotations
+from fidim_lab.mismatch.refit import refit
 from fidim_lab.mismatch.score import Projected, WindowGram
 from fidim_lab.mismatch.select import select
+from fidim_lab.mismatch.views import tones, view
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign
@@ -96,3 +99,24 @@ def test_a_fan_that_nothing_keeps_in_step_is_named_with_its_frequency(fanned: Ca
     assert found.best.model.theta_of(0)[0][6] == pytest.approx(1.2717, abs=0.003)
     assert found.best.is_white
     assert found.best.held_out.chi2_per_dof < 1.1
+
+
+def test_a_sway_of_its_own_phase_is_heard_beside_a_model_that_follows_the_first_seconds_alone(irma4: Robot) -> None:
+    plan = random_plan(irma4, "sway", 4, 1, 33)
+    texts = ("frame-sway:ax=0.002,ay=-0.001,f=0.62", "frame-misalignment:rx=0.004,rz=-0.003,dx=0.002")
+    hidden = tuple(parse_effect(text, irma4.n) for text in texts)
+    world = make_world(irma4, np.random.default_rng(33), hidden)
+    made = simulate_campaign(irma4, plan, world, np.random.default_rng(34), recording=Recording(10.0))[0]
+    start = fit_baseline(made, native=True, say=lambda _: None)
+    term = next(h for h in start.tried.direct if h.effect.id == "frame-misalignment")
+    model = refit(start.whole_ground, start.fit, [term], [term.absent], start.context)
+    assert model is not None
+    assert model.excess > NEAR
+    seen, heard = (look(model, start.tried, start.context) for look in (view, tones))
+    assert seen.races
+    assert not any(score.tried[0].effect.of_each_window for score in seen.singles)
+    loudest = heard.singles[0].tried[0]
+    assert loudest.effect.id == "frame-sway"
+    assert loudest.effect.of_each_window
+    assert loudest.absent[-1] == pytest.approx(0.62, abs=0.1)
+    assert heard.singles[0].gain > 0.5 * heard.rest

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from fidim_lab.data.records import Robot
+from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch import trials as module
 from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
 from fidim_lab.mismatch.trials import Trials
@@ -41,3 +42,34 @@ def test_pruning_fits_the_same_terms_of_whole_windows_once(
     assert len(asked) == fits
     trials.keeping(pair, [0])  # type: ignore[arg-type]
     assert asked[-1] == (first,)
+
+
+@pytest.mark.parametrize(
+    ("gain", "expected"),
+    [(30.0, "whatever the length"), (-30.0, "by length"), (None, "by length")],
+)
+def test_beside_other_terms_the_form_of_an_effect_that_says_more_is_taken(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, gain: float | None, expected: str
+) -> None:
+    every = hypotheses(irma4).direct
+    soft, tilt = (next(h for h in every if h.effect.id == id) for id in ("cable-elasticity", "frame-misalignment"))
+    asked: list[int] = []
+
+    def in_place_of(best: object, k: int, other: Hypothesis, *_: object) -> SimpleNamespace | None:
+        asked.append(k)
+        return None if gain is None else model(other, tilt, whole=False)
+
+    def convincing(best: SimpleNamespace, found: list[SimpleNamespace]) -> SimpleNamespace:
+        return found[0] if gain is not None and gain > 0 else best
+
+    monkeypatch.setattr(module, "in_place_of", in_place_of)
+    monkeypatch.setattr(module, "most_convincing", convincing)
+    start = SimpleNamespace(ground=lambda model: None, context=Context.of(irma4))
+    trials = Trials(start, lambda _: None)  # type: ignore[arg-type]
+    assert soft.effect.variant == "by length"
+    found = trials.in_best_form(model(soft, tilt, whole=False))  # type: ignore[arg-type]
+    assert found.tried[0].effect.variant == expected
+    assert found.tried[1] is tilt
+    alone = model(soft, whole=False)
+    assert trials.in_best_form(alone) is alone  # type: ignore[arg-type, comparison-overlap]
+    assert asked == [0]
