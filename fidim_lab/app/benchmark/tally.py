@@ -139,6 +139,10 @@ class Tally:
         """Campaigns with something hidden from the catalogue, in one band of loudness."""
         return self.of(lambda c: c.band == band and c.kind in (Kind.ONE, Kind.TWO, Kind.THREE, Kind.FAULT))
 
+    def outside_in(self, band: str) -> tuple[Judged, ...]:
+        """Campaigns with something hidden that is outside the catalogue, in one band of loudness."""
+        return self.of(lambda c: c.band == band and c.kind is Kind.OUTSIDE)
+
     @property
     def confusion(self) -> dict[tuple[str, str], int]:
         """(hidden, named) → number, over campaigns with at most one secret; names without cables, with the verdict."""
@@ -187,6 +191,7 @@ class Tally:
                 "campaigns": outside.all,
                 "interval": outside.interval,
                 "halved": self.halved.good,
+                "bands": {name: dict(Counter(c.grade.value for c in self.outside_in(name))) for name in BAND_NAMES},
             },
             "confusion": [{"hidden": h, "named": n, "count": k} for (h, n), k in self.confusion.items()],
             "detection_limits": {

@@ -86,10 +86,16 @@ def _grades(name: str, campaigns: tuple[Judged, ...]) -> tuple[object, ...]:
 
 
 def _alarms(tally: Tally) -> str:
+    rows = [
+        (name, len(outside), Tally(outside).outside, Tally(outside).halved)
+        for name in BAND_NAMES
+        if (outside := tally.outside_in(name))
+    ]
     return (
         f"False alarms on campaigns with nothing hidden: {tally.false_alarms} (exact 95 % interval, Clopper–Pearson). "
         f"Outside the catalogue, and called unknown: {tally.outside}; of these the generic model halves the held-out "
-        f"excess of χ²/dof at least: {tally.halved}."
+        f"excess of χ²/dof at least: {tally.halved}.\n\n"
+        + table(("χ² excess of what is outside", "campaigns", "called unknown (95 %)", "of these halved (95 %)"), rows)
     )
 
 
