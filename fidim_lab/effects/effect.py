@@ -64,6 +64,11 @@ class NamedEffect(Effect):
         del values, robot
         return ()
 
+    def narrower(self, values: np.ndarray) -> "tuple[NamedEffect, np.ndarray] | None":
+        """The simple form that this is a wider form of, where others beside it may have made its freedom needless."""
+        del values
+        return None
+
     def other_forms(self, values: np.ndarray, context: Context) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
         """Forms of this effect that are as free, with θ at which they do nearly what this does with these values."""
         del values, context

@@ -115,7 +115,7 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
     begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
     if np.nanmean(np.array(begins) > LIVELY) > OFTEN:
         runs = [(one, run) for one, run in runs if run[0] > 0]
-    common = {contact.window: contact for contact in at_the_same_time(segments)}
+    common = {contact.window: contact for contact in at_the_same_time(segments.windows)}
     found = [_timed(segments, one, first, end) for one, (first, end) in runs]
     found = [one for one in found if one.window not in common or not one.overlaps(common[one.window])]
     found += common.values()
@@ -183,16 +183,16 @@ def _lasting(segments: Segments, seen: set[str]) -> list[tuple[Segmented, tuple[
     return found if len(found) <= max(1.0, LASTING * len(segments.windows)) else []
 
 
-def at_the_same_time(segments: Segments) -> tuple[Contact, ...]:
+def at_the_same_time(windows: Sequence[Segmented]) -> tuple[Contact, ...]:
     """One contact in every window, where the median over all of them is noise before and after one time, not then."""
-    longest = max(segments.windows, key=lambda one: len(one.dof))
+    longest = max(windows, key=lambda one: len(one.dof))
     places = longest.edges - longest.edges[0]
     alike = [
         one
-        for one in segments.windows
+        for one in windows
         if len(one.edges) == len(places) and np.abs(one.edges - one.edges[0] - places).max() < SAME_TIME
     ]
-    if len(alike) < max(POOLED, len(segments.windows) / 2) or len(longest.dof) < 3:
+    if len(alike) < max(POOLED, len(windows) / 2) or len(longest.dof) < 3:
         return ()
     chi2, dof = np.array([one.chi2_per_dof for one in alike]), np.array([one.dof for one in alike])
     if np.isnan(chi2).all(axis=0).any():

@@ -19,9 +19,10 @@ from scipy.special import chdtri
 
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, WindowLinear, linearised
-from fidim_lab.mismatch.contacts import SOONER, Contact
+from fidim_lab.mismatch.contacts import SOONER, Contact, at_the_same_time
 from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.mismatch.refit import Completed, HeldOut, predictions
+from fidim_lab.mismatch.segments import LENGTH, Segmented
 from fidim_lab.mismatch.whiteness import whiteness
 
 STEP = 0.25
@@ -79,6 +80,28 @@ def find_pushes(model: Completed, predicted: HeldOut, held: Sequence[Window]) ->
     pushed = [_push(id, one, level, CHANCE / pairs) for id, one in parts.items()]
     seen = tuple(contact for contact in pushed if contact is not None)
     return seen if len(seen) == len(odd) else ()
+
+
+def find_common_push(model: Completed, held: Sequence[Window]) -> tuple[Contact, ...]:
+    """A push at the same time of every window, softer than what a model without these effects misses elsewhere.
+
+    Every two seconds begin anew, so that a push shows in its own alone (`contacts`); to first order, which is enough
+    for what is soft, and far sooner done than segments are fitted.
+    """
+    level = whiteness(model.leftovers).level
+    windows = {window.id: window for window in held}
+    windows |= {recording.window.id: recording.window for recording in model.fit.likelihood.recordings}
+    parts = _parts_of(model, held, set(windows))
+    return at_the_same_time([_segmented(windows[id], one, level) for id, one in parts.items()]) if parts else ()
+
+
+def _segmented(window: Window, one: _Parts, level: float) -> Segmented:
+    """A window's segments, each with a start of its own and the lengths that the motors hold left free."""
+    edges = np.arange(0, len(one.t), round(LENGTH / STEP))
+    grams = np.diff(one.grams[edges], axis=0)
+    dof = np.maximum(np.diff(one.count[edges]) - one.kept.shape[1], 1).astype(float)
+    left = grams[:, -1, -1] - _taken(grams[:, :-1, :-1], grams[:, :-1, -1])
+    return Segmented(window, one.t[edges], left / (level**2 * dof), dof)
 
 
 def _odd(leftovers: Sequence[Leftover]) -> set[str]:

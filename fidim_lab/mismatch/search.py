@@ -5,21 +5,18 @@ thinks better of is in `select`.
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 
 import numpy as np
 
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.errors import RefusedError
 from fidim_lab.mismatch.additions import Addition
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, accepted, advantage, common_scale, most_convincing
-from fidim_lab.mismatch.contacts import Contact, at_the_same_time
+from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.ground import NEAR
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, evidence, refit
-from fidim_lab.mismatch.restarts import find_pushes
-from fidim_lab.mismatch.segments import fit_segments
+from fidim_lab.mismatch.restarts import find_common_push, find_pushes
 from fidim_lab.mismatch.trials import Trials
 from fidim_lab.mismatch.views import View
 from fidim_lab.mismatch.whiteness import whiteness
@@ -200,13 +197,10 @@ class Search:
     def _pushed_alike(self, best: Candidate) -> tuple[Contact, ...]:
         """A push at the same time of every window, softer than what the model as it is misses elsewhere."""
         model = best.model
-        useful = self.look_for_pushes and model.tried and not best.is_white
-        if not useful or model.excess > NEAR or model.mechanism.springs:
+        useful = self.look_for_pushes and not best.is_white
+        if not useful or model.excess > NEAR:
             return ()
-        self.say(f"looking for a hand beside {model.label}")
-        with suppress(RefusedError):
-            return at_the_same_time(fit_segments(model.mechanism, self.start.campaign.windows, hasty=True))
-        return ()
+        return find_common_push(model, self.start.held_out)
 
 
 def _best_score(seen: View) -> tuple[float, float]:

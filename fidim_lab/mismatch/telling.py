@@ -6,6 +6,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign
 from fidim_lab.effects.equivalences import EQUIVALENCES
+from fidim_lab.effects.without_term import Unknown
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.alarms import alarm_rate
 from fidim_lab.mismatch.baseline import Baseline
@@ -143,11 +144,23 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
             said += f"{before.chi2_per_dof:.3g}. {found.baseline.whiteness.says} {_best_of_no_use(found)}"
             if best.model.tried:
                 said += f" The best attempt, {best.model.label}, leaves {best.held_out.chi2_per_dof:.3g}."
+                said += _law_without_a_name(best.model)
     lacking = found.last.unfitted
     if effects and lacking is not None:
         said += f" {lacking.label} is known by its score alone (log-evidence {lacking.log_evidence:.0f}, would leave "
         said += f"χ²/dof {found.last.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
     return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
+
+
+def _law_without_a_name(model: Completed) -> str:
+    """What is known of a law that nothing of the catalogue has, where one was fitted."""
+    said = ""
+    for k, tried in enumerate(model.tried):
+        if tried.effect.id == Unknown.id:
+            values = zip(tried.effect.parameters, *model.theta_of(k), strict=True)
+            sizes = ", ".join(f"{p.name} = {value:.3g} ± {sd:.2g} {p.unit}" for p, value, sd in values)
+            said += f" It is like {tried.effect.variant}: {tried.effect.says}, {sizes}."
+    return said
 
 
 def _by_mass(effects: Sequence[NamedCause], mass: float) -> str:

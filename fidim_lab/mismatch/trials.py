@@ -104,14 +104,23 @@ class Trials:
         return found
 
     def pruned(self, model: Completed) -> Completed:
-        """Without terms that the others have made needless."""
-        for k in range(len(model.tried)):
-            if len(model.tried) < 2 or price(model, k) > DROPPABLE:
-                continue
-            less = self.keeping(model, [j for j in range(len(model.tried)) if j != k])
+        """Without terms, and wider forms of them, that the others have made needless."""
+        several = len(model.tried) > 1
+        for k in range(len(model.tried) if several else 0):
+            less = self._narrower(model, k)
+            if less is None and price(model, k) < DROPPABLE:
+                less = self.keeping(model, [j for j in range(len(model.tried)) if j != k])
             if less is not None and advantage(model, less) < ENOUGH:
                 return self.pruned(less)
         return model
+
+    def _narrower(self, model: Completed, k: int) -> Completed | None:
+        """With the simple form of term k in its place; None where it has none."""
+        narrow = model.tried[k].effect.narrower(model.thetas[k])
+        if narrow is None:
+            return None
+        other = general(model.tried[k], *narrow)
+        return in_place_of(model, k, other, narrow[1], self.start.ground(model), self.start.context)
 
     def in_best_form(self, model: Completed) -> Completed:
         """The model with another form of a term, as free, where that has become more convincing beside the others."""

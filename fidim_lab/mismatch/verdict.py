@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from fidim_lab.effects.without_term import Unknown
 from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.explanation import Verdict
 from fidim_lab.mismatch.select import Selection
@@ -47,6 +48,8 @@ def _verdict(found: Selection) -> Verdict:
             return Verdict.EXPLAINED
         enough = found.last.unfitted.share > HALF or best.model.tried
         return Verdict.PARTLY_EXPLAINED if enough else Verdict.UNKNOWN_PHYSICS
+    if any(h.effect.id == Unknown.id for h in best.model.tried):
+        return Verdict.UNKNOWN_PHYSICS  # a law that nothing of the catalogue has
     if best.is_white:
         return Verdict.EXPLAINED if best.model.tried else Verdict.NOTHING_MISSING
     if not best.model.tried:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.air_drag import AirDragLinear
+from fidim_lab.effects.air_drag import AirDragLinear, AirDragQuadratic
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.umbilical import Umbilical
 from fidim_lab.model.mechanism import Mechanism
@@ -48,3 +48,32 @@ def test_without_a_spring_there_is_nothing_to_generalise(irma4: Robot) -> None:
 
 def test_most_effects_have_no_wider_form(irma4: Robot) -> None:
     assert AirDragLinear().wider(np.array([0.5]), irma4) == pytest.approx(())
+
+
+def test_drag_of_a_higher_power_begins_as_strong_and_grows_faster(irma4: Robot) -> None:
+    ((effect, theta),) = AirDragQuadratic().wider(np.array([0.7]), irma4)
+    assert effect.id == "unknown"
+    along = np.array([0.6, -0.64, 0.48])  # a unit vector
+    for speed in (0.5, 1.0, 2.0):
+        drag = -0.7 * speed ** theta[1] * along
+        np.testing.assert_allclose(resisted(irma4, effect, theta, speed * along), drag, rtol=1e-6)
+    simple, values = effect.narrower(theta) or (effect, theta)
+    assert simple == AirDragQuadratic()
+    np.testing.assert_allclose(resisted(irma4, simple, values, along), resisted(irma4, effect, theta, along), rtol=1e-6)
+    assert AirDragQuadratic().wider(np.array([0.0]), irma4) == ()
+
+
+def resisted(robot: Robot, effect: NamedEffect, theta: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """The force on a platform that moves at this velocity (m/s) and does not turn."""
+    twist = ca.SX.sym("twist", 6)
+    position = ca.SX([0.0, 0.0, -0.7])
+    state = PlatformState(
+        time=ca.SX(0),
+        position=position,
+        rotation=ca.SX.eye(3),
+        twist=twist,
+        cables=Mechanism(robot).cables_at(position, ca.SX.eye(3), ca.SX(0, 1)),
+        com=ca.SX.zeros(3),
+    )
+    wrench = ca.Function("wrench", [twist], [effect.wrench(state, ca.SX(theta))])([*velocity, 0.0, 0.0, 0.0])
+    return np.array(wrench).ravel()[:3]

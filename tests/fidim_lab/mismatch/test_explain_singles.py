@@ -5,8 +5,12 @@ import pytest
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.baseline import fit_baseline
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.select import select
+from fidim_lab.mismatch.telling import tell
+from fidim_lab.mismatch.verdict import judge
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign
@@ -61,3 +65,24 @@ def test_a_frame_that_sways_beside_wrong_pulleys_is_no_fan(irma4: Robot) -> None
     assert {cause.id for cause in found.effects} == {"pulley-radius", "frame-sway"}
     assert found.chi2_per_dof.after is not None
     assert found.chi2_per_dof.after < 1.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("text", "power"), [("unknown-cubic:c=2", 3.0), ("air-drag-quadratic:c=0.8", None)])
+def test_a_drag_that_no_air_has_is_told_with_its_power(irma4: Robot, text: str, power: float | None) -> None:
+    """Drags of the catalogue put together with others would come near it."""
+    campaign, _ = campaign_with(irma4, text)
+    start = fit_baseline(campaign, native=True, say=lambda _: None)
+    found = select(start, lambda _: None)
+    (named,) = found.best.model.tried
+    assert found.best.is_white
+    if power is None:
+        assert named.effect.id == "air-drag-quadratic"
+        return
+    assert judge(found).verdict is Verdict.UNKNOWN_PHYSICS
+    values, sd = found.best.model.theta_of(0)
+    assert abs(values[1] - power) < 4 * sd[1]
+    assert sd[1] < 0.3
+    told = tell(start, found, judge(found), 0.0)
+    assert f"p = {values[1]:.3g}" in told.message
+    assert not told.effects

@@ -2,12 +2,13 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch import trials as module
-from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
+from fidim_lab.mismatch.hypotheses import Hypothesis, general, hypotheses
 from fidim_lab.mismatch.trials import Trials
 
 
@@ -73,3 +74,26 @@ def test_beside_other_terms_the_form_of_an_effect_that_says_more_is_taken(
     alone = model(soft, whole=False)
     assert trials.in_best_form(alone) is alone  # type: ignore[arg-type, comparison-overlap]
     assert asked == [0]
+
+
+@pytest.mark.parametrize(("lost", "expected"), [(1.0, "air-drag-quadratic"), (30.0, "unknown")])
+def test_a_wider_form_that_others_have_made_needless_becomes_the_simple_one(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, lost: float, expected: str
+) -> None:
+    every = hypotheses(irma4).direct
+    simple, tilt = (next(h for h in every if h.effect.id == id) for id in ("air-drag-quadratic", "gravity-tilt"))
+    ((effect, theta),) = simple.effect.wider(np.array([0.5]), irma4)
+    steep = general(simple, effect, theta)
+    begun: list[np.ndarray] = []
+
+    def in_place_of(best: object, k: int, other: Hypothesis, theta: np.ndarray, *_: object) -> SimpleNamespace:
+        begun.append(theta)
+        return model(other, tilt)
+
+    monkeypatch.setattr(module, "in_place_of", in_place_of)
+    monkeypatch.setattr(module, "advantage", lambda model, less: lost)
+    monkeypatch.setattr(module, "price", lambda model, k: module.DROPPABLE + 1)
+    start = SimpleNamespace(ground=lambda model: None, context=None)
+    found = Trials(start, lambda _: None).pruned(model(steep, tilt))  # type: ignore[arg-type]
+    assert [h.effect.id for h in found.tried] == [expected, "gravity-tilt"]
+    np.testing.assert_allclose(begun, [[0.0]])

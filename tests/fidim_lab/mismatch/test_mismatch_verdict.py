@@ -17,8 +17,9 @@ def candidate(
     windows: int = 6,
     own_phase: bool = False,
     at_an_edge: bool = False,
+    id: str = "air-drag-quadratic",
 ):
-    term = SimpleNamespace(effect=SimpleNamespace(of_each_window=own_phase))
+    term = SimpleNamespace(effect=SimpleNamespace(of_each_window=own_phase, id=id))
     return SimpleNamespace(
         model=SimpleNamespace(tried=(term,) * terms, fit=SimpleNamespace(chi2_per_dof=held_out), at_an_edge=at_an_edge),
         held_out=SimpleNamespace(chi2_per_dof=held_out if windows else float("nan"), dof=3000 * windows),
@@ -68,3 +69,7 @@ def test_what_is_pressed_as_far_as_is_possible_stands_in_for_something_else() ->
     assert verdict(candidate(1, 500.0, 1.5, at_an_edge=True)) is Verdict.UNKNOWN_PHYSICS
     assert verdict(candidate(1, 500.0, 1.05, at_an_edge=True)) is Verdict.UNKNOWN_PHYSICS
     assert verdict(candidate(1, 30.0, 1.0, white=True, at_an_edge=True)) is Verdict.EXPLAINED
+
+
+def test_a_law_that_nothing_of_the_catalogue_has_is_unknown_however_well_it_fits() -> None:
+    assert verdict(candidate(1, 30.0, 1.0, white=True, id="unknown")) is Verdict.UNKNOWN_PHYSICS
