@@ -41,7 +41,8 @@ class Addition:
     def fitted(self, ground: Ground, context: Context) -> Completed | None:
         """The model with these terms; one that it has already begins anew as the score says. None: no fit gets there.
 
-        Beside springs, whose states a leap of θ leaves behind, terms begin from nothing.
+        Where the model follows the motion, terms begin from nothing: the first step moves body and starts along with
+        them, which a leap of θ alone leaves behind.
         ground: what the model was fitted to, or more.
         """
         model, near = self.seen.model, self.near
@@ -50,7 +51,8 @@ class Addition:
             if found is not None:
                 return found
         tried, thetas = _beside(model.tried, model.thetas, self.score)
-        if model.mechanism.springs and not _stretches(self.score) and self.score.phases is None:
+        follows = model.mechanism.springs or self.seen.fit is model.fit
+        if follows and not _stretches(self.score) and self.score.phases is None:
             known = len(tried) - len(self.score.tried)
             thetas = [*thetas[:known], *(h.absent for h in self.score.tried)]
         return refit(ground, model.fit, tried, thetas, context, phases=self.score.phases, simpler=model)

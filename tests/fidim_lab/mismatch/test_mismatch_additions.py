@@ -147,16 +147,18 @@ def test_cables_that_stretch_are_not_looked_for_beside_two_terms_that_do_not_fol
     assert [one.score.tried[0].effect.id for one in found] == ["rotational-drag"]
 
 
-def test_beside_springs_terms_begin_from_nothing_but_others_that_stretch(every: Hypotheses, fits: list) -> None:
-    """Their states are left behind by a leap, and friction was lost so; stiffness must begin where the score says."""
+def test_where_the_motion_is_followed_terms_begin_from_nothing_but_stiffness(every: Hypotheses, fits: list) -> None:
+    """A leap leaves body and states behind: so frictions and the mass of cables were lost, whose scores were right."""
     of_id = {h.effect.id: h for h in every.direct}
     scores = {id: score(of_id[id], 900.0) for id in ("rotational-drag", "cable-elasticity")}
-    for springs, id, expected in (
-        (True, "rotational-drag", 0.0),
-        (False, "rotational-drag", 0.1),
-        (True, "cable-elasticity", 0.1),
+    for shortened, springs, id, expected in (
+        (True, True, "rotational-drag", 0.0),
+        (True, False, "rotational-drag", 0.1),
+        (False, False, "rotational-drag", 0.0),
+        (True, True, "cable-elasticity", 0.1),
+        (False, False, "cable-elasticity", 0.1),
     ):
-        looked = seen(list(scores.values()), shortened=False)
+        looked = seen(list(scores.values()), shortened=shortened)
         looked.model.mechanism.springs = springs  # type: ignore[misc]
         Addition(looked, scores[id]).fitted(GROUND, None)  # type: ignore[arg-type]
         assert fits[-1][0] == (id,)
