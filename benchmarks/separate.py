@@ -41,7 +41,7 @@ from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Explanation
 from fidim_lab.mismatch.next_windows import to_separate
 from fidim_lab.mismatch.proposal import Claim, Proposal, Trial
-from fidim_lab.mismatch.separate import evidence, separating
+from fidim_lab.mismatch.separate import Known, evidence, separating
 from sim_backends.plant.plant import Plant
 from sim_backends.simulate import RecordedWindow, simulate_campaign
 
@@ -156,7 +156,8 @@ def non_centrality(
     try:
         trials = [_trial(robot, window) for window in windows if window.role is Role.IDENTIFY]
         claim = Claim(hidden, cable, theta, (other,))
-        return separating(robot, claim, trials, []).before.non_centrality, evidence(robot, claim, trials)
+        known = Known(robot, trials)
+        return separating(known, claim, []).before.non_centrality, evidence(known, claim)
     except InfeasibleError:
         return 0.0, 0.0
 

@@ -5,12 +5,12 @@ Both look at random windows that obey all the robot's limits, and the winches' w
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.data.records import Campaign, Robot, Role, Window
+from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design import pool
 from fidim_lab.identification.design.information import information
@@ -19,7 +19,7 @@ from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.identification.mle.possible import scales
 from fidim_lab.mismatch.proposal import Claim, Odds, Proposal, Trial
-from fidim_lab.mismatch.separate import MOST_WINDOWS, completed, separating, with_markers
+from fidim_lab.mismatch.separate import MOST_WINDOWS, Known, completed, separating, with_markers
 from fidim_lab.model.mechanism import Mechanism
 
 POOL = 36
@@ -55,8 +55,8 @@ def to_separate(
     mechanism = task.mechanism()
     recorded = _recorded(mechanism, task, campaign)
     trials = [_trial(mechanism, task, z) for z in _pool(mechanism, task, seed, reach).z]
-    look = _Look(recorded, trials, body, noise, native)
-    return tuple(look.proposed(robot, claim, more, more_markers=more_markers) for claim in claims)
+    known = Known(robot, recorded, body, noise, native)
+    return tuple(_proposed(known, claim, trials, more, more_markers=more_markers) for claim in claims)
 
 
 def to_know(
@@ -82,33 +82,19 @@ def to_know(
     return next_window(mechanism, task, np.linalg.inv(known), _pool(mechanism, task, seed, reach), body)
 
 
-@dataclass(frozen=True, eq=False)
-class _Look:
-    """What windows there are, and what is known of the body and of the noise."""
-
-    recorded: Sequence[Trial]
-    trials: Sequence[Trial]
-    body: np.ndarray | None
-    noise: float
-    native: bool
-
-    def proposed(self, robot: Robot, claim: Claim, more: int, *, more_markers: bool) -> Proposal:
-        """For one claim; with more windows and three markers where that is much better than what it has."""
-        try:
-            if self.recorded:
-                claim = completed(robot, claim, self.recorded, self.body, noise=self.noise, native=self.native)
-            first = self._with(robot, claim, more)
-        except InfeasibleError as refusal:
-            return Proposal(claim, (), Odds("", 0.0, 0.0), (), len(robot.markers), refusal=refusal.message)
-        if first.separates or not more_markers:
-            return first
-        better = self._with(with_markers(robot), claim, MOST_WINDOWS)
-        return better if better.after[-1].non_centrality > 2 * first.after[-1].non_centrality else first
-
-    def _with(self, robot: Robot, claim: Claim, more: int) -> Proposal:
-        return separating(
-            robot, claim, self.recorded, self.trials, self.body, more=more, noise=self.noise, native=self.native
-        )
+def _proposed(known: Known, claim: Claim, trials: Sequence[Trial], more: int, *, more_markers: bool) -> Proposal:
+    """For one claim; with more windows and three markers where that is much better than what it has."""
+    try:
+        if known.recorded:
+            claim = completed(known, claim)
+        first = separating(known, claim, trials, more=more)
+    except InfeasibleError as refusal:
+        return Proposal(claim, (), Odds("", 0.0, 0.0), (), len(known.robot.markers), refusal=refusal.message)
+    if first.separates or not more_markers:
+        return first
+    marked = replace(known, robot=with_markers(known.robot))
+    better = separating(marked, claim, trials, more=MOST_WINDOWS)
+    return better if better.after[-1].non_centrality > 2 * first.after[-1].non_centrality else first
 
 
 def _pool(mechanism: Mechanism, task: DesignTask, seed: int, reach: Reach | None) -> pool.Pool:

@@ -36,76 +36,71 @@ MOST_WINDOWS = 12
 """further windows that a set may have"""
 
 
-def separating(
-    robot: Robot,
-    claim: Claim,
-    recorded: Sequence[Trial],
-    pool: Sequence[Trial],
-    body: Float[np.ndarray, "9"] | None = None,
-    *,
-    more: int = 3,
-    noise: float = 1.0,
-    native: bool = True,
-) -> Proposal:
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A robot, and what is known of it before any further window."""
+
+    robot: Robot
+    recorded: Sequence[Trial]
+    """the windows there are"""
+    body: Float[np.ndarray, "9"] | None = None
+    """base parameters as identified; None: as the robot file has them"""
+    noise: float = 1.0
+    """times the robot file's, √(χ²/dof) of a fit that is not perfect"""
+    native: bool = True
+
+    def grams(self, tried: Hypotheses, pool: Sequence[Trial] = ()) -> Float[np.ndarray, "W G G"]:
+        """What each window would say of body and effects, its own unknowns eliminated: those there are, then the pool.
+
+        Raises InfeasibleError where one cannot be simulated.
+        """
+        trials = [*self.recorded, *pool]
+        return _grams(Mechanism(self.robot, native=self.native), tried, trials, self.body, self.noise)
+
+
+def separating(known: Known, claim: Claim, pool: Sequence[Trial], *, more: int = 3) -> Proposal:
     """The windows of the pool, at most `more`, that separate a claim from its rivals best, and the odds.
 
-    recorded: the windows there are. body: nine base parameters as identified; nominal without. noise: times the robot
-    file's, √(χ²/dof) of a fit that is not perfect. Raises InfeasibleError for a claim that no score knows.
+    Raises InfeasibleError for a claim that no score knows.
     """
-    tried = _pair(robot, claim)
-    grams = _grams(Mechanism(robot, native=native), tried, [*recorded, *pool], body, noise)
-    judge = _Judge(tried, _theta(tried, claim), Context.of(robot))
-    known, fresh = grams[: len(recorded)].sum(axis=0), grams[len(recorded) :]
+    tried = _pair(known.robot, claim)
+    grams = known.grams(tried, pool)
+    judge = _Judge(tried, _theta(tried, claim), Context.of(known.robot))
+    told, fresh = grams[: len(known.recorded)].sum(axis=0), grams[len(known.recorded) :]
     most = min(more, MOST_WINDOWS)
     rivals, beyond = judge.rivals, tuple[str, ...]()
-    chosen, after = _greedy(judge, known, fresh, rivals, most)
+    chosen, after = _greedy(judge, told, fresh, rivals, most)
     if len(rivals) > 1 and not (after and after[-1].clear):
-        within = tuple(id for id in rivals if _together(judge, known, fresh, id, most).clear)
+        within = tuple(id for id in rivals if _together(judge, told, fresh, id, most).clear)
         if set(within) & set(claim.rivals):  # else the verdict that was given stays as it is
             beyond = tuple(id for id in rivals if id not in within)
             rivals = within
-            chosen, after = _greedy(judge, known, fresh, rivals, most)
+            chosen, after = _greedy(judge, told, fresh, rivals, most)
     windows = tuple(pool[k] for k in chosen)
-    return Proposal(claim, windows, judge.odds(known, rivals), tuple(after), len(robot.markers), beyond)
+    return Proposal(claim, windows, judge.odds(told, rivals), tuple(after), len(known.robot.markers), beyond)
 
 
-def completed(
-    robot: Robot,
-    claim: Claim,
-    recorded: Sequence[Trial],
-    body: Float[np.ndarray, "9"] | None = None,
-    *,
-    noise: float = 1.0,
-    native: bool = True,
-) -> Claim:
+def completed(known: Known, claim: Claim) -> Claim:
     """The claim with all further rivals that the recorded windows leave in its place.
 
-    An effect of another cable is no rival. Arguments and InfeasibleError as `separating`.
+    An effect of another cable is no rival. Raises InfeasibleError as `separating`.
     """
-    own = _own(robot, claim)
-    others = [h for h in hypotheses(robot).direct if len(h.scored) and h.effect.id != claim.id]
+    own = _own(known.robot, claim)
+    others = [h for h in hypotheses(known.robot).direct if len(h.scored) and h.effect.id != claim.id]
     tried = Hypotheses((own, *(h for h in others if h.effect.cable in (None, claim.cable))), (), ())
-    gram = _grams(Mechanism(robot, native=native), tried, recorded, body, noise).sum(axis=0)
-    judge = _Judge(tried, _theta(tried, claim), Context.of(robot))
+    gram = known.grams(tried).sum(axis=0)
+    judge = _Judge(tried, _theta(tried, claim), Context.of(known.robot))
     further = (id for id in judge.rivals if id not in claim.rivals)
     return replace(claim, open=tuple(id for id in further if judge.odds(gram, (id,)).non_centrality < 2 * ENOUGH))
 
 
-def evidence(
-    robot: Robot,
-    claim: Claim,
-    recorded: Sequence[Trial],
-    body: Float[np.ndarray, "9"] | None = None,
-    *,
-    noise: float = 1.0,
-    native: bool = True,
-) -> float:
+def evidence(known: Known, claim: Claim) -> float:
     """Non-centrality of an effect of this size against none at all: far above 10 it is seen in these windows.
 
-    Arguments and InfeasibleError as `separating`; rivals play no part.
+    Raises InfeasibleError as `separating`; rivals play no part.
     """
-    tried = Hypotheses((_own(robot, claim),), (), ())
-    gram = _grams(Mechanism(robot, native=native), tried, recorded, body, noise).sum(axis=0)
+    tried = Hypotheses((_own(known.robot, claim),), (), ())
+    gram = known.grams(tried).sum(axis=0)
     left = eliminated(gram, np.arange(BODY), BODY + np.arange(len(tried.direct[0].scored)))
     theta = _theta(tried, claim)
     return max(0.0, float(theta @ left @ theta))

@@ -21,7 +21,7 @@ from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.mismatch.next_windows import to_know, to_separate
 from fidim_lab.mismatch.proposal import Claim, Odds, Trial
-from fidim_lab.mismatch.separate import completed, separating, with_markers
+from fidim_lab.mismatch.separate import Known, completed, separating, with_markers
 
 
 @pytest.fixture(scope="module")
@@ -49,12 +49,12 @@ def campaign_of(robot: Robot, trials: list[Trial]) -> Campaign:
 
 def test_more_windows_separate_an_anchor_from_a_length(irma4: Robot, trials: list[Trial]):
     claim = Claim("cable-length-bias", 2, (2e-3,), ("anchor-offset",))
-    found = separating(irma4, claim, trials[:2], trials[2:], more=4)
+    found = separating(Known(irma4, trials[:2]), claim, trials[2:], more=4)
     values = [found.before.non_centrality, *(odds.non_centrality for odds in found.after)]
     assert all(b > a for a, b in pairwise(values))
     # the first proposal is the best of all single ones
     for one in trials[2:5]:
-        alone = separating(irma4, claim, trials[:2], [one], more=1)
+        alone = separating(Known(irma4, trials[:2]), claim, [one], more=1)
         assert alone.after[0].non_centrality <= found.after[0].non_centrality * (1 + 1e-9)
     odds = found.after[-1]
     assert odds.probability == pytest.approx(ncx2.sf(10.0, 1, odds.non_centrality))
@@ -64,7 +64,8 @@ def test_more_windows_separate_an_anchor_from_a_length(irma4: Robot, trials: lis
 def test_twice_the_effect_is_four_times_as_clear_and_noise_undoes_it(irma4: Robot, trials: list[Trial]):
     def clear(size: float, noise: float = 1.0) -> float:
         claim = Claim("rotational-drag", None, (size,), ("swivel-damping",))
-        return separating(irma4, claim, trials[:1], trials[1:2], more=1, noise=noise).before.non_centrality
+        known = Known(irma4, trials[:1], noise=noise)
+        return separating(known, claim, trials[1:2], more=1).before.non_centrality
 
     assert clear(0.02) == pytest.approx(4 * clear(0.01), rel=1e-6)
     assert clear(0.02, noise=2.0) == pytest.approx(clear(0.01), rel=1e-2)  # priors of a start stay
@@ -80,9 +81,9 @@ def test_a_gauge_is_said_to_be_none_that_free_motion_separates(irma4: Robot, tri
 
 def test_what_has_no_score_is_refused_by_name(irma4: Robot, trials: list[Trial]):
     with pytest.raises(InfeasibleError, match="hand-contact"):
-        separating(irma4, Claim("hand-contact", None, (1.0,), ("constant-force",)), trials[:1], trials[1:2])
+        separating(Known(irma4, trials[:1]), Claim("hand-contact", None, (1.0,), ("constant-force",)), trials[1:2])
     with pytest.raises(InfeasibleError, match="stand in its place"):
-        separating(irma4, Claim("rotational-drag", None, (0.1,), ("unknown",)), trials[:1], trials[1:2])
+        separating(Known(irma4, trials[:1]), Claim("rotational-drag", None, (0.1,), ("unknown",)), trials[1:2])
 
 
 def test_three_markers_are_three_in_general_position(irma4: Robot):
@@ -154,11 +155,11 @@ def test_odds_know_what_is_clear():
 
 def test_all_rivals_that_the_recorded_windows_leave_open_are_asked_about(irma4: Robot, trials: list[Trial]):
     """An explanation names the nearest few; the window that tells from these alone may leave another in the place."""
-    faint = completed(irma4, Claim("rotational-drag", None, (5e-5,), ("umbilical",)), trials[:2])
+    faint = completed(Known(irma4, trials[:2]), Claim("rotational-drag", None, (5e-5,), ("umbilical",)))
     assert faint.rivals == ("umbilical",)
     assert {"swivel-damping", "attachment-friction"} <= set(faint.open)
     assert "umbilical" not in faint.open
-    evident = completed(irma4, Claim("rotational-drag", None, (0.05,), ("umbilical",)), trials[:2])
+    evident = completed(Known(irma4, trials[:2]), Claim("rotational-drag", None, (0.05,), ("umbilical",)))
     assert not evident.open, "what these windows exclude is no rival"
 
 
@@ -166,13 +167,13 @@ def test_a_rival_needs_a_size_that_is_possible(irma4: Robot, trials: list[Trial]
     """No damping pushes: one that would have to is told from a drag of the other sign by any window."""
     drag = Claim("rotational-drag", None, (5e-4,), ("swivel-damping",))
     pushing = replace(drag, theta=(-5e-4,))
-    told, opposite = (separating(irma4, one, trials[:2], []).before.non_centrality for one in (drag, pushing))
+    told, opposite = (separating(Known(irma4, trials[:2]), one, []).before.non_centrality for one in (drag, pushing))
     assert opposite > 10 * told
 
 
 def test_rivals_that_no_window_excludes_are_set_aside(irma4: Robot, trials: list[Trial]):
     claim = Claim("gravity-tilt", None, (2e-3, 1e-3), ("constant-force", "frame-misalignment"))
-    found = separating(irma4, claim, trials[:1], trials[1:6], more=3)
+    found = separating(Known(irma4, trials[:1]), claim, trials[1:6], more=3)
     assert found.separates
     assert found.beyond == ("constant-force",)
     assert found.after[-1].rival == "frame-misalignment"
