@@ -41,7 +41,7 @@ class Search:
         self.start, self.say, self.look_for_pushes, self.patience = start, say, look_for_pushes, patience
         self.pushes: tuple[Contact, ...] = ()
         """for which it was broken off"""
-        self.trials = Trials(start, say)
+        self.trials = Trials(start, say, patience)
 
     def known_to_do(self, known: Completed | None) -> Candidate | None:
         """A known model fitted to these windows, where it leaves only noise."""
@@ -135,7 +135,7 @@ class Search:
 
     def _tones(self, best: Candidate, seen: View) -> tuple[Addition, ...]:
         """Tones that take most of what is left of whole windows, where only the first seconds were looked at."""
-        if not seen.races or best.is_white or best.model.excess > HOPELESS:
+        if not seen.races or best.is_white or best.model.excess > HOPELESS or self.patience.ended:
             return ()
         heard = self.trials.look_for_tones(best.model)
         if not heard.singles or heard.singles[0].gain < MOST * heard.rest:

@@ -11,6 +11,7 @@ from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, advantage, candidate, most_convincing, price, rest_of
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.imitators import in_place_of
+from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, predict, refit
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, tones, view
 from fidim_lab.mismatch.whiteness import whiteness
@@ -28,8 +29,8 @@ DROPPABLE = 200.0
 class Trials:
     """What one search fits, from the fits of the model as it is."""
 
-    def __init__(self, start: Baseline, say: Callable[[str], None]) -> None:
-        self.start, self.say = start, say
+    def __init__(self, start: Baseline, say: Callable[[str], None], patience: Patience) -> None:
+        self.start, self.say, self.patience = start, say, patience
         self.passing: list[Completed] = []
         """models that were fitted to the first seconds alone"""
         self.tried: list[Candidate] = []
@@ -67,7 +68,7 @@ class Trials:
             return None
         self._remember(found)
         fewer = [best, *(other for other in others if len(other.tried) < len(found.tried))]
-        if rest_of(found) > WIDENED * min(rest_of(other) for other in fewer):
+        if self.patience.ended or rest_of(found) > WIDENED * min(rest_of(other) for other in fewer):
             return found  # it takes so little that no wider form of it can be the truth
         return widened(self.start, found, addition.score.tried)
 
@@ -88,7 +89,7 @@ class Trials:
     def judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
         """A model that fits and does not predict may be a simple form of the truth: then the wider ones are tried."""
         judged = self.judged(model)
-        if judged.is_white or not whiteness(model.leftovers).is_white:
+        if self.patience.ended or judged.is_white or not whiteness(model.leftovers).is_white:
             return judged
         wide = most_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
         return judged if wide is model else self.judged(wide)

@@ -9,6 +9,7 @@ from fidim_lab.data.records import Robot
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch import trials as module
 from fidim_lab.mismatch.hypotheses import Hypothesis, general, hypotheses
+from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.trials import Trials
 
 
@@ -36,7 +37,7 @@ def test_pruning_fits_the_same_terms_of_whole_windows_once(
         return model(*tried, whole=whole)
 
     monkeypatch.setattr(module, "refit", refit)
-    trials = Trials(SimpleNamespace(ground=lambda model: None, context=None), lambda _: None)  # type: ignore[arg-type]
+    trials = Trials(SimpleNamespace(ground=lambda model: None, context=None), lambda _: None, Patience())  # type: ignore[arg-type]
     pair = model(first, second, whole=whole)
     kept = [trials.keeping(pair, [1]) for _ in range(2)]  # type: ignore[arg-type]
     assert [one.tried for one in kept if one] == [(second,)] * 2
@@ -66,7 +67,7 @@ def test_beside_other_terms_the_form_of_an_effect_that_says_more_is_taken(
     monkeypatch.setattr(module, "in_place_of", in_place_of)
     monkeypatch.setattr(module, "most_convincing", convincing)
     start = SimpleNamespace(ground=lambda model: None, context=Context.of(irma4))
-    trials = Trials(start, lambda _: None)  # type: ignore[arg-type]
+    trials = Trials(start, lambda _: None, Patience())  # type: ignore[arg-type]
     assert soft.effect.variant == "by length"
     found = trials.in_best_form(model(soft, tilt, whole=False))  # type: ignore[arg-type]
     assert found.tried[0].effect.variant == expected
@@ -94,6 +95,32 @@ def test_a_wider_form_that_others_have_made_needless_becomes_the_simple_one(
     monkeypatch.setattr(module, "advantage", lambda model, less: lost)
     monkeypatch.setattr(module, "price", lambda model, k: module.DROPPABLE + 1)
     start = SimpleNamespace(ground=lambda model: None, context=None)
-    found = Trials(start, lambda _: None).pruned(model(steep, tilt))  # type: ignore[arg-type]
+    found = Trials(start, lambda _: None, Patience()).pruned(model(steep, tilt))  # type: ignore[arg-type]
     assert [h.effect.id for h in found.tried] == [expected, "gravity-tilt"]
     np.testing.assert_allclose(begun, [[0.0]])
+
+
+@pytest.mark.parametrize(("cpu", "widened"), [(1e9, 1), (0.0, 0)])
+def test_wider_forms_are_not_tried_once_patience_has_ended(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, cpu: float, widened: int
+) -> None:
+    asked: list[object] = []
+
+    def wider(start: object, found: object, new: object) -> object:
+        asked.append(new)
+        return found
+
+    monkeypatch.setattr(module, "widened", wider)
+    monkeypatch.setattr(module, "rest_of", lambda model: 0.0)
+    drag = next(h for h in hypotheses(irma4).direct if h.effect.id == "air-drag-quadratic")
+    addition = SimpleNamespace(
+        seen=SimpleNamespace(model=model()),
+        fitted=lambda ground, context: model(drag),
+        score=SimpleNamespace(tried=(drag,)),
+    )
+    start = SimpleNamespace(ground=lambda model: None, context=None)
+    trials = Trials(start, lambda _: None, Patience(cpu))  # type: ignore[arg-type]
+    found = trials.added(addition, [])  # type: ignore[arg-type]
+    assert found is not None
+    assert found.tried == (drag,)
+    assert len(asked) == widened
