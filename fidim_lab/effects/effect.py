@@ -69,6 +69,11 @@ class NamedEffect(Effect):
         del values
         return None
 
+    def parts(self, values: np.ndarray) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
+        """Simpler effects that do the same together, with θ, where these values leave nothing that is its own."""
+        del values
+        return ()
+
     def other_forms(self, values: np.ndarray, context: Context) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
         """Forms of this effect that are as free, with θ at which they do nearly what this does with these values."""
         del values, context

@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.constant_force import SHARE_OF_WEIGHT
+from fidim_lab.effects.air_drag import AirDragLinear
+from fidim_lab.effects.constant_force import SHARE_OF_WEIGHT, ConstantForce
 from fidim_lab.effects.effect import NamedEffect, Parameter, vector
 from fidim_lab.effects.forces import at_arm
 from fidim_lab.effects.plausibility import Context, Limit
@@ -18,6 +19,8 @@ GOING_SLACK = 5e-3
 """m of stretch around 0 over which a hose begins to pull"""
 REACH = 0.7
 """m below the entry points: about where a platform hangs"""
+FARTHEST = 20.0
+"""m from the platform that a hose ends at most"""
 RESTS = ((0.3, 1.0), (0.6, 1.0), (0.6, 0.6))
 """shares of the length that are tried as rest lengths, and how near the end is then taken to be"""
 TRAVEL = 0.1
@@ -56,6 +59,14 @@ class Umbilical(NamedEffect):
         """h − k A − c Ȧ at A."""
         arm = state.rotation @ theta[5:]
         return at_arm(arm, theta[2:5] - theta[0] * (state.position + arm) - theta[1] * state.velocity(arm))
+
+    def parts(self, values: np.ndarray) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """A drag and a steady force, where hardly any spring is left: its end would be farther than any hose's."""
+        k, c, force = values[0], values[1], values[2:5]
+        if k * FARTHEST > np.linalg.norm(force):
+            return ()
+        drag = ((AirDragLinear(), np.array([c])),) if c > 0 else ()
+        return (*drag, (ConstantForce(), force))
 
     def wider(self, values: np.ndarray, robot: Robot) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
         """With a rest length of some parts of what the platform's middle is away from the end that was found.

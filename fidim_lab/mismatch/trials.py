@@ -105,23 +105,25 @@ class Trials:
         return found
 
     def pruned(self, model: Completed) -> Completed:
-        """Without terms, and wider forms of them, that the others have made needless."""
-        several = len(model.tried) > 1
-        for k in range(len(model.tried) if several else 0):
-            less = self._narrower(model, k)
-            if less is None and price(model, k) < DROPPABLE:
+        """Without terms, and freedoms of them, that the others have made needless."""
+        for k in range(len(model.tried)):
+            less = self._simpler(model, k)
+            if less is None and len(model.tried) > 1 and price(model, k) < DROPPABLE:
                 less = self.keeping(model, [j for j in range(len(model.tried)) if j != k])
             if less is not None and advantage(model, less) < ENOUGH:
                 return self.pruned(less)
         return model
 
-    def _narrower(self, model: Completed, k: int) -> Completed | None:
-        """With the simple form of term k in its place; None where it has none."""
-        narrow = model.tried[k].effect.narrower(model.thetas[k])
-        if narrow is None:
+    def _simpler(self, model: Completed, k: int) -> Completed | None:
+        """With the parts into which term k falls in its place, or beside others its simple form; None without any."""
+        term, theta = model.tried[k], model.thetas[k]
+        narrow = term.effect.narrower(theta) if len(model.tried) > 1 else None
+        simple = term.effect.parts(theta) or (() if narrow is None else (narrow,))
+        if not simple or len(model.tried) + len(simple) - 1 > MOST_TERMS:
             return None
-        other = general(model.tried[k], *narrow)
-        return in_place_of(model, k, other, narrow[1], self.start.ground(model), self.start.context)
+        tried = [*model.tried[:k], *(general(term, *one) for one in simple), *model.tried[k + 1 :]]
+        thetas = [*model.thetas[:k], *(values for _, values in simple), *model.thetas[k + 1 :]]
+        return refit(self.start.ground(model), model.fit, tried, thetas, self.start.context, simpler=model)
 
     def in_best_form(self, model: Completed) -> Completed:
         """The model with another form of a term, as free, where that has become more convincing beside the others."""

@@ -77,27 +77,63 @@ def test_beside_other_terms_the_form_of_an_effect_that_says_more_is_taken(
     assert asked == [0]
 
 
+@pytest.fixture
+def refits(monkeypatch: pytest.MonkeyPatch) -> list[list[np.ndarray]]:
+    """θ of every fit; no term can be dropped."""
+    begun: list[list[np.ndarray]] = []
+
+    def refit(
+        ground: object, donor: object, tried: list[Hypothesis], thetas: list[np.ndarray], *_: object, **__: object
+    ):
+        begun.append(thetas)
+        return model(*tried)
+
+    monkeypatch.setattr(module, "refit", refit)
+    monkeypatch.setattr(module, "price", lambda model, k: module.DROPPABLE + 1)
+    return begun
+
+
 @pytest.mark.parametrize(("lost", "expected"), [(1.0, "air-drag-quadratic"), (30.0, "unknown")])
 def test_a_wider_form_that_others_have_made_needless_becomes_the_simple_one(
-    irma4: Robot, monkeypatch: pytest.MonkeyPatch, lost: float, expected: str
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, refits: list, lost: float, expected: str
 ) -> None:
     every = hypotheses(irma4).direct
     simple, tilt = (next(h for h in every if h.effect.id == id) for id in ("air-drag-quadratic", "gravity-tilt"))
     ((effect, theta),) = simple.effect.wider(np.array([0.5]), irma4)
     steep = general(simple, effect, theta)
-    begun: list[np.ndarray] = []
-
-    def in_place_of(best: object, k: int, other: Hypothesis, theta: np.ndarray, *_: object) -> SimpleNamespace:
-        begun.append(theta)
-        return model(other, tilt)
-
-    monkeypatch.setattr(module, "in_place_of", in_place_of)
     monkeypatch.setattr(module, "advantage", lambda model, less: lost)
-    monkeypatch.setattr(module, "price", lambda model, k: module.DROPPABLE + 1)
     start = SimpleNamespace(ground=lambda model: None, context=None)
-    found = Trials(start, lambda _: None, Patience()).pruned(model(steep, tilt))  # type: ignore[arg-type]
+    trials = Trials(start, lambda _: None, Patience())  # type: ignore[arg-type]
+    found = trials.pruned(model(steep, tilt))  # type: ignore[arg-type]
     assert [h.effect.id for h in found.tried] == [expected, "gravity-tilt"]
-    np.testing.assert_allclose(begun, [[0.0]])
+    np.testing.assert_allclose(refits[0][0], [0.0])
+    alone = model(steep)
+    assert trials.pruned(alone) is alone  # type: ignore[arg-type, comparison-overlap]
+
+
+@pytest.mark.parametrize(
+    ("k", "c", "expected"),
+    [
+        (0.0, 0.05, ["air-drag-linear", "constant-force"]),
+        (1e-3, 0.05, ["air-drag-linear", "constant-force"]),  # a hose that ends 200 m away
+        (0.0, 0.0, ["constant-force"]),
+        (0.5, 0.05, ["umbilical"]),
+    ],
+)
+def test_a_hose_without_a_spring_falls_into_what_it_stands_for(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, refits: list, k: float, c: float, expected: list[str]
+) -> None:
+    hose = next(h for h in hypotheses(irma4).direct if h.effect.id == "umbilical")
+    theta = np.array([k, c, 0.1, 0.15, 0.05, 0.0, 0.0, 0.2])
+    found = model(hose)
+    found.thetas = [theta]
+    monkeypatch.setattr(module, "advantage", lambda model, less: -10.0)
+    start = SimpleNamespace(ground=lambda model: None, context=None)
+    told = Trials(start, lambda _: None, Patience()).pruned(found)  # type: ignore[arg-type]
+    assert [h.effect.id for h in told.tried] == expected
+    if len(expected) == 2:
+        np.testing.assert_allclose(refits[0][0], [c])
+        np.testing.assert_allclose(refits[0][1], theta[2:5])
 
 
 @pytest.mark.parametrize(("cpu", "widened"), [(1e9, 1), (0.0, 0)])
