@@ -36,7 +36,7 @@ class Imitator:
 def imitators(seen: View, k: int) -> tuple[Imitator, ...]:
     """Of each other effect that may stand for term k of the model that was looked at, the best; the best first.
 
-    What acts on one cable is imitated by what acts on the same cable, or on all alike.
+    What acts on one cable is imitated by what acts on the same cable, or on all alike: the same effect, too.
     """
     model, projected = seen.model, seen.projected
     term, place = model.tried[k], model.place_of(k)
@@ -50,7 +50,9 @@ def imitators(seen: View, k: int) -> tuple[Imitator, ...]:
     whole = 0.5 * float(away @ rest[:size, :size] @ away) / projected.inflation
     found: dict[str, Imitator] = {}
     for other, columns in zip(projected.tried, projected.slices, strict=True):
-        if other.effect.cable not in (None, term.effect.cable) or other.effect.id == term.effect.id:
+        elsewhere = other.effect.cable not in (None, term.effect.cable)
+        same = other.effect.id == term.effect.id and other.effect.cable == term.effect.cable
+        if elsewhere or same:
             continue
         at = slice(size + columns.start, size + columns.stop)
         low, high = (side[list(other.scored)] for side in other.effect.bounds(seen.context))

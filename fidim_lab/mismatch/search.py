@@ -27,8 +27,8 @@ CLOSE = 25.0
 SHORTLIST = 3
 HOPELESS = 30.0
 """χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
-MOST = 0.5
-"""of what is left: a tone that takes as much is tried alone"""
+MOST = 0.85
+"""of what is left: a tone that takes as much is tried before anything else; of what frictions leave one takes half"""
 PUSH_COST = 20.0
 """nats: what the freedom of another start costs, as a few terms of a wide prior do"""
 Say = Callable[[str], None]

@@ -10,6 +10,7 @@ from fidim_lab.mismatch.candidates import common_scale
 from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.imitators import imitators, in_their_place
 from fidim_lab.mismatch.refit import Completed, evidence, refit
+from fidim_lab.mismatch.select import SIBLINGS
 from fidim_lab.mismatch.views import View, view
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -74,3 +75,18 @@ def test_the_imitator_takes_the_place_with_less_freedom(start: Baseline, forced:
 def test_a_term_alone_was_chosen_beside_its_rivals_already(start: Baseline) -> None:
     alone = view(fitted(start, "constant-force"), start.tried, start.context)
     assert in_their_place(alone, start.whole_ground, lambda _: None) == []
+
+
+def test_what_was_found_on_one_cable_may_be_on_all_of_them(irma4: Robot) -> None:
+    hidden = (parse_effect("attachment-friction:dry=0,viscous=0.01", irma4.n), parse_effect(HIDDEN[1], irma4.n))
+    world = make_world(irma4, np.random.default_rng(7), hidden)
+    plan = random_plan(irma4, "rubbing", 4, 1, 7)
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(8), recording=Recording(4.0))[:2]
+    start = fit_baseline(campaign, native=True, say=lambda _: None)
+    one = next(h for h in start.tried.direct if h.effect.id == "attachment-friction" and h.effect.cable == 1)
+    tried = [one, term(start, "air-drag-linear")]
+    single = refit(start.whole_ground, start.as_it_is.fit, tried, [h.absent for h in tried], start.context)
+    assert single is not None
+    everywhere = in_their_place(view(single, start.tried, start.context), start.whole_ground, lambda _: None, SIBLINGS)
+    found = next(m for m in everywhere if (m.tried[0].effect.id, m.tried[0].effect.cable) == (one.effect.id, None))
+    assert evidence(found, single, common_scale([found, single])) > 5.0
