@@ -34,9 +34,9 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "clean": ("fidim_lab.mismatch.explain.clean",),
     "baseline": ("fidim_lab.mismatch.explain.fit_baseline",),
     "audit": ("fidim_lab.mismatch.explain.audit",),
-    "scores": ("fidim_lab.mismatch.trials.view",),
+    "scores": ("fidim_lab.mismatch.trials.view", "fidim_lab.mismatch.trials.tones"),
     "refits": tuple(
-        f"fidim_lab.mismatch.{place}.refit" for place in ("select", "trials", "additions", "wider", "imitators")
+        f"fidim_lab.mismatch.{place}.refit" for place in ("search", "trials", "additions", "wider", "imitators")
     ),
     "held-out": ("fidim_lab.mismatch.trials.predict", "fidim_lab.mismatch.baseline.predict"),
     "restored": ("fidim_lab.mismatch.explain.restored",),
