@@ -50,9 +50,8 @@ def imitators(seen: View, k: int) -> tuple[Imitator, ...]:
     whole = 0.5 * float(away @ rest[:size, :size] @ away) / projected.inflation
     found: dict[str, Imitator] = {}
     for other, columns in zip(projected.tried, projected.slices, strict=True):
-        elsewhere = other.effect.cable not in (None, term.effect.cable)
-        same = other.effect.id == term.effect.id and other.effect.cable == term.effect.cable
-        if elsewhere or same:
+        id, cable = other.effect.id, other.effect.cable
+        if cable not in (None, term.effect.cable) or (id, cable) == (term.effect.id, term.effect.cable):
             continue
         at = slice(size + columns.start, size + columns.stop)
         low, high = (side[list(other.scored)] for side in other.effect.bounds(seen.context))

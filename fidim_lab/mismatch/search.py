@@ -196,11 +196,9 @@ class Search:
 
     def _pushed_alike(self, best: Candidate) -> tuple[Contact, ...]:
         """A push at the same time of every window, softer than what the model as it is misses elsewhere."""
-        model = best.model
-        useful = self.look_for_pushes and not best.is_white
-        if not useful or model.excess > NEAR:
+        if not self.look_for_pushes or best.is_white or best.model.excess > NEAR:
             return ()
-        return find_common_push(model, self.start.held_out)
+        return find_common_push(best.model, self.start.held_out)
 
 
 def _best_score(seen: View) -> tuple[float, float]:

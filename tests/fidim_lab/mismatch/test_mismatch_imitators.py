@@ -1,32 +1,23 @@
 """What could stand in the place of a term that a search has taken, on a campaign of another simulator."""
 
-import numpy as np
 import pytest
 
-from fidim_lab.data.records import Robot
-from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch.baseline import Baseline, fit_baseline
+from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import common_scale
 from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.imitators import imitators, in_their_place
 from fidim_lab.mismatch.refit import Completed, evidence, refit
 from fidim_lab.mismatch.select import SIBLINGS
 from fidim_lab.mismatch.views import View, view
-from sim_backends.plant.hidden import parse_effect
-from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
 
 RATE = 0.004
 HIDDEN = (f"clock-rate:rate={RATE}", "air-drag-linear:c=0.5")
 
 
 @pytest.fixture(scope="module")
-def start(irma4: Robot) -> Baseline:
+def start(baseline_of) -> Baseline:
     """Of a short campaign whose clock runs fast, with some drag."""
-    world = make_world(irma4, np.random.default_rng(5), tuple(parse_effect(text, irma4.n) for text in HIDDEN))
-    plan = random_plan(irma4, "short", 4, 1, 5)
-    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Recording(4.0))
-    return fit_baseline(campaign, native=True, say=lambda _: None)
+    return baseline_of(*HIDDEN, seed=5, windows=4, seconds=4.0)
 
 
 def term(start: Baseline, id: str) -> Hypothesis:
@@ -77,12 +68,8 @@ def test_a_term_alone_was_chosen_beside_its_rivals_already(start: Baseline) -> N
     assert in_their_place(alone, start.whole_ground, lambda _: None) == []
 
 
-def test_what_was_found_on_one_cable_may_be_on_all_of_them(irma4: Robot) -> None:
-    hidden = (parse_effect("attachment-friction:dry=0,viscous=0.01", irma4.n), parse_effect(HIDDEN[1], irma4.n))
-    world = make_world(irma4, np.random.default_rng(7), hidden)
-    plan = random_plan(irma4, "rubbing", 4, 1, 7)
-    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(8), recording=Recording(4.0))[:2]
-    start = fit_baseline(campaign, native=True, say=lambda _: None)
+def test_what_was_found_on_one_cable_may_be_on_all_of_them(baseline_of) -> None:
+    start = baseline_of("attachment-friction:dry=0,viscous=0.01", HIDDEN[1], seed=7, windows=4, seconds=4.0)
     one = next(h for h in start.tried.direct if h.effect.id == "attachment-friction" and h.effect.cable == 1)
     tried = [one, term(start, "air-drag-linear")]
     single = refit(start.whole_ground, start.as_it_is.fit, tried, [h.absent for h in tried], start.context)

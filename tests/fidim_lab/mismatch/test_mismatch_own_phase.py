@@ -101,13 +101,9 @@ def test_a_fan_that_nothing_keeps_in_step_is_named_with_its_frequency(fanned: Ca
     assert found.best.held_out.chi2_per_dof < 1.1
 
 
-def test_a_sway_of_its_own_phase_is_heard_beside_a_model_that_follows_the_first_seconds_alone(irma4: Robot) -> None:
-    plan = random_plan(irma4, "sway", 4, 1, 33)
+def test_a_sway_of_its_own_phase_is_heard_beside_a_model_that_follows_the_first_seconds_alone(baseline_of) -> None:
     texts = ("frame-sway:ax=0.002,ay=-0.001,f=0.62", "frame-misalignment:rx=0.004,rz=-0.003,dx=0.002")
-    hidden = tuple(parse_effect(text, irma4.n) for text in texts)
-    world = make_world(irma4, np.random.default_rng(33), hidden)
-    made = simulate_campaign(irma4, plan, world, np.random.default_rng(34), recording=Recording(10.0))[0]
-    start = fit_baseline(made, native=True, say=lambda _: None)
+    start = baseline_of(*texts, seed=33, windows=4, seconds=10.0)
     term = next(h for h in start.tried.direct if h.effect.id == "frame-misalignment")
     model = refit(start.whole_ground, start.fit, [term], [term.absent], start.context)
     assert model is not None

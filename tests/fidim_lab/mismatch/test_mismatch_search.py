@@ -2,21 +2,15 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch import search as module
-from fidim_lab.mismatch.baseline import fit_baseline
 from fidim_lab.mismatch.candidates import candidate
 from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import predict, refit
 from fidim_lab.mismatch.search import Search
-from sim_backends.plant.hidden import parse_effect
-from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
 
 
 @pytest.mark.parametrize(
@@ -60,19 +54,15 @@ SOFT = "hand-contact:fx=0.4,fy=-0.32,start=2.3,stop=3.5,window=0"
 
 
 @pytest.mark.slow
-def test_a_soft_hand_at_the_same_time_of_every_window_is_found_beside_other_effects(irma4: Robot) -> None:
+def test_a_soft_hand_at_the_same_time_of_every_window_is_found_beside_other_effects(baseline_of) -> None:
     """The markers sit elsewhere, which by itself leaves more of every segment than the hand does."""
-    plan = random_plan(irma4, "soft", 5, 1, 41)
-    hidden = tuple(parse_effect(text, irma4.n) for text in (SOFT, "marker-offset:dx=0.01,dy=-0.008"))
-    world = make_world(irma4, np.random.default_rng(41), hidden)
-    made = simulate_campaign(irma4, plan, world, np.random.default_rng(42), recording=Recording(8.0))[0]
-    start = fit_baseline(made, native=True, say=lambda _: None)
+    start = baseline_of(SOFT, "marker-offset:dx=0.01,dy=-0.008", seed=41, windows=5, seconds=8.0)
     term = next(h for h in start.tried.direct if h.effect.id == "marker-offset")
     model = refit(start.whole_ground, start.fit, [term], [term.absent], start.context)
     assert model is not None
     best = candidate(model, predict(model, start.held_out))
     found = Search(start, lambda _: None, True, Patience())._pushed_alike(best)
-    assert {contact.window for contact in found} == {window.id for window in made.windows}
+    assert {contact.window for contact in found} == {window.id for window in start.campaign.windows}
     for contact in found:
         assert contact.begin < 2.3
         assert contact.end > 3.5
