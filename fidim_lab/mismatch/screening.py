@@ -31,6 +31,7 @@ from fidim_lab.mismatch.redundancy import (
     rigid_markers,
     smoothed,
 )
+from fidim_lab.mismatch.rigid_steps import CHANCE, without_rigid_steps
 from fidim_lab.mismatch.robot_mistakes import Mistake, find_mistakes
 from fidim_lab.mismatch.samples import Inspected, inspect
 from fidim_lab.model.mechanism import Mechanism
@@ -94,6 +95,8 @@ def screen(campaign: Campaign) -> Screening:
     samples = sum(window.markers.shape[0] * window.markers.shape[1] for window in campaign.windows)
     limits = Limits.for_tests(samples)
     inspected = [_inspected(campaign, window, levels, limits) for window in campaign.windows]
+    chance = CHANCE / len(inspected)
+    inspected = [without_rigid_steps(one, levels.declared, chance) for one in inspected]
     cleaned = replace(campaign, windows=tuple(one.window for one in inspected))
     levels = noise_levels(cleaned.windows, declared)
     findings = [finding for one in inspected for finding in one.findings]

@@ -155,6 +155,43 @@ def test_a_jump_is_found_with_its_interval(clean, end, until):
     assert seen.removed["w2"] == end - 250
 
 
+@pytest.mark.parametrize("marker", [0, 2])
+@pytest.mark.parametrize("markers", [3, 4])
+def test_a_jump_too_faint_for_its_neighbours_is_told_by_distances(clean, marker, markers):
+    campaign = clean(markers=markers)
+    places = marked(campaign)
+    towards = places[0, marker] - np.delete(places[0], marker, axis=0).mean(axis=0)
+    places[250:, marker] += 4 * NOISE * towards / np.linalg.norm(towards)
+    seen, fault = only_fault(changed(campaign, markers=places))
+    assert fault.kind is Kind.JUMP
+    assert fault.channel[:-1] == ("" if marker == 0 else f"m{marker + 1}")
+    assert fault.t == (pytest.approx(2.5, abs=0.1), 4.0)
+    assert 2 * NOISE < fault.size < 6 * NOISE
+    gone = np.isnan(seen.campaign.windows[1].markers).any(axis=2)
+    assert gone[251:, marker].all()
+    assert not gone[:220].any()
+    assert not np.delete(gone, marker, axis=1).any()
+
+
+@pytest.mark.parametrize("markers", [2, 3])
+def test_a_faint_jump_that_changes_one_distance_alone_is_nobodys(clean, markers):
+    campaign = clean(markers=markers)
+    places = marked(campaign)
+    towards = places[:, 0] - places[:, 1]
+    if markers == 3:  # in the plane of the three, across the line to the third
+        across = places[:, 0] - places[:, 2]
+        towards -= across * ((towards * across).sum(axis=1) / (across**2).sum(axis=1))[:, np.newaxis]
+    places[250:, 0] += 4 * NOISE * (towards / np.linalg.norm(towards, axis=1, keepdims=True))[250:]
+    assert screen(changed(campaign, markers=places)).faults == ()
+
+
+def test_distances_that_change_with_the_place_are_no_jump(clean):
+    campaign = clean(markers=4)
+    places = marked(campaign)
+    places[:, 0] += 0.05 * (places[:, 0] - places[:, 0].mean(axis=0))
+    assert screen(changed(campaign, markers=places)).faults == ()
+
+
 @pytest.mark.parametrize("lost", [1, 5])
 def test_lost_frames_behind_even_time_stamps_are_counted(clean, lost):
     campaign = clean()
