@@ -100,7 +100,6 @@ class Watch:
         """as far as windows are looked at; None: whole"""
         self._grams: list[WindowGram] = []
         """one for each window of the fit"""
-        self._ready = False
 
     def look(self, windows: Sequence[Window]) -> SoFar:
         """Take in new windows (usually one), and say what all of them say."""
@@ -111,7 +110,7 @@ class Watch:
                 self._refused[window.id] = str(refusal)
         refusal = next(iter(self._refused.values()), "")
         if len(self._windows) < FEWEST:
-            self._prepare()
+            self._look_ahead()
             says = refusal or f"{_windows(len(self._windows))} so far: {FEWEST} are needed to check the model."
             return SoFar(len(self._windows), None, None, None, not refusal, (), says)
         try:
@@ -120,15 +119,15 @@ class Watch:
             return SoFar(len(self._windows), None, None, None, False, (), str(problem))
         return _told(found, self._scored(found), refusal)
 
-    def _prepare(self) -> None:
-        """Builds what the first look needs while there is nothing to tell; the fit of so few windows is thrown away."""
-        if self._ready or not self._windows:
-            return
+    def _look_ahead(self) -> None:
+        """The third look's work while there is nothing to tell: with one window what is built, with two what is added to.
+
+        The fit of one window is thrown away: its body is too far off for scores that are carried along.
+        """
         try:
-            self._scored(self._begun())
+            self._scored(self._refitted() if len(self._windows) == FEWEST - 1 else self._begun())
         except RefusedError:
-            return
-        self._ready = True
+            self._found = None
 
     def _refitted(self) -> Fit:
         """The fit of all windows: the last one extended, or begun."""
