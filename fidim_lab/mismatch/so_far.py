@@ -120,7 +120,7 @@ class Watch:
         return _told(found, self._scored(found), refusal)
 
     def _look_ahead(self) -> None:
-        """The third look's work while there is nothing to tell: with one window what is built, with two what is added to.
+        """What the third look needs, while there is nothing to tell: builds with one window, fits and scores two.
 
         The fit of one window is thrown away: its body is too far off for scores that are carried along.
         """
