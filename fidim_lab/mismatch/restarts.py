@@ -76,7 +76,9 @@ def find_pushes(model: Completed, predicted: HeldOut, held: Sequence[Window]) ->
         return ()
     level = whiteness([one for one in leftovers if one.window not in odd]).level
     parts = _parts_of(model, [window for window in held if window.id in odd], odd)
-    pairs = len(leftovers) * max((len(_pairs(one)) for one in parts.values()), default=1)
+    pairs = len(leftovers) * max((len(_pairs(one)) for one in parts.values()), default=0)
+    if not pairs:
+        return ()  # too short for two starts
     pushed = [_push(id, one, level, CHANCE / pairs) for id, one in parts.items()]
     seen = tuple(contact for contact in pushed if contact is not None)
     return seen if len(seen) == len(odd) else ()

@@ -17,7 +17,8 @@ from fidim_lab.mismatch.ground import NEAR
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, evidence, refit
 from fidim_lab.mismatch.restarts import find_common_push, find_pushes
-from fidim_lab.mismatch.trials import Trials
+from fidim_lab.mismatch.trials import MOST_TERMS, Trials
+from fidim_lab.mismatch.unions import unions
 from fidim_lab.mismatch.views import View
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.mismatch.wider import widened
@@ -71,10 +72,20 @@ class Search:
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
             if whiteness(best.leftovers).is_white:
                 break
+        best = most_convincing(best, self._together())
         scale = common_scale([best, *self.trials.passing])
         near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
         near.sort(key=lambda m: evidence(best, m, scale))
         return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
+
+    def _together(self) -> list[Completed]:
+        """Terms of models that did well over the first seconds, fitted together from nothing."""
+        start, fresh = self.start, list[Completed]()
+        for terms in () if self.patience.ended else unions(self.trials.raced, MOST_TERMS):
+            found = refit(start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
+            fresh += [] if found is None else [found]
+        self.trials.passing += fresh
+        return fresh
 
     def best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
         """Models of the first seconds fitted to whole windows, and the best of them."""

@@ -33,6 +33,8 @@ class Trials:
         self.start, self.say, self.patience = start, say, patience
         self.passing: list[Completed] = []
         """models that were fitted to the first seconds alone"""
+        self.raced: list[Completed] = []
+        """the same, and those that did less well of which no more than a part of these seconds was fitted"""
         self.tried: list[Candidate] = []
         """models that were fitted to whole windows"""
         self._known: dict[tuple[object, ...], Completed] = {}
@@ -75,6 +77,7 @@ class Trials:
     def over_first_seconds(self, beside: Sequence[Addition]) -> list[Completed]:
         """Models with these additions; once one leaves only noise, what costs more than its equals is not fitted."""
         fresh: list[Completed] = []
+        self.raced += [addition.near for addition in beside if addition.near is not None]
         for addition in beside:
             terms = addition.score.tried
             costly = len(terms) > 1 or any(stretches(h.effect) for h in terms)
@@ -84,6 +87,7 @@ class Trials:
             if found is not None:
                 fresh.append(found)
         self.passing += fresh
+        self.raced += fresh
         return fresh
 
     def judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:

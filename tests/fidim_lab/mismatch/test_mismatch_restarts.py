@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.data.records import Campaign, Robot
+from fidim_lab.data.records import Campaign, Robot, Role
+from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch import restarts
 from fidim_lab.mismatch.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.contacts import SOONER, Contact, whole_id, without
-from fidim_lab.mismatch.restarts import STEP, _has_its_moment, find_pushes
+from fidim_lab.mismatch.ground import shortened
+from fidim_lab.mismatch.refit import Completed, predict
+from fidim_lab.mismatch.restarts import APART, STEP, _has_its_moment, find_pushes
 from fidim_lab.mismatch.select import select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -43,6 +47,15 @@ def test_a_faint_push_is_found_with_its_window_and_times(irma4: Robot, place: in
 def test_nobody_pushes_where_nothing_is_missing(irma4: Robot) -> None:
     baseline = fitted(irma4)
     assert not pushes(baseline)
+
+
+def test_parts_too_short_for_two_starts_show_no_push(irma4: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    baseline = fitted(irma4)
+    first, *others = baseline.campaign.of_role(Role.IDENTIFY)
+    found = fit(baseline.fit.likelihood.mechanism, [shortened(first, 2 * APART - STEP), *others])
+    model = Completed((), found, whole=True)
+    monkeypatch.setattr(restarts, "_odd", lambda leftovers: {first.id})
+    assert find_pushes(model, predict(model, ()), ()) == ()
 
 
 @pytest.mark.slow
