@@ -42,9 +42,14 @@ LASTING = 0.25
 """of the windows: more that are disturbed up to their ends show how the robot moves"""
 MOST = 0.6
 """of a window's segments; beyond, nothing in it is known to be free"""
-DEPARTED = 3.0
-"""rms residual over `SMOOTH` samples, in what it usually is, beyond which the motion is not free any more"""
-SMOOTH = 5
+DEPARTED, RISEN = (1.4, 3.0), 3.6
+"""least and most rms residual over `SMOOTH` numbers, in what it usually is, beyond which the motion is not free any
+more; between them a share of what it rises to: what a strong hand leaves bends the fit of the body, too"""
+SMOOTH = 48
+KNOWN = 2
+"""segments on either side, from which the motion is carried on"""
+NOT_FITTED, EARLIER = 0.75, 1.0
+"""s before the segments with a contact: what is not fitted, and the most by which it may begin earlier"""
 SOONER = 0.25
 """s by which a soft push begins before it shows"""
 AS_NOISE = 4.0
@@ -238,22 +243,20 @@ def _stands_out(chi2: np.ndarray, first: int, end: int, above: float) -> bool:
 def _timed(segments: Segments, one: Segmented, first: int, end: int) -> Contact:
     window, edges = one.window, one.edges
     begin, finish = float(edges[first]), float(edges[end])
-    forward = backward = None
+    ratio = float(np.nanmax(one.chi2_per_dof[first:end]) / np.nanmedian(np.delete(one.chi2_per_dof, slice(first, end))))
+    above = float(np.clip(np.sqrt(ratio) / RISEN, *DEPARTED))
     if first > 0:
-        use = (window.t >= edges[first - 1]) & (window.t <= finish)
-        forward = _departure(segments, part(window, use, window.id), begin - float(edges[first - 1]))
+        since = float(edges[max(0, first - KNOWN)])
+        use = (window.t >= since) & (window.t <= finish)
+        forward = _departure(segments, part(window, use, window.id), begin - since, above)
+        begin = begin if forward is None else since + forward
     if end < len(edges) - 1:
-        use = (window.t >= begin) & (window.t < edges[end + 1])
+        use = (window.t >= edges[first]) & (window.t < edges[min(len(edges) - 1, end + KNOWN)])
         whole = part(window, use, window.id)
         last = float(window.t[use][-1])
         turned = None if whole is None else replace(whole, t=last - whole.t[::-1], markers=whole.markers[::-1])
-        backward = _departure(segments, turned, last - finish)
-    if forward is not None:
-        begin = float(edges[first - 1]) + forward
-    if backward is not None:
-        finish = float(edges[end + 1]) - backward
-    free = np.delete(one.chi2_per_dof, slice(first, end))
-    ratio = float(np.nanmax(one.chi2_per_dof[first:end]) / np.nanmedian(free))
+        backward = _departure(segments, turned, last - finish, above)
+        finish = finish if backward is None else last - backward
     if begin >= finish:
         # so weak that it shows only after it has ended: nothing more is known than the segments
         begin, finish = float(edges[first]) + SOONER, float(edges[end]) - SOONER
@@ -261,18 +264,25 @@ def _timed(segments: Segments, one: Segmented, first: int, end: int) -> Contact:
     return Contact(window.id, round(begin, 2), round(finish, 2), ratio, SOONER)
 
 
-def _departure(segments: Segments, window: Window | None, free: float) -> float | None:
-    """When (s since its first row) a motion that is free for so many seconds leaves the recording; None if unknown."""
-    found = None if window is None else followed(segments.fit, window, free)
-    return None if found is None else _first_large(*found, free)
+def _departure(segments: Segments, window: Window | None, free: float, above: float) -> float | None:
+    """When (s since its first row) a motion that is free for so many seconds leaves the recording; None if unknown.
+
+    above: rms residual, in what it usually is, beyond which it has.
+    What is fitted ends before that: where the segments change a soft push may have begun already.
+    """
+    found = None if window is None else followed(segments.fit, window, max(free - NOT_FITTED, free / 2))
+    return None if found is None else _first_large(*found, free, above)
 
 
-def _first_large(left: Remainder, noise: float, free: float) -> float:
-    """From where the residual stays large, s since the first row; never before the part that is free."""
-    squares = np.nanmean((left.residuals / noise) ** 2, axis=(1, 2))
-    squares = np.nan_to_num(squares, nan=1.0)
+def _first_large(left: Remainder, noise: float, free: float, above: float) -> float:
+    """From where the residual is large, s since the first row; never long before the end of the part that is free."""
+    squares = (left.residuals / noise) ** 2
+    numbers = np.isfinite(squares).sum(axis=(1, 2))
+    squares = np.nan_to_num(np.nansum(squares, axis=(1, 2)) / np.maximum(numbers, 1), nan=1.0)
     t = left.t - left.t[0]
-    rms = np.sqrt(np.convolve(squares, np.full(SMOOTH, 1 / SMOOTH), mode="same"))
-    usual = max(1.0, float(np.sqrt(squares[t <= free].mean())) if (t <= free).any() else 1.0)
-    large = np.flatnonzero((rms > DEPARTED * usual) & (t > 0.5 * free))
+    width = int(np.ceil(SMOOTH / max(1.0, float(np.median(numbers)))))
+    rms = np.sqrt(np.convolve(squares, np.full(width, 1 / width), mode="same"))
+    known = t <= free - NOT_FITTED
+    usual = max(1.0, float(np.sqrt(squares[known].mean())) if known.any() else 1.0)
+    large = np.flatnonzero((rms > above * usual) & (t > max(free - EARLIER, free / 2)))
     return float(t[large[0]]) if len(large) else float(t[-1])
