@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import casadi as ca
-import numpy as np
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.plausibility import Context, Limit
@@ -15,11 +14,6 @@ LARGEST_STRAIN = 0.05
 """of a textile rope near breaking"""
 DAMPING = 40.0
 """N s/m of a cable that stretches, where nothing better is known: it keeps the springs quiet"""
-DAMPER = Parameter(
-    "damping", "N s/m", "a damping is positive", scale=5.0, low=0.5, high=2e3, start=DAMPING, scan=(DAMPING,)
-)
-"""of a cable's stretch, or of a winch's yielding: beside a motion of tens of newtons ten times a second it takes a
-thousandth of the energy in 10 s, which moves the markers by their noise. It has no score where nothing stretches"""
 
 
 @dataclass(frozen=True)
@@ -77,33 +71,3 @@ class CableStiffness(NamedEffect):
         tension = max(context.tension)
         why = f"no cable gives way by {1e3 * LARGEST_STRAIN:.0f} mm under {tension:.0f} N and holds"
         return {"softness": Limit(LARGEST_STRAIN / tension, why)}
-
-
-@dataclass(frozen=True)
-class DampedElasticity(CableElasticity):
-    """l = l₀ + ρ τ/EA with a damper beside each spring: what `explain` looks for, and fits."""
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (*CableElasticity.parameters, DAMPER)
-
-    def other_forms(self, values: np.ndarray, context: Context) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
-        """The same compliance at the usual length, whatever the length."""
-        return ((DampedStiffness(self.cable), values * (context.free_length, 1.0)),)
-
-    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
-        """The same for every cable."""
-        return theta[1] if self.concerns(number) else ca.SX(0)
-
-
-@dataclass(frozen=True)
-class DampedStiffness(CableStiffness):
-    """l = l₀ + τ/k with a damper beside each spring: what `explain` looks for, and fits."""
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (*CableStiffness.parameters, DAMPER)
-
-    def other_forms(self, values: np.ndarray, context: Context) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
-        """The same compliance at the usual length, going with the length."""
-        return ((DampedElasticity(self.cable), values / (context.free_length, 1.0)),)
-
-    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
-        """The same for every cable."""
-        return theta[1] if self.concerns(number) else ca.SX(0)

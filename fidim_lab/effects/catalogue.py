@@ -12,11 +12,11 @@ from fidim_lab.effects.anchor_offset import AnchorOffset
 from fidim_lab.effects.attachment_friction import AttachmentFriction
 from fidim_lab.effects.attachment_offset import AttachmentOffset
 from fidim_lab.effects.cable_creep import CableCreep
-from fidim_lab.effects.cable_elasticity import DampedElasticity, DampedStiffness
 from fidim_lab.effects.cable_length_bias import CableLengthBias
 from fidim_lab.effects.cable_mass import CableMass
 from fidim_lab.effects.clock import ClockRate, TimeOffset
 from fidim_lab.effects.constant_force import ConstantForce
+from fidim_lab.effects.damped_springs import DampedElasticity, DampedStiffness, DampedWinch
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.frame_misalignment import FrameMisalignment
 from fidim_lab.effects.frame_sway import FrameSway, FrameSwayOwnPhase
@@ -30,7 +30,6 @@ from fidim_lab.effects.rotational_drag import RotationalDrag, RotationalDragPerA
 from fidim_lab.effects.swivel_friction import SwivelDamping, SwivelFriction
 from fidim_lab.effects.swivel_inertia import SwivelInertia
 from fidim_lab.effects.umbilical import Umbilical, UmbilicalWithRest
-from fidim_lab.effects.winch_hold_compliance import DampedWinch
 from fidim_lab.effects.without_term import HandContact, SensorFault, Unknown
 from fidim_lab.errors import SetupError
 

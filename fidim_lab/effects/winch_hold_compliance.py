@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from fidim_lab.effects.cable_elasticity import DAMPER, DAMPING
+from fidim_lab.effects.cable_elasticity import DAMPING
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.plausibility import Context, Limit
 from fidim_lab.model.geometry import CableExpressions
@@ -42,14 +42,3 @@ class WinchHoldCompliance(NamedEffect):
         tension = max(context.tension) if self.cable is None else context.tension[self.cable - 1]
         why = f"a winch that yields {1e3 * LARGEST_YIELD:.0f} mm under {tension:.0f} N does not hold"
         return {"softness": Limit(LARGEST_YIELD / tension, why)}
-
-
-@dataclass(frozen=True)
-class DampedWinch(WinchHoldCompliance):
-    """l = l₀ + τ/k at one winch with its drive's damping: what `explain` looks for, and fits."""
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (*WinchHoldCompliance.parameters, DAMPER)
-
-    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
-        """Of the drive's control."""
-        return theta[1] if self.concerns(number) else ca.SX(0)

@@ -8,7 +8,7 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.air_drag import AirDragLinear
-from fidim_lab.effects.cable_elasticity import DampedElasticity, DampedStiffness
+from fidim_lab.effects.damped_springs import DampedElasticity, DampedStiffness, DampedWinch
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.model.mechanism import Mechanism
@@ -21,20 +21,29 @@ def compliance(robot: Robot, effect: NamedEffect, theta: np.ndarray, place: np.n
     return float(found["o0"]), float(found["o1"])
 
 
-@pytest.mark.parametrize("form", [DampedElasticity(), DampedStiffness(), DampedElasticity(2)])
-def test_the_other_elasticity_yields_alike_at_the_usual_length(irma4: Robot, form: NamedEffect) -> None:
+FORMS = [
+    (DampedElasticity(), {DampedStiffness()}),
+    (DampedStiffness(), {DampedElasticity()}),
+    (DampedElasticity(2), {DampedStiffness(2), DampedWinch(2)}),
+    (DampedStiffness(2), {DampedElasticity(2), DampedWinch(2)}),
+    (DampedWinch(2), {DampedElasticity(2), DampedStiffness(2)}),
+]
+
+
+@pytest.mark.parametrize(("form", "others"), FORMS)
+def test_other_springs_yield_alike_at_the_usual_length(
+    irma4: Robot, form: NamedEffect, others: set[NamedEffect]
+) -> None:
     theta = np.array([3e-6, 55.0])
     place = np.mean([cable.d for cable in irma4.cables], axis=0) + np.array([0.1, 0.0, -0.8])
     yields, length = compliance(irma4, form, theta, place)
     context = replace(Context.of(irma4), free_length=length)
-    ((other, begin),) = form.other_forms(theta, context)
-    assert (other.id, other.cable) == (form.id, form.cable)
-    assert type(other) is not type(form)
-    assert begin[1] == theta[1]
-    assert compliance(irma4, other, begin, place)[0] == pytest.approx(yields, rel=1e-9)
-    ((back, again),) = other.other_forms(begin, context)
-    assert back == form
-    np.testing.assert_allclose(again, theta)
+    found = dict(form.other_forms(theta, context))
+    assert set(found) == others
+    for other, begin in found.items():
+        assert begin[1] == theta[1]
+        assert compliance(irma4, other, begin, place)[0] == pytest.approx(yields, rel=1e-9)
+        np.testing.assert_allclose(dict(other.other_forms(begin, context))[form], theta)
 
 
 def test_most_effects_have_one_form(irma4: Robot) -> None:

@@ -1,0 +1,76 @@
+"""Springs in the cables' way, each with a damper beside it: what `explain` looks for, and fits.
+
+Three forms of one thing, which the platform feels nearly alike: a cable that stretches with its length, one that does
+so whatever its length, and a winch that yields where its encoder sees it.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from fidim_lab.effects.cable_elasticity import DAMPING, CableElasticity, CableStiffness
+from fidim_lab.effects.effect import NamedEffect, Parameter
+from fidim_lab.effects.plausibility import Context
+from fidim_lab.effects.winch_hold_compliance import WinchHoldCompliance
+
+DAMPER = Parameter(
+    "damping", "N s/m", "a damping is positive", scale=5.0, low=0.5, high=2e3, start=DAMPING, scan=(DAMPING,)
+)
+"""of a cable's stretch, or of a winch's yielding: beside a motion of tens of newtons ten times a second it takes a
+thousandth of the energy in 10 s, which moves the markers by their noise. It has no score where nothing stretches"""
+Forms = tuple[tuple[NamedEffect, np.ndarray], ...]
+
+
+@dataclass(frozen=True)
+class DampedElasticity(CableElasticity):
+    """l = l₀ + ρ τ/EA."""
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (*CableElasticity.parameters, DAMPER)
+
+    def other_forms(self, values: np.ndarray, context: Context) -> Forms:
+        """The same compliance at the usual length, whatever the length, or of the cable's winch."""
+        return _of_stiffness(self.cable, values * (context.free_length, 1.0))
+
+    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
+        """The same for every cable."""
+        return theta[1] if self.concerns(number) else ca.SX(0)
+
+
+@dataclass(frozen=True)
+class DampedStiffness(CableStiffness):
+    """l = l₀ + τ/k."""
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (*CableStiffness.parameters, DAMPER)
+
+    def other_forms(self, values: np.ndarray, context: Context) -> Forms:
+        """The same compliance at the usual length, going with the length, or of the cable's winch."""
+        with_length = DampedElasticity(self.cable), values / (context.free_length, 1.0)
+        return (with_length, *_of_stiffness(self.cable, values)[1:])
+
+    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
+        """The same for every cable."""
+        return theta[1] if self.concerns(number) else ca.SX(0)
+
+
+@dataclass(frozen=True)
+class DampedWinch(WinchHoldCompliance):
+    """l = l₀ + τ/k at one winch."""
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (*WinchHoldCompliance.parameters, DAMPER)
+
+    def other_forms(self, values: np.ndarray, context: Context) -> Forms:
+        """The same compliance of the cable, which the encoder does not see."""
+        with_length = DampedElasticity(self.cable), values / (context.free_length, 1.0)
+        return (with_length, _of_stiffness(self.cable, values)[0])
+
+    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
+        """Of the drive's control."""
+        return theta[1] if self.concerns(number) else ca.SX(0)
+
+
+def _of_stiffness(cable: int | None, values: np.ndarray) -> Forms:
+    """A cable that stretches whatever its length, and its winch; all winches do not yield alike."""
+    stretches = DampedStiffness(cable), values
+    return (stretches,) if cable is None else (stretches, (DampedWinch(cable), values))
