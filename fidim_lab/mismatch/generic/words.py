@@ -82,7 +82,7 @@ def _centre(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
     on_p = "P" in latent.family.label
     places = field.places if on_p else field.centres
     nearest = float(np.linalg.norm(places - centre, axis=1).min())
-    r = np.linspace(0.0, 6 * width, 400)
+    r = np.linspace(0.0, max(6 * width, nearest + 2 * width), 400)
     course = r * (near * np.exp(-((r / width) ** 2) / 2) + wide * np.exp(-((r / width) ** 2) / 8))
     seen = r >= nearest
     k = int(np.argmax(np.where(seen, np.abs(course), 0.0)))

@@ -150,6 +150,8 @@ def test_the_joint_fit_explains_and_its_field_is_what_was_fitted(base: Fit, answ
     assert len(field.thinned(20).t) <= 20
     said = words(latent, found.values[9:], field, [])
     assert "towards" in said[0]
+    far_off = replace(field, centres=field.centres + 50.0)  # of a place that no window comes near
+    assert "no window came nearer than 8" in words(latent, found.values[9:], far_off, [])[0]
 
 
 def test_absent_weights_are_no_force() -> None:
