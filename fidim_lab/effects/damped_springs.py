@@ -31,7 +31,7 @@ class DampedElasticity(CableElasticity):
 
     def other_forms(self, values: np.ndarray, context: Context) -> Forms:
         """The same compliance at the usual length, whatever the length, or of the cable's winch."""
-        return _of_stiffness(self.cable, values * (context.free_length, 1.0))
+        return _others(self, values * (context.free_length, 1.0), context)
 
     def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
         """The same for every cable."""
@@ -46,8 +46,7 @@ class DampedStiffness(CableStiffness):
 
     def other_forms(self, values: np.ndarray, context: Context) -> Forms:
         """The same compliance at the usual length, going with the length, or of the cable's winch."""
-        with_length = DampedElasticity(self.cable), values / (context.free_length, 1.0)
-        return (with_length, *_of_stiffness(self.cable, values)[1:])
+        return _others(self, values, context)
 
     def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
         """The same for every cable."""
@@ -62,15 +61,20 @@ class DampedWinch(WinchHoldCompliance):
 
     def other_forms(self, values: np.ndarray, context: Context) -> Forms:
         """The same compliance of the cable, which the encoder does not see."""
-        with_length = DampedElasticity(self.cable), values / (context.free_length, 1.0)
-        return (with_length, _of_stiffness(self.cable, values)[0])
+        return _others(self, values, context)
 
     def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
         """Of the drive's control."""
         return theta[1] if self.concerns(number) else ca.SX(0)
 
 
-def _of_stiffness(cable: int | None, values: np.ndarray) -> Forms:
-    """A cable that stretches whatever its length, and its winch; all winches do not yield alike."""
-    stretches = DampedStiffness(cable), values
-    return (stretches,) if cable is None else (stretches, (DampedWinch(cable), values))
+def _others(form: NamedEffect, values: np.ndarray, context: Context) -> Forms:
+    """The forms besides this one, of the same 1/k (m/N) and damping; all winches do not yield alike."""
+    cable = form.cable
+    forms: list[tuple[NamedEffect, np.ndarray]] = [
+        (DampedElasticity(cable), values / (context.free_length, 1.0)),
+        (DampedStiffness(cable), values),
+    ]
+    if cable is not None:
+        forms.append((DampedWinch(cable), values))
+    return tuple((other, theta) for other, theta in forms if other != form)

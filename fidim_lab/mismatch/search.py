@@ -81,7 +81,7 @@ class Search:
     def _together(self) -> list[Completed]:
         """Terms of models that did well over the first seconds, fitted together from nothing."""
         start, fresh = self.start, list[Completed]()
-        for terms in () if self.patience.ended else unions(self.trials.raced, MOST_TERMS):
+        for terms in () if self.patience.ended else unions([*self.trials.raced, *self.trials.passing], MOST_TERMS):
             found = refit(start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
             fresh += [] if found is None else [found]
         self.trials.passing += fresh

@@ -34,7 +34,7 @@ class Trials:
         self.passing: list[Completed] = []
         """models that were fitted to the first seconds alone"""
         self.raced: list[Completed] = []
-        """the same, and those that did less well of which no more than a part of these seconds was fitted"""
+        """models that were fitted to a part of these seconds, to see which are worth more"""
         self.tried: list[Candidate] = []
         """models that were fitted to whole windows"""
         self._known: dict[tuple[object, ...], Completed] = {}
@@ -87,7 +87,6 @@ class Trials:
             if found is not None:
                 fresh.append(found)
         self.passing += fresh
-        self.raced += fresh
         return fresh
 
     def judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
