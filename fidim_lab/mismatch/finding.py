@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+from jaxtyping import Float
+
 AXES = "xyz"
 
 
@@ -60,3 +63,18 @@ def marker_channel(marker: int, axis: int) -> str:
 def marker_name(marker: int) -> str:
     """How people call it."""
     return "the marker" if marker == 0 else f"marker {marker + 1}"
+
+
+def marker_jump(
+    window: str, marker: int, by: Float[np.ndarray, "3"], t: tuple[float, float], *, digits: int, sign: str
+) -> Finding:
+    """A marker (0-based) is displaced by so much (m) between two times (s); the sign is what tells that it is.
+
+    digits: of the first of them, in the sentence.
+    """
+    size, axis = float(np.linalg.norm(by)), int(np.argmax(np.abs(by)))
+    says = (
+        f"Window {window}: {marker_name(marker)} jumps by {size * 1e3:.3g} mm (mostly {AXES[axis]}) at "
+        f"{t[0]:.{digits}f} s{sign}"
+    )
+    return Finding(Kind.JUMP, window, marker_channel(marker, axis), t, size, "m", says)

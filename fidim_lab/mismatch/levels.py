@@ -10,6 +10,8 @@ from fidim_lab.arrays import Series
 
 ENOUGH = 2.0
 """s"""
+SAME = 2.0
+"""standard deviations of a coordinate, within which a marker that was displaced twice is where it was"""
 
 
 def displaced_rows(

@@ -17,9 +17,9 @@ from fidim_lab.mismatch.breaks import breaks_of
 from fidim_lab.mismatch.clean import Cleaned
 from fidim_lab.mismatch.clock_check import EvenGrid, even_grid
 from fidim_lab.mismatch.displaced import Limits
-from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_name
+from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_jump, marker_name
 from fidim_lab.mismatch.leftover import Leftover
-from fidim_lab.mismatch.levels import displaced_rows
+from fidim_lab.mismatch.levels import SAME, displaced_rows
 
 OFF = 6.0
 """standard deviations of the noise that no sample of a fitted motion is off"""
@@ -29,8 +29,6 @@ MANY, OFTEN = 5, 3
 """spikes of a marker, and windows in which it jumps, from which on it is known to be faulty"""
 CLOSER = Limits(4.2, 4.7)
 """of its single samples: of 20 000 good ones about one and a half are lost"""
-SAME = 2.0
-"""standard deviations of a coordinate, within which a marker that was displaced twice is where it was"""
 CLEARER_ASTRAY = 5 * CLEARER
 """as `CLEARER`, of a fit far astray: what it leaves turns as sharply as the motion does"""
 FEWEST = 30
@@ -66,13 +64,9 @@ class _Off:
         return Finding(Kind.SPIKE, window.id, marker_channel(marker, 0), (time, time), size, "m", says)
 
     def _step(self, row: int, by: np.ndarray) -> Finding:
-        window, marker, size = self.window, self.marker, float(np.linalg.norm(by))
-        axis, t = int(np.argmax(np.abs(by))), (float(window.t[row]), float(window.t[-1]))
-        says = (
-            f"Window {window.id}: {marker_name(marker)} jumps by {size * 1e3:.3g} mm (mostly {'xyz'[axis]}) at "
-            f"{t[0]:.3f} s; the motion goes on as if nothing had happened."
-        )
-        return Finding(Kind.JUMP, window.id, marker_channel(marker, axis), t, size, "m", says)
+        t = (float(self.window.t[row]), float(self.window.t[-1]))
+        sign = "; the motion goes on as if nothing had happened."
+        return marker_jump(self.window.id, self.marker, by, t, digits=3, sign=sign)
 
 
 def without_breaks(cleaned: Cleaned, left: Sequence[Leftover], *, astray: bool = False) -> Cleaned:

@@ -15,8 +15,8 @@ from scipy.special import chdtri
 
 from fidim_lab.data.records import Window
 from fidim_lab.mismatch.clock_check import even_grid
-from fidim_lab.mismatch.finding import Finding, Kind, marker_channel, marker_name
-from fidim_lab.mismatch.levels import displaced_rows
+from fidim_lab.mismatch.finding import marker_jump
+from fidim_lab.mismatch.levels import SAME, displaced_rows
 from fidim_lab.mismatch.neighbours import noise_of
 from fidim_lab.mismatch.samples import Inspected
 
@@ -36,8 +36,6 @@ MOST = 4
 """steps of one window"""
 SEEN = 0.2
 """of the largest: directions that distances show less are not said to be moved in"""
-SAME = 2.0
-"""standard deviations of a coordinate, within which a marker that was displaced twice is where it was"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +66,13 @@ def without_rigid_steps(inspected: Inspected, noise: float, chance: float) -> In
         for step in ours:
             bad[step.unsure[0] : step.unsure[1] + 1, marker] = True
     markers = np.where(bad[..., np.newaxis], np.nan, window.markers)
-    findings = (*inspected.findings, *(_finding(window, step) for step in steps))
-    return Inspected(replace(window, markers=markers), findings, bad)
+    end = float(window.t[-1])
+    sign = " against the other markers, which keep their distances."
+    findings = (
+        marker_jump(window.id, step.marker, step.by, (float(window.t[step.row]), end), digits=2, sign=sign)
+        for step in steps
+    )
+    return Inspected(replace(window, markers=markers), (*inspected.findings, *findings), bad)
 
 
 def _steps_of(window: Window, chance: float) -> list[_Step]:
@@ -131,13 +134,3 @@ def _changes(apart: Float[np.ndarray, "G P"], half: int) -> tuple[Float[np.ndarr
     before, after = (np.where(n < FEWEST, np.nan, n) for n in (counts[rows] - counts[low], counts[high] - counts[rows]))
     change = (sums[high] - sums[rows]) / after - (sums[rows] - sums[low]) / before
     return change, noise_of(apart) * np.sqrt(1 / before + 1 / after)
-
-
-def _finding(window: Window, step: _Step) -> Finding:
-    size, axis = float(np.linalg.norm(step.by)), int(np.argmax(np.abs(step.by)))
-    t = (float(window.t[step.row]), float(window.t[-1]))
-    says = (
-        f"Window {window.id}: {marker_name(step.marker)} jumps by {size * 1e3:.3g} mm (mostly {'xyz'[axis]}) at "
-        f"{t[0]:.2f} s against the other markers, which keep their distances."
-    )
-    return Finding(Kind.JUMP, window.id, marker_channel(step.marker, axis), t, size, "m", says)
