@@ -24,7 +24,16 @@ Forms = tuple[tuple[NamedEffect, np.ndarray], ...]
 
 
 @dataclass(frozen=True)
-class DampedElasticity(CableElasticity):
+class _Damped(NamedEffect):
+    """A spring whose last θ is that of its damper: the same for every cable that it concerns."""
+
+    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
+        """N s/m."""
+        return theta[-1] if self.concerns(number) else ca.SX(0)
+
+
+@dataclass(frozen=True)
+class DampedElasticity(_Damped, CableElasticity):
     """l = l₀ + ρ τ/EA."""
 
     parameters: ClassVar[tuple[Parameter, ...]] = (*CableElasticity.parameters, DAMPER)
@@ -33,13 +42,9 @@ class DampedElasticity(CableElasticity):
         """The same compliance at the usual length, whatever the length, or of the cable's winch."""
         return _others(self, values * (context.free_length, 1.0), context)
 
-    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
-        """The same for every cable."""
-        return theta[1] if self.concerns(number) else ca.SX(0)
-
 
 @dataclass(frozen=True)
-class DampedStiffness(CableStiffness):
+class DampedStiffness(_Damped, CableStiffness):
     """l = l₀ + τ/k."""
 
     parameters: ClassVar[tuple[Parameter, ...]] = (*CableStiffness.parameters, DAMPER)
@@ -48,13 +53,9 @@ class DampedStiffness(CableStiffness):
         """The same compliance at the usual length, going with the length, or of the cable's winch."""
         return _others(self, values, context)
 
-    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
-        """The same for every cable."""
-        return theta[1] if self.concerns(number) else ca.SX(0)
-
 
 @dataclass(frozen=True)
-class DampedWinch(WinchHoldCompliance):
+class DampedWinch(_Damped, WinchHoldCompliance):
     """l = l₀ + τ/k at one winch."""
 
     parameters: ClassVar[tuple[Parameter, ...]] = (*WinchHoldCompliance.parameters, DAMPER)
@@ -62,10 +63,6 @@ class DampedWinch(WinchHoldCompliance):
     def other_forms(self, values: np.ndarray, context: Context) -> Forms:
         """The same compliance of the cable, which the encoder does not see."""
         return _others(self, values, context)
-
-    def stretch_damping(self, number: int, theta: ca.SX) -> ca.SX:
-        """Of the drive's control."""
-        return theta[1] if self.concerns(number) else ca.SX(0)
 
 
 def _others(form: NamedEffect, values: np.ndarray, context: Context) -> Forms:
