@@ -4,18 +4,22 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
+from itertools import islice
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from fidim_lab.errors import SetupError
 
 T = TypeVar("T")
 R = TypeVar("R")
 Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+AHEAD = 4
+"""tasks a worker that are under way: one that takes long keeps no other waiting"""
 
 
 @contextmanager
@@ -36,7 +40,7 @@ def workers(count: int | None = None, scheduler: str | None = None) -> Generator
     # fork would copy CasADi's and BLAS's threads in an unknown state
     with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=_begin) as pool:
         try:
-            yield partial(_spread, pool)
+            yield lambda action, tasks: _in_order(partial(_submitted, pool, action), tasks, AHEAD * count)
         except KeyboardInterrupt:
             # no task is cancelled before: the pool's own thread would trip over it, and print that
             for process in multiprocessing.active_children():
@@ -62,10 +66,25 @@ def _unmoved(number: int, frame: FrameType | None) -> None:
     pass
 
 
-def _spread(pool: Executor, action: Callable[[T], R], tasks: Iterable[T]) -> Iterable[R]:
+class _Promise(Protocol):
+    def result(self) -> Any:
+        """Waits for it."""
+        ...
+
+
+def _in_order(submit: Callable[[T], _Promise], tasks: Iterable[T], most: int) -> Iterator[Any]:
+    """Results as they come, with so many tasks under way at most: these are made one by one, and may be large."""
+    left = iter(tasks)
+    under_way = deque(submit(task) for task in islice(left, most))
+    while under_way:
+        result = under_way.popleft().result()
+        under_way.extend(submit(task) for task in islice(left, 1))
+        yield result
+
+
+def _submitted(pool: Executor, action: Callable[[T], R], task: T) -> Future[R]:
     with _held_back():
-        futures = [pool.submit(action, task) for task in tasks]
-    return (future.result() for future in futures)
+        return pool.submit(action, task)
 
 
 @contextmanager
@@ -94,7 +113,7 @@ def _cluster(scheduler: str) -> Generator[Map]:
     with client:
 
         def spread(action: Callable[[T], R], tasks: Iterable[T]) -> Iterable[R]:
-            futures = client.map(action, list(tasks), pure=False)
-            return (future.result() for future in futures)
+            threads: Any = client.nthreads()  # typed as if it were awaited
+            return _in_order(partial(client.submit, action, pure=False), tasks, AHEAD * max(1, sum(threads.values())))
 
         yield spread

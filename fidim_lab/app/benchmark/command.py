@@ -30,8 +30,6 @@ from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError, SetupError
 
 Action = Callable[[Campaign], Outcome]
-BATCH = 32
-"""campaigns in memory at a time"""
 BENCHMARKS = {"explain": "names of physics that was left out, on sealed campaigns of the independent simulators"}
 
 
@@ -113,16 +111,11 @@ def run_benchmark(options: BenchmarkOptions, explainer: Action) -> tuple[Tally, 
 
 def _explain_all(folder: BenchmarkFolder, names: list[str], explainer: Action, spread: Map) -> None:
     """Each answer is written as it comes."""
-    left, done = [name for name in names if not folder.answer(name).exists()], 0
-    for first in range(0, len(left), BATCH):
-        batch = left[first : first + BATCH]
-        campaigns = [read_campaign(folder.campaign(name)) for name in batch]
-        for name, outcome in zip(batch, spread(explainer, campaigns), strict=True):
-            write_json(folder.answer(name), outcome.table)
-            done += 1
-            console.err.print(
-                f"explained {done}/{len(left)}: {name} in {outcome.cpu:.0f} s {outcome.why}", markup=False
-            )
+    left = [name for name in names if not folder.answer(name).exists()]
+    outcomes = spread(explainer, (read_campaign(folder.campaign(name)) for name in left))
+    for done, (name, outcome) in enumerate(zip(left, outcomes, strict=True), start=1):
+        write_json(folder.answer(name), outcome.table)
+        console.err.print(f"explained {done}/{len(left)}: {name} in {outcome.cpu:.0f} s {outcome.why}", markup=False)
 
 
 def measure(task: SealTask, cap: float) -> str:

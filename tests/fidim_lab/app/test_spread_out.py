@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
@@ -28,6 +29,21 @@ def test_results_come_in_order():
 def test_a_task_that_fails_ends_it():
     with pytest.raises(SetupError, match="below zero"), workers(2) as spread:
         list(spread(_doubled, [0, -1, 2]))
+
+
+def test_tasks_are_made_as_workers_get_free():
+    made: list[int] = []
+
+    def tasks() -> Iterator[int]:
+        for number in range(100):
+            made.append(number)
+            yield number % 3
+
+    with workers(2) as spread:
+        results = iter(spread(_doubled, tasks()))
+        assert next(results) == 0
+        assert len(made) < 12
+        assert len(list(results)) == 99
 
 
 LONG = """
