@@ -4,8 +4,7 @@ A hand acts in some windows and for some time only. Its segments (`segments`) st
 are as good as the rest; physics that is missing changes smoothly from one segment to the next. What decays from every
 release (a friction that ends the motion, a loose part) is told by its coming first in most windows alike; and what
 grows steeply with the motion (a drag of the cube of the speed, 64 times χ² for twice the swing), by its standing no
-farther out than segments of other windows that swing as far. Begin and end are where the motion of the free parts,
-carried on from both sides, leaves the recording.
+farther out than segments of other windows that swing as far. When it comes and goes is told by `hand_times`.
 
 Whoever pushes at the same time of every window is found by all of them together, however softly: before and after it
 they are noise, as no physics leaves them that is at work there.
@@ -18,10 +17,9 @@ import numpy as np
 from scipy.stats import theilslopes
 
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.mismatch.held_body import followed
+from fidim_lab.mismatch.hand_times import SOONER, hand_times
 from fidim_lab.mismatch.neighbours import MAD
-from fidim_lab.mismatch.segments import Segmented, Segments, part
+from fidim_lab.mismatch.segments import Segmented, Segments
 
 ABOVE = 1.8
 """times its neighbours' χ²/dof that a segment with a hand has; missing physics: up to 1.4"""
@@ -42,16 +40,6 @@ LASTING = 0.25
 """of the windows: more that are disturbed up to their ends show how the robot moves"""
 MOST = 0.6
 """of a window's segments; beyond, nothing in it is known to be free"""
-DEPARTED, RISEN = (1.4, 3.0), 3.6
-"""least and most rms residual over `SMOOTH` numbers, in what it usually is, beyond which the motion is not free any
-more; between them a share of what it rises to: what a strong hand leaves bends the fit of the body, too"""
-SMOOTH = 48
-KNOWN = 2
-"""segments on either side, from which the motion is carried on"""
-NOT_FITTED, EARLIER = 0.75, 1.0
-"""s before the segments with a contact: what is not fitted, and the most by which it may begin earlier"""
-SOONER = 0.25
-"""s by which a soft push begins before it shows"""
 AS_NOISE = 4.0
 """standard deviations of the usual χ²/dof up to which all windows' segments of one time are noise"""
 MEDIAN = 1.25
@@ -122,6 +110,7 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
         runs = [(one, run) for one, run in runs if run[0] > 0]
     common = {contact.window: contact for contact in at_the_same_time(segments.windows)}
     found = [_timed(segments, one, first, end) for one, (first, end) in runs]
+    common = _sharper(common, found)
     found = [one for one in found if one.window not in common or not one.overlaps(common[one.window])]
     found += common.values()
     order = {one.window.id: k for k, one in enumerate(segments.windows)}
@@ -218,6 +207,19 @@ def at_the_same_time(windows: Sequence[Segmented]) -> tuple[Contact, ...]:
     )
 
 
+def _sharper(common: dict[str, Contact], timed: Sequence[Contact]) -> dict[str, Contact]:
+    """The push of all windows at the time that most of them show by themselves, where it is strong enough for that."""
+    wide = [(one, common[one.window]) for one in timed if one.window in common]
+    within = [
+        (one, all_of) for one, all_of in wide if all_of.begin - SOONER <= one.begin and one.end <= all_of.end + SOONER
+    ]
+    if len(within) <= len(common) / 2:
+        return common
+    later = round(float(np.median([one.begin - all_of.begin for one, all_of in within])), 2)
+    sooner = round(float(np.median([all_of.end - one.end for one, all_of in within])), 2)
+    return {id: replace(one, begin=one.begin + later, end=one.end - sooner) for id, one in common.items()}
+
+
 def _foreseen(segments: Segments) -> list[np.ndarray]:
     """χ²/dof up to which each segment is as those that swing as far, by a robust power law over all windows."""
     excess = [np.log(np.maximum(one.chi2_per_dof - 1, CERTAIN * np.sqrt(2 / one.dof))) for one in segments.windows]
@@ -241,48 +243,7 @@ def _stands_out(chi2: np.ndarray, first: int, end: int, above: float) -> bool:
 
 
 def _timed(segments: Segments, one: Segmented, first: int, end: int) -> Contact:
-    window, edges = one.window, one.edges
-    begin, finish = float(edges[first]), float(edges[end])
-    ratio = float(np.nanmax(one.chi2_per_dof[first:end]) / np.nanmedian(np.delete(one.chi2_per_dof, slice(first, end))))
-    above = float(np.clip(np.sqrt(ratio) / RISEN, *DEPARTED))
-    if first > 0:
-        since = float(edges[max(0, first - KNOWN)])
-        use = (window.t >= since) & (window.t <= finish)
-        forward = _departure(segments, part(window, use, window.id), begin - since, above)
-        begin = begin if forward is None else since + forward
-    if end < len(edges) - 1:
-        use = (window.t >= edges[first]) & (window.t < edges[min(len(edges) - 1, end + KNOWN)])
-        whole = part(window, use, window.id)
-        last = float(window.t[use][-1])
-        turned = None if whole is None else replace(whole, t=last - whole.t[::-1], markers=whole.markers[::-1])
-        backward = _departure(segments, turned, last - finish, above)
-        finish = finish if backward is None else last - backward
-    if begin >= finish:
-        # so weak that it shows only after it has ended: nothing more is known than the segments
-        begin, finish = float(edges[first]) + SOONER, float(edges[end]) - SOONER
-    begin, finish = max(float(window.t[0]), begin - SOONER), min(float(window.t[-1]), finish + SOONER)
-    return Contact(window.id, round(begin, 2), round(finish, 2), ratio, SOONER)
-
-
-def _departure(segments: Segments, window: Window | None, free: float, above: float) -> float | None:
-    """When (s since its first row) a motion that is free for so many seconds leaves the recording; None if unknown.
-
-    above: rms residual, in what it usually is, beyond which it has.
-    What is fitted ends before that: where the segments change a soft push may have begun already.
-    """
-    found = None if window is None else followed(segments.fit, window, max(free - NOT_FITTED, free / 2))
-    return None if found is None else _first_large(*found, free, above)
-
-
-def _first_large(left: Remainder, noise: float, free: float, above: float) -> float:
-    """From where the residual is large, s since the first row; never long before the end of the part that is free."""
-    squares = (left.residuals / noise) ** 2
-    numbers = np.isfinite(squares).sum(axis=(1, 2))
-    squares = np.nan_to_num(np.nansum(squares, axis=(1, 2)) / np.maximum(numbers, 1), nan=1.0)
-    t = left.t - left.t[0]
-    width = int(np.ceil(SMOOTH / max(1.0, float(np.median(numbers)))))
-    rms = np.sqrt(np.convolve(squares, np.full(width, 1 / width), mode="same"))
-    known = t <= free - NOT_FITTED
-    usual = max(1.0, float(np.sqrt(squares[known].mean())) if known.any() else 1.0)
-    large = np.flatnonzero((rms > above * usual) & (t > max(free - EARLIER, free / 2)))
-    return float(t[large[0]]) if len(large) else float(t[-1])
+    chi2 = one.chi2_per_dof
+    ratio = float(np.nanmax(chi2[first:end]) / np.nanmedian(np.delete(chi2, slice(first, end))))
+    begin, finish = hand_times(segments, one, first, end, ratio)
+    return Contact(one.window.id, round(begin, 2), round(finish, 2), ratio, SOONER)

@@ -1,19 +1,21 @@
 """Windows fitted by their own starts alone, the body held: how well does this piece of motion fit what is known?"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from fidim_lab.data.records import Window
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.fit import Fit, likelihood_of
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Point, simulate
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import ON_THE_WAY, optimise
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.stages import grow
-from fidim_lab.identification.mle.start import as_states, first_guess
+from fidim_lab.identification.mle.start import Guess
+from fidim_lab.mismatch.sprung import guesses_of
 from fidim_lab.model.sensitivity.grid import QUICK
 
 HORIZONS = (0.5, 3.0)
@@ -49,9 +51,13 @@ def _prepared(found: Fit, windows: Sequence[Window]) -> tuple[Likelihood, Point,
     mechanism = found.likelihood.mechanism
     try:
         recordings = tuple(prepare(window, mechanism.robot) for window in windows)
-        guesses = as_states([first_guess(mechanism, found.body, recording) for recording in recordings])
     except RefusedError:
         return None
-    likelihood = Likelihood(mechanism, recordings, guesses, found.likelihood.noise, found.likelihood.resolution)
+    guesses = guesses_of(mechanism, found.values, recordings)
+    known = [guess for guess in guesses if isinstance(guess, Guess)]
+    if len(known) < len(guesses):
+        return None
+    likelihood = likelihood_of(mechanism, found.values, recordings, known, mechanism.robot.sensors)
+    likelihood = replace(likelihood, noise=found.likelihood.noise, resolution=found.likelihood.resolution)
     prior = Prior(mean=found.values, sd=np.full(len(found.values), np.inf))
-    return likelihood, Point(found.values, guesses), prior, np.zeros(len(found.values), dtype=bool)
+    return likelihood, Point(found.values, likelihood.guesses), prior, np.zeros(len(found.values), dtype=bool)

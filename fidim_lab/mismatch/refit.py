@@ -15,12 +15,11 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import stretches
-from fidim_lab.identification.mle.start import Guess, first_guesses
 from fidim_lab.mismatch.beyond_errors import beyond_errors
 from fidim_lab.mismatch.ground import NEAR, Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover, of_remainder
-from fidim_lab.mismatch.sprung import are_stiff, begins_anew, stiffest
+from fidim_lab.mismatch.sprung import are_stiff, begins_anew, guesses_of, stiffest
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
@@ -257,8 +256,9 @@ def predictions(
             recordings.append(prepare(window, robot))
         except RefusedError as refusal:
             refused[window.id] = str(refusal)
-    guesses = _guesses_of_springs(completed, recordings)
-    predicted = held_out.predict_all(completed.mechanism, completed.fit.values, recordings, robot.sensors, guesses)
+    made, values = completed.mechanism, completed.fit.values
+    guesses = guesses_of(made, values, recordings)
+    predicted = held_out.predict_all(made, values, recordings, robot.sensors, guesses)
     found: list[tuple[Window, held_out.Prediction]] = []
     for recording, prediction in zip(recordings, predicted, strict=True):
         window = recording.window
@@ -269,17 +269,6 @@ def predictions(
         else:
             found.append((window, prediction))
     return found, refused
-
-
-def _guesses_of_springs(
-    completed: Completed, recordings: Sequence[Recording]
-) -> tuple[Guess | RefusedError, ...] | None:
-    """Of cables that stretch to first order, which is as good and far sooner found; None where they are no springs."""
-    made = completed.mechanism
-    if not made.springs:
-        return None
-    stretched = Mechanism(made.robot, made.effects, made.theta.tolist())
-    return first_guesses(stretched, completed.fit.body, recordings, completed.fit.values[BODY:])
 
 
 def _mechanism(

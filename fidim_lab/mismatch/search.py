@@ -12,11 +12,12 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.additions import Addition
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, accepted, advantage, common_scale, most_convincing
-from fidim_lab.mismatch.contacts import Contact
+from fidim_lab.mismatch.contacts import Contact, find_contacts
 from fidim_lab.mismatch.ground import NEAR
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, evidence, refit
 from fidim_lab.mismatch.restarts import find_common_push, find_pushes
+from fidim_lab.mismatch.segments import predict_segments
 from fidim_lab.mismatch.trials import MOST_TERMS, Trials
 from fidim_lab.mismatch.unions import unions
 from fidim_lab.mismatch.views import View
@@ -109,7 +110,18 @@ class Search:
                 found = self.trials.pruned(widened(self.start, found, found.tried))
                 fresh.append(self.trials.judged_or_wider(found, found.tried))
         self.trials.tried += fresh
-        return accepted(baseline, fresh, feeble=True)
+        best = accepted(baseline, fresh, feeble=True)
+        if (fresh or in_vain) and not any(one.model.excess < NEAR for one in fresh):
+            self.pushes = self._hands_beside(short)
+        return best
+
+    def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
+        """Hands in whole windows of which only the first seconds are followed, by the best model of these."""
+        follows = [model for model in short if whiteness(model.leftovers).is_white]
+        if not (self.look_for_pushes and follows) or self.patience.ended:
+            return ()
+        self.say(f"looking for hands beside {follows[0].label}")
+        return find_contacts(predict_segments(follows[0], self.start.campaign.windows))
 
     def _follows_first_seconds(self, model: Completed) -> bool:
         """Whether it leaves only noise of all the first seconds, too, where it was fitted to fewer."""
@@ -127,6 +139,8 @@ class Search:
         Where structure stays, and only the first seconds were looked at, tones are listened for in whole windows.
         """
         seen = self.trials.look(best.model)
+        if self.pushes:
+            return best, seen
         if best.model.whole and self._in_vain(best):
             self._pushed(best)
             return best, seen

@@ -5,7 +5,7 @@ the next; a hand, or a sensor that stumbles, raises one or two and leaves their 
 long enough to feel a fifth of a newton on ten kilograms and too short for any phase to slip.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,7 +14,9 @@ from jaxtyping import Bool, Float
 
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.mismatch.leftover import Leftover, of_remainder
+from fidim_lab.mismatch.refit import Completed, predictions
 from fidim_lab.model.mechanism import Mechanism
 
 LENGTH = 2.0
@@ -53,7 +55,7 @@ class Segmented:
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """All windows' segments, and the fit of the body to them."""
+    """All windows' segments, and the fit of the body to them, or the one by which they are predicted."""
 
     windows: tuple[Segmented, ...]
     fit: Fit
@@ -71,20 +73,41 @@ def fit_segments(
     mechanism: Mechanism, windows: Sequence[Window], length: float = LENGTH, *, hasty: bool = False
 ) -> Segments:
     """Fit body and segments' starts; hasty: as `fit`. Raises RefusedError where no segment can be used."""
-    cut = [(window, edges_of(window, length)) for window in windows]
+    cut = _cut(windows, length)
+    found = fit(mechanism, cut.pieces, hasty=hasty)
+    ids = [recording.window.id for recording in found.likelihood.recordings]
+    return Segments(cut.segmented(dict(zip(ids, found.remainders, strict=True))), found)
+
+
+def predict_segments(model: Completed, windows: Sequence[Window], length: float = LENGTH) -> Segments:
+    """Fit segments' starts alone, by a model with its body and effects: none need be followed for long."""
+    cut = _cut(windows, length)
+    found, _ = predictions(model, cut.pieces)
+    return Segments(cut.segmented({window.id: one.remainder for window, one in found}), model.fit)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """Windows with the edges of their segments, and the segments that can be used."""
+
+    windows: tuple[tuple[Window, Float[np.ndarray, " edges"]], ...]
+    pieces: tuple[Window, ...]
+
+    def segmented(self, left: Mapping[str, Remainder]) -> tuple[Segmented, ...]:
+        """With what is left of each segment, by its name."""
+        found: list[Segmented] = []
+        for window, edges in self.windows:
+            ours = [left.get(_name(window, k)) for k in range(len(edges) - 1)]
+            chi2 = np.array([np.nan if one is None else one.chi2_per_dof for one in ours])
+            dof = np.array([np.nan if one is None else float(one.dof) for one in ours])
+            found.append(Segmented(window, edges, chi2, dof))
+        return tuple(found)
+
+
+def _cut(windows: Sequence[Window], length: float) -> _Cut:
+    cut = tuple((window, edges_of(window, length)) for window in windows)
     pieces = [piece(window, edges, k) for window, edges in cut for k in range(len(edges) - 1)]
-    found = fit(mechanism, [one for one in pieces if one is not None], hasty=hasty)
-    left = {
-        recording.window.id: remainder
-        for recording, remainder in zip(found.likelihood.recordings, found.remainders, strict=True)
-    }
-    segmented: list[Segmented] = []
-    for window, edges in cut:
-        ours = [left.get(_name(window, k)) for k in range(len(edges) - 1)]
-        chi2 = np.array([np.nan if one is None else one.chi2_per_dof for one in ours])
-        dof = np.array([np.nan if one is None else float(one.dof) for one in ours])
-        segmented.append(Segmented(window, edges, chi2, dof))
-    return Segments(tuple(segmented), found)
+    return _Cut(cut, tuple(one for one in pieces if one is not None))
 
 
 def edges_of(window: Window, length: float) -> Float[np.ndarray, " edges"]:

@@ -18,12 +18,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from fidim_lab.data.records import Body
+from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import ON_THE_WAY, ROUGH, Effort, optimise
+from fidim_lab.identification.mle.recordings import Recording
 from fidim_lab.identification.mle.springs import spring_prior, starts, stretches, with_springs
 from fidim_lab.identification.mle.stages import FAR_PRIOR, HORIZONS, Journey, grow
+from fidim_lab.identification.mle.start import Guess, first_guesses
 from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, sprung
@@ -50,6 +54,14 @@ def likelihood_with(likelihood: Likelihood, mechanism: Mechanism, shared: np.nda
     guesses = replace(likelihood.guesses, tensions=None)
     prior = spring_prior(mechanism, shared, guesses, likelihood.recordings)
     return replace(likelihood, mechanism=mechanism, guesses=guesses, springs=prior)
+
+
+def guesses_of(
+    mechanism: Mechanism, shared: np.ndarray, recordings: Sequence[Recording]
+) -> tuple[Guess | RefusedError, ...]:
+    """Where each recording begins; of cables that are springs to first order, which is as good and far sooner found."""
+    made = Mechanism(mechanism.robot, mechanism.effects, mechanism.theta.tolist()) if mechanism.springs else mechanism
+    return first_guesses(made, Body.from_vector(shared[:BODY]), recordings, shared[BODY:])
 
 
 def begins_anew(mechanism: Mechanism, donor: Fit) -> bool:

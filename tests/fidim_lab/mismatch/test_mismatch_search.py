@@ -44,7 +44,9 @@ def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
     monkeypatch.setattr(module, "accepted", lambda baseline, fresh, **_: baseline)
     search = module.Search(SimpleNamespace(whole_ground=None, context=None), said.append, False, Patience())  # type: ignore[arg-type]
     monkeypatch.setattr(search.trials, "pruned", lambda found: found)
-    monkeypatch.setattr(search.trials, "judged_or_wider", lambda found, new: SimpleNamespace(is_white=False))
+    monkeypatch.setattr(
+        search.trials, "judged_or_wider", lambda found, new: SimpleNamespace(is_white=False, model=found)
+    )
     baseline = SimpleNamespace(model=None)
     assert search.best_over_all(baseline, short) is baseline  # type: ignore[arg-type]
     assert said == [f"fitting {label} to whole windows" for label in expected]
@@ -67,3 +69,19 @@ def test_a_soft_hand_at_the_same_time_of_every_window_is_found_beside_other_effe
         assert contact.begin < 2.3
         assert contact.end > 3.5
     assert Search(start, lambda _: None, False, Patience())._pushed_alike(best) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("window", [0, 3], ids=["of every window", "of one window"])
+def test_a_strong_hand_is_found_beside_soft_cables_that_only_the_first_seconds_show(baseline_of, window: int) -> None:
+    """The model as it is leaves more of every segment than the hand does, and no whole window is followed."""
+    hand = f"hand-contact:fx=5.0,fy=0.4,start=3.7,stop=4.6,window={window}"
+    start = baseline_of(hand, "cable-elasticity:EA=1.2e5,c=60", seed=43, windows=5, seconds=8.0)
+    search = Search(start, lambda _: None, look_for_pushes=True, patience=Patience())
+    baseline = candidate(start.as_it_is, start.predicted)
+    search.best_over_all(baseline, search.over_first_seconds())
+    every = [one.id for one in start.campaign.windows]
+    assert [push.window for push in search.pushes] == (every if window == 0 else [every[window - 1]])
+    for push in search.pushes:
+        assert 3.2 < push.begin < 3.8
+        assert 4.4 < push.end < 5.0

@@ -197,7 +197,7 @@ def test_three_campaigns_end_to_end(tmp_path):
     assert all(c["chi2_excess"] is not None for c in each)
     assert all(c["grade"] == "right" for c in each if c["kind"] == "nothing")
     campaign = read_campaign(out / "campaigns" / "b0001")
-    assert [w.role.value for w in campaign.windows] == ["identify"] * 4 + ["validate"] * 2
+    assert sorted(w.role.value for w in campaign.windows) == ["identify"] * 4 + ["validate"] * 2
     assert not list((out / "campaigns").rglob("truth*")), "the truth is under seal"
     before = (out / "answers" / "b0002.json").read_bytes()
     assert cli.run(arguments) == 0
