@@ -117,11 +117,13 @@ class Search:
 
     def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
         """Hands in whole windows of which only the first seconds are followed, by the best model of these."""
-        follows = [model for model in short if whiteness(model.leftovers).is_white]
-        if not (self.look_for_pushes and follows) or self.patience.ended:
+        if not self.look_for_pushes or self.patience.ended:
             return ()
-        self.say(f"looking for hands beside {follows[0].label}")
-        return find_contacts(predict_segments(follows[0], self.start.campaign.windows))
+        model = next((model for model in short if whiteness(model.leftovers).is_white), None)
+        if model is None:
+            return ()
+        self.say(f"looking for hands beside {model.label}")
+        return find_contacts(predict_segments(model, self.start.campaign.windows))
 
     def _follows_first_seconds(self, model: Completed) -> bool:
         """Whether it leaves only noise of all the first seconds, too, where it was fitted to fewer."""
