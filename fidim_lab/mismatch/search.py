@@ -20,7 +20,7 @@ from fidim_lab.mismatch.restarts import find_common_push, find_pushes
 from fidim_lab.mismatch.segments import predict_segments
 from fidim_lab.mismatch.trials import MOST_TERMS, Trials
 from fidim_lab.mismatch.unions import unions
-from fidim_lab.mismatch.views import View
+from fidim_lab.mismatch.views import MOST, View
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.mismatch.wider import widened
 
@@ -29,8 +29,6 @@ CLOSE = 25.0
 SHORTLIST = 3
 HOPELESS = 30.0
 """χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
-MOST = 0.85
-"""of what is left: a tone that takes as much is tried before anything else; of what frictions leave one takes half"""
 PUSH_COST = 20.0
 """nats: what the freedom of another start costs, as a few terms of a wide prior do"""
 Say = Callable[[str], None]

@@ -39,6 +39,10 @@ TIE, SLIGHT = 10.0, 0.02
 """nats, and share of the best log-evidence, by which a score may be off where the motion is followed"""
 FEEBLE = 0.25
 """of what is left: an addition to whole windows that takes less, and leaves structure, ends the search"""
+MOST = 0.85
+"""of what is left: a tone that takes as much is tried before anything else; of what frictions leave one takes half"""
+PERIODS = 2.0
+"""of such a tone, beside other terms, within what is looked at"""
 FREQUENCIES = 16
 """of the scan that are tried: those at which what is left is loudest"""
 FEW = 50
@@ -68,7 +72,7 @@ class View:
     @property
     def rest(self) -> float:
         """χ² beyond that of the noise which the residuals show."""
-        return self.projected.left - self.model.fit.noise_ratio**2 * self.projected.dof
+        return rest_of(self.projected, self.model)
 
     @property
     def pairs(self) -> tuple[Score, ...]:
@@ -147,9 +151,11 @@ class View:
 def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     """The scores at a model, over as long a time as it follows the motion."""
     found = _followed(model.fit)
-    # in a few seconds a tone at any phase passes for what other effects leave: beside them, in whole windows alone
-    own_phase = not model.tried or (model.whole and found is model.fit)
-    return _seen(model, found, _without(tried, model.tried), context, own_phase=own_phase)
+    seconds = float(found.journey.ends.max())
+    # in a few seconds a tone at any phase passes for much of what other effects leave, but not for nearly all of it
+    anyhow = not model.tried or (model.whole and found is model.fit)
+    heard = _ANYHOW if anyhow else _Heard(MOST, PERIODS / seconds)
+    return _seen(model, found, _without(tried, model.tried), context, heard)
 
 
 def tones(model: Completed, tried: Hypotheses, context: Context) -> View:
@@ -159,10 +165,23 @@ def tones(model: Completed, tried: Hypotheses, context: Context) -> View:
     tell, and what nothing but itself takes away.
     """
     left = replace(_without(tried, model.tried), direct=())
-    return _seen(model, model.fit, left, context, own_phase=True)
+    return _seen(model, model.fit, left, context, _ANYHOW)
 
 
-def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, *, own_phase: bool) -> View:
+@dataclass(frozen=True)
+class _Heard:
+    """Which tones with a phase of each window are."""
+
+    share: float
+    """of what is left, that they take at least"""
+    frequency: float
+    """Hz, at least"""
+
+
+_ANYHOW = _Heard(0.0, 0.0)
+
+
+def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, heard: _Heard) -> View:
     """The scores of what is left to be tried at a fit of the model."""
     simulation = found.journey.optimum.simulation
     likely = _likely_frequencies(found, sorted({float(h.absent[-1]) for h in left.periodic}))
@@ -171,10 +190,17 @@ def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, *, o
     scored = scorer(model.mechanism, left)
     grams = window_grams(scored, found.likelihood, simulation)
     seen = projected(scored, found, grams)
-    singles = same = single_scores(seen, context)
-    if own_phase:
-        singles = (*same, *_own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model))
+    same = single_scores(seen, context)
+    own = _own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model)
+    least = heard.share * rest_of(seen, model)
+    own = (one for one in own if one.gain > least and float(one.tried[0].absent[-1]) >= heard.frequency)
+    singles = (*same, *own)
     return View(model, seen, tuple(sorted(singles, key=lambda score: -score.log_evidence)), context, found)
+
+
+def rest_of(seen: Projected, model: Completed) -> float:
+    """χ² beyond that of the noise which the residuals show."""
+    return seen.left - model.fit.noise_ratio**2 * seen.dof
 
 
 def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) -> tuple[Score, ...]:

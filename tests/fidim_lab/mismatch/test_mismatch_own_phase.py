@@ -116,3 +116,22 @@ def test_a_sway_of_its_own_phase_is_heard_beside_a_model_that_follows_the_first_
     assert loudest.effect.of_each_window
     assert loudest.absent[-1] == pytest.approx(0.62, abs=0.1)
     assert heard.singles[0].gain > 0.5 * heard.rest
+
+
+@pytest.mark.parametrize(
+    ("beside", "heard"),
+    [("rotational-drag:c=0.0005", True), ("attachment-friction:dry=0.01", False)],
+    ids=["nearly all that is left", "half of it"],
+)
+def test_the_first_seconds_tell_a_sway_of_its_own_phase_that_takes_nearly_all_that_is_left(
+    baseline_of, beside: str, heard: bool
+) -> None:
+    sway = "frame-sway:ax=-0.0003,ay=-0.0013,az=0.0002,f=2.66,psi=0.65"
+    start = baseline_of("cable-length-bias:bias=-0.009,cable=3", sway, beside, seed=6, windows=5, seconds=4.0)
+    bias = next(h for h in start.tried.direct if (h.effect.id, h.effect.cable) == ("cable-length-bias", 3))
+    model = refit(start.short_ground, start.short, [bias], [bias.absent], start.context)
+    assert model is not None
+    seen = view(model, start.tried, start.context)
+    assert any(s.tried[0].effect.of_each_window for s in seen.singles) == heard
+    if heard:
+        assert seen.singles[0].label == "frame-sway (own phase)"
