@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.additions import Addition, additions
 from fidim_lab.mismatch.baseline import Baseline
-from fidim_lab.mismatch.candidates import Candidate, advantage, candidate, most_convincing, price, rest_of
+from fidim_lab.mismatch.candidates import Candidate, advantage, candidate, common_scale, most_convincing, price, rest_of
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.imitators import in_place_of
 from fidim_lab.mismatch.patience import Patience
@@ -22,6 +22,9 @@ WIDENED = 0.5
 """of the rest: a term that leaves more is not tried in a wider form"""
 NEARLY = 25.0
 """nats by which a further term beats a simpler model, within which a wider form of that one may do the same"""
+FARTHER = 4.0
+"""times the nats that doing without terms costs to first order, and some: a fit without them that leaves as much has
+ended before its optimum"""
 DROPPABLE = 200.0
 """nats, to first order, above which nobody tries to do without a term"""
 
@@ -141,21 +144,31 @@ class Trials:
     def keeping(self, model: Completed, kept: Sequence[int]) -> Completed | None:
         """The model with these of its terms alone, from where they are; None where no fit gets there."""
         tried, thetas = [model.tried[k] for k in kept], [model.thetas[k] for k in kept]
-        if model.whole and _terms(tried) in self._known:
-            return self._known[_terms(tried)]
+        known = self._known.get(_terms(tried)) if model.whole else None
+        if known is not None and not _falls_short(known, model, kept):
+            return known
         found = refit(self.start.ground(model), model.fit, tried, thetas, self.start.context)
         if found is not None:
             self._remember(found)
-        return found
+        return known if found is None else found
 
     def _remember(self, found: Completed) -> None:
         """For pruning; not what oscillates: frequencies have many optima."""
-        if found.whole and not any(h.effect.id in PERIODIC for h in found.tried):
-            self._known.setdefault(_terms(found.tried), found)
+        known = self._known.get(_terms(found.tried))
+        better = known is None or found.chi2 < known.chi2
+        if better and found.whole and not any(h.effect.id in PERIODIC for h in found.tried):
+            self._known[_terms(found.tried)] = found
 
     def judged(self, model: Completed) -> Candidate:
         """A model with what it leaves of held-out windows."""
         return candidate(model, predict(model, self.start.held_out))
+
+
+def _falls_short(known: Completed, model: Completed, kept: Sequence[int]) -> bool:
+    """Whether a fit with some of a model's terms leaves far more than doing without the others can cost."""
+    foretold = sum(price(model, k) for k in range(len(model.tried)) if k not in kept)
+    cost = 0.5 * (known.chi2 - model.chi2) / common_scale([model, known])
+    return cost > FARTHER * (foretold + ENOUGH)
 
 
 def _terms(tried: Sequence[Hypothesis]) -> tuple[object, ...]:

@@ -13,8 +13,9 @@ from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.trials import Trials
 
 
-def model(*tried: Hypothesis, whole: bool = True) -> SimpleNamespace:
-    return SimpleNamespace(tried=tried, thetas=[h.absent for h in tried], whole=whole, fit=None)
+def model(*tried: Hypothesis, whole: bool = True, chi2: float = 1e4) -> SimpleNamespace:
+    fit = SimpleNamespace(chi2_per_dof=1.0)
+    return SimpleNamespace(tried=tried, thetas=[h.absent for h in tried], whole=whole, fit=fit, chi2=chi2)
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,7 @@ def test_pruning_fits_the_same_terms_of_whole_windows_once(
         return model(*tried, whole=whole)
 
     monkeypatch.setattr(module, "refit", refit)
+    monkeypatch.setattr(module, "price", lambda model, k: 1.0)
     trials = Trials(SimpleNamespace(ground=lambda model: None, context=None), lambda _: None, Patience())  # type: ignore[arg-type]
     pair = model(first, second, whole=whole)
     kept = [trials.keeping(pair, [1]) for _ in range(2)]  # type: ignore[arg-type]
@@ -44,6 +46,27 @@ def test_pruning_fits_the_same_terms_of_whole_windows_once(
     assert len(asked) == fits
     trials.keeping(pair, [0])  # type: ignore[arg-type]
     assert asked[-1] == (first,)
+
+
+@pytest.mark.parametrize(("price", "fits"), [(0.1, 2), (180.0, 1)], ids=["of nothing", "of what is needed"])
+def test_a_fit_that_ended_far_before_its_optimum_is_made_again_from_a_better_one(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, price: float, fits: int
+) -> None:
+    """Without a term that says next to nothing as much cannot be left as an earlier fit of the others has."""
+    drag, tilt = (
+        next(h for h in hypotheses(irma4).direct if h.effect.id == id) for id in ("umbilical", "gravity-tilt")
+    )
+    left = iter([1.1e4, 1e4])
+
+    def refit(ground: object, donor: object, tried: list[Hypothesis], *_: object) -> SimpleNamespace:
+        return model(*tried, chi2=next(left))
+
+    monkeypatch.setattr(module, "refit", refit)
+    monkeypatch.setattr(module, "price", lambda model, k: price)
+    trials = Trials(SimpleNamespace(ground=lambda model: None, context=None), lambda _: None, Patience())  # type: ignore[arg-type]
+    both = model(drag, tilt)
+    kept = [trials.keeping(both, [0]) for _ in range(3)]  # type: ignore[arg-type]
+    assert [one.chi2 for one in kept if one] == [1.1e4, *([1e4] * 2 if fits == 2 else [1.1e4] * 2)]
 
 
 @pytest.mark.parametrize(
