@@ -18,7 +18,7 @@ from fidim_lab.errors import SetupError
 T = TypeVar("T")
 R = TypeVar("R")
 Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-AHEAD = 4
+AHEAD = 16
 """tasks a worker that are under way: one that takes long keeps no other waiting"""
 
 
