@@ -29,6 +29,17 @@ def _spin_drag_by_axis(state: PlatformState, shape: ca.SX) -> ca.SX:
     return turned(state.rotation @ ca.diag(state.rotation.T @ state.spin))
 
 
+def _across_the_spin(state: PlatformState, shape: ca.SX) -> ca.SX:
+    """−ω × h for each body axis of h: what a wheel that spins inside does to the platform that turns it."""
+    del shape
+    return turned(-ca.skew(state.spin) @ state.rotation)
+
+
+def _about_body_axes(state: PlatformState, shape: ca.SX) -> ca.SX:
+    del shape
+    return turned(state.rotation)
+
+
 def _speed(state: PlatformState) -> ca.SX:
     return _length(velocity(state))
 
@@ -59,7 +70,7 @@ def of_speed(reach: Reach) -> list[Family]:
 
 
 def of_spin(reach: Reach) -> list[Family]:
-    """Torque against the turning, forces that act only while something turns, and a torque of the orientation."""
+    """Torques against and across the turning, forces while something turns, and a torque of the orientation."""
 
     def rate(state: PlatformState) -> ca.SX:
         return _length(state.spin) / reach.spin
@@ -72,7 +83,15 @@ def of_spin(reach: Reach) -> list[Family]:
         del shape
         return rate(state) ** exponent
 
-    def turned(state: PlatformState, shape: ca.SX) -> ca.SX:
+    def steady(state: PlatformState, shape: ca.SX) -> ca.SX:
+        del state, shape
+        return ca.SX(1)
+
+    def spin(state: PlatformState, shape: ca.SX) -> ca.SX:
+        del shape
+        return state.rotation.T @ state.spin / reach.spin
+
+    def tilted(state: PlatformState, shape: ca.SX) -> ca.SX:
         del shape
         r = state.rotation
         return monomials(ca.vertcat(r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]) / 2, (1, 2))
@@ -83,12 +102,14 @@ def of_spin(reach: Reach) -> list[Family]:
         law, says = partial(power, q), f"turning rate^{q:g}"
         found.append(Family(Dependence.SPIN, f"torque ~ {says}", _spin_drag, law, none, power=q))
         found.append(Family(Dependence.SPIN, f"torque ~ {says}, by body axis", _spin_drag_by_axis, law, none, power=q))
+    found.append(Family(Dependence.ACROSS, "torque across the turning", _across_the_spin, steady, none))
+    found.append(Family(Dependence.SPIN, "any torque ~ turning rate", _about_body_axes, spin, none, power=1.0))
     for q in POWERS[:2]:
         law, says = partial(grown, q), f"turning rate^{q:g}"
         found.append(Family(Dependence.TURNING, f"force ~ {says}", any_force, law, none, power=q))
         found.append(Family(Dependence.TURNING, f"steady torque ~ {says}", any_torque, law, none, power=q))
         found.append(Family(Dependence.TURNING, f"drag ~ {says}", drag, law, none, power=q))
-    found.append(Family(Dependence.ORIENTATION, "torque of the orientation", any_torque, turned, none))
+    found.append(Family(Dependence.ORIENTATION, "torque of the orientation", any_torque, tilted, none))
     return found
 
 

@@ -34,6 +34,7 @@ class Dependence(Enum):
     SPEED = "goes along with the velocity"
     VELOCITY = "depends on the velocity"
     SPIN = "goes along with the rate of turning"
+    ACROSS = "acts across the turning"
     TURNING = "depends on how fast the platform turns"
     ORIENTATION = "depends on how the platform is turned"
     MOMENT = "acts for a moment"

@@ -81,6 +81,11 @@ def _spin_squared(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _turning(-effect["k"] * ca.sqrt(ca.dot(platform.omega, platform.omega) + 1e-12) * platform.omega)
 
 
+def _wheel_inside(platform: Platform, effect: HiddenEffect) -> Wrench:
+    momentum = effect["k"] * platform.rotation @ ca.SX(ca.DM([0.6, 0.0, -0.8]))
+    return _turning(ca.cross(momentum, platform.omega))
+
+
 HIDDEN: dict[str, tuple[Callable[[Platform, HiddenEffect], Wrench], float]] = {
     "magnet": (_magnet, 0.5),
     "gradient": (_gradient, 0.3),
@@ -91,6 +96,7 @@ HIDDEN: dict[str, tuple[Callable[[Platform, HiddenEffect], Wrench], float]] = {
     "square wave": (_square_wave, 0.05),
     "eddy brake": (_eddy_brake, 0.3),
     "spin squared": (_spin_squared, 0.001),
+    "wheel inside": (_wheel_inside, 0.01),
 }
 
 
@@ -123,6 +129,7 @@ def explored(campaign: Campaign) -> tuple[Fit, Unknown]:
         ("bump in time", 1.0, {Dependence.MOMENT, Dependence.TIME}, "between"),
         ("square wave", 3.0, {Dependence.PERIODIC}, "repeats every 0.9"),
         ("third swivel", 1.0, {Dependence.CABLE}, "cable 3"),
+        ("wheel inside", 1.0, {Dependence.ACROSS}, "a wheel that spins inside with (0.006, "),
         ("speed cubed", 5.0, {Dependence.SPEED, Dependence.VELOCITY}, "speed"),
     ],
 )
