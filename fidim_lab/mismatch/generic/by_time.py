@@ -22,8 +22,8 @@ def moment(reach: Reach) -> Family:
     return Family(Dependence.MOMENT, "a push at a moment", any_force, bell, shapes, np.array([0.1, 0.3]))
 
 
-def periodic(reach: Reach) -> Family:
-    """A force at one frequency with its harmonics, in step in all windows."""
+def periodic(reach: Reach) -> list[Family]:
+    """A force at one frequency with its harmonics, in step in all windows or at a time of its own in each."""
 
     def waves(state: PlatformState, shape: ca.SX) -> ca.SX:
         phase = 2 * ca.pi * shape[0] * state.time
@@ -32,8 +32,12 @@ def periodic(reach: Reach) -> Family:
 
     step = 1 / (2 * max(reach.seconds, 1.0))
     shapes = tuple(np.array([f]) for f in np.arange(*FREQUENCIES, step))
-    label = "periodic force, the same in every window"
-    return Family(Dependence.PERIODIC, label, any_force, waves, shapes, np.array([0.3 * step]))
+    steps = np.array([0.3 * step])
+    in_step, own = "periodic force, the same in every window", "periodic force, at its own time in every window"
+    return [
+        Family(Dependence.PERIODIC, in_step, any_force, waves, shapes, steps),
+        Family(Dependence.PERIODIC, own, any_force, waves, shapes, steps, harmonics=HARMONICS),
+    ]
 
 
 def in_time(reach: Reach) -> list[Family]:

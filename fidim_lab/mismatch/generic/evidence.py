@@ -17,6 +17,7 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from fidim_lab.mismatch.generic.family import Courses, Family
+from fidim_lab.mismatch.generic.own_times import own_times
 from fidim_lab.mismatch.generic.responses import Responses
 
 STRENGTHS = np.logspace(-4, 3, 15)
@@ -54,6 +55,8 @@ class Weighed:
 
     excess: float = 0.0
     """χ² beyond the noise, of which it takes its share"""
+    phases: Float[np.ndarray, " W"] | None = None
+    """rad, of each window, where it meets them at times of their own"""
 
     @property
     def explained(self) -> float:
@@ -118,7 +121,7 @@ class Evidence:
     def with_left_out(self, one: Weighed) -> Weighed:
         """The same with what it predicts for windows left out."""
         grams = self._grams(one.courses, one.shape)
-        found = [(self._left_out(grams, factor * one.prior_sd), factor) for factor in WEAKER]
+        found = [(self._left_out(grams.all, factor * one.prior_sd), factor) for factor in WEAKER]
         left_out, factor = max(found)
         return replace(self._at_strength(one, factor * one.prior_sd), left_out=left_out)
 
@@ -129,7 +132,15 @@ class Evidence:
     def _evidence(self, courses: Courses, shape: np.ndarray) -> float:
         return self._solved(courses, shape, self._grams(courses, shape)).log_evidence
 
-    def _grams(self, courses: Courses, shape: np.ndarray) -> Float[np.ndarray, "W m m"]:
+    def _grams(self, courses: Courses, shape: np.ndarray) -> "_Grams":
+        """Window by window, each in its own time where the family has one."""
+        found, harmonics = self._in_step(courses, shape), courses.family.harmonics
+        if not harmonics:
+            return _Grams(found, None, 0.0)
+        own = own_times(found, self.shared, harmonics, self.chi2 / max(1, self.count))
+        return _Grams(own.grams, own.phases, own.cost)
+
+    def _in_step(self, courses: Courses, shape: np.ndarray) -> Float[np.ndarray, "W m m"]:
         """Of [shared, weights, residual], window by window."""
         given = self.responses
         bumps = given.coefficients(*courses.at(given.sample, shape))
@@ -145,8 +156,8 @@ class Evidence:
         found[:, mine[:, np.newaxis], place] = np.swapaxes(half[:, outer], 1, 2)
         return found
 
-    def _solved(self, courses: Courses, shape: np.ndarray, grams: np.ndarray) -> Weighed:
-        curvature, gradient, chi2 = self._projected(grams.sum(axis=0))
+    def _solved(self, courses: Courses, shape: np.ndarray, grams: "_Grams") -> Weighed:
+        curvature, gradient, chi2 = self._projected(grams.all.sum(axis=0))
         values, vectors, scale = _modes(curvature)
         pull = vectors.T @ (gradient / scale)
         strengths = STRENGTHS * np.sqrt(max(chi2, 1.0))
@@ -163,8 +174,9 @@ class Evidence:
             curvature,
             gradient,
             gain=0.0,
-            log_evidence=float(logs[k]),
+            log_evidence=float(logs[k]) - grams.cost,
             excess=max(1.0, chi2 - self.count),
+            phases=grams.phases,
         )
         return self._at_strength(found, prior_sd)
 
@@ -214,6 +226,17 @@ class Evidence:
         inner[range(s, len(inner)), range(s, len(inner))] += prior_sd**-2.0
         scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
         return np.linalg.lstsq(inner / np.outer(scale, scale), -right / scale, rcond=1e-13)[0] / scale
+
+
+@dataclass(frozen=True, eq=False)
+class _Grams:
+    """All windows' sums of squares by a family at one shape."""
+
+    all: Float[np.ndarray, "W m m"]
+    """of [shared, weights, residual]"""
+    phases: Float[np.ndarray, " W"] | None
+    cost: float
+    """nats, of the phases"""
 
 
 def _squares(gram: np.ndarray, step: np.ndarray) -> float:

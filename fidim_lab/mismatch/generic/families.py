@@ -19,7 +19,7 @@ def families(reach: Reach, cables: int) -> tuple[Family, ...]:
         *(centre(reach, point) for point in Point),
         brake(reach),
         moment(reach),
-        periodic(reach),
+        *periodic(reach),
         *evenly(reach),
         *in_space(reach),
         *in_time(reach),

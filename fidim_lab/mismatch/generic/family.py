@@ -63,6 +63,9 @@ class Family:
     """with which power of its rate it grows, where that is its shape"""
     scale: float | None = None
     """m, by which places are divided in a polynomial"""
+    harmonics: int = 0
+    """where windows meet it at times of their own: of how many its features are sin and cos in turn; the lowest has the
+    frequency that is its shape, Hz"""
     box: Float[np.ndarray, "2 shape"] | None = None
     """lowest and highest shape that is searched"""
 

@@ -58,6 +58,7 @@ def field_of(found: Fit, latents: Sequence[LatentForce], only: int | None = None
 
 def _window(found: Fit, latents: Sequence[LatentForce], only: int | None, w: int) -> tuple[np.ndarray, ...]:
     simulation, shared = found.journey.optimum.simulation, found.values
+    phases = found.journey.optimum.point.states.astray
     trajectories, place = simulation.trajectory_of(w)
     use = np.flatnonzero(trajectories.grid.t <= simulation.ends[w] + 1e-9)[::EVERY]
     t = trajectories.begins[place] + trajectories.grid.t[use]
@@ -65,13 +66,15 @@ def _window(found: Fit, latents: Sequence[LatentForce], only: int | None, w: int
     twists = trajectories.twists[place][use]
     arms = rotations @ shared[:3]
     wrench = np.zeros((len(t), 6))
-    sample = tuple(x[np.newaxis] for x in (t[:, np.newaxis], positions, rotations, twists))
+    motion = (positions, rotations, twists)
     first = len(shared) - sum(len(latent.parameters) for latent in latents)
     for k, latent in enumerate(latents):
         last = first + len(latent.parameters)
         if only in (None, k) and latent.family is not None and latent.shape is not None:
             courses = Courses(latent.family, found.likelihood.mechanism, shared)
-            directions, features = courses.at(sample, latent.shape_at(shared[first:last]))
+            shape = latent.shape_at(shared[first:last])
+            time = t if phases is None or not latent.extra_states else latent.own_time(t, shape, phases[w, -1])
+            directions, features = courses.at([x[np.newaxis] for x in (time[:, np.newaxis], *motion)], shape)
             table = latent.weights(shared[first:last]).reshape(directions.shape[-1], -1)
             wrench += np.einsum("sxd,dk,sk->sx", directions[0], table, features[0])
         first = last

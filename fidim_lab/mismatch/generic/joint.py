@@ -67,7 +67,8 @@ def fitted(base: Fit, donor: Point, latent: LatentForce, seconds: float) -> Fit 
     ones = np.ones(len(start))
     prior = Prior(np.append(base.prior.mean, np.zeros(len(start))), np.append(base.prior.sd, ones))
     shared = np.append(donor.shared, start)
-    point = Point(shared, tied(mechanism, shared, donor.states, likelihood.begins))
+    states = donor.states if latent.phases is None else replace(donor.states, astray=latent.phases[:, np.newaxis])
+    point = Point(shared, tied(mechanism, shared, states, likelihood.begins))
     free = np.ones(len(shared), dtype=bool)
     longest = max(recording.end for recording in likelihood.recordings)
     if seconds < longest:

@@ -4,17 +4,18 @@
 where it was found, in units of the search's first steps: θ ~ N(0, 1).
 """
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
+from fidim_lab.effects.oscillation import PHASE
 from fidim_lab.mismatch.generic.evidence import Weighed
 from fidim_lab.mismatch.generic.family import Family
-from fidim_lab.model.slots import PlatformState
+from fidim_lab.model.slots import ExtraState, PlatformState
 
 MOST = 24
 """combinations of weights that are fitted"""
@@ -34,6 +35,8 @@ class LatentForce(NamedEffect):
     shape: Float[np.ndarray, " shape"] | None = None
     basis: Float[np.ndarray, "Q r"] | None = None
     start_at: Float[np.ndarray, " r"] | None = None
+    phases: Float[np.ndarray, " W"] | None = None
+    """rad, of each window that it was weighed on, where windows meet it at times of their own"""
 
     @staticmethod
     def of(found: Weighed) -> "LatentForce":
@@ -45,7 +48,8 @@ class LatentForce(NamedEffect):
         order = order if len(order) else np.array([int(np.argmax(values))])
         basis = found.prior_sd[:, np.newaxis] * vectors[:, order]
         start = vectors[:, order].T @ (found.weights / found.prior_sd)
-        return LatentForce(family=found.family, shape=found.shape, basis=basis, start_at=start)
+        kind = LatentForce if found.phases is None else LatentForceOwnTime
+        return kind(family=found.family, shape=found.shape, basis=basis, start_at=start, phases=found.phases)
 
     @property
     def _steps(self) -> Float[np.ndarray, " shape"]:
@@ -80,8 +84,26 @@ class LatentForce(NamedEffect):
         """The family's, at the platform."""
         if self.family is None or self.shape is None or self.basis is None:
             return ca.SX.zeros(6)
-        count = self.basis.shape[1]
-        shape = ca.SX(ca.DM(self.shape))
-        if len(self._steps):
-            shape += ca.DM(self._steps) * theta[count:]
-        return self.family.wrench(state, shape, ca.SX(ca.DM(self.basis)) @ theta[:count])
+        weights = ca.SX(ca.DM(self.basis)) @ theta[: self.basis.shape[1]]
+        return self.family.wrench(state, self.moved(theta), weights)
+
+    def moved(self, theta: ca.SX) -> ca.SX:
+        """The shape for θ, as an expression."""
+        shape = ca.SX(ca.DM(np.zeros(0) if self.shape is None else self.shape))
+        return shape + ca.DM(self._steps) * theta[theta.numel() - len(self._steps) :] if len(self._steps) else shape
+
+    def own_time(self, time: Any, shape: Any, phase: Any) -> Any:
+        """The time at which it is, where a window meets it at that phase (rad): numbers or expressions."""
+        return time + phase / (2 * np.pi * shape[0])
+
+
+@dataclass(frozen=True, eq=False)
+class LatentForceOwnTime(LatentForce):
+    """The same where each window meets it at a time of its own: a phase that counts as part of the window's start."""
+
+    extra_states: ClassVar[tuple[ExtraState, ...]] = (PHASE,)
+    of_each_window: ClassVar[bool] = True
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """The family's, at the window's own time."""
+        return super().wrench(replace(state, time=self.own_time(state.time, self.moved(theta), state.extra[0])), theta)

@@ -134,7 +134,7 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
         if not rest < left:
             break
         left, now, latents, chosen = rest, completed, [*latents, latent], [*chosen, (weighed, tried)]
-        if left < SECOND * whole:
+        if left < SECOND * whole or latent.extra_states:
             break
     after = judged(now, validate) if latents else before
     terms = _terms(now, latents, chosen)

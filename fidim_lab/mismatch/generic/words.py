@@ -65,7 +65,8 @@ def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
             return _course(field)
         case Dependence.PERIODIC:
             f = float(shape[0])
-            return f"It repeats every {1 / f:.3g} s ({f:.3g} Hz), in step in all windows."
+            when = "at a time of its own in each window" if family.harmonics else "in step in all windows"
+            return f"It repeats every {1 / f:.3g} s ({f:.3g} Hz), {when}."
         case Dependence.CABLE:
             return f"It acts only at cable {family.cable}: {family.label}{_law(latent, theta)}."
 
