@@ -17,7 +17,7 @@ from fidim_lab.model.slots import ExtraState
 FREQUENCIES = tuple(float(f) for f in np.round(np.arange(0.2, 10.05, 0.1), 3))
 """Hz: 10 s of recording tell 0.1 Hz apart"""
 
-PHASE = ExtraState("phase", "rad", spread=np.inf)
+PHASE = ExtraState("phase", "rad", spread=np.inf, tries=(0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi))
 
 
 def oscillation_parameters(unit: str, says: str, *, scale: float, most: float) -> tuple[Parameter, ...]:

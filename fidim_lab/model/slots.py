@@ -88,6 +88,8 @@ class ExtraState:
     spread: float
     """standard deviation, before any data, of its value at the start of a window around `Effect.extra_start`; 0: exact,
     inf: anything. Each window has its own."""
+    tries: tuple[float, ...] = (0.0,)
+    """values from which it is looked for where nothing is known of it"""
 
 
 class Effect:

@@ -27,8 +27,6 @@ FORETOLD = replace(ON_TRIAL, creep=0.1, idle=0.1)
 """what is far off is not followed to the last digit, nor what the window hardly tells"""
 GLANCE = replace(FORETOLD, resolution=QUICK, idle=1.0)
 """the same, to choose among starts"""
-PHASES = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
-"""rad, at which own states begin that may have any value"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +110,14 @@ def _start(likelihood: Likelihood, shared: np.ndarray) -> States | None:
     first seconds of each window are followed best.
     """
     guesses, spread = likelihood.guesses, spreads(likelihood.mechanism)
+    own = [state for effect in likelihood.mechanism.effects for state in effect.extra_states]
     if not np.isinf(spread).any():
         return guesses
     near = replace(likelihood, recordings=tuple(recording.until(HORIZONS[-1]) for recording in likelihood.recordings))
     nowhere = np.zeros((len(guesses.positions), len(spread)))
-    begins = [replace(guesses, astray=np.where(np.isinf(spread), phase, nowhere)) for phase in PHASES]
+    most = max(len(state.tries) for state in own)
+    tried = [np.array([state.tries[k % len(state.tries)] for state in own]) for k in range(most)]
+    begins = [replace(guesses, astray=np.where(np.isinf(spread), values, nowhere)) for values in tried]
     journeys = [journey for begin in begins if (journey := _fitted(near, shared, begin, GLANCE)) is not None]
     if not journeys:
         return None

@@ -10,6 +10,10 @@ from fidim_lab.model.slots import PlatformState
 FREQUENCIES = (0.2, 8.0)
 """Hz"""
 HARMONICS = 3
+KNOCKS_AT, KNOCKS_APART = (0.3, 2.5), 0.02
+"""Hz: from where to where, and by what, frequencies of knocks are tried"""
+OF_KNOCKS = 10
+"""harmonics: a platform of a few Hz hardly answers to what is faster"""
 
 
 def moment(reach: Reach) -> Family:
@@ -26,9 +30,7 @@ def periodic(reach: Reach) -> list[Family]:
     """A force at one frequency with its harmonics, in step in all windows or at a time of its own in each."""
 
     def waves(state: PlatformState, shape: ca.SX) -> ca.SX:
-        phase = 2 * ca.pi * shape[0] * state.time
-        parts = [wave(k * phase) for k in range(1, HARMONICS + 1) for wave in (ca.sin, ca.cos)]
-        return ca.vertcat(*parts)
+        return _waves(state, shape, HARMONICS)
 
     step = 1 / (2 * max(reach.seconds, 1.0))
     shapes = tuple(np.array([f]) for f in np.arange(*FREQUENCIES, step))
@@ -38,6 +40,23 @@ def periodic(reach: Reach) -> list[Family]:
         Family(Dependence.PERIODIC, in_step, any_force, waves, shapes, steps),
         Family(Dependence.PERIODIC, own, any_force, waves, shapes, steps, harmonics=HARMONICS),
     ]
+
+
+def knocks() -> Family:
+    """One short force that comes back again and again, at a time of its own in every window."""
+
+    def waves(state: PlatformState, shape: ca.SX) -> ca.SX:
+        return ca.vertcat(1, _waves(state, shape, OF_KNOCKS))
+
+    shapes = tuple(np.array([f]) for f in np.arange(*KNOCKS_AT, KNOCKS_APART))
+    label = "knocks, at their own time in every window"
+    steps = np.array([0.3 * KNOCKS_APART])
+    return Family(Dependence.PERIODIC, label, any_force, waves, shapes, steps, harmonics=OF_KNOCKS, knocks=True)
+
+
+def _waves(state: PlatformState, shape: ca.SX, harmonics: int) -> ca.SX:
+    phase = 2 * ca.pi * shape[0] * state.time
+    return ca.vertcat(*(wave(k * phase) for k in range(1, harmonics + 1) for wave in (ca.sin, ca.cos)))
 
 
 def in_time(reach: Reach) -> list[Family]:

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from fidim_lab.mismatch.generic.family import Courses, Family
-from fidim_lab.mismatch.generic.own_times import own_times
+from fidim_lab.mismatch.generic.own_times import knocks, own_times
 from fidim_lab.mismatch.generic.responses import Responses
 
 STRENGTHS = np.logspace(-4, 3, 15)
@@ -57,6 +57,8 @@ class Weighed:
     """χ² beyond the noise, of which it takes its share"""
     phases: Float[np.ndarray, " W"] | None = None
     """rad, of each window, where it meets them at times of their own"""
+    combined: Float[np.ndarray, "P Q"] | None = None
+    """the family's weights by these, where these are fewer"""
 
     @property
     def explained(self) -> float:
@@ -137,8 +139,13 @@ class Evidence:
         found, harmonics = self._in_step(courses, shape), courses.family.harmonics
         if not harmonics:
             return _Grams(found, None, 0.0)
-        own = own_times(found, self.shared, harmonics, self.chi2 / max(1, self.count))
-        return _Grams(own.grams, own.phases, own.cost)
+        inflation = self.chi2 / max(1, self.count)
+        if courses.family.knocks:
+            directions = (found.shape[1] - 1 - self.shared) // (2 * harmonics + 1)
+            own = knocks(found, self.shared, directions, float(shape[0]), inflation)
+        else:
+            own = own_times(found, self.shared, harmonics, inflation)
+        return _Grams(own.grams, own.phases, own.cost, own.combined)
 
     def _in_step(self, courses: Courses, shape: np.ndarray) -> Float[np.ndarray, "W m m"]:
         """Of [shared, weights, residual], window by window."""
@@ -177,6 +184,7 @@ class Evidence:
             log_evidence=float(logs[k]) - grams.cost,
             excess=max(1.0, chi2 - self.count),
             phases=grams.phases,
+            combined=grams.combined,
         )
         return self._at_strength(found, prior_sd)
 
@@ -237,6 +245,8 @@ class _Grams:
     phases: Float[np.ndarray, " W"] | None
     cost: float
     """nats, of the phases"""
+    combined: Float[np.ndarray, "P Q"] | None = None
+    """the family's weights by those that are weighed, where these are fewer"""
 
 
 def _squares(gram: np.ndarray, step: np.ndarray) -> float:

@@ -6,13 +6,13 @@ widths from a tenth of it up, speeds up to the highest seen.
 
 from fidim_lab.mismatch.generic.by_place import brake, centre, evenly, in_space
 from fidim_lab.mismatch.generic.by_rate import of_cable, of_speed, of_spin
-from fidim_lab.mismatch.generic.by_time import in_time, moment, periodic
+from fidim_lab.mismatch.generic.by_time import in_time, knocks, moment, periodic
 from fidim_lab.mismatch.generic.family import Family
 from fidim_lab.mismatch.generic.reach import Point, Reach
 
 
 def families(reach: Reach, cables: int) -> tuple[Family, ...]:
-    """All of them, plainest first."""
+    """All but the last, plainest first."""
     return (
         *of_speed(reach),
         *of_spin(reach),
@@ -25,3 +25,8 @@ def families(reach: Reach, cables: int) -> tuple[Family, ...]:
         *in_time(reach),
         *(family for cable in range(1, cables + 1) for family in of_cable(cable)),
     )
+
+
+def last_families() -> tuple[Family, ...]:
+    """Those that take long to weigh: tried where none of the others does nearly all."""
+    return (knocks(),)

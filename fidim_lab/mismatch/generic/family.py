@@ -66,6 +66,8 @@ class Family:
     harmonics: int = 0
     """where windows meet it at times of their own: of how many its features are sin and cos in turn; the lowest has the
     frequency that is its shape, Hz"""
+    knocks: bool = False
+    """of these harmonics, and a constant before them, only together as short knocks make them"""
     box: Float[np.ndarray, "2 shape"] | None = None
     """lowest and highest shape that is searched"""
 

@@ -17,6 +17,8 @@ from fidim_lab.mismatch.generic.evidence import Weighed
 from fidim_lab.mismatch.generic.family import Family
 from fidim_lab.model.slots import ExtraState, PlatformState
 
+PHASES = tuple(float(x) for x in np.linspace(-np.pi, np.pi, 8, endpoint=False))
+"""rad, from which a window's own is looked for: what is short has harmonics"""
 MOST = 24
 """combinations of weights that are fitted"""
 DETERMINED = 0.05
@@ -47,6 +49,7 @@ class LatentForce(NamedEffect):
         order = order[values[order] / (1 + values[order]) > DETERMINED] if len(values) > 3 else order
         order = order if len(order) else np.array([int(np.argmax(values))])
         basis = found.prior_sd[:, np.newaxis] * vectors[:, order]
+        basis = basis if found.combined is None else found.combined @ basis
         start = vectors[:, order].T @ (found.weights / found.prior_sd)
         kind = LatentForce if found.phases is None else LatentForceOwnTime
         return kind(family=found.family, shape=found.shape, basis=basis, start_at=start, phases=found.phases)
@@ -101,7 +104,7 @@ class LatentForce(NamedEffect):
 class LatentForceOwnTime(LatentForce):
     """The same where each window meets it at a time of its own: a phase that counts as part of the window's start."""
 
-    extra_states: ClassVar[tuple[ExtraState, ...]] = (PHASE,)
+    extra_states: ClassVar[tuple[ExtraState, ...]] = (replace(PHASE, tries=PHASES),)
     of_each_window: ClassVar[bool] = True
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:

@@ -17,7 +17,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation
 from fidim_lab.mismatch.generic.evidence import Evidence, Weighed, weigh_all
-from fidim_lab.mismatch.generic.families import families
+from fidim_lab.mismatch.generic.families import families, last_families
 from fidim_lab.mismatch.generic.family import Courses, Dependence
 from fidim_lab.mismatch.generic.field import Field, field_of
 from fidim_lab.mismatch.generic.joint import HeldOutFigures, fitted, judged, near
@@ -35,6 +35,8 @@ ENOUGH = 5.0
 FAIR = 0.25
 """of the best one's gain on windows left out: among families that reach it evidence decides. Windows left out are too
 strict a judge alone: what acts in places that one window visits cannot be foretold by the others"""
+NEARLY_ALL = 0.9
+"""of the excess of windows left out: what takes as much, and does not repeat, spares the families that take long"""
 LISTED = 10
 SECOND = 0.2
 """of the excess: where more is left, a second term is looked for"""
@@ -160,6 +162,10 @@ def _next_term(base: Fit, least: float) -> tuple[tuple[Fit, LatentForce, Weighed
     evidence = Evidence(answers, base.prior.rows(shared))
     reach = Reach.of(answers, shared[:3])
     ranking = weigh_all(evidence, [Courses(one, mechanism, shared) for one in families(reach, mechanism.n)])
+    first = ranking[0] if ranking else None
+    if first is None or first.left_out_share < NEARLY_ALL or first.family.harmonics:
+        late = weigh_all(evidence, [Courses(one, mechanism, shared) for one in last_families()])
+        ranking = tuple(sorted([*ranking, *late], key=lambda one: -one.left_out))
     best = chosen(ranking)
     if best is None or best.left_out_share < least:
         return None, ranking

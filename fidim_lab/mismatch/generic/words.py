@@ -64,11 +64,21 @@ def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
         case Dependence.TIME:
             return _course(field)
         case Dependence.PERIODIC:
-            f = float(shape[0])
-            when = "at a time of its own in each window" if family.harmonics else "in step in all windows"
-            return f"It repeats every {1 / f:.3g} s ({f:.3g} Hz), {when}."
+            return _repeats(latent, theta, float(shape[0]))
         case Dependence.CABLE:
             return f"It acts only at cable {family.cable}: {family.label}{_law(latent, theta)}."
+
+
+def _repeats(latent: LatentForce, theta: np.ndarray, f: float) -> str:
+    """How often and, of knocks, how strong: at its height all waves add up."""
+    own = latent.family is not None and latent.family.harmonics > 0
+    when = "at a time of its own in each window" if own else "in step in all windows"
+    said = f"every {1 / f:.3g} s ({f:.3g} Hz), {when}"
+    if latent.family is None or not latent.family.knocks:
+        return f"It repeats {said}."
+    waves = latent.weights(theta).reshape(3, -1)
+    height = ", ".join(f"{x:.2g}" for x in waves[:, 0] + waves[:, 2::2].sum(axis=1))
+    return f"It knocks {said}: a short force of ({height}) N."
 
 
 def _power(rate: str, power: float | None) -> str:

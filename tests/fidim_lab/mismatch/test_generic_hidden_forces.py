@@ -81,6 +81,12 @@ def _spin_squared(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _turning(-effect["k"] * ca.sqrt(ca.dot(platform.omega, platform.omega) + 1e-12) * platform.omega)
 
 
+def _knock(platform: Platform, effect: HiddenEffect) -> Wrench:
+    """Since the first window began, as nobody tells the windows."""
+    apart = 0.0 if platform.still else ca.sin(ca.pi * platform.now[0] / 1.1) * 1.1 / ca.pi
+    return _on_centre(effect["k"] * ca.exp(-((apart / 0.03) ** 2) / 2) * ca.SX(ca.DM([0.6, -0.8, 0.0])))
+
+
 def _wheel_inside(platform: Platform, effect: HiddenEffect) -> Wrench:
     momentum = effect["k"] * platform.rotation @ ca.SX(ca.DM([0.6, 0.0, -0.8]))
     return _turning(ca.cross(momentum, platform.omega))
@@ -97,6 +103,7 @@ HIDDEN: dict[str, tuple[Callable[[Platform, HiddenEffect], Wrench], float]] = {
     "eddy brake": (_eddy_brake, 0.3),
     "spin squared": (_spin_squared, 0.001),
     "wheel inside": (_wheel_inside, 0.01),
+    "knock": (_knock, 0.5),
 }
 
 
@@ -126,9 +133,10 @@ def explored(campaign: Campaign) -> tuple[Fit, Unknown]:
     [
         ("magnet", 40.0, {Dependence.CENTRE}, "towards"),
         ("when turning", 4.0, {Dependence.TURNING}, "only while the platform turns"),
-        ("bump in time", 1.0, {Dependence.MOMENT, Dependence.TIME}, "between"),
+        ("bump in time", 2.0, {Dependence.MOMENT, Dependence.TIME}, "between"),
         ("square wave", 3.0, {Dependence.PERIODIC}, "repeats every 0.9"),
         ("third swivel", 1.0, {Dependence.CABLE}, "cable 3"),
+        ("knock", 1.0, {Dependence.PERIODIC}, "knocks every 1.1 s"),
         ("wheel inside", 1.0, {Dependence.ACROSS}, "a wheel that spins inside with (0.006, "),
         ("speed cubed", 5.0, {Dependence.SPEED, Dependence.VELOCITY}, "speed"),
     ],
