@@ -3,6 +3,7 @@
 from functools import partial
 
 import casadi as ca
+import numpy as np
 
 from fidim_lab.effects.forces import joint_rate, joint_torque
 from fidim_lab.mismatch.generic.family import Dependence, Family, monomials
@@ -10,6 +11,8 @@ from fidim_lab.mismatch.generic.reach import NO_SHAPE, Reach, any_force, any_tor
 from fidim_lab.model.slots import PlatformState
 
 POWERS = (1.0, 2.0, 3.0, 4.0)
+TEETH = (4.0, 100.0, 2.0)
+"""in one turn: from where to where, and by what they are tried"""
 SMALL = 1e-9
 """(m/s)² or (rad/s)² under a root: keeps derivatives finite at rest"""
 
@@ -111,6 +114,30 @@ def of_spin(reach: Reach) -> list[Family]:
         found.append(Family(Dependence.TURNING, f"drag ~ {says}", drag, law, none, power=q))
     found.append(Family(Dependence.ORIENTATION, "torque of the orientation", any_torque, tilted, none))
     return found
+
+
+def of_teeth() -> list[Family]:
+    """Torques on all swivels, or all pulleys, that come back so many times in one turn: teeth, detents."""
+
+    def teeth(which: str, state: PlatformState, shape: ca.SX) -> ca.SX:
+        columns: list[ca.SX] = []
+        for one in state.cables:
+            torque, angle = (
+                joint_torque(one, getattr(one, f"{which}_gradient"), ca.SX(1)),
+                getattr(one, f"{which}_angle"),
+            )
+            columns += [torque * ca.sin(shape[0] * angle), torque * ca.cos(shape[0] * angle)]
+        return ca.horzcat(*columns)
+
+    def steady(state: PlatformState, shape: ca.SX) -> ca.SX:
+        del state, shape
+        return ca.SX(1)
+
+    shapes, steps = tuple(np.array([n]) for n in np.arange(*TEETH)), np.array([0.3 * TEETH[2]])
+    return [
+        Family(Dependence.DETENT, f"teeth of all {joint}", partial(teeth, which), steady, shapes, steps)
+        for which, joint in (("swivel", "swivels"), ("wrap", "pulleys"))
+    ]
 
 
 def of_cable(cable: int) -> list[Family]:

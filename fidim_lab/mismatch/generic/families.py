@@ -5,7 +5,7 @@ widths from a tenth of it up, speeds up to the highest seen.
 """
 
 from fidim_lab.mismatch.generic.by_place import brake, centre, evenly, in_space
-from fidim_lab.mismatch.generic.by_rate import of_cable, of_speed, of_spin
+from fidim_lab.mismatch.generic.by_rate import of_cable, of_speed, of_spin, of_teeth
 from fidim_lab.mismatch.generic.by_time import in_time, knocks, moment, periodic
 from fidim_lab.mismatch.generic.family import Family
 from fidim_lab.mismatch.generic.reach import Point, Reach
@@ -29,4 +29,4 @@ def families(reach: Reach, cables: int) -> tuple[Family, ...]:
 
 def last_families() -> tuple[Family, ...]:
     """Those that take long to weigh: tried where none of the others does nearly all."""
-    return (knocks(),)
+    return (knocks(), *of_teeth())

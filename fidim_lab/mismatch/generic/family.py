@@ -40,6 +40,7 @@ class Dependence(Enum):
     MOMENT = "acts for a moment"
     TIME = "depends on the time since the release"
     PERIODIC = "comes and goes at one frequency"
+    DETENT = "repeats with the angle of the joints"
     CABLE = "acts where one cable is led or held"
 
 

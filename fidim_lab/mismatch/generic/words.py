@@ -65,6 +65,8 @@ def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
             return _course(field)
         case Dependence.PERIODIC:
             return _repeats(latent, theta, float(shape[0]))
+        case Dependence.DETENT:
+            return f"It comes back {shape[0]:.3g} times in one turn, as {family.label} would."
         case Dependence.CABLE:
             return f"It acts only at cable {family.cable}: {family.label}{_law(latent, theta)}."
 

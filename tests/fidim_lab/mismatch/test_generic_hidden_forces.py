@@ -87,6 +87,16 @@ def _knock(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _on_centre(effect["k"] * ca.exp(-((apart / 0.03) ** 2) / 2) * ca.SX(ca.DM([0.6, -0.8, 0.0])))
 
 
+def _detents(platform: Platform, effect: HiddenEffect) -> Wrench:
+    total = Wrench(ca.SX.zeros(3), ca.SX.zeros(3))
+    for end, cable in zip(platform.cables, platform.world.cables, strict=True):
+        across = end.tangent.across
+        angle = ca.atan2(ca.dot(across, ca.DM(cable.x)), ca.dot(across, ca.DM(cable.y)))
+        force = -effect["k"] * ca.sin(20 * angle + 0.4) / end.tangent.lever * across
+        total = Wrench(total.force + force, total.moment + ca.cross(end.point.arm, force))
+    return total
+
+
 def _wheel_inside(platform: Platform, effect: HiddenEffect) -> Wrench:
     momentum = effect["k"] * platform.rotation @ ca.SX(ca.DM([0.6, 0.0, -0.8]))
     return _turning(ca.cross(momentum, platform.omega))
@@ -104,6 +114,7 @@ HIDDEN: dict[str, tuple[Callable[[Platform, HiddenEffect], Wrench], float]] = {
     "spin squared": (_spin_squared, 0.001),
     "wheel inside": (_wheel_inside, 0.01),
     "knock": (_knock, 0.5),
+    "detents": (_detents, 0.003),
 }
 
 
@@ -137,6 +148,7 @@ def explored(campaign: Campaign) -> tuple[Fit, Unknown]:
         ("square wave", 3.0, {Dependence.PERIODIC}, "repeats every 0.9"),
         ("third swivel", 1.0, {Dependence.CABLE}, "cable 3"),
         ("knock", 1.0, {Dependence.PERIODIC}, "knocks every 1.1 s"),
+        ("detents", 12.0, {Dependence.DETENT}, "times in one turn, as teeth of all swivels"),
         ("wheel inside", 1.0, {Dependence.ACROSS}, "a wheel that spins inside with (0.006, "),
         ("speed cubed", 5.0, {Dependence.SPEED, Dependence.VELOCITY}, "speed"),
     ],
