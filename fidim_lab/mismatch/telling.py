@@ -120,6 +120,18 @@ def _limits(baseline: Baseline, found: Selection) -> str:
     return said + (f" Not tested: {', '.join(untested)}." if untested else "")
 
 
+def best_of_all(found: Selection) -> str:
+    """How near the best hypothesis came; one that the fitted windows ask for was refused by those held out."""
+    every = found.first.singles
+    if not every:
+        return ""
+    best = every[0]
+    said = f"; the best of {len(every)} hypotheses, {best.label}, has log-evidence {best.log_evidence:.1f}"
+    if best.log_evidence < ENOUGH:
+        return f"{said} ({ENOUGH:g} would be needed)"
+    return f"{said} on the fitted windows, but held-out windows are predicted no better with it"
+
+
 def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], limits: str) -> str:
     verdict, named = judged.verdict, judged.named
     before, after = found.baseline.held_out, named.held_out
@@ -128,12 +140,8 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
     names = " and ".join(c.id if c.cable is None else f"{c.id} (cable {c.cable})" for c in effects)
     match verdict:
         case Verdict.NOTHING_MISSING:
-            best = found.first.singles[0] if found.first.singles else None
             said = f"Nothing is missing: held-out χ²/dof {before.chi2_per_dof:.3g}, rms {1e3 * before.rms:.3g} mm"
-            if best is not None:
-                said += f"; the best of {len(found.first.singles)} hypotheses, {best.label}, has log-evidence "
-                said += f"{best.log_evidence:.1f} ({ENOUGH:g} would be needed)"
-            said += "."
+            said += f"{best_of_all(found)}."
         case Verdict.EXPLAINED:
             said = f"Left out: {names}; {figures}. {_shift(found, named)}"
         case Verdict.PARTLY_EXPLAINED:

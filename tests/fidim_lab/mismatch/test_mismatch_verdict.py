@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.telling import best_of_all
 from fidim_lab.mismatch.verdict import judge
 
 
@@ -73,3 +74,13 @@ def test_what_is_pressed_as_far_as_is_possible_stands_in_for_something_else() ->
 
 def test_a_law_that_nothing_of_the_catalogue_has_is_unknown_however_well_it_fits() -> None:
     assert verdict(candidate(1, 30.0, 1.0, white=True, id="unknown")) is Verdict.UNKNOWN_PHYSICS
+
+
+@pytest.mark.parametrize(
+    ("evidence", "said"),
+    [(-1.9, "log-evidence -1.9 (5 would be needed)"), (41.0, "log-evidence 41.0 on the fitted windows, but held-out")],
+)
+def test_what_the_fitted_windows_ask_for_and_others_refuse_is_said_to_be_that(evidence: float, said: str) -> None:
+    score = SimpleNamespace(label="gravity-tilt", log_evidence=evidence)
+    assert said in best_of_all(SimpleNamespace(first=SimpleNamespace(singles=(score,))))  # type: ignore[arg-type]
+    assert best_of_all(SimpleNamespace(first=SimpleNamespace(singles=()))) == ""  # type: ignore[arg-type]
