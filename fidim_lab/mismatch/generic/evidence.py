@@ -17,7 +17,8 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from fidim_lab.mismatch.generic.family import Courses, Family
-from fidim_lab.mismatch.generic.own_times import knocks, own_times
+from fidim_lab.mismatch.generic.knocks import knocks
+from fidim_lab.mismatch.generic.own_times import own_times
 from fidim_lab.mismatch.generic.responses import Responses
 
 STRENGTHS = np.logspace(-4, 3, 15)

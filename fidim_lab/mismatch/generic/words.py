@@ -72,15 +72,15 @@ def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
 
 
 def _repeats(latent: LatentForce, theta: np.ndarray, f: float) -> str:
-    """How often and, of knocks, how strong: at its height all waves add up."""
+    """How often and, of knocks, how strong: their impulse is what motion tells, hardly how short they are."""
     own = latent.family is not None and latent.family.harmonics > 0
     when = "at a time of its own in each window" if own else "in step in all windows"
     said = f"every {1 / f:.3g} s ({f:.3g} Hz), {when}"
     if latent.family is None or not latent.family.knocks:
         return f"It repeats {said}."
-    waves = latent.weights(theta).reshape(3, -1)
-    height = ", ".join(f"{x:.2g}" for x in waves[:, 0] + waves[:, 2::2].sum(axis=1))
-    return f"It knocks {said}: a short force of ({height}) N."
+    mean = latent.weights(theta).reshape(3, -1)[:, 0]
+    impulse = ", ".join(f"{x:.2g}" for x in mean / f)
+    return f"It knocks {said}, by ({impulse}) N s each time."
 
 
 def _power(rate: str, power: float | None) -> str:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fidim_lab.mismatch.generic.own_times import knocks, own_times, rotations
+from fidim_lab.mismatch.generic.knocks import knocks
+from fidim_lab.mismatch.generic.own_times import own_times, rotations
 
 WINDOWS, SHARED, DIRECTIONS = 6, 2, 3
 
