@@ -72,7 +72,7 @@ class View:
     @property
     def rest(self) -> float:
         """χ² beyond that of the noise which the residuals show."""
-        return rest_of(self.projected, self.model)
+        return _rest_of(self.projected, self.model)
 
     @property
     def pairs(self) -> tuple[Score, ...]:
@@ -192,13 +192,13 @@ def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, hear
     seen = projected(scored, found, grams)
     same = single_scores(seen, context)
     own = _own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model)
-    least = heard.share * rest_of(seen, model)
+    least = heard.share * _rest_of(seen, model)
     own = (one for one in own if one.gain > least and float(one.tried[0].absent[-1]) >= heard.frequency)
     singles = (*same, *own)
     return View(model, seen, tuple(sorted(singles, key=lambda score: -score.log_evidence)), context, found)
 
 
-def rest_of(seen: Projected, model: Completed) -> float:
+def _rest_of(seen: Projected, model: Completed) -> float:
     """χ² beyond that of the noise which the residuals show."""
     return seen.left - model.fit.noise_ratio**2 * seen.dof
 

@@ -105,7 +105,6 @@ class LatentForceOwnTime(LatentForce):
     """The same where each window meets it at a time of its own: a phase that counts as part of the window's start."""
 
     extra_states: ClassVar[tuple[ExtraState, ...]] = (replace(PHASE, tries=PHASES),)
-    of_each_window: ClassVar[bool] = True
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """The family's, at the window's own time."""
