@@ -31,6 +31,7 @@ GAP = 3
 """missing samples from which on a step may hide behind them"""
 PLAIN = 3 * CLEARER
 """by how much a step must be preferred behind a gap, over which no scan sees how smooth the motion is"""
+NOWHERE = slice(0, 0)
 ROUNDS = 12
 SMALLEST_NORM = 0.3
 """a break that the polynomial follows to 90 % cannot be judged"""
@@ -53,26 +54,28 @@ def breaks_of(
     *,
     clearer: float = CLEARER,
     spikes: Limits | None = None,
-    jumps: bool = False,
+    jumps: slice | None = None,
 ) -> Breaks:
     """Breaks in one marker's whitened residual on an even grid of `step` seconds (NaN: missing).
 
     limits: how far beyond chance something must stand. clearer: by how much a fault must be preferred to motion.
-    spikes: how far single samples must stand, of a marker known to have many that are off. jumps: it is known to jump.
+    spikes: how far single samples must stand, of a marker known to have many that are off. jumps: of one that is known
+    to jump, the rows (there may be none) among which the most telling is judged however little it stands out.
     """
     sigma = np.maximum(np.nan_to_num(noise_of(values), nan=1.0), 1.0)
     work = values / sigma
     alone: list[int] = []
     steps: dict[int, np.ndarray] = {}
     looked: set[int] = set()
+    expected = jumps or NOWHERE
     for _ in range(ROUNDS):
-        peaks = [row for row in _peaks(work, step, limits, limits if spikes is None else spikes) if row not in looked]
+        peaks = [row for row in _peaks(work, step, limits, spikes or limits, expected) if row not in looked]
         behind = [row for row in _after_gaps(work) if row not in looked and row not in peaks]
         if not peaks and not behind:
             break
         for row in (*peaks, *behind):
-            needed = max(clearer, PLAIN) if row in behind and not jumps else clearer
-            found = judge(work, step, row, clearer=needed, spiking=spikes is not None, jumps=jumps)
+            needed = max(clearer, PLAIN) if row in behind and jumps is None else clearer
+            found = judge(work, step, row, clearer=needed, spiking=spikes is not None, jumps=jumps is not None)
             looked.update((row,) if found.what is Break.SPIKES else range(row - 2, row + 3))
             if found.what is Break.SPIKES:
                 alone += found.rows
@@ -84,8 +87,10 @@ def breaks_of(
     return Breaks(tuple(sorted(alone)), tuple(sorted(steps.items(), key=lambda one: one[0])))
 
 
-def _peaks(work: Float[np.ndarray, "G 3"], step: float, limits: Limits, spikes: Limits) -> Sequence[int]:
-    """Rows that stand out most among their neighbours, the most telling first."""
+def _peaks(
+    work: Float[np.ndarray, "G 3"], step: float, limits: Limits, spikes: Limits, expected: slice
+) -> Sequence[int]:
+    """Rows that stand out most among their neighbours, and the first of those expected, the most telling first."""
     strength = np.zeros(len(work))
     undecided = np.ones(len(work), dtype=bool)
     for reach, degree in SCALES:
@@ -96,6 +101,8 @@ def _peaks(work: Float[np.ndarray, "G 3"], step: float, limits: Limits, spikes: 
         if not undecided.any():
             break
     standing = (strength > 1) & (strength == maximum_filter1d(strength, 2 * FEWEST + 1))
+    if strength[expected].any():
+        standing[expected.start + np.argmax(strength[expected])] = True
     rows = np.flatnonzero(standing)
     return [int(row) for row in rows[np.argsort(-strength[rows])]]
 

@@ -2,11 +2,12 @@
 
     after = without_breaks(cleaned, leftovers)     what a fit leaves of whole windows, or of segments of them
 
-What stands out is found by `breaks`. A marker known to be faulty by many spikes is looked at more closely.
+What stands out is found by `breaks`. A marker known to be faulty by many spikes is looked at more closely, and one that
+jumps at about the same time of several windows at that time of the others.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +28,9 @@ MOST_OFF = 0.2
 """of a marker's samples in a window that may be spikes"""
 MANY, OFTEN = 5, 3
 """spikes of a marker, and windows in which it jumps, from which on it is known to be faulty"""
+ABOUT = 0.15
+"""s, within which jumps of several windows are at the same time; found they are to a tenth"""
+NEVER = (np.inf, np.inf)
 CLOSER = Limits(4.2, 4.7)
 """of its single samples: of 20 000 good ones about one and a half are lost"""
 CLEARER_ASTRAY = 5 * CLEARER
@@ -101,21 +105,38 @@ class _Known:
     """Markers (0-based) that were found to be faulty again and again."""
 
     spiking: frozenset[int]
-    jumping: frozenset[int]
+    jumps: Mapping[int, Mapping[str, float]]
+    """of those that jump: in which windows, and when first, s on their own clocks"""
 
     @staticmethod
     def of(cleaned: Cleaned) -> "_Known":
         """By the faults that were found so far."""
         most = max((window.markers.shape[1] for window in cleaned.campaign.windows), default=0)
         channels = {marker_channel(marker, axis): marker for marker in range(most) for axis in range(3)}
-        ours = [(fault.kind, channels.get(fault.channel), fault.window) for fault in cleaned.faults]
-        spikes = Counter(marker for kind, marker, _ in ours if kind is Kind.SPIKE and marker is not None)
-        jumped = {(marker, window) for kind, marker, window in ours if kind is Kind.JUMP and marker is not None}
-        jumps = Counter(marker for marker, _ in jumped)
+        spikes: Counter[int] = Counter()
+        jumps: dict[int, dict[str, float]] = {}
+        for fault in cleaned.faults:
+            marker = channels.get(fault.channel)
+            if marker is not None and fault.kind is Kind.SPIKE:
+                spikes[marker] += 1
+            elif marker is not None and fault.kind is Kind.JUMP and fault.window is not None and fault.t is not None:
+                first = jumps.setdefault(marker, {})
+                first[fault.window] = min(fault.t[0], first.get(fault.window, np.inf))
         return _Known(
             frozenset(marker for marker, count in spikes.items() if count >= MANY),
-            frozenset(marker for marker, count in jumps.items() if count >= OFTEN),
+            {marker: windows for marker, windows in jumps.items() if len(windows) >= OFTEN},
         )
+
+    def expected(self, marker: int, window: str) -> tuple[float, float]:
+        """s: when a marker that jumps at about the same time in most of the windows in which it does is to jump here.
+
+        `NEVER` where its jump is known, or no time is usual.
+        """
+        windows = self.jumps.get(marker, {})
+        times = np.array(list(windows.values()))
+        usual = float(np.median(times)) if len(times) else np.nan
+        often = window not in windows and np.sum(np.abs(times - usual) < ABOUT) > len(times) / 2
+        return (usual - ABOUT, usual + ABOUT) if often else NEVER
 
 
 def _add(off: _Off, left: Leftover, limits: Limits, known: _Known, clearer: float) -> None:
@@ -125,13 +146,19 @@ def _add(off: _Off, left: Leftover, limits: Limits, known: _Known, clearer: floa
         return
     grid = even_grid(left.t)
     spikes = CLOSER if off.marker in known.spiking else None
-    jumps = off.marker in known.jumping
+    jumps = _rows(left, grid, known.expected(off.marker, left.window)) if off.marker in known.jumps else None
     found = breaks_of(grid.spread(values), grid.step, limits, clearer=clearer, spikes=spikes, jumps=jumps)
     for row in found.spikes if len(found.spikes) < MOST_OFF * len(values) else ():
         size = float(np.abs(values[np.searchsorted(grid.slots, row)]).max())
         off.spikes[_row(off.window, left, grid, row)] = size * left.noise
     for row, by in found.steps:
         off.steps[_row(off.window, left, grid, row)] = by * left.noise
+
+
+def _rows(left: Leftover, grid: EvenGrid, times: tuple[float, float]) -> slice:
+    """Of a leftover's grid, between two times (s)."""
+    begin, end = np.append(grid.slots, grid.slots[-1] + 1)[np.searchsorted(left.t, times)]
+    return slice(int(begin), int(end))
 
 
 def _row(window: Window, left: Leftover, grid: EvenGrid, row: int) -> int:

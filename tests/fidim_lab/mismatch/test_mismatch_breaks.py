@@ -51,7 +51,7 @@ def test_a_step_behind_a_frozen_run_might_be_a_blow_unless_the_marker_is_known_t
     assert not breaks_of(values, 0.01, LIMITS).steps
     values[505:, 1] += 20.0
     assert not breaks_of(values, 0.01, LIMITS).steps
-    (row, by), *_ = breaks_of(values, 0.01, LIMITS, jumps=True).steps
+    (row, by), *_ = breaks_of(values, 0.01, LIMITS, jumps=slice(0, 0)).steps
     assert row == 505
     np.testing.assert_allclose(by, [0.0, 20.0, 0.0], atol=4.0)
 
@@ -99,7 +99,7 @@ def test_a_quick_move_is_a_step_only_of_a_marker_known_to_jump() -> None:
     share = np.clip((np.arange(len(values)) - 500) / 8 + 0.5, 0.0, 1.0)
     values[:, 0] += 12.0 * share
     assert judge(values, 0.01, 500).what is not Break.STEP
-    assert judge(values, 0.01, 500, jumps=True).what is Break.STEP
+    assert judge(values, 0.01, 500, jumps=slice(0, 0)).what is Break.STEP
 
 
 def test_where_samples_follow_no_polynomial_nothing_is_said() -> None:
@@ -167,6 +167,16 @@ def test_a_marker_with_many_spikes_is_looked_at_more_closely(cleaned: Cleaned) -
     after = without_breaks(replace(cleaned, faults=spikes), [left(cleaned, values)])
     assert [fault.t for fault in after.faults[5:]] == [(7.0, 7.0)]
     assert np.isnan(after.campaign.windows[0].markers[700, 0]).all()
+
+
+def test_a_marker_that_jumped_in_other_windows_is_expected_to_at_the_same_time(cleaned: Cleaned) -> None:
+    values = cleaned.campaign.windows[0].markers / NOISE - 1000.0
+    values[600:, 0, 0] += 2.4
+    assert without_breaks(cleaned, [left(cleaned, values)]) is cleaned
+    for times, found in (((5.9, 6.0, 6.06), 6.0), ((5.0, 6.0, 7.0), None)):
+        jumps = [Finding(Kind.JUMP, f"w{k + 2}", "y", (time, 10.0), 1e-3, "m", "off") for k, time in enumerate(times)]
+        after = without_breaks(replace(cleaned, faults=tuple(jumps)), [left(cleaned, values)])
+        assert [fault.t[0] for fault in after.faults[3:] if fault.t] == ([] if found is None else [found])
 
 
 def test_one_of_two_first_samples_off_and_a_later_jump_leave_the_part_between_and_no_spikes_within_it(
