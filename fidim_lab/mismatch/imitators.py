@@ -1,7 +1,7 @@
 """What could stand in the place of a named effect: from the information matrix at the fitted model.
 
-What a named effect does to the recordings, body, starts and the other effects being adjusted, is a vector; what of it
-another effect cannot imitate, within its bounds, is what the data say between the two.
+What a named effect does to the recordings, body, starts and the other effects being adjusted, is a vector; what of it,
+and of what it leaves, another effect cannot imitate, within its bounds, is what the data say between the two.
 """
 
 from collections.abc import Callable
@@ -28,15 +28,16 @@ class Imitator:
     theta: np.ndarray
     """of all its parameters, at which it comes nearest"""
     loss: float
-    """nats, of the evidence for the named one, that it does not reach"""
+    """nats, of the evidence for the named one, that it does not reach; below 0 it says more"""
     whole: float
     """nats, of the evidence for the named one"""
 
 
-def imitators(seen: View, k: int) -> tuple[Imitator, ...]:
+def imitators(seen: View, k: int, *, any_cable: bool = False) -> tuple[Imitator, ...]:
     """Of each other effect that may stand for term k of the model that was looked at, the best; the best first.
 
     What acts on one cable is imitated by what acts on the same cable, or on all alike: the same effect, too.
+    any_cable: what acts on none, or on all, may be imitated by what acts on any one.
     """
     model, projected = seen.model, seen.projected
     term, place = model.tried[k], model.place_of(k)
@@ -44,19 +45,20 @@ def imitators(seen: View, k: int) -> tuple[Imitator, ...]:
     count = len(projected.gram) - 1 - shared
     own = place.start + np.array(term.scored)
     outside = np.setdiff1d(np.arange(shared), np.arange(place.start, place.stop))
-    rest = eliminated(projected.gram, outside, np.concatenate([own, shared + np.arange(count)]))
+    rest = eliminated(projected.gram, outside, np.concatenate([own, shared + np.arange(count + 1)]))
     size = len(own)
     away = model.fit.values[own] - term.absent[list(term.scored)]
     whole = 0.5 * float(away @ rest[:size, :size] @ away) / projected.inflation
     found: dict[str, Imitator] = {}
     for other, columns in zip(projected.tried, projected.slices, strict=True):
         id, cable = other.effect.id, other.effect.cable
-        if cable not in (None, term.effect.cable) or (id, cable) == (term.effect.id, term.effect.cable):
+        allowed = cable in (None, term.effect.cable) or (any_cable and term.effect.cable is None)
+        if not allowed or (id, cable) == (term.effect.id, term.effect.cable):
             continue
         at = slice(size + columns.start, size + columns.stop)
         low, high = (side[list(other.scored)] for side in other.effect.bounds(seen.context))
-        best, taken = imitated(rest[at, at], rest[at, :size] @ away, low, high)
-        loss = max(0.0, whole - 0.5 * taken / projected.inflation)
+        best, taken = imitated(rest[at, at], rest[at, :size] @ away - rest[at, -1], low, high)
+        loss = whole - 0.5 * taken / projected.inflation
         if other.effect.id not in found or loss < found[other.effect.id].loss:
             found[other.effect.id] = Imitator(other, other.theta(best), loss, whole)
     return tuple(sorted(found.values(), key=lambda one: one.loss))
@@ -73,7 +75,7 @@ def in_their_place(seen: View, ground: Ground, say: Callable[[str], None], sligh
     found: list[Completed] = []
     for k in range(len(model.tried)) if len(model.tried) > 1 else ():
         freedom = len(model.tried[k].scored)
-        near = (one for one in imitators(seen, k) if one.loss < TIE + slight * one.whole)
+        near = (one for one in imitators(seen, k, any_cable=True) if one.loss < TIE + slight * one.whole)
         simple = (one for one in near if len(one.tried.scored) <= freedom)
         able = [one for one in simple if can_refit(one.tried.effect, model.mechanism)]
         for other in able[:FITTED]:

@@ -77,3 +77,15 @@ def test_what_was_found_on_one_cable_may_be_on_all_of_them(baseline_of) -> None:
     everywhere = in_their_place(view(single, start.tried, start.context), start.whole_ground, lambda _: None, SIBLINGS)
     found = next(m for m in everywhere if (m.tried[0].effect.id, m.tried[0].effect.cable) == (one.effect.id, None))
     assert evidence(found, single, common_scale([found, single])) > 5.0
+
+
+def test_what_was_taken_for_a_turned_frame_may_be_one_cable(baseline_of) -> None:
+    start = baseline_of("attachment-offset:dx=-3e-4,dz=-2e-4,cable=2", HIDDEN[1], seed=7, windows=4, seconds=4.0)
+    seen = view(fitted(start, "frame-misalignment", "air-drag-linear"), start.tried, start.context)
+    assert min(one.loss for one in imitators(seen, 0)) > 20.0
+    offset, *_ = imitators(seen, 0, any_cable=True)
+    assert (offset.tried.effect.id, offset.tried.effect.cable) == ("attachment-offset", 2)
+    assert offset.loss < -20.0
+    found = in_their_place(seen, start.whole_ground, lambda _: None)[0]
+    assert (found.tried[0].effect.id, found.tried[0].effect.cable) == ("attachment-offset", 2)
+    assert found.thetas[0][[0, 2]] == pytest.approx([-3e-4, -2e-4], abs=5e-5)  # y: across the cable
