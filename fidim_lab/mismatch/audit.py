@@ -24,8 +24,9 @@ from fidim_lab.mismatch.ground import NEAR, short_fit
 from fidim_lab.mismatch.leftover import of_fit
 from fidim_lab.mismatch.odd_windows import slipped_encoder, stumble
 from fidim_lab.mismatch.off_motion import without_breaks
-from fidim_lab.mismatch.refit import Completed, HeldOut, predict
+from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.segments import Segmented, Segments, fit_segments
+from fidim_lab.mismatch.unseen import HeldOut, predict
 from fidim_lab.mismatch.whiteness import whiteness
 
 Say = Callable[[str], None]

@@ -15,7 +15,8 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.columns import Scorer
 from fidim_lab.mismatch.ground import NEAR, Ground, ground_of, settle, short_fit, whole_ground
 from fidim_lab.mismatch.hypotheses import Hypotheses, hypotheses
-from fidim_lab.mismatch.refit import Completed, HeldOut, predict
+from fidim_lab.mismatch.refit import Completed
+from fidim_lab.mismatch.unseen import HeldOut, predict
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.integrate import step_of

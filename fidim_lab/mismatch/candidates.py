@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidim_lab.mismatch.refit import Completed, HeldOut, evidence
+from fidim_lab.mismatch.refit import Completed, evidence
+from fidim_lab.mismatch.unseen import HeldOut
 from fidim_lab.mismatch.views import ENOUGH, FEEBLE
 from fidim_lab.mismatch.whiteness import Whiteness, whiteness
 

@@ -6,51 +6,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.data.records import Window
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.errors import OurBugError, RefusedError
-from fidim_lab.identification.mle import held_out
+from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Point
-from fidim_lab.identification.mle.recordings import Recording, prepare
 from fidim_lab.identification.mle.springs import stretches
-from fidim_lab.mismatch.beyond_errors import beyond_errors
-from fidim_lab.mismatch.ground import NEAR, Ground, settle
+from fidim_lab.mismatch.ground import Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover, of_remainder
-from fidim_lab.mismatch.sprung import are_stiff, begins_anew, guesses_of, stiffest
-from fidim_lab.mismatch.whiteness import whiteness
+from fidim_lab.mismatch.sprung import are_stiff, begins_anew, stiffest
 from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown, sprung
 from fidim_lab.model.sensitivity.starts import tied
 
-NOT_FOUND = 0.5
-"""s; a prediction that is lost earlier tells of its start, not of the model"""
 ROUNDS = 3
 """how often parameters may be put back on their bounds"""
-
-
-@dataclass(frozen=True, eq=False)
-class HeldOut:
-    """How well windows that no fit has seen are predicted, only their start being fitted."""
-
-    chi2: float
-    dof: int
-    rms: float
-    """m"""
-    refused: dict[str, str]
-    """window → why it could not be predicted"""
-    leftovers: tuple[Leftover, ...] = ()
-    """beyond what the fit's own errors explain (`beyond_errors`)"""
-    of_window: dict[str, float] = field(default_factory=dict[str, float])
-    """χ²/dof of each, lengths included"""
-
-    @property
-    def chi2_per_dof(self) -> float:
-        """1 says: nothing but noise is left; nan where no window could be predicted."""
-        return self.chi2 / self.dof if self.dof else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,58 +189,6 @@ def _cost(model: Completed, ground: Ground) -> float:
     journey = model.fit.journey
     whole = model.whole and ground.whole and not (journey.lost or journey.slack)
     return journey.optimum.cost if whole else np.inf
-
-
-def predict(completed: Completed, windows: Sequence[Window]) -> HeldOut:
-    """Held-out windows with the shared parameters of a completed model."""
-    chi2, dof, squares, count = 0.0, 0, 0.0, 0
-    of_window: dict[str, float] = {}
-    leftovers: list[Leftover] = []
-    likelihood = completed.fit.likelihood
-    found, refused = predictions(completed, windows)
-    for window, prediction in found:
-        left = prediction.remainder
-        seen = int(np.isfinite(left.residuals).sum())
-        chi2, dof = chi2 + left.chi2, dof + left.dof
-        squares, count = squares + left.rms**2 * seen, count + seen
-        of_window[window.id] = left.chi2_per_dof
-        leftovers.append(of_remainder(window.id, left, likelihood))
-    rms = float(np.sqrt(squares / count)) if count else float("nan")
-    followed = chi2 < NEAR * dof and not any(prediction.lost for _, prediction in found)
-    if followed and not whiteness(leftovers).is_white:
-        free = np.ones(len(completed.fit.values), dtype=bool)
-        free[BODY : BODY + len(completed.at_bound)] = ~np.array(completed.at_bound, dtype=bool)
-        left = beyond_errors(completed.fit, free, [prediction for _, prediction in found])
-        noise = likelihood.noise
-        leftovers = [replace(one, values=values / noise) for one, values in zip(leftovers, left, strict=True)]
-    return HeldOut(chi2, dof, rms, refused, tuple(leftovers), of_window)
-
-
-def predictions(
-    completed: Completed, windows: Sequence[Window]
-) -> tuple[list[tuple[Window, held_out.Prediction]], dict[str, str]]:
-    """Each window that can be predicted, with its prediction; and why the others cannot, by their ids."""
-    refused: dict[str, str] = {}
-    robot = completed.mechanism.robot
-    recordings: list[Recording] = []
-    for window in windows:
-        try:
-            recordings.append(prepare(window, robot))
-        except RefusedError as refusal:
-            refused[window.id] = str(refusal)
-    made, values = completed.mechanism, completed.fit.values
-    guesses = guesses_of(made, values, recordings)
-    predicted = held_out.predict_all(made, values, recordings, robot.sensors, guesses)
-    found: list[tuple[Window, held_out.Prediction]] = []
-    for recording, prediction in zip(recordings, predicted, strict=True):
-        window = recording.window
-        if isinstance(prediction, RefusedError):
-            refused[window.id] = str(prediction)
-        elif prediction.lost and float(prediction.remainder.t[-1] - prediction.remainder.t[0]) < NOT_FOUND:
-            refused[window.id] = f"Window {window.id}: no start was found from which its first motion follows."
-        else:
-            found.append((window, prediction))
-    return found, refused
 
 
 def _mechanism(

@@ -21,8 +21,9 @@ from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, WindowLinear, linearised
 from fidim_lab.mismatch.contacts import SOONER, Contact, at_the_same_time
 from fidim_lab.mismatch.leftover import Leftover
-from fidim_lab.mismatch.refit import Completed, HeldOut, predictions
+from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.segments import LENGTH, Segmented
+from fidim_lab.mismatch.unseen import HeldOut, predictions
 from fidim_lab.mismatch.whiteness import whiteness
 
 STEP = 0.25
@@ -125,7 +126,7 @@ def _parts_of(model: Completed, held: Sequence[Window], wanted: set[str]) -> dic
     ids = [recording.window.id for recording in likelihood.recordings]
     fitted = [w for w, id in enumerate(ids) if id in wanted and w not in journey.lost]
     parts = _all_parts(likelihood, journey.optimum.simulation, fitted) if fitted else {}
-    for _, prediction in predictions(model, held)[0] if held else ():
+    for _, prediction in predictions(model.fit, held).found if held else ():
         if not prediction.lost:
             parts |= _all_parts(prediction.likelihood, prediction.journey.optimum.simulation, [prediction.place])
     return parts

@@ -18,7 +18,8 @@ from fidim_lab.mismatch.clean import Cleaned
 from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.finding import Finding, Kind
 from fidim_lab.mismatch.off_motion import OFF
-from fidim_lab.mismatch.refit import Completed, predict
+from fidim_lab.mismatch.refit import Completed
+from fidim_lab.mismatch.unseen import predict
 from fidim_lab.mismatch.whiteness import whiteness
 
 Say = Callable[[str], None]

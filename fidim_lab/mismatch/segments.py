@@ -16,7 +16,8 @@ from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.mismatch.leftover import Leftover, of_remainder
-from fidim_lab.mismatch.refit import Completed, predictions
+from fidim_lab.mismatch.refit import Completed
+from fidim_lab.mismatch.unseen import predictions
 from fidim_lab.model.mechanism import Mechanism
 
 LENGTH = 2.0
@@ -82,7 +83,7 @@ def fit_segments(
 def predict_segments(model: Completed, windows: Sequence[Window], length: float = LENGTH) -> Segments:
     """Fit segments' starts alone, by a model with its body and effects: none need be followed for long."""
     cut = _cut(windows, length)
-    found, _ = predictions(model, cut.pieces)
+    found = predictions(model.fit, cut.pieces).found
     return Segments(cut.segmented({window.id: one.remainder for window, one in found}), model.fit)
 
 

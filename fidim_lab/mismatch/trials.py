@@ -12,7 +12,8 @@ from fidim_lab.mismatch.candidates import Candidate, advantage, candidate, commo
 from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.imitators import in_place_of
 from fidim_lab.mismatch.patience import Patience
-from fidim_lab.mismatch.refit import Completed, predict, refit
+from fidim_lab.mismatch.refit import Completed, refit
+from fidim_lab.mismatch.unseen import predict
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, tones, view
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.mismatch.wider import general_forms, widened

@@ -30,7 +30,7 @@ def with_unknown(explanation: Explanation, named: Completed, campaign: Campaign,
         found = model_unknown(_whole(named, campaign.of_role(Role.IDENTIFY)), campaign.of_role(Role.VALIDATE))
     except RefusedError as error:
         return replace(explanation, message=f"{explanation.message} {error.message}")
-    if not found.terms or found.after.chi2_per_dof >= found.before.chi2_per_dof:
+    if not found.terms or not _helps(found):
         said = "No smooth wrench of place, velocity, turning or time models it either."
         return replace(explanation, message=f"{explanation.message} {said}")
     return replace(
@@ -41,6 +41,12 @@ def with_unknown(explanation: Explanation, named: Completed, campaign: Campaign,
         message=f"{explanation.message} {_says(found)}",
         unknown=found,
     )
+
+
+def _helps(found: Unknown) -> bool:
+    """Whether held-out windows are predicted better, and none less that was predicted before."""
+    lost = found.after.refused.keys() - found.before.refused.keys()
+    return found.after.chi2_per_dof < found.before.chi2_per_dof and not lost
 
 
 def _whole(named: Completed, windows: Sequence[Window]) -> Fit:

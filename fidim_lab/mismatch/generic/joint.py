@@ -1,19 +1,14 @@
-"""An unknown wrench fitted jointly with body, effects and window starts, and judged on windows that no fit has seen."""
+"""An unknown wrench fitted jointly with body, effects and window starts."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from fidim_lab.data.records import Window
-from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.judge import remainder
 from fidim_lab.identification.mle.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.optimise import FINAL, Effort, optimise
-from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
 from fidim_lab.mismatch.generic.latent import LatentForce
 from fidim_lab.model.mechanism import Mechanism
@@ -25,23 +20,6 @@ STRIDES = (5.0, 10.0)
 """s; from the horizon at which the unknown was looked at to whole windows"""
 JOINTLY = Effort(resolution=FINE, promise=0.1, rounds=15, damping=1e-6, idle=3.0)
 """to a third of a standard deviation: beyond, a wrench without a name creeps along what the data do not tell"""
-
-
-@dataclass(frozen=True)
-class HeldOutFigures:
-    """Windows that no fit has seen, only their starts fitted."""
-
-    chi2: float
-    dof: int
-    rms: float
-    """of the markers, m"""
-    refused: tuple[tuple[str, str], ...] = ()
-    """window and why it could not be predicted"""
-
-    @property
-    def chi2_per_dof(self) -> float:
-        """1 says: nothing but noise is left."""
-        return self.chi2 / max(1, self.dof)
 
 
 def near(base: Fit, seconds: float) -> tuple[Likelihood, Journey] | None:
@@ -92,21 +70,3 @@ def fitted(base: Fit, donor: Point, latent: LatentForce, seconds: float) -> Fit 
         plausible=np.append(base.plausible, ones),
         names=(*base.names, *(parameter.name for parameter in latent.parameters)),
     )
-
-
-def judged(found: Fit, windows: Sequence[Window]) -> HeldOutFigures:
-    """How well a fit predicts windows that it has not seen; those that cannot be predicted are named."""
-    chi2, dof, squares, count = 0.0, 0, 0.0, 0
-    refused: list[tuple[str, str]] = []
-    robot = found.likelihood.mechanism.robot
-    for window in windows:
-        try:
-            recording = prepare(window, robot)
-            left = held_out.predict(found.likelihood.mechanism, found.values, recording, robot.sensors).remainder
-        except RefusedError as refusal:
-            refused.append((window.id, str(refusal)))
-            continue
-        seen = int(np.isfinite(left.residuals).sum())
-        chi2, dof = chi2 + left.chi2, dof + left.dof
-        squares, count = squares + left.rms**2 * seen, count + seen
-    return HeldOutFigures(chi2, dof, float(np.sqrt(squares / max(1, count))), tuple(refused))

@@ -20,11 +20,12 @@ from fidim_lab.mismatch.generic.evidence import Evidence, Weighed, weigh_all
 from fidim_lab.mismatch.generic.families import families, last_families
 from fidim_lab.mismatch.generic.family import Courses, Dependence
 from fidim_lab.mismatch.generic.field import Field, field_of
-from fidim_lab.mismatch.generic.joint import HeldOutFigures, fitted, judged, near
+from fidim_lab.mismatch.generic.joint import fitted, near
 from fidim_lab.mismatch.generic.latent import LatentForce
 from fidim_lab.mismatch.generic.reach import Reach
 from fidim_lab.mismatch.generic.responses import responses
 from fidim_lab.mismatch.generic.words import words
+from fidim_lab.mismatch.unseen import HeldOut, predictions
 
 FOLLOWED = 3.0
 """χ²/dof up to which whole windows are followed well enough to be looked at to first order"""
@@ -92,8 +93,8 @@ class Unknown:
     """empty where no family is believed"""
     explained: float
     """share of the excess χ² that is gone, of the windows as far as the base was fitted to them; 0 … 1"""
-    before: HeldOutFigures
-    after: HeldOutFigures
+    before: HeldOut
+    after: HeldOut
     words: tuple[str, ...]
     field: Field | None
     """samples of the wrench along the motion, for pictures"""
@@ -123,7 +124,7 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     begin = process_time()
     if base.likelihood.own != 6 + base.likelihood.mechanism.freedoms:
         raise RefusedError("An unknown force is modelled on rigid cables alone; this model has springs or own states.")
-    before = judged(base, validate)
+    before = predictions(base, validate).figures
     now, latents, chosen, ranking = base, [], [], ()
     whole = left = _excess(base, base)
     for _ in range(TERMS):
@@ -138,7 +139,7 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
         left, now, latents, chosen = rest, completed, [*latents, latent], [*chosen, (weighed, tried)]
         if left < SECOND * whole or latent.extra_states:
             break
-    after = judged(now, validate) if latents else before
+    after = predictions(now, validate).figures if latents else before
     terms = _terms(now, latents, chosen)
     return Unknown(
         terms=terms,

@@ -6,7 +6,8 @@ from typing import cast
 import pytest
 
 from fidim_lab.mismatch.candidates import Candidate, improves
-from fidim_lab.mismatch.refit import Completed, HeldOut
+from fidim_lab.mismatch.refit import Completed
+from fidim_lab.mismatch.unseen import HeldOut
 from fidim_lab.mismatch.whiteness import Whiteness
 
 

@@ -13,9 +13,10 @@ from fidim_lab.mismatch.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.clean import clean
 from fidim_lab.mismatch.contacts import SOONER, Contact, whole_id, without
 from fidim_lab.mismatch.ground import shortened
-from fidim_lab.mismatch.refit import Completed, predict
+from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.restarts import APART, STEP, _has_its_moment, find_pushes
 from fidim_lab.mismatch.select import select
+from fidim_lab.mismatch.unseen import predict
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign

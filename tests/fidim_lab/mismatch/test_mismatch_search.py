@@ -9,8 +9,9 @@ from fidim_lab.mismatch import search as module
 from fidim_lab.mismatch.candidates import candidate
 from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
 from fidim_lab.mismatch.patience import Patience
-from fidim_lab.mismatch.refit import predict, refit
+from fidim_lab.mismatch.refit import refit
 from fidim_lab.mismatch.search import Search
+from fidim_lab.mismatch.unseen import predict
 
 
 @pytest.mark.parametrize(
