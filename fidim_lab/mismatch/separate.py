@@ -27,7 +27,7 @@ from fidim_lab.mismatch.score import eliminated, imitated, window_grams
 from fidim_lab.mismatch.views import ENOUGH
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
-from fidim_lab.model.sensitivity.grid import QUICK
+from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.model.sensitivity.integrate import States
 
 RATE = 25.0
@@ -221,7 +221,8 @@ def _grams(
         noise * robot.sensors.encoder_resolution,
     )
     ends = np.full(len(trials), t[-1])
-    simulation = simulate(likelihood, Point(shared, states), ends, QUICK)
+    # with quicker integration effects that imitate each other exactly would seem to be told apart
+    simulation = simulate(likelihood, Point(shared, states), ends, FINE)
     if simulation is None:
         raise InfeasibleError("Odds: the body cannot move, or a trial's motion breaks down.")
     found = window_grams(Scorer(mechanism, tried), likelihood, simulation)

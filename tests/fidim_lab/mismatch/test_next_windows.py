@@ -21,7 +21,7 @@ from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.mismatch.next_windows import to_know, to_separate
 from fidim_lab.mismatch.proposal import Claim, Odds, Trial
-from fidim_lab.mismatch.separate import Known, completed, separating, with_markers
+from fidim_lab.mismatch.separate import Known, completed, evidence, separating, with_markers
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +77,12 @@ def test_a_gauge_is_said_to_be_none_that_free_motion_separates(irma4: Robot, tri
     assert not found.separates
     assert "hardly separates" in found.says
     assert found.after[-1].probability < 0.1
+
+
+def test_a_clock_is_a_force_upwards_to_the_last_digit_that_matters(irma4: Robot, trials: list[Trial]):
+    known, claim = Known(irma4, trials), Claim("clock-rate", None, (3e-3,), ("constant-force",))
+    assert evidence(known, claim) > 1000.0
+    assert separating(known, claim, []).before.non_centrality < 1.0
 
 
 def test_what_has_no_score_is_refused_by_name(irma4: Robot, trials: list[Trial]):
