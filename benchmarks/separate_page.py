@@ -7,6 +7,7 @@ import numpy as np
 
 from benchmarks.page import table
 from fidim_lab.app.benchmark.statistics import Share
+from fidim_lab.app.judgement import HOPEFUL
 from fidim_lab.mismatch.proposal import CLEAR
 
 IDENTIFY, VALIDATE = 3, 2
@@ -28,7 +29,7 @@ class Row:
     before: str
     """of the first explanation: right, alike (the pair left open), wrong (the other alone), else"""
     promised: float | None = None
-    """odds of the windows that were proposed"""
+    """odds of the windows that were proposed, the last time"""
     windows: int = 0
     recorded: bool = False
     says: str = ""
@@ -36,6 +37,21 @@ class Row:
     """of the second one, as `before`"""
     seconds: float = 0.0
     """of CPU"""
+
+    @property
+    def is_sure(self) -> bool:
+        """What was recorded in the end was likely to separate them."""
+        return (self.promised or 0.0) >= CLEAR
+
+    @property
+    def is_likely(self) -> bool:
+        """It was worth recording."""
+        return HOPEFUL <= (self.promised or 0.0) < CLEAR
+
+    @property
+    def is_unable(self) -> bool:
+        """It says that free motion does not, at once or after windows that told it from others."""
+        return self.promised is not None and self.promised < HOPEFUL
 
 
 HEAD = (
@@ -57,12 +73,12 @@ def report(rows: Sequence[Row]) -> str:
     lines = [
         _line(" / ".join(pair), [r for r in rows if r.pair == pair]) for pair in dict.fromkeys(r.pair for r in rows)
     ]
-    sure = [r for r in rows if r.recorded and (r.promised or 0.0) >= CLEAR]
-    likely = [r for r in rows if r.recorded and (r.promised or 0.0) < CLEAR]
+    sure = [r for r in rows if r.is_sure]
+    likely = [r for r in rows if r.is_likely]
     open_ = [r for r in rows if r.before == "alike"]
-    mean = float(np.mean([r.windows for r in rows if r.recorded])) if sure or likely else np.nan
+    mean = float(np.mean([r.windows for r in rows if r.recorded])) if any(r.recorded for r in rows) else np.nan
     wrong = [f"- {_wrong(r)}" for r in rows if "wrong" in (r.before, r.after)]
-    unable = sum(r.promised is not None and not r.recorded for r in open_)
+    unable = sum(r.is_unable for r in open_)
     kept = [f"Where ≥ 90 % were promised: right in {_share(sure)}."] if sure else []
     if likely:
         odds = 100 * float(np.mean([r.promised or 0.0 for r in likely]))
@@ -85,9 +101,9 @@ def _share(rows: Sequence[Row]) -> Share:
 
 
 def _line(name: str, rows: Sequence[Row]) -> Sequence[object]:
-    sure = [r for r in rows if r.recorded and (r.promised or 0.0) >= CLEAR]
-    likely = [r for r in rows if r.recorded and (r.promised or 0.0) < CLEAR]
-    unable = [r for r in rows if r.promised is not None and not r.recorded]
+    sure = [r for r in rows if r.is_sure]
+    likely = [r for r in rows if r.is_likely]
+    unable = [r for r in rows if r.is_unable]
     return (
         name,
         len(rows),
