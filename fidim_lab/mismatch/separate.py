@@ -27,11 +27,13 @@ from fidim_lab.mismatch.score import eliminated, imitated, window_grams
 from fidim_lab.mismatch.views import ENOUGH
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
-from fidim_lab.model.sensitivity.grid import FINE
+from fidim_lab.model.sensitivity.grid import Resolution
 from fidim_lab.model.sensitivity.integrate import States
 
 RATE = 25.0
 """samples a second that are computed with; the noise is made smaller for those left out"""
+EXACT = Resolution(intervals=16)
+"""of integration: less finely, effects that imitate each other exactly would seem to be told apart"""
 MOST_WINDOWS = 12
 """further windows that a set may have"""
 
@@ -221,8 +223,7 @@ def _grams(
         noise * robot.sensors.encoder_resolution,
     )
     ends = np.full(len(trials), t[-1])
-    # with quicker integration effects that imitate each other exactly would seem to be told apart
-    simulation = simulate(likelihood, Point(shared, states), ends, FINE)
+    simulation = simulate(likelihood, Point(shared, states), ends, EXACT)
     if simulation is None:
         raise InfeasibleError("Odds: the body cannot move, or a trial's motion breaks down.")
     found = window_grams(Scorer(mechanism, tried), likelihood, simulation)
