@@ -106,7 +106,8 @@ def separated(
         seed = 100 * (number - 1) + row.trial + 1
         proposals = to_separate(campaign, pair or claims, body, noise=noise, seed=seed, more=more, more_markers=False)
         found = max(proposals, key=_odds)
-        row = replace(row, promised=_odds(found), says=found.says)
+        excluded = not set(ids) & set(found.beyond)  # else these windows are for other rivals
+        row = replace(row, promised=_odds(found) if excluded else 0.0, says=found.says)
         if _odds(found) < HOPEFUL:  # `compare` ends here
             return row
         further = [planned(campaign.robot, k, one) for k, one in enumerate(found.windows, start=1 + len(windows))]

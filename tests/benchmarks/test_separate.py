@@ -114,7 +114,8 @@ def claim(id, *rivals):
     return SimpleNamespace(id=id, cable=None, rivals=rivals)
 
 
-def test_proposals_are_recorded_while_something_is_open(irma4, monkeypatch):
+@pytest.mark.parametrize(("beyond", "promised"), [((), 0.95), (("swivel-damping",), 0.0)])
+def test_proposals_are_recorded_while_something_is_open(irma4, monkeypatch, beyond, promised):
     """First two others are open, then the pair, then it is clear; windows add up to no more than MORE."""
     states = [
         told(("air-drag-linear", "swivel-friction")),
@@ -130,7 +131,7 @@ def test_proposals_are_recorded_while_something_is_open(irma4, monkeypatch):
     def proposed(_campaign, claims, _body, *, more, **_):
         asked.append((sorted(c.id for c in claims), more))
         odds = SimpleNamespace(probability=0.95)
-        return [SimpleNamespace(claim=c, windows=("w",), after=(odds,), says="told apart.") for c in claims]
+        return [SimpleNamespace(claim=c, windows=("w",), after=(odds,), beyond=beyond, says="told.") for c in claims]
 
     monkeypatch.setattr(separate, "as_file", lambda state: state)
     monkeypatch.setattr(separate, "claims_of", lambda s: [claim(e.id, *e.equivalent_to) for e in s.effects])
@@ -145,4 +146,4 @@ def test_proposals_are_recorded_while_something_is_open(irma4, monkeypatch):
     begin = Row(PAIR, 0, PAIR[0], 0.01, "else")
     found = separated(begin, campaign, states[0], PAIR, Recorded, ("a", "b", "c"))
     assert asked == [(["air-drag-linear"], 4), (["swivel-damping"], 3)]
-    assert (found.after, found.windows, found.recorded, found.promised) == ("right", 2, True, 0.95)
+    assert (found.after, found.windows, found.recorded, found.promised) == ("right", 2, True, promised)
