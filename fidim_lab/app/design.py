@@ -192,7 +192,7 @@ def _lines(found: Design, options: DesignOptions) -> list[str]:
         "limits      " + ", ".join(f"{name}: {-100 * v:.1f} % to spare" for name, v in zip(KINDS, worst, strict=True)),
         "predicted sd  "
         + ", ".join(f"{name} {sd:.1e}" for name, sd in zip(PARAMETER_NAMES, found.predicted_sd, strict=True)),
-        f"time        {found.seconds:.1f} s, of which {found.pool} random windows to begin from",
+        f"time        {found.seconds:.1f} s; {found.pool} random windows to begin from",
     ]
     if options.out is not None:
         lines.append(f"written     {options.out / 'plan.toml'}, design.json, equilibria.svg")
