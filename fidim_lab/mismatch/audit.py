@@ -15,10 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.data.records import Role
+from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.clean import Cleaned
-from fidim_lab.mismatch.contacts import FAR_ABOVE, Contact, find_contacts, without
+from fidim_lab.mismatch.contacts import FAR_ABOVE, Contact, find_contacts, whole_id, without
 from fidim_lab.mismatch.finding import Finding, Kind, marker_channel
 from fidim_lab.mismatch.ground import NEAR, short_fit
 from fidim_lab.mismatch.leftover import of_fit
@@ -47,7 +48,6 @@ def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) ->
     """Look again with the first fit of `cleaned.campaign`; the same object where nothing is changed.
 
     Held-out windows are looked at as well: a hand on one of them alone would pass for physics that does not predict.
-    Raises RefusedError where no segment can be used.
     """
     found, held = baseline.fit, NOT_PREDICTED if baseline.whole is None else baseline.predicted
     if whiteness((*of_fit(found), *held.leftovers)).is_white and not held.refused:
@@ -57,7 +57,10 @@ def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) ->
     after = without_breaks(cleaned, left, astray=astray)
     say("looking for hands and single bad windows")
     for _ in range(ROUNDS):
-        segments = fit_segments(found.likelihood.mechanism, after.campaign.windows, hasty=astray)
+        try:
+            segments = fit_segments(found.likelihood.mechanism, after.campaign.windows, hasty=astray)
+        except RefusedError:
+            break  # no two seconds hold enough of any marker
         further = without_breaks(after, segments.leftovers, astray=astray)
         if further is after:
             further = _cut(after, segments, find_contacts(segments), say)
@@ -89,7 +92,7 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
     Where the kinematics are contradicted, what is neither far above free motion nor shown to be a stumble stays in.
     """
     strict = cleaned.screening.contradicts_kinematics
-    sure = {(one.window, one.begin) for one in (find_contacts(segments, strict=True) if strict else contacts)}
+    sure = find_contacts(segments, strict=True) if strict else contacts
     windows = {one.window.id: one for one in segments.windows}
     faults: list[Finding] = []
     hands: list[Contact] = []
@@ -98,11 +101,11 @@ def _cut(cleaned: Cleaned, segments: Segments, contacts: Sequence[Contact], say:
         window = windows[contact.window].window
         fault = stumble(segments.fit, window, contact) or _gone(cleaned, windows[contact.window], contact)
         shown = fault is not None and fault.kind is not Kind.SPIKE
-        if not shown and (contact.window, contact.begin) not in sure:
+        if not (shown or any(one.window == contact.window and one.overlaps(contact) for one in sure)):
             continue
         say(contact.says if fault is None else fault.says)
         if fault is None:
-            hands.append(contact)
+            hands.append(replace(contact, window=whole_id(contact.window)))
         else:
             faults.append(fault)
         jumped = fault is not None and fault.kind is Kind.JUMP

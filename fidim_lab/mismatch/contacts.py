@@ -179,14 +179,8 @@ def _lasting(segments: Segments, seen: set[str]) -> list[tuple[Segmented, tuple[
 
 def at_the_same_time(windows: Sequence[Segmented]) -> tuple[Contact, ...]:
     """One contact in every window, where the median over all of them is noise before and after one time, not then."""
-    longest = max(windows, key=lambda one: len(one.dof))
-    places = longest.edges - longest.edges[0]
-    alike = [
-        one
-        for one in windows
-        if len(one.edges) == len(places) and np.abs(one.edges - one.edges[0] - places).max() < SAME_TIME
-    ]
-    if len(alike) < max(POOLED, len(windows) / 2) or len(longest.dof) < 3:
+    alike = max(([one for one in windows if _cut_alike(one, other)] for other in windows), key=len)
+    if len(alike) < max(POOLED, len(windows) / 2) or len(alike[0].dof) < 3:
         return ()
     chi2, dof = np.array([one.chi2_per_dof for one in alike]), np.array([one.dof for one in alike])
     if np.isnan(chi2).all(axis=0).any():
@@ -205,6 +199,13 @@ def at_the_same_time(windows: Sequence[Segmented]) -> tuple[Contact, ...]:
         Contact(one.window.id, round(float(one.edges[first]), 2), round(float(one.edges[end]), 2), ratio, SOONER)
         for one in alike
     )
+
+
+def _cut_alike(one: Segmented, other: Segmented) -> bool:
+    """Whether the segments of both begin and end at the same times since their first."""
+    if len(one.edges) != len(other.edges):
+        return False
+    return bool(np.abs(one.edges - one.edges[0] - (other.edges - other.edges[0])).max() < SAME_TIME)
 
 
 def _sharper(common: dict[str, Contact], timed: Sequence[Contact]) -> dict[str, Contact]:

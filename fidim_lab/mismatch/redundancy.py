@@ -100,7 +100,7 @@ def smoothed(
     every = max(1, round(EVERY / grid.step))
     rows = np.arange(half, len(columns) - half, every)
     rows = rows[np.isfinite(local.value_norm[rows]).all(axis=1)]
-    shape = (len(rows), -1, 3)
+    shape = (len(rows), window.markers.shape[1], 3)
     noise = local.value_norm[rows].reshape(shape) * sigma[: window.markers.shape[1]]
     return window.t[0] + rows * grid.step, local.value[rows].reshape(shape), noise
 

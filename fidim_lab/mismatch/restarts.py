@@ -153,7 +153,7 @@ def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear)
     count = np.cumsum([0, *(len(one) for one in cells)])[:-1]
     kept = null_space(simulation.starts.lengths_by[w][:, : linear.by_own.shape[1]])
     whole = timed.T @ timed
-    return _Parts(recording.begin + grid, count, grams, whole, untimed.T @ untimed, kept)
+    return _Parts(recording.window.t[0] + recording.begin + grid, count, grams, whole, untimed.T @ untimed, kept)
 
 
 def _pairs(one: _Parts) -> Int[np.ndarray, "P 2"]:

@@ -92,8 +92,8 @@ class Search:
         in_vain: list[set[NamedEffect]] = []
         for model in (model for model in short if model.excess < HOPELESS):
             terms = {h.effect for h in model.tried}
-            if self.patience.ended:
-                break
+            if self.patience.ended and (fresh or in_vain):
+                break  # what the first seconds say best is seen to its end
             if any(terms <= more for more in in_vain):
                 continue  # with fewer terms it can follow no better
             if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):

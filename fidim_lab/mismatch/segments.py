@@ -127,7 +127,7 @@ def piece(window: Window, edges: Float[np.ndarray, " edges"], k: int) -> Window 
 
 def part(window: Window, use: Bool[np.ndarray, " N"], name: str) -> Window | None:
     """Some rows of a window, with the lengths of the whole: what the motors hold does not change."""
-    if np.isfinite(window.markers[use]).all(axis=(1, 2)).sum() < FEWEST:
+    if np.isfinite(window.markers[use]).all(axis=2).any(axis=-1).sum() < FEWEST:
         return None
     return replace(
         window,

@@ -66,7 +66,7 @@ def _places(found: Fit) -> tuple[Place, ...]:
 def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
     tried = model.tried[k]
     values, sds = model.theta_of(k)
-    inflation = float(np.sqrt(max(1.0, model.excess)))
+    inflation = float(np.sqrt(max(1.0, model.fit.chi2_per_dof)))
     parameters = {
         parameter.name: EffectParameter(float(value), float(sd) * inflation, parameter.unit)
         for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
@@ -88,7 +88,7 @@ def _cause_by_score(found: Selection, score: Score) -> NamedCause:
 
 def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
     """The nine parameters of a fit with their sd, times √χ²/dof where that is above 1, beside the robot file's."""
-    scale = float(np.sqrt(max(1.0, found.excess)))
+    scale = float(np.sqrt(max(1.0, found.chi2_per_dof)))
     nominal = campaign.robot.nominal.vector
     return {
         name: BodyParameter(float(found.values[k]), float(found.sd[k]) * scale, float(nominal[k]))
@@ -191,7 +191,7 @@ def _shift(found: Selection, named: Candidate) -> str:
     """How far the body moved when the effects were added."""
     base, done = found.baseline.model.fit, named.model.fit
     moved = done.values[:9] - base.values[:9]
-    sds = np.abs(moved) / (base.sd[:9] * np.sqrt(max(1.0, base.excess)))
+    sds = np.abs(moved) / (base.sd[:9] * np.sqrt(max(1.0, base.chi2_per_dof)))
     k = int(np.argmax(sds))
     com = 1e3 * float(np.linalg.norm(moved[:3]))
     return (

@@ -30,6 +30,9 @@ def with_unknown(explanation: Explanation, named: Completed, campaign: Campaign,
         found = model_unknown(_whole(named, campaign.of_role(Role.IDENTIFY)), campaign.of_role(Role.VALIDATE))
     except RefusedError as error:
         return replace(explanation, message=f"{explanation.message} {error.message}")
+    if found.terms and not found.after.dof:
+        said = "No held-out window can be predicted: whether a wrench without a name models it cannot be judged."
+        return replace(explanation, message=f"{explanation.message} {said}")
     if not found.terms or not _helps(found):
         said = "No smooth wrench of place, velocity, turning or time models it either."
         return replace(explanation, message=f"{explanation.message} {said}")

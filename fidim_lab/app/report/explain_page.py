@@ -1,6 +1,7 @@
 """The page of `fidim explain --report`: what was left out of a campaign, and the proof: `write_explain_page`."""
 
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -72,11 +73,12 @@ def _summary(contents: Contents, explanation: Explanation) -> tuple[tuple[str, s
         cause.id if cause.cable is None else f"{cause.id} of cable {cause.cable}" for cause in explanation.effects
     )
     chi2, rms = explanation.chi2_per_dof, explanation.rms_mm
+    figures = [x for x in (chi2.before, chi2.after, rms.before, rms.after) if x is not None and isfinite(x)]
     shown = "Held-out windows could not be judged."
-    if chi2.before is not None and chi2.after is not None and rms.before is not None and rms.after is not None:
+    if len(figures) == 4:
         shown = (
-            f"On windows that no fit has seen χ²/dof goes from {chi2.before:.3g} to {chi2.after:.3g}, "
-            f"and the markers are missed by {rms.after:.3g} mm rms instead of {rms.before:.3g} mm."
+            f"On windows that no fit has seen χ²/dof goes from {figures[0]:.3g} to {figures[1]:.3g}, "
+            f"and the markers are missed by {figures[3]:.3g} mm rms instead of {figures[2]:.3g} mm."
         )
     verdict = VERDICTS[explanation.verdict][2:].capitalize()
     named = f"Left out: {left_out}." if left_out else f"{verdict}: no effect is named."

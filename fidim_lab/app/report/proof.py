@@ -90,8 +90,10 @@ def _completed(found: ExplanationTable, campaign: Campaign, unknown: Unknown | N
 
 def _effect(told: EffectTable, campaign: Campaign) -> NamedEffect:
     """The effect of the catalogue with these parameters. Raises SetupError where there is none."""
+    units = {name: one.unit for name, one in told.parameters.items()}
     for effect in by_id(campaign.robot, told.id, told.cable):
-        if effect.cable == told.cable and {p.name for p in effect.parameters} == set(told.parameters):
+        same = effect.cable == told.cable and told.says in ("", effect.says)
+        if same and {p.name: p.unit for p in effect.parameters} == units:
             return effect
     raise SetupError(f"{told.label} has no variant with the parameters {', '.join(told.parameters) or '(none)'}.")
 

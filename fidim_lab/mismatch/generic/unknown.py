@@ -233,7 +233,7 @@ def _terms(
 
 
 def _shifts(base: Fit, found: Fit) -> tuple[ParameterShift, ...]:
-    scales = [float(np.sqrt(max(1.0, one.excess))) for one in (base, found)]
+    scales = [float(np.sqrt(max(1.0, one.chi2_per_dof))) for one in (base, found)]
     return tuple(
         ParameterShift(
             name,

@@ -26,9 +26,10 @@ def words(
     found.append(_size(field))
     found.append(_energy(field))
     best = ranking[0] if ranking else None
-    alike = [one.family.label for one in ranking[1:] if best is not None and one.left_out > OTHERS * best.left_out]
+    least = 0.0 if best is None else max(0.0, OTHERS * best.left_out)
+    alike = [one.family.label for one in ranking[1:] if one.left_out > least]
     if alike:
-        found.append(f"Nearly as good on windows left out: {', '.join(alike[:3])}.")
+        found.append(f"About as good or better on windows left out: {', '.join(alike[:3])}.")
     return tuple(sentence for sentence in found if sentence)
 
 

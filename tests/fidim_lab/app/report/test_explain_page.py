@@ -10,14 +10,14 @@ from fidim_lab.app.design_after import claims_of
 from fidim_lab.app.report import spectra
 from fidim_lab.app.report.explain_page import write_explain_page
 from fidim_lab.app.report.explained import effect_table, explained
-from fidim_lab.app.report.explanation_file import as_file, read_explanation
+from fidim_lab.app.report.explanation_file import EffectParameterTable, EffectTable, as_file, read_explanation
 from fidim_lab.app.report.figures import sd_levels
-from fidim_lab.app.report.proof import proof, rms
+from fidim_lab.app.report.proof import _effect, proof, rms
 from fidim_lab.app.report.proof_figures import field_drawings
 from fidim_lab.app.report.words import explained_sentence
 from fidim_lab.app.report.write import write_report
-from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
-from fidim_lab.effects.catalogue import by_id
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Window
+from fidim_lab.effects.catalogue import by_id, catalogue
 from fidim_lab.errors import FileError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.explanation import (
@@ -33,8 +33,8 @@ from fidim_lab.mismatch.explanation import (
 )
 from fidim_lab.mismatch.generic.family import Dependence
 from fidim_lab.mismatch.generic.field import Field
-from fidim_lab.mismatch.generic.joint import HeldOutFigures
 from fidim_lab.mismatch.generic.unknown import FamilyTried, Term, Unknown
+from fidim_lab.mismatch.unseen import HeldOut
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -234,7 +234,7 @@ def unknown():
         np.zeros((count, 3)),
     )  # fmt: skip
     term = Term("force by place", Dependence.POSITION, None, None, (0.0, 0.0, 0.0), ("It pushes towards x.",), True)
-    before, after = HeldOutFigures(4000.0, 1000, 1e-3), HeldOutFigures(1100.0, 1000, 1e-4)
+    before, after = HeldOut(4000.0, 1000, 1e-3, {}), HeldOut(1100.0, 1000, 1e-4, {})
     tried = (FamilyTried("force by place", 0.93, 0.9, 812.0), FamilyTried("force by time", 0.1, float("nan"), 2.0))
     return Unknown(
         (term,), 0.93, before, after, term.words, field, (), tried, fit=Fit.__new__(Fit), seconds=1.0
@@ -264,3 +264,12 @@ def test_the_wrench_along_the_motion_is_drawn_as_it_was_stored(explanation, unkn
     assert found.windows == thinned.windows
     longest = re.findall(r"longest arrow is ([\d.]+) N", " ".join(d.caption for d in field_drawings(found)))
     assert float(longest[0]) == pytest.approx(3 * np.sqrt(1.25), rel=0.02)
+
+
+def test_every_variant_of_every_effect_is_drawn_as_itself(irma4: Robot):
+    robot = replace(irma4, extra_markers=(np.array([0.1, 0.0, 0.0]),))
+    for effect in (one for one in catalogue(robot) if one.parameters):
+        told = {p.name: EffectParameterTable(value=0.0, unit=p.unit) for p in effect.parameters}
+        table = EffectTable(id=effect.id, cable=effect.cable, parameters=told, says=effect.says)
+        drawn = _effect(table, Campaign("c", robot, 100.0, ()))
+        assert type(drawn) is type(effect), table
