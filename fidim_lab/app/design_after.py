@@ -16,6 +16,7 @@ from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.design.next_window import NextWindow
 from fidim_lab.identification.design.task import Criterion
 from fidim_lab.identification.result_file import read_result
+from fidim_lab.mismatch.explanation import Verdict
 from fidim_lab.mismatch.next_windows import to_know, to_separate
 from fidim_lab.mismatch.proposal import Claim, Proposal
 from fidim_lab.model.equilibria import pose_from_lengths
@@ -48,22 +49,23 @@ def after_command(options: AfterOptions) -> int:
         raise SetupError(
             f"{folder} is no campaign; odds depend on what has been recorded.", hint="Say which: --campaign FOLDER."
         )
+    if options.out is not None and options.out.is_dir() and any(options.out.iterdir()):
+        raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
     campaign = read_campaign(folder)
-    explained = _explanation(options.after)
+    explained, body = _known_so_far(options.after)
     claims = [] if explained is None else claims_of(explained)
     with console.err.status("looking at windows that could be recorded"):
         if explained is None or not claims:
-            known = to_know(campaign, criterion=options.criterion, seed=options.seed)
+            known = to_know(campaign, body, criterion=options.criterion, seed=options.seed)
             plan, table, code = _plan(campaign, [known.z]), _known_table(known), 0
-            lines = _known_lines(known)
+            lines = [*_question(explained), *_known_lines(known)]
         else:
             noise = float(np.sqrt(max(1.0, explained.held_out.chi2_per_dof.after or 1.0)))
-            body = np.array([explained.parameters[name].value for name in PARAMETER_NAMES])
             found = to_separate(campaign, claims, body, noise=noise, seed=options.seed)
             windows = [np.concatenate([w.lengths, w.displacement]) for one in found for w in one.windows]
             plan, table = _plan(campaign, windows), {"claims": [_claim_table(one) for one in found]}
-            lines, code = [one.says for one in found], int(not all(one.separates for one in found))
-            by_hand = explained.next_experiment if code or any(one.beyond for one in found) else None
+            lines, code = [one.says for one in found], int(not any(one.separates for one in found))
+            by_hand = explained.next_experiment if any(one.beyond or not one.separates for one in found) else None
             lines += [by_hand] if by_hand else []
     _write(options, plan, {"format": FORMAT, "campaign": campaign.name, **table})
     console.out.print("\n".join(lines), markup=False)
@@ -79,16 +81,24 @@ def claims_of(explained: ExplanationTable) -> list[Claim]:
     ]
 
 
-def _explanation(path: Path) -> ExplanationTable | None:
-    """None for a result."""
+def _known_so_far(path: Path) -> tuple[ExplanationTable | None, np.ndarray]:
+    """An explanation (None: the file is a result), and the nine base parameters as identified."""
     try:
         format_ = json.loads(read_text(path)).get("format")
     except (ValueError, AttributeError):
         raise FileError(path, "", "is no JSON object", hint="An explanation or a result is expected.") from None
     if format_ == "fidim-explanation/1":
-        return read_explanation(path)
-    read_result(path)  # its mistakes are said
-    return None
+        explained = read_explanation(path)
+        return explained, np.array([explained.parameters[name].value for name in PARAMETER_NAMES])
+    return None, read_result(path).body.vector
+
+
+def _question(explained: ExplanationTable | None) -> list[str]:
+    """What is in question, where no effect is to be told from another."""
+    if explained is None or explained.verdict in (Verdict.NOTHING_MISSING, Verdict.EXPLAINED):
+        return ["Nothing is in question but the body."]
+    said = f"The verdict is {explained.verdict.value}: no window can be chosen to tell apart what has no rival by name."
+    return [said, *([explained.next_experiment] if explained.next_experiment else [])]
 
 
 def _plan(campaign: Campaign, windows: list[np.ndarray]) -> Plan:
@@ -148,4 +158,4 @@ def _known_lines(known: NextWindow) -> list[str]:
         f"{name} {before:.1e} → {after:.1e}"
         for name, before, after in zip(PARAMETER_NAMES, known.sd_before, known.sd_after, strict=True)
     )
-    return ["Nothing is in question but the body. The window that tells most about it:", f"predicted sd  {parts}"]
+    return ["The window that tells most about the body:", f"predicted sd  {parts}"]

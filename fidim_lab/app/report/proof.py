@@ -90,11 +90,11 @@ def _completed(found: ExplanationTable, campaign: Campaign, unknown: Unknown | N
 
 def _effect(told: EffectTable, campaign: Campaign) -> NamedEffect:
     """The effect of the catalogue with these parameters. Raises SetupError where there is none."""
-    units = {name: one.unit for name, one in told.parameters.items()}
-    for effect in by_id(campaign.robot, told.id, told.cable):
-        same = effect.cable == told.cable and told.says in ("", effect.says)
-        if same and {p.name: p.unit for p in effect.parameters} == units:
-            return effect
+    names = {p: one.unit for p, one in told.parameters.items()}
+    every = [one for one in by_id(campaign.robot, told.id, told.cable) if one.cable == told.cable]
+    fitting = [one for one in every if {p.name: p.unit for p in one.parameters} == names]
+    if fitting:  # variants of one effect may have the same parameters
+        return next((one for one in fitting if one.says == told.says), fitting[0])
     raise SetupError(f"{told.label} has no variant with the parameters {', '.join(told.parameters) or '(none)'}.")
 
 

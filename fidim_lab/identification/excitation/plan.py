@@ -70,8 +70,12 @@ def planned(
 
     knowledge: what earlier recordings taught. bodies: others than the place's that CAD may have meant
     (`Bodies.others`). tension: N at all times; the robot's limits unless given. Where limits allow less, all modes get
-    less alike; raises InfeasibleError where nothing is left (a tenth).
+    less alike; raises InfeasibleError where nothing is left (a tenth), or nothing is wanted.
     """
+    if not np.linalg.norm(wanted) > 0:
+        raise InfeasibleError(
+            "Its displacement is zero: it is not to swing at all.", hint="Give the window a displacement in the plan."
+        )
     limits, knowledge = limits or WinchLimits(), knowledge or Knowledge.none(len(wanted))
     known = replace(place, swing=place.swing.damped(knowledge.damping))
     low, high = tension or place.robot.limits.tension

@@ -110,7 +110,9 @@ def test_after_a_result_the_window_that_tells_most(irma4: Robot, trials: list[Tr
     assert found.sd_after.sum() < 0.9 * found.sd_before.sum()
 
 
-def test_command_writes_a_plan_that_runs(irma4: Robot, trials: list[Trial], tmp_path: Path):
+def test_command_writes_a_plan_that_runs(
+    irma4: Robot, trials: list[Trial], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     campaign = campaign_of(irma4, trials[:2])
     write_robot(tmp_path / "robot.toml", irma4)
     write_campaign(tmp_path, campaign)
@@ -150,6 +152,15 @@ def test_command_writes_a_plan_that_runs(irma4: Robot, trials: list[Trial], tmp_
     assert table["claims"][0]["windows"]
     plan = read_plan(tmp_path / "next" / "plan.toml", irma4.n)
     assert len(plan.windows) == len(table["claims"][0]["windows"])
+    with pytest.raises(SetupError, match="holds files already"):
+        after_command(options)
+    unknown = explanation | {"verdict": "unknown-physics", "effects": [], "next_experiment": "Look at the winches."}
+    (tmp_path / "explanation.json").write_text(json.dumps(unknown))
+    assert after_command(replace(options, out=None)) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "The verdict is unknown-physics" in said
+    assert "Look at the winches." in said
+    assert "Nothing is in question" not in said
 
 
 def test_without_a_campaign_it_says_so(tmp_path: Path):

@@ -47,6 +47,11 @@ def none_known(damping: float) -> Knowledge:
     return Knowledge(np.full(2, damping), np.ones(2), np.ones(2), np.full(2, damping))
 
 
+def test_no_displacement_is_refused_in_words(place: Place):
+    with pytest.raises(InfeasibleError, match="displacement is zero"):
+        planned(place, np.zeros(2))
+
+
 def test_the_plant_swings_as_planned(irma4: Robot, place: Place):
     wanted = wanted_amplitudes(place, np.array([0.02, 0.01]))
     excitation = planned(place, wanted, none_known(0.0), LIMITS)
