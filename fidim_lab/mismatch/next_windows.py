@@ -92,7 +92,7 @@ def _proposed(known: Known, claim: Claim, trials: Sequence[Trial], more: int, *,
         return Proposal(claim, (), Odds("", 0.0, 0.0), (), len(known.robot.markers), refusal=refusal.message)
     if first.separates or not more_markers:
         return first
-    marked = replace(known, robot=with_markers(known.robot))
+    marked = replace(known, marked=with_markers(known.robot))
     better = separating(marked, claim, trials, more=MOST_WINDOWS)
     return better if better.after[-1].non_centrality > 2 * first.after[-1].non_centrality else first
 

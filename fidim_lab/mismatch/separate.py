@@ -50,14 +50,27 @@ class Known:
     noise: float = 1.0
     """times the robot file's, √(χ²/dof) of a fit that is not perfect"""
     native: bool = True
+    marked: Robot | None = None
+    """the robot with the markers that further windows would have, where these are more"""
+
+    @property
+    def later(self) -> Robot:
+        """As it will be in further windows."""
+        return self.marked or self.robot
 
     def grams(self, tried: Hypotheses, pool: Sequence[Trial] = ()) -> Float[np.ndarray, "W G G"]:
         """What each window would say of body and effects, its own unknowns eliminated: those there are, then the pool.
 
         Raises InfeasibleError where one cannot be simulated.
         """
-        trials = [*self.recorded, *pool]
-        return _grams(Mechanism(self.robot, native=self.native), tried, trials, self.body, self.noise)
+        parts = [(self.robot, self.recorded), (self.later, pool)]
+        found = [
+            _grams(Mechanism(robot, native=self.native), tried, trials, self.body, self.noise)
+            for robot, trials in parts
+            if len(trials)
+        ]
+        size = BODY + sum(len(h.scored) for h in tried.direct) + 1
+        return np.concatenate([np.zeros((0, size, size)), *found])
 
 
 def separating(known: Known, claim: Claim, pool: Sequence[Trial], *, more: int = 3) -> Proposal:
@@ -79,7 +92,7 @@ def separating(known: Known, claim: Claim, pool: Sequence[Trial], *, more: int =
             rivals = within
             chosen, after = _greedy(judge, told, fresh, rivals, most)
     windows = tuple(pool[k] for k in chosen)
-    return Proposal(claim, windows, judge.odds(told, rivals), tuple(after), len(known.robot.markers), beyond)
+    return Proposal(claim, windows, judge.odds(told, rivals), tuple(after), len(known.later.markers), beyond)
 
 
 def completed(known: Known, claim: Claim) -> Claim:

@@ -104,6 +104,16 @@ def test_three_markers_are_three_in_general_position(irma4: Robot):
     assert with_markers(with_markers(one)).markers.shape == markers.shape
 
 
+def test_markers_of_further_windows_tell_nothing_of_those_recorded(irma4: Robot, trials: list[Trial]):
+    robot = replace(irma4, extra_markers=())
+    claim = Claim("cable-length-bias", 2, (2e-3,), ("anchor-offset",))
+    plain = separating(Known(robot, trials[:3]), claim, trials[3:5], more=2)
+    marked = separating(Known(robot, trials[:3], marked=with_markers(robot)), claim, trials[3:5], more=2)
+    assert marked.before.non_centrality == pytest.approx(plain.before.non_centrality, rel=1e-6)
+    assert marked.after[-1].non_centrality > plain.after[-1].non_centrality
+    assert (plain.markers, marked.markers) == (1, 3)
+
+
 def test_after_a_result_the_window_that_tells_most(irma4: Robot, trials: list[Trial]):
     found = to_know(campaign_of(irma4, trials[:2]))
     assert (found.sd_after <= found.sd_before * (1 + 1e-9)).all()
