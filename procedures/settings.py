@@ -139,8 +139,8 @@ class ExciteSettings:
     """s of looking before a swing is calmed"""
     patience: float = 1.5
     """s that the platform is given to settle by itself"""
-    calms: int = 12
-    """times that it is calmed at one equilibrium: each takes half the swing away even where little is known"""
+    calms: int = 8
+    """times that it is calmed at one equilibrium: where little is known each takes half the swing away"""
     small: float = 3e-3
     """m of swing with which a move may begin"""
     left: float = 1e-3

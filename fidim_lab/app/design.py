@@ -58,6 +58,8 @@ def design_command(options: DesignOptions) -> int:
         criterion=Criterion(options.criterion),
         bodies=_wrong_bodies(robot, options.robust, options.seed),
     )
+    if options.robust and options.criterion == Criterion.C:
+        raise SetupError("--robust averages A or D over bodies; C knows no body.", hint="Add --criterion A or D.")
     if options.out is not None and options.out.exists() and any(options.out.iterdir()):
         raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
     if options.study:
@@ -183,11 +185,12 @@ def _lines(found: Design, options: DesignOptions) -> list[str]:
     values = np.array([one.value for one in found.starts])
     good = values[np.isfinite(values)]
     worst = worst_of_kinds(found.motions).max(axis=0)
+    below = f"{100 * float((values < 10).mean()):.0f} % with C < 10; " if found.task.criterion is Criterion.C else ""
     lines = [
         f"C           {found.C:.3f}   (the paper reached {PAPER_C} on its robot; it needs bounded conditioning: "
         f"at most {found.task.conditioning:g} here)",
-        f"starts      {len(good)} of {len(values)} within the limits; {100 * float((values < 10).mean()):.0f} % with "
-        f"{found.task.criterion} < 10; best {good.min():.3g}, median {np.median(good):.3g}; "
+        f"starts      {len(good)} of {len(values)} within the limits; {below}"
+        f"best {good.min():.3g}, median {np.median(good):.3g}; "
         f"{np.mean([one.seconds for one in found.starts]):.2f} s a start",
         "limits      " + ", ".join(f"{name}: {-100 * v:.1f} % to spare" for name, v in zip(KINDS, worst, strict=True)),
         "predicted sd  "

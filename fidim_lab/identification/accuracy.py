@@ -33,6 +33,8 @@ def accuracy_of(folder: Path) -> Known:
         found = identify(campaign, Method.MLE, checks=QUICK)
     except FidimError as error:
         return Known(count, problem=error.message)
+    if not found.outcome.good:  # small standard deviations of a wrong model say nothing
+        return Known(count, problem=found.outcome.value)
     sds = {name: max(one.sd, one.spread or 0.0) for name, one in found.parameters.items()}
     return Known(
         count,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import pytest
 from fidim_lab.app import compose
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.plan_file import read_plan, write_plan
-from fidim_lab.data.records import Accuracy, Plan, PlannedWindow, Robot, Role
+from fidim_lab.data.records import PARAMETER_NAMES, Accuracy, Plan, PlannedWindow, Robot, Role
+from fidim_lab.identification import accuracy, result
 from fidim_lab.identification.accuracy import accuracy_of
 from fidim_lab.identification.random_plan import random_plan
 from procedures.enough import FEWEST, windows_of
@@ -90,3 +92,15 @@ def test_what_cannot_be_identified_is_a_problem_and_no_error(tmp_path: Path):
     known = accuracy_of(tmp_path)
     assert known.problem
     assert known.s == float("inf")
+
+
+def test_a_model_that_does_not_explain_the_recordings_is_never_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    sure = SimpleNamespace(sd=1e-6, spread=None)
+    found = SimpleNamespace(outcome=result.Outcome.MISFIT, parameters=dict.fromkeys(PARAMETER_NAMES, sure))
+    monkeypatch.setattr(accuracy, "read_campaign", lambda folder: SimpleNamespace(of_role=lambda role: [1, 2, 3, 4]))
+    monkeypatch.setattr(accuracy, "identify", lambda *_, **__: found)
+    known = accuracy_of(tmp_path)
+    assert (known.windows, known.s) == (4, float("inf"))
+    assert "does not explain" in known.problem
+    found.outcome = result.Outcome.CONVERGED
+    assert accuracy_of(tmp_path).s == 1e-6

@@ -26,9 +26,8 @@ SHARE = 0.6
 """of the pool from which a start chooses: starts differ, and so do the optima they find"""
 STEPS, MORE_STEPS = 10, 40
 """of a start, and of the polish"""
-SPARE = 1.03
-"""criterion, relative: how many starts are polished"""
 POLISHED = 2
+"""starts that are polished"""
 
 Map = Callable[[Callable[["Start"], "Found"], Iterable["Start"]], Iterable["Found"]]
 
@@ -124,13 +123,11 @@ def _judge(task: DesignTask) -> pool.Judge:
 
 
 def _polished(mechanism: Mechanism, task: DesignTask, found: list[Found], say: Callable[[str], None]) -> np.ndarray:
-    """The best few starts followed to the end; limits are checked on a fine grid before one is chosen."""
-    candidates: list[tuple[float, np.ndarray]] = []
-    for one in sorted(found, key=lambda one: one.value)[:POLISHED]:
-        if not np.isfinite(one.value):
-            continue
+    """The best few starts followed to the end; limits are checked on a fine grid before one of all is chosen."""
+    ended = sorted((one for one in found if np.isfinite(one.value)), key=lambda one: one.value)
+    candidates = [(one.value, one.z) for one in ended]
+    for one in ended[:POLISHED]:
         say(f"polishing {task.criterion} = {one.value:.3g}")
-        candidates.append((one.value, one.z))
         further = _refined(mechanism, task, one.z, MORE_STEPS)
         candidates.append((further.value, further.z))
     for _, z in sorted(candidates, key=lambda pair: pair[0]):

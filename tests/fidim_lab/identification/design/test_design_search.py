@@ -1,6 +1,7 @@
 """Exchange, descent and whole designs: lower criteria, limits that hold in another simulation, honest predictions."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from fidim_lab.app.design import as_json, as_plan
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.design import pool
+from fidim_lab.identification.design import pool, search
 from fidim_lab.identification.design.information import information, judged, predicted_sd
 from fidim_lab.identification.design.limits import worst_of_kinds
 from fidim_lab.identification.design.motions import simulate
@@ -139,3 +140,15 @@ def test_an_accepted_design_obeys_its_limits_in_another_simulator(irma4: Robot):
         aside = recorded.window.markers[:, 0, :2] - window.position[:2]
         assert (np.abs(aside) <= np.array(irma4.limits.free_displacement) + 1e-4).all(), window.id
         assert recorded.slack == ()
+
+
+def test_a_start_that_keeps_the_limits_is_taken_however_many_better_ones_do_not(monkeypatch: pytest.MonkeyPatch):
+    found = [SimpleNamespace(value=value, z=np.array([value])) for value in (3.0, 1.0, 2.0, np.inf, 4.0)]
+    monkeypatch.setattr(search, "_refined", lambda mechanism, task, z, steps: SimpleNamespace(z=z, value=float(z[0])))
+    monkeypatch.setattr(search, "_placed", lambda mechanism, task, z: z)
+    monkeypatch.setattr(search, "simulate", lambda mechanism, task, placed, resolution: placed)
+    monkeypatch.setattr(search, "worst_of_kinds", lambda motions: np.array([0.1 if motions[0] < 2.5 else -0.1]))
+    task = SimpleNamespace(criterion=Criterion.C)
+    assert search._polished(None, task, found, silent)[0] == 3.0  # type: ignore[arg-type]
+    with pytest.raises(InfeasibleError, match="No start ended"):
+        search._polished(None, task, found[1:3], silent)  # type: ignore[arg-type]
