@@ -6,23 +6,23 @@ anything. What a window taught (damping, frequencies) goes into the next one's p
 """
 
 from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
-from fidim_lab.data.records import PlannedWindow, Robot
+from fidim_lab.data.records import Body, PlannedWindow, Robot
 from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.identification.excitation.bodies import Bodies
-from fidim_lab.identification.excitation.calm import calmed
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, planned
 from fidim_lab.identification.excitation.seen import taught
-from fidim_lab.identification.excitation.strokes import Chain
 from fidim_lab.identification.excitation.travel import travel
 from fidim_lab.model.mechanism import Mechanism
+from procedures.calming import Calmer, lengths_of, stroke_chain
 from procedures.control import Retried
 from procedures.displacing import free
 from procedures.enough import windows_of
@@ -30,17 +30,17 @@ from procedures.experiment import Lab, Memory
 from procedures.identify import Route, WindowProtocol, straight
 from procedures.outcomes import Outcome
 from procedures.settings import Settings
-from procedures.steps import CheckWindow, Enable, GiveUp, Lengths, Note, Result, Settle, Step, Steps
-from procedures.steps.excitation import SeenSwing, SeeRecordedSwing, StrokeChain, Strokes, Think, WatchSwing
+from procedures.steps import CheckWindow, Enable, GiveUp, Lengths, Note, Result, Settle, Step, Steps, Stop
+from procedures.steps.excitation import IdentifyBody, SeenSwing, SeeRecordedSwing, Strokes
+from procedures.thinking import think
 
 T = TypeVar("T")
 
-MARGIN = 1.08
-"""speed that a drive is given over the one that its stroke reaches, so that it never limits"""
-UNMOVED = 2e-5
-"""m: a winch with less way in a chain stands"""
-LEAD = 0.35
-"""s from having seen a swing to the first stroke that calms it: planning, and telling the drives their speeds"""
+
+TELLING = 4
+"""windows from which the body to plan with is identified"""
+CERTAIN = 2.0
+"""standard deviations by which an identified body may be off"""
 
 
 def excite(lab: Lab) -> Steps:
@@ -66,7 +66,9 @@ class ExciteProtocol(WindowProtocol):
         self._memory = memory or Memory()
         self._mechanism = self._memory.once("mechanism", lambda: Mechanism(robot, native=True))
         excite = settings.excite
-        self._limits = WinchLimits(excite.speed, excite.acceleration, excite.offset, excite.seconds)
+        lengths = settings.motion.length_limits or ()
+        self._limits = WinchLimits(excite.speed, excite.acceleration, excite.offset, excite.seconds, tuple(lengths))
+        self._calmer = Calmer(settings, self._limits)
         self._knowledge: Knowledge | None = None
         self._bodies = Bodies.around(robot.nominal)
         self._place: Place | None = None
@@ -74,6 +76,8 @@ class ExciteProtocol(WindowProtocol):
         self._again: Excitation | None = None
         """the plan of the next try, where it is made already"""
         self._tries = 0
+        self._good = 0
+        """windows accepted"""
 
     def pace(
         self, window: PlannedWindow, start: Lengths | None, goal: Lengths
@@ -98,7 +102,6 @@ class ExciteProtocol(WindowProtocol):
 
     def settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:
         """The measured rest, calmed by the winches where it does not come by itself."""
-        motion, excite = self.settings.motion, self.settings.excite
         try:
             goal = tuple(float(length) for length in planned.lengths)
             self._place = yield from self._think(
@@ -107,24 +110,50 @@ class ExciteProtocol(WindowProtocol):
         except InfeasibleError as refusal:
             yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=refusal.message)
             return None
-        patience = motion.settle_over + excite.patience
-        settle = Settle(window=planned.id, tolerance=motion.settle_tolerance, over=motion.settle_over, timeout=patience)
-        result = yield settle
-        for _ in range(excite.calms):
-            if result.outcome.usable:
-                return result
-            yield from self._calm(planned)
-            result = yield settle
+        result = yield from self._rest(planned, self.settings.motion.settle_tolerance)
         if result.outcome.usable:
             return result
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=f"The winches cannot calm it. {result.reason}")
         return None
 
+    def _rest(self, planned: PlannedWindow, tolerance: float, enough: float = 0.0) -> Generator[Step, Result, Result]:
+        """Settled to a tolerance (m, peak to peak), calmed in between until it swings less than `enough` (m)."""
+        motion, excite = self.settings.motion, self.settings.excite
+        patience = motion.settle_over + excite.patience
+        settle = Settle(window=planned.id, tolerance=tolerance, over=motion.settle_over, timeout=patience)
+        result = yield settle
+        for _ in range(excite.calms):
+            if result.outcome.usable:
+                break
+            yield from self._calm(planned, enough)
+            result = yield settle
+        return result
+
     def steady(self, planned: PlannedWindow, text: str) -> Generator[Step, Result, str]:
-        """Calmed by the winches before the next move, where it swings much."""
-        if self._place is not None:
-            yield from self._calm(planned, enough=self.settings.excite.small)
-        return text and "done"
+        """Calmed by the winches before the next move, where it swings much; no move while it does."""
+        small = self.settings.excite.small
+        if self._place is None:
+            return text and "done"
+        yield from self._calm(planned, enough=small)
+        result = yield from self._rest(planned, 2 * small, small)
+        if not result.outcome.usable:
+            reason = f"No move while the platform swings so, and the winches cannot calm it. {result.reason}"
+            yield Stop(window=planned.id, outcome=Outcome.FAIL, reason=reason)
+        return "done"
+
+    def held(self, planned: PlannedWindow) -> Generator[Step, Result, Lengths]:
+        """Also the modes there, for the next move to begin calmly."""
+        at = yield from super().held(planned)
+        self._place = None
+        if at:
+            with suppress(InfeasibleError):
+                self._place = yield from self._think(planned, "find the modes here", lambda: self._at(at))
+        return at
+
+    def go(self, planned: PlannedWindow, at: Lengths) -> Generator[Step, Result, Lengths]:
+        """As by hand; there are no modes known on the way."""
+        self._place = None
+        return (yield from super().go(planned, at))
 
     def record(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, bool]:
         """Excite and record until a window is good, or given up; returns whether the platform swings."""
@@ -143,10 +172,14 @@ class ExciteProtocol(WindowProtocol):
                 reason = yield from self.attempt(planned, rest)
             except Retried as word:
                 reason = word.reason
+                at = yield from self.held(planned)
+                yield from self.steady(planned, reason)
+                yield from self.go(planned, at)
             except InfeasibleError as refusal:
                 yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=refusal.message)
                 return bool(reasons)
             if reason is None:
+                yield from self._identified(planned)
                 return True
             reasons.append(reason)
         reason = f"rejected {attempts} times, at last: {reasons[-1]}"
@@ -163,9 +196,10 @@ class ExciteProtocol(WindowProtocol):
         swing = " and ".join(f"{1e3 * value:.0f}" for value in plan.reached)
         step = Strokes(
             window=planned.id,
-            lengths=_lengths(place),
+            lengths=lengths_of(place),
             chains=chains,
             why=f"excite, for a swing of {swing} mm in its modes",
+            displacement=tuple(float(way) for way in planned.displacement),
             tolerance=self.settings.motion.position_tolerance,
         )
         result = yield step
@@ -203,40 +237,34 @@ class ExciteProtocol(WindowProtocol):
         reason = "; ".join(filter(None, (verdict.reason, reason)))
         return replace(verdict, outcome=Outcome.MARGINAL, reason=reason)
 
+    def _identified(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
+        """Plan with the body that the recordings show, until it is known well; the first ones tell nearly all of it."""
+        self._good += 1
+        if self._good > TELLING or self._bodies.sure:
+            return
+        result = yield IdentifyBody(window=planned.id)
+        if not result.values:
+            return
+        values, sd = np.array(result.values).reshape(2, -1)
+        self._bodies = Bodies.within(Body.from_vector(values), CERTAIN * sd)
+        if self._knowledge is not None:
+            self._knowledge = self._knowledge.by_identified_body()
+
     def _planned(self, window: PlannedWindow) -> Generator[Step, Result, Excitation]:
         place = self._place or self._at(tuple(float(length) for length in window.lengths))
         wanted = wanted_amplitudes(place, np.asarray(window.displacement))
         knowledge = (self._knowledge or Knowledge.none(len(wanted))).fitting(len(wanted))
         if not self._tries:
-            knowledge = knowledge.elsewhere()
+            sure = self._bodies.sure
+            knowledge = knowledge.by_identified_body() if sure else self._calmer.told(place, knowledge.elsewhere())
         job = partial(planned, place, wanted, knowledge, self._limits, self._bodies.others)
-        # without anything learnt every reading of the procedure plans the same
-        key = (window.id, "first") if self._knowledge is None else None
+        # what is the same in every reading of the procedure is planned once
+        key = (window.id, self._tries, self._who, *np.concatenate([knowledge.gain, knowledge.ratio, knowledge.damping]))
         return (yield from self._think(window, "plan the strokes", job, key))
 
     def _calm(self, window: PlannedWindow, enough: float = 0.0) -> Generator[Step, Result, None]:
-        """Watch, and take the swing away, until it is small or was tried often enough."""
-        place = self._place
-        if place is None:
-            return
-        enough = enough or 0.2 * self.settings.motion.settle_tolerance
-        for _ in range(len(place.swing.frequencies) + 1):
-            result = yield WatchSwing(window=window.id, swing=place.swing, over=self.settings.excite.watch)
-            if not result.outcome.usable or not result.values:
-                return
-            seen = SeenSwing.of(result.values)
-            if float(np.linalg.norm(seen.amplitudes)) <= enough:
-                return
-            swing = replace(place.swing, frequencies=seen.frequencies, damping=np.clip(seen.damping, 0.0, 0.2))
-            calming = calmed(place, swing, seen.states, seen.t, seen.t + LEAD, self._limits)
-            yield Strokes(
-                window=window.id,
-                lengths=_lengths(place),
-                chains=(stroke_chain(calming.chain, 0.0, place, self._limits),),
-                why="calm",
-                begin=calming.begin,
-                tolerance=self.settings.motion.position_tolerance,
-            )
+        if self._place is not None:
+            yield from self._calmer.calm(window, self._place, self._bodies, enough)
 
     def _at(self, lengths: Lengths) -> Place:
         body = self._bodies.likely
@@ -257,38 +285,6 @@ class ExciteProtocol(WindowProtocol):
     def _think(
         self, window: PlannedWindow, what: str, job: Callable[[], T], key: object = None
     ) -> Generator[Step, Result, T]:
-        """What a job answers; carried out beside the run, or here by a reader without hardware. Raises what it does."""
-        answers: list[T | InfeasibleError] = []
-
-        def work() -> None:
-            try:
-                answers.append(job() if key is None else self._memory.once((what, key), job))
-            except InfeasibleError as refusal:
-                answers.append(refusal)
-
-        yield Think(window=window.id, what=what, job=work)
-        if not answers:
-            work()
-        answer = answers[-1]
-        if isinstance(answer, InfeasibleError):
-            raise answer
-        return answer
-
-
-def stroke_chain(chain: Chain, begin: float, place: Place, limits: WinchLimits) -> StrokeChain:
-    """A chain as drives are told it, never beyond the limits."""
-    pattern, held = chain.pattern, place.equilibrium.lengths
-    ways = np.where(np.abs(chain.direction) > UNMOVED, np.abs(chain.direction), 0.0)
-    targets = held + np.outer(pattern.targets, np.where(ways > 0, chain.direction, 0.0))
-    return StrokeChain(
-        begin=begin,
-        starts=tuple(float(start) for start in pattern.starts),
-        targets=tuple(tuple(float(v) for v in target) for target in targets),
-        speeds=tuple(float(v) for v in np.minimum(MARGIN * pattern.speed * ways, limits.speed)),
-        accelerations=tuple(float(v) for v in np.minimum(pattern.acceleration * ways, limits.acceleration)),
-        seconds=pattern.seconds,
-    )
-
-
-def _lengths(place: Place) -> Lengths:
-    return tuple(float(length) for length in place.equilibrium.lengths)
+        """`think`, with answers kept under a key for all readings of the procedure."""
+        work = job if key is None else partial(self._memory.once, (what, key), job)
+        return (yield from think(window, what, work))

@@ -90,14 +90,17 @@ class WindowProtocol:
                 return at, (yield from self.visit(planned))
             except Skipped as word:
                 yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason=word.reason)
-                yield from free(self.settings, planned.id)
-                return (yield Hold(window=planned.id)).values, True
+                return (yield from self.held(planned)), True
             except Retried:
-                yield from free(self.settings, planned.id)
-                at, swinging = (yield Hold(window=planned.id)).values, True
+                at, swinging = (yield from self.held(planned)), True
         reason = f"begun {1 + self.settings.record.repeats} times without coming to a recording"
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return at, True
+
+    def held(self, planned: PlannedWindow) -> Generator[Step, Result, Lengths]:
+        """Where the winches hold after a person's word, with nobody's hand or device at the platform."""
+        yield from free(self.settings, planned.id)
+        return (yield Hold(window=planned.id)).values
 
     def go(self, planned: PlannedWindow, at: Lengths) -> Generator[Step, Result, Lengths]:
         """Move to the planned lengths; returns them."""

@@ -18,6 +18,7 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.model.kinematics import equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from procedures.steps import Ask, Lengths, MoveTo, Step, longest_way
+from procedures.steps.excitation import Strokes
 
 Statics = Callable[[PerCable], PerCable]
 """(n,) cable lengths, m → (n,) tensions at rest, N; raises InfeasibleError where there is no equilibrium"""
@@ -121,18 +122,28 @@ def check_moves(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> No
 def _wrong_steps(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> Iterable[tuple[str, Violation]]:
     for number, step in enumerate(steps, start=1):
         name = f"step {number}, window {step.window or '–'}, {step.text}"
-        if isinstance(step, MoveTo):
-            wrong = workspace.at(step.lengths)
-            if wrong is None and step.start is not None:
-                wrong = workspace.between(step.start, step.lengths)
-            if wrong is not None:
-                yield name, wrong
-        elif isinstance(step, Ask):
-            for axis, wanted, allowed in zip(
-                "xy", step.prompt.displacement, robot.limits.free_displacement, strict=False
-            ):
-                if abs(wanted) > allowed:
-                    yield name, Violation(f"displacement {axis} is {wanted:.3f} m, at most {allowed:.3f} m is allowed")
+        match step:
+            case MoveTo():
+                wrong = [workspace.at(step.lengths)]
+                if wrong == [None] and step.start is not None:
+                    wrong = [workspace.between(step.start, step.lengths)]
+            case Strokes():
+                targets = dict.fromkeys(target for chain in step.chains for target in chain.targets)
+                beyond = (workspace.between(step.lengths, target) for target in targets)
+                wrong = [next(filter(None, beyond), None), *_too_far(step.displacement, robot)]
+            case Ask():
+                wrong = _too_far(step.prompt.displacement, robot)
+            case _:
+                continue
+        yield from ((name, one) for one in wrong if one is not None)
+
+
+def _too_far(displacement: Sequence[float], robot: Robot) -> list[Violation | None]:
+    return [
+        Violation(f"displacement {axis} is {wanted:.3f} m, at most {allowed:.3f} m is allowed")
+        for axis, wanted, allowed in zip("xy", displacement, robot.limits.free_displacement, strict=False)
+        if abs(wanted) > allowed
+    ]
 
 
 def find_route(

@@ -32,7 +32,7 @@ Steps = float | Float[np.ndarray, " N"]
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """M motions, each from its own rest, at the N + 1 ends of N steps."""
+    """M motions, each from its own start, at the N + 1 ends of N steps."""
 
     positions: Float[np.ndarray, "M N+1 3"]
     rotations: Float[np.ndarray, "M N+1 3 3"]
@@ -60,11 +60,12 @@ def driven_motions(
     accelerations: Float[np.ndarray, "M N n"],
     step: Steps = STEP,
     damping: Float[np.ndarray, "6 6"] | None = None,
+    twist: Float[np.ndarray, "6"] | None = None,
 ) -> Driven:
     """Motions from rest at `start` while the cables' lengths have these second derivatives (m/s²) in each step (s).
 
-    body, start: one for all, or one for each motion. damping: D per unit mass, world frame, over [ṗ; ω].
-    NaN from where a motion breaks down.
+    body, start: one for all, or one for each motion. damping: D per unit mass, world frame, over [ṗ; ω]. twist: with
+    which all of them begin, where not from rest. NaN from where a motion breaks down.
     """
     count, steps, n = accelerations.shape
     loop = mechanism.compiled(
@@ -73,7 +74,7 @@ def driven_motions(
     )
     starts = [start] * count if isinstance(start, Pose) else list(start)
     bodies = [body] * count if isinstance(body, Body) else list(body)
-    first = np.array([_state(pose) for pose in starts])
+    first = np.array([_state(pose, twist) for pose in starts])
     given = _given(accelerations, step, damping)
     body_rows = np.repeat([one.vector for one in bodies], steps, axis=0)
     states, tensions = evaluate(loop, first, given, body_rows)
@@ -123,8 +124,8 @@ def driven_derivative(
     )
 
 
-def _state(pose: Pose) -> Float[np.ndarray, "18"]:
-    return np.concatenate([pose.position, pose.rotation.ravel(), np.zeros(6)])
+def _state(pose: Pose, twist: Float[np.ndarray, "6"] | None = None) -> Float[np.ndarray, "18"]:
+    return np.concatenate([pose.position, pose.rotation.ravel(), np.zeros(6) if twist is None else twist])
 
 
 def _given(

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from fidim_lab.data.records import Body, Pose
+from fidim_lab.model.geometry import rotation_matrix
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import mass_matrix, modes
 from fidim_lab.model.statics import Equilibrium, balance
@@ -85,6 +86,14 @@ class Swing:
         g, turning = gibbs / 2, by[0][3:]
         away_by = np.vstack([by[0][:3], turning + np.cross(turning.T, g).T + np.outer(g, g @ turning)])
         return value, project @ by[1] - conjugate[:, np.newaxis] * (project @ away_by)
+
+    def motion(self, states: Complex[np.ndarray, " modes"]) -> tuple[Pose, Float[np.ndarray, "6"]]:
+        """Pose and twist of a small swing whose modes have these states: `states` the other way."""
+        q = np.imag(states) / np.imag(self.rates)
+        away = self.shapes @ q
+        turned = rotation_matrix(away[3:] / 2) @ self.rest.rotation
+        rate = np.real(states) + np.real(self.rates) * q
+        return Pose(position=self.rest.position + away[:3], rotation=turned), self.shapes @ rate
 
     def amplitudes(self, states: Complex[np.ndarray, " modes"]) -> Float[np.ndarray, " modes"]:
         """How far the main marker swings in each mode, m."""

@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from procedures.handlers.accuracy import check_accuracy
+from procedures.handlers.accuracy import check_accuracy, identify_body
 from procedures.handlers.align import jog
 from procedures.handlers.excitation import see_recorded_swing, strokes, think, watch_swing
 from procedures.handlers.hand import ask, await_hands_off
@@ -42,7 +42,7 @@ from procedures.steps import (
 )
 from procedures.steps.accuracy import CheckAccuracy
 from procedures.steps.align import Jog, Told
-from procedures.steps.excitation import SeeRecordedSwing, Strokes, Think, WatchSwing
+from procedures.steps.excitation import IdentifyBody, SeeRecordedSwing, Strokes, Think, WatchSwing
 
 Handler = Callable[[Stand, Any], Awaitable[Result]]
 
@@ -75,6 +75,7 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         SeeRecordedSwing: see_recorded_swing,
         Think: think,
         CheckAccuracy: check_accuracy,
+        IdentifyBody: identify_body,
         Jog: jog,
         Told: give_up,
     }

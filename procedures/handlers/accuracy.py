@@ -1,27 +1,20 @@
-"""Handler that identifies from the windows so far, in a process of its own: guards and bus go on meanwhile."""
+"""Handlers that identify from the windows so far, in a process of its own which alone imports what identifies."""
 
-import asyncio
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
+from procedures.handlers.apart import apart
 from procedures.outcomes import Measurement, Outcome
 from procedures.stand import Stand
 from procedures.steps import Result
 from procedures.steps.accuracy import REACHED, CheckAccuracy
+from procedures.steps.excitation import IdentifyBody
+
+DIED = "the process that computes it has died"
 
 
 async def check_accuracy(stand: Stand, step: CheckAccuracy) -> Result:
     """What is known by now; a fit that fails says so and is no reason to stop anything."""
-    pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
-    try:
-        known = await asyncio.get_running_loop().run_in_executor(pool, _known, stand.folder.path)
-    except BrokenProcessPool:
-        return Result(Outcome.UNSET, "the accuracy is not known: the process that computes it has died")
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)  # a run that is stopped must not wait for it
-    windows, s, inertia, problem = known
+    windows, s, inertia, problem = await apart(_known, stand.folder.path) or (0, 0.0, 0.0, DIED)
     if problem:
         return Result(Outcome.UNSET, f"the accuracy is not known yet: {problem}")
     wanted = step.accuracy
@@ -35,8 +28,27 @@ async def check_accuracy(stand: Stand, step: CheckAccuracy) -> Result:
 
 
 def _known(folder: Path) -> tuple[int, float, float, str]:
-    """In the other process, which alone imports what identifies (over a second that a robot would wait at a resume)."""
     from fidim_lab.identification.accuracy import accuracy_of
 
     known = accuracy_of(folder)
     return known.windows, known.s, known.inertia, known.problem
+
+
+async def identify_body(stand: Stand, _step: IdentifyBody) -> Result:
+    """What hangs there, for the next plan; no reason to stop anything where that cannot be told."""
+    values, sd, problem = await apart(_identified, stand.folder.path) or ((), (), DIED)
+    if problem:
+        return Result(Outcome.UNSET, f"the body is planned with as before: {problem}")
+    return Result(values=(*values, *sd))
+
+
+def _identified(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...], str]:
+    from fidim_lab.data.campaign import read_campaign
+    from fidim_lab.errors import FidimError
+    from fidim_lab.identification.excitation.identified import body_of
+
+    try:
+        found = body_of(read_campaign(folder))
+    except FidimError as refusal:
+        return (), (), refusal.message
+    return tuple(map(float, found.body.vector)), tuple(map(float, found.sd)), ""

@@ -29,14 +29,18 @@ RESTING = 2.0
 
 
 async def strokes(stand: Stand, step: Strokes) -> Result:
-    """Carry out all chains; the equilibrium's lengths are checked before and after, and both ends of every stroke."""
+    """Carry out all chains; the equilibrium's lengths are checked before and after, and both ends of every stroke.
+
+    FAIL, with nothing moved, where a stroke would leave the workspace.
+    """
     clock = stand.rig.clock
     off = longest_way(stand.lengths(), step.lengths)
     if off > RESTING * step.tolerance:
         raise DeviceError("winches", f"are {off * 1e3:.1f} mm from where the strokes begin; something has moved them")
-    for chain in step.chains:
-        for target in chain.targets:
-            stand.workspace.require(step.lengths, target, f"Window {step.window}, {step.text}")
+    for target in (target for chain in step.chains for target in chain.targets):
+        wrong = stand.workspace.between(step.lengths, target)
+        if wrong is not None:
+            return Result(Outcome.FAIL, f"a stroke would leave the robot's limits: {wrong.says}")
     begin: float | None = None
     for chain in step.chains:
         await _prepare(stand, chain)

@@ -45,6 +45,8 @@ class Strokes(Step):
     """of the equilibrium, m"""
     chains: tuple[StrokeChain, ...]
     why: str
+    displacement: tuple[float, ...] = ()
+    """m: as after which the platform is to swing, x and y of the marker; empty where it is calmed"""
     begin: float | None = None
     """monotonic s of the first stroke; None as soon as may be"""
     tolerance: float
@@ -109,6 +111,24 @@ class SeeRecordedSwing(Step):
     def text(self) -> str:
         """What is done."""
         return "see how the platform swung, mode by mode"
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyBody(Step):
+    """Identify the body from the windows so far, in a process of its own, to plan with.
+
+    Values: nine parameters and their standard deviations, m and m²; none where nothing can be told.
+    """
+
+    @property
+    def text(self) -> str:
+        """What is done."""
+        return "identify from the windows so far, to plan the next ones"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate."""
+        return 6.0
 
 
 @dataclass(frozen=True, kw_only=True)

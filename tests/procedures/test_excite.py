@@ -1,5 +1,8 @@
 """Winch-driven windows through the real bytes of simulated drives: nobody is asked, lengths end where they began."""
 
+import asyncio
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,18 +13,20 @@ from fidim_lab.app import compose
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import InfeasibleError
+from fidim_lab.identification.excitation.bodies import sizes
 from fidim_lab.identification.excitation.seen import Lesson
 from fidim_lab.identification.random_plan import Taste, random_plan
-from procedures import excite
+from procedures import calming, excite
 from procedures.catalogue import experiment, never_asks
-from procedures.events import Event, StepFinished
+from procedures.control import Control, Verb, Word
+from procedures.events import Event, StepFinished, StepStarted
 from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.report import RunReport
 from procedures.run import run_procedure
 from procedures.settings import MotionSettings, Settings
-from procedures.steps import Accept, Ask, GiveUp, MoveTo, Reject, Result
-from procedures.steps.excitation import SeeRecordedSwing, Strokes, Think
+from procedures.steps import Accept, Ask, GiveUp, MoveTo, Note, Reject, Result, Settle, Step, Stop
+from procedures.steps.excitation import IdentifyBody, SeeRecordedSwing, Strokes, Think, WatchSwing
 
 
 class Nobody:
@@ -36,20 +41,33 @@ def plan(irma4: Robot) -> Plan:
     return random_plan(irma4, "alone", 2, 0, 1, Taste(taut=1.0, tight=1.0))
 
 
-def carried_out(robot: Robot, plan: Plan, folder: Path, hide: tuple[str, ...]) -> tuple[RunReport, list[StepFinished]]:
+def carried_out(
+    robot: Robot, plan: Plan, folder: Path, hide: tuple[str, ...], words: Sequence[tuple[float, Verb]] = ()
+) -> tuple[RunReport, list[StepFinished]]:
+    """words: said so many seconds after the first strokes that excite have begun."""
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
     made = experiment("excite", plan, robot, settings)
     world = compose.simulated_world(robot, 1, hide)
     done: list[StepFinished] = []
+    control, left = Control(), list(words)
 
     def listen(event: Event) -> None:
         if isinstance(event, StepFinished):
             done.append(event)
+        elif isinstance(event, StepStarted) and isinstance(event.step, Strokes) and event.step.displacement:
+            for after, verb in left:
+                asyncio.get_running_loop().call_later(after, control.say, Word(verb, "by a test", "a test"))
+            left.clear()
 
     async def run() -> RunReport:
         async with compose.simulated_rig(robot, plan, world, 1, operator=Nobody()) as simulated:
             return await run_procedure(
-                made, simulated.rig, folder, wall_time=lambda: "2000-01-01T00:00:00Z", listeners=(listen,)
+                made,
+                simulated.rig,
+                folder,
+                wall_time=lambda: "2000-01-01T00:00:00Z",
+                listeners=(listen,),
+                control=control,
             )
 
     return compose.run_loop(run(), real_time=False), done
@@ -85,6 +103,37 @@ def test_windows_are_recorded_without_a_hand(irma4: Robot, plan: Plan, tmp_path:
     assert low * 0.9 < np.nanmin(tensions) < np.nanmax(tensions) < high * 1.05
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param(((0.5, Verb.PAUSE), (20.0, Verb.RESUME)), id="paused and resumed"),
+        pytest.param(((0.5, Verb.RETRY),), id="again", marks=pytest.mark.slow),
+    ],
+)
+def test_strokes_that_were_stopped_halfway_are_done_again_from_the_equilibrium(
+    irma4: Robot, plan: Plan, tmp_path, words
+):
+    one = replace(plan, windows=plan.windows[:1])
+    report, done = carried_out(irma4, one, tmp_path / "run", ("rotational-drag:c=0.15",), words)
+    assert report.outcome.usable, report.reason
+    (halfway, *_) = [k for k, e in enumerate(done) if isinstance(e.step, Strokes) and e.step.displacement]
+    assert "interrupted" in done[halfway].result.reason
+    after = [e.step for e in done[halfway + 1 :] if isinstance(e.step, MoveTo | Strokes | Accept)]
+    assert isinstance(after[-1], Accept)
+    back = next(step for step in after if isinstance(step, MoveTo))
+    np.testing.assert_allclose(back.lengths, one.windows[0].lengths)
+    assert any(isinstance(step, Strokes) and step.displacement for step in after)
+    (window,) = read_campaign(tmp_path / "run").windows
+    np.testing.assert_allclose(window.lengths.mean(axis=0), one.windows[0].lengths, atol=1e-3)
+
+
+def test_a_window_left_out_halfway_through_strokes_leaves_the_next_one_in_order(irma4: Robot, plan: Plan, tmp_path):
+    report, done = carried_out(irma4, plan, tmp_path / "run", ("rotational-drag:c=0.15",), ((0.5, Verb.SKIP),))
+    assert [type(e.step) for e in done if isinstance(e.step, GiveUp | Accept)] == [GiveUp, Accept]
+    assert [window.id for window in read_campaign(tmp_path / "run").windows] == [plan.windows[1].id]
+    assert "Window" not in report.reason
+
+
 def test_no_stroke_asks_a_winch_for_more_than_it_may_do(irma4: Robot, plan: Plan):
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
     steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps
@@ -104,10 +153,99 @@ def test_moves_are_timed_for_the_modes(irma4: Robot, plan: Plan):
         assert move.acceleration <= settings.excite.acceleration
 
 
+class Player:
+    """Plays a protocol's steps without a robot; `answer` says what comes of each."""
+
+    def __init__(self, answer) -> None:
+        self.steps: list[Step] = []
+        self._answer = answer
+
+    def play(self, steps_of):
+        result = None
+        while True:
+            try:
+                step = steps_of.send(result)
+            except StopIteration as end:
+                return end.value
+            self.steps.append(step)
+            if isinstance(step, Think):
+                step.job()
+            if isinstance(step, Stop):
+                return None
+            result = self._answer(step) or Result()
+
+    def of(self, kind):
+        return [step for step in self.steps if isinstance(step, kind)]
+
+
+def swung(step, amplitudes) -> Result:
+    """As if it swung so far (m) in each mode."""
+    table = [amplitudes, 0 * amplitudes, step.swing.frequencies, step.swing.damping, amplitudes]
+    return Result(values=(0.0, *np.concatenate(table)))
+
+
+def protocol_of(robot: Robot, plan: Plan) -> excite.ExciteProtocol:
+    return excite.ExciteProtocol(robot, Settings(motion=MotionSettings(length_limits=compose.length_limits(plan))))
+
+
+def test_nothing_travels_while_the_platform_swings_and_cannot_be_calmed(irma4: Robot, plan: Plan):
+    protocol, window = protocol_of(irma4, plan), plan.windows[0]
+
+    def wild(step):
+        if isinstance(step, WatchSwing):
+            return swung(step, np.full(2, 0.05))
+        if isinstance(step, Settle) and player.of(WatchSwing):
+            return Result(Outcome.FAIL, "The marker still moves 100.0 mm.")
+        return None
+
+    player = Player(wild)
+    assert player.play(protocol.settle(window)) is not None
+    player.play(protocol.window(window, tuple(map(float, window.lengths)), swinging=True))
+    (stop,) = player.of(Stop)
+    assert "cannot calm it. The marker still moves 100.0 mm" in stop.reason
+    assert player.steps[-1] is stop
+    assert not player.of(MoveTo)
+
+
+def test_strokes_that_would_break_tensions_are_not_made(irma4: Robot, plan: Plan, monkeypatch):
+    protocol, window = protocol_of(irma4, plan), plan.windows[0]
+
+    def refused(*_):
+        raise InfeasibleError("Strokes would pull too much.")
+
+    monkeypatch.setattr(calming, "calmed", refused)
+    player = Player(lambda step: swung(step, np.full(2, 0.02)) if isinstance(step, WatchSwing) else None)
+    player.play(protocol.settle(window))
+    player.play(protocol.steady(window, "bring it to rest"))
+    assert [note.remark for note in player.of(Note)] == [f"{window.id}: Strokes would pull too much."]
+    assert not player.of(Strokes)
+
+
+def test_the_body_is_identified_from_the_first_windows_until_it_is_known(irma4: Robot, plan: Plan):
+    body, told = irma4.nominal.vector * 1.02, []
+
+    def answer(step):
+        if isinstance(step, SeeRecordedSwing):
+            return swung(step, np.array([0.03, 0.02]))
+        if isinstance(step, IdentifyBody):
+            part = (0.04, 1e-4)[len(told)]
+            told.append(step)
+            return Result(values=(*body, *(part * sizes(irma4.nominal))))
+        return None
+
+    protocol, player = protocol_of(irma4, plan), Player(answer)
+    for _ in range(3):
+        for window in plan.windows:
+            player.play(protocol.settle(window))
+            player.play(protocol.record(window, (0.0, 0.0, 0.0)))
+    assert len(player.of(Accept)) == 6
+    assert len(told) == 2, "known after the second"
+
+
 @pytest.mark.parametrize("again", [True, False], ids=["planned again", "no second plan"])
 def test_a_swing_that_was_missed_is_kept_where_it_cannot_be_done_better(irma4: Robot, plan: Plan, monkeypatch, again):
     settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
-    protocol, window, steps = excite.ExciteProtocol(irma4, settings), plan.windows[0], []
+    protocol, window = excite.ExciteProtocol(irma4, settings), plan.windows[0]
     first, plans = excite.planned, []
 
     def planned(*arguments):
@@ -119,23 +257,9 @@ def test_a_swing_that_was_missed_is_kept_where_it_cannot_be_done_better(irma4: R
     monkeypatch.setattr(excite, "planned", planned)
     monkeypatch.setattr(excite, "taught", lambda place, bodies, _plan, _seen, known: Lesson(place, bodies, known))
 
-    def played(steps_of):
-        result = None
-        while True:
-            try:
-                step = steps_of.send(result)
-            except StopIteration as end:
-                return end.value
-            steps.append(step)
-            if isinstance(step, Think):
-                step.job()
-            if isinstance(step, SeeRecordedSwing):  # half of what was planned
-                swing = 0.5 * plans[-1].reached
-                table = [swing, 0 * swing, step.swing.frequencies, step.swing.damping, swing]
-                result = Result(values=(0.0, *np.concatenate(table)))
-            else:
-                result = Result()
-
+    # half of what was planned
+    player = Player(lambda step: swung(step, 0.5 * plans[-1].reached) if isinstance(step, SeeRecordedSwing) else None)
+    played, steps = player.play, player.steps
     assert played(protocol.settle(window)) is not None
     assert played(protocol.record(window, (0.0, 0.0, 0.0)))
     (accepted,) = [step for step in steps if isinstance(step, Accept)]

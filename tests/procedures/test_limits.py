@@ -16,6 +16,7 @@ from procedures.listing import Outline
 from procedures.run import identification
 from procedures.settings import MotionSettings, Settings
 from procedures.steps import MoveTo
+from procedures.steps.excitation import StrokeChain, Strokes
 
 # Table 2 of the paper: cable lengths of its twelve equilibria, m.
 TABLE_2 = np.array(
@@ -159,3 +160,19 @@ def test_table_2_is_feasible_by_a_detour_that_the_nominal_model_asks_for(irma4):
     assert len(way) == 2
     assert way[-1] == sets[4]
     assert all(workspace.between(a, b) is None for a, b in zip((sets[3], *way), way, strict=False))
+
+
+def strokes(to, displacement=()):
+    held = LEFT
+    chain = StrokeChain(
+        begin=0.0, starts=(0.0, 0.4), targets=(to, held), speeds=(0.1,) * 4, accelerations=(1.0,) * 4, seconds=0.8
+    )
+    return Strokes(window="i01", lengths=held, chains=(chain,), why="excite", displacement=displacement, tolerance=1e-3)
+
+
+def test_strokes_are_checked_before_any_motion(irma4, walled):
+    check_moves([strokes((1.25, 1.5, 1.4, 1.4), (0.03, 0.01))], irma4, walled)
+    with pytest.raises(InfeasibleError, match=r"window i01, excite.*cable 2 would have 5\.0 N"):
+        check_moves([strokes((1.45, 1.5, 1.4, 1.4))], irma4, walled)
+    with pytest.raises(InfeasibleError, match=r"displacement y is 0\.300 m, at most"):
+        check_moves([strokes((1.25, 1.5, 1.4, 1.4), (0.0, 0.3))], irma4, walled)

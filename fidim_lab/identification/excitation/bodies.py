@@ -5,7 +5,7 @@ a body at a frequency of its own is no warning. Tuned, all of them agree with th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -25,6 +25,8 @@ KNOWN = 5e-3
 INSIDE = 32
 """bodies beside those at the corners: chains of many turns answer a narrow band of frequencies, and one in between may
 meet it. With the corners alone 6 of 100 undamped bodies broke a limit at the worst places, with these 1 of 1000"""
+SURE = 0.01
+"""part to which every parameter is known where a body is taken for known"""
 ROUNDS = 3
 STEP = 1e-3
 """part of OFF, for difference quotients of frequencies"""
@@ -37,6 +39,8 @@ class Bodies:
     likely: Body
     others: tuple[Body, ...]
     """whose tensions are looked at too"""
+    spread: Float[np.ndarray, "9"]
+    """m, m²: by how much each parameter may be off"""
 
     @classmethod
     def around(cls, body: Body, off: float = OFF) -> Self:
@@ -45,10 +49,20 @@ class Bodies:
         Any two parameters of the eight are off in all four ways: higher and lower centres of mass with more and with
         less inertia swing at frequencies far apart. The others fill what is between, more of them near the sides.
         """
+        return cls.within(body, off * sizes(body))
+
+    @classmethod
+    def within(cls, body: Body, spread: Float[np.ndarray, "9"]) -> Self:
+        """The same, with what each parameter (m, m²) may be off."""
         corners = hadamard(8)[:, [1, 2, 3, 4, 5, 6, 7, 7, 7]]
-        parts = np.vstack([corners, _between(INSIDE)]) * _spread(body, off)
+        parts = np.vstack([corners, _between(INSIDE)]) * spread
         found = [Body.from_vector(body.vector + part) for part in parts]
-        return cls(body, tuple(one for one in found if _possible(one)))
+        return cls(body, tuple(one for one in found if _possible(one)), spread)
+
+    @property
+    def sure(self) -> bool:
+        """Whether it is known so well that further recordings would not change a plan."""
+        return bool(np.all(self.spread <= SURE * sizes(self.likely)))
 
     def tuned(self, place: Place, frequencies: Float[np.ndarray, " modes"], seen: Sequence[int]) -> "Bodies":
         """Each changed as little as makes it swing at these frequencies (Hz), at this place.
@@ -57,19 +71,18 @@ class Bodies:
         one can, all stay as they are.
         """
         modes = list(seen)
-        spread = _spread(self.likely, OFF)
         try:
-            slopes = _slopes(place, self.likely, spread, modes)
-            likely = _tuned(place, self.likely, frequencies, modes, slopes, spread)
+            slopes = _slopes(place, self.likely, self.spread, modes)
+            likely = _tuned(place, self.likely, frequencies, modes, slopes, self.spread)
         except (InfeasibleError, np.linalg.LinAlgError):
             return self
         others: list[Body] = []
         for other in self.others:
             try:
-                others.append(_tuned(place, other, frequencies, modes, slopes, spread))
+                others.append(_tuned(place, other, frequencies, modes, slopes, self.spread))
             except (InfeasibleError, np.linalg.LinAlgError):
                 continue
-        return Bodies(likely, tuple(others))
+        return replace(self, likely=likely, others=tuple(others))
 
 
 def _between(count: int) -> Float[np.ndarray, "count 9"]:
@@ -81,11 +94,11 @@ def _between(count: int) -> Float[np.ndarray, "count 9"]:
     return np.sign(even) * np.sqrt(np.abs(even))
 
 
-def _spread(body: Body, off: float) -> Float[np.ndarray, "9"]:
-    """By how much each parameter may be off, m and m²."""
+def sizes(body: Body) -> Float[np.ndarray, "9"]:
+    """What a part of each parameter is a part of, m and m²."""
     lever = float(np.linalg.norm(body.com))
     moments = np.concatenate([body.inertia[:3], np.full(3, CROSSED * body.inertia[:3].min())])
-    return off * np.concatenate([lever * np.array([FLAT, FLAT, 1.0]), moments])
+    return np.concatenate([lever * np.array([FLAT, FLAT, 1.0]), moments])
 
 
 def _possible(body: Body) -> bool:

@@ -31,7 +31,7 @@ def within_winches(
     Of all numbers of turns, those that reach most; of those that reach nearly as much, the shortest.
     """
     modes = tuple(int(j) for j in np.flatnonzero(wanted > SEEN * np.linalg.norm(wanted)))
-    choices = [_chains(place.swing, j, float(wanted[j]), float(ratio[j]), limits) for j in modes]
+    choices = [_chains(place, j, float(wanted[j]), float(ratio[j]), limits) for j in modes]
     found: list[tuple[float, float, tuple[Chain, ...]]] = []
     for picked in itertools.product(*choices):
         later, share, larger = 0.0, np.inf, []
@@ -49,8 +49,9 @@ def within_winches(
     return share, chains, modes
 
 
-def _chains(swing: Swing, mode: int, wanted: float, ratio: float, limits: WinchLimits) -> list[tuple[float, Chain]]:
+def _chains(place: Place, mode: int, wanted: float, ratio: float, limits: WinchLimits) -> list[tuple[float, Chain]]:
     """Chains for one mode, of ever more turns, and the part of the wanted swing for which the winches suffice."""
+    swing = place.swing
     half = 0.5 / (swing.frequencies[mode] * float(np.sqrt(1 - swing.damping[mode] ** 2)))
     found: list[tuple[float, Chain]] = []
     for turns in TURNS:
@@ -61,7 +62,7 @@ def _chains(swing: Swing, mode: int, wanted: float, ratio: float, limits: WinchL
         direction = direction_of(swing, mode, np.abs(response))
         gained = abs(response[mode] * (swing.gain[mode] @ direction) / np.imag(swing.rates[mode])) * swing.lever[mode]
         allowed = SPARE * min(
-            limits.offset,
+            limits.reach(place.equilibrium.lengths, direction),
             limits.speed / (pattern.speed * ratio),
             limits.acceleration / (pattern.acceleration * ratio**2),
         )

@@ -1,6 +1,6 @@
 """What recordings taught about how the winches excite: carried from one try to the next, and from window to window."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -36,6 +36,10 @@ class Knowledge:
     def fitting(self, modes: int) -> "Knowledge":
         """For a place with so many modes: what was known of as many."""
         return self if len(self.damping) == modes else Knowledge.none(modes)
+
+    def by_identified_body(self) -> "Knowledge":
+        """What of it holds where the body is identified, anywhere: how swings fade."""
+        return replace(self, ratio=np.ones_like(self.ratio), gain=np.ones_like(self.gain))
 
     def elsewhere(self) -> "Knowledge":
         """What of it is believed at another equilibrium: no gain by which a swing could get larger than planned."""

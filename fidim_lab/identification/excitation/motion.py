@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import Positions, Series
 from fidim_lab.data.records import Body
+from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.candidates import SPARE, begins_of
 from fidim_lab.identification.excitation.place import Place
 from fidim_lab.identification.excitation.strokes import COARSE, FINEST, Chain, Timeline, timeline
@@ -113,7 +114,10 @@ def solved(
 def within_tensions(
     place: Place, chains: tuple[Chain, ...], gains: np.ndarray, bodies: Sequence[Body], tension: tuple[float, float]
 ) -> tuple[float, tuple[float, float]]:
-    """How large the chains may be for all bodies' tensions to keep their limits, and the extremes then (N)."""
+    """How large the chains may be for all bodies' tensions to keep their limits, and the extremes then (N).
+
+    Those at rest at the strokes' ends count, too: an emergency stop may leave the platform there.
+    """
     line = line_of(chains, LOOK)
     # chains that were found to do less have been made larger for it: that they then do all of it is allowed for
     directions = np.array([gain * chain.direction for gain, chain in zip(gains, chains, strict=True)])
@@ -125,15 +129,35 @@ def within_tensions(
 
     def look(factor: float) -> tuple[float, tuple[float, float]]:
         accelerations = line.accelerations(factor * directions)[np.newaxis]
-        low, high = np.inf, -np.inf
+        low, high = at_rest(place, tuple(chain.scaled(factor) for chain in chains))
         for body, pose in trials:  # one by one: a thread that plans lets others have their turn
             found = driven_motions(place.mechanism, body, pose, accelerations, line.steps, damping).tensions
-            newton = found * place.robot.mass
-            low, high = min(low, _least(newton)), max(high, -_least(-newton))
+            low, high = wider((low, high), found * place.robot.mass)
         used = max(_used(rest.min(), low, tension[0]), _used(-rest.max(), -high, -tension[1]))
         return (1 + LATE) * used, (low, high)
 
     return _largest(look)
+
+
+def at_rest(place: Place, chains: Sequence[Chain]) -> tuple[float, float]:
+    """Smallest and largest tension (N) of resting at the strokes' ends; infinite where there is no rest."""
+    found = (np.inf, -np.inf)
+    for ends in (chain.direction * side for chain in chains for side in (1.0, -1.0)):
+        try:
+            rest = pose_from_lengths(
+                place.mechanism, place.body, place.equilibrium.lengths + ends, place.equilibrium.pose
+            )
+        except InfeasibleError:
+            return -np.inf, np.inf
+        found = wider(found, rest.tensions_in_newton(place.robot.mass))
+    return found
+
+
+def wider(extremes: tuple[float, float], newton: np.ndarray) -> tuple[float, float]:
+    """Smallest and largest tension (N) with these seen, too; infinite where a motion broke down."""
+    if not np.isfinite(newton).all():
+        return -np.inf, np.inf
+    return min(extremes[0], float(newton.min())), max(extremes[1], float(newton.max()))
 
 
 def _largest(look: Callable[[float], tuple[float, T]]) -> tuple[float, T]:
@@ -169,19 +193,14 @@ def _largest(look: Callable[[float], tuple[float, T]]) -> tuple[float, T]:
         factor = float(np.clip(wanted, max(least + inside, 0.4 * factor), most - inside))
 
 
-def line_of(chains: tuple[Chain, ...], after: float) -> Timeline:
+def line_of(chains: tuple[Chain, ...], after: float, finest: float = FINEST) -> Timeline:
     """The steps in which chains are integrated, with so many seconds of free motion after them."""
     begins = begins_of(chains)
     moving = begins[-1] + chains[-1].pattern.seconds
     pieces = sum(2 * (chain.pattern.turns + 1) + 2 for chain in chains)
-    needed = moving / FINEST + after / COARSE + pieces + 4
+    needed = moving / finest + after / COARSE + pieces + 4
     count = next((steps for steps in STEPS if steps >= needed), int(needed) + 1)
-    return timeline(tuple(chain.pattern for chain in chains), begins, moving + after, count)
-
-
-def _least(tensions: np.ndarray) -> float:
-    """−∞ where a motion broke down."""
-    return float(tensions.min()) if np.isfinite(tensions).all() else -np.inf
+    return timeline(tuple(chain.pattern for chain in chains), begins, moving + after, count, finest)
 
 
 def _used(rest: float, found: float, limit: float) -> float:

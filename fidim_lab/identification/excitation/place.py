@@ -12,6 +12,11 @@ from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import Equilibrium
 from fidim_lab.model.swing import Swing, swing_about
 
+MASS_OFF = 0.05
+"""part by which the platform's mass, and so every tension, may be off"""
+SPARE_TENSION = 0.005
+"""of the span that tensions may have, kept at both ends"""
+
 
 @dataclass(frozen=True)
 class WinchLimits:
@@ -25,6 +30,15 @@ class WinchLimits:
     """m away from the equilibrium's lengths"""
     seconds: float = 12.0
     """for all chains"""
+    lengths: tuple[tuple[float, float], ...] = ()
+    """m, shortest and longest that each cable may be; empty where that is not known"""
+
+    def reach(self, held: PerCable, direction: PerCable) -> float:
+        """How far (m) strokes may go to both sides of the lengths held, along a direction of largest entry 1."""
+        free = [min(at - low, high - at) for at, (low, high) in zip(held, self.lengths, strict=False)]
+        ways = np.abs(direction[: len(free)])
+        room = min((room / way for room, way in zip(free, ways, strict=True) if way > 0), default=np.inf)
+        return max(min(self.offset, float(room)), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +61,12 @@ class Place:
     def robot(self) -> Robot:
         """As the mechanism has it."""
         return self.mechanism.robot
+
+
+def inside(tension: tuple[float, float]) -> tuple[float, float]:
+    """What tensions (N) by the file's mass may be, so that the true ones keep these limits."""
+    spare = SPARE_TENSION * (tension[1] - tension[0])
+    return tension[0] * (1 + MASS_OFF) + spare, tension[1] / (1 + MASS_OFF) - spare
 
 
 def wanted_amplitudes(place: Place, displacement: Float[np.ndarray, "2"]) -> Float[np.ndarray, " modes"]:

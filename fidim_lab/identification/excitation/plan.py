@@ -17,16 +17,12 @@ from fidim_lab.data.records import Body
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.candidates import begins_of, within_winches
 from fidim_lab.identification.excitation.knowledge import Knowledge
-from fidim_lab.identification.excitation.motion import retimed, solved, swings_after, within_tensions
-from fidim_lab.identification.excitation.place import Place, WinchLimits
+from fidim_lab.identification.excitation.motion import at_rest, retimed, solved, swings_after, within_tensions
+from fidim_lab.identification.excitation.place import Place, WinchLimits, inside
 from fidim_lab.identification.excitation.strokes import Chain
 
 SLOWER = (0.5, 0.25)
 """parts of the acceleration that are tried where tensions are the limit"""
-MASS_OFF = 0.05
-"""part by which the platform's mass, and so every tension, may be off"""
-SPARE_TENSION = 0.005
-"""of the span that tensions may have, kept at both ends"""
 LEAST = 0.1
 """part of the wanted swing under which a place is refused"""
 ENOUGH = 0.97
@@ -78,10 +74,7 @@ def planned(
         )
     limits, knowledge = limits or WinchLimits(), knowledge or Knowledge.none(len(wanted))
     known = replace(place, swing=place.swing.damped(knowledge.damping))
-    low, high = tension or place.robot.limits.tension
-    spare = SPARE_TENSION * (high - low)
-    inside = (low * (1 + MASS_OFF) + spare, high / (1 + MASS_OFF) - spare)
-    trial = _Trial(known, wanted, knowledge, tuple(bodies), inside)
+    trial = _Trial(known, wanted, knowledge, tuple(bodies), inside(tension or place.robot.limits.tension))
     best = trial.best(limits)
     chains, modes = best.chains, best.modes
     why = (
@@ -100,7 +93,7 @@ class Less(Enum):
     """Why a swing is less than wanted."""
 
     NOTHING = "it is not"
-    WINCHES = "what the winches' speed, acceleration and time reach"
+    WINCHES = "what the winches' speed, acceleration, lengths and time reach"
     TENSION = "what tensions allow"
 
 
@@ -183,6 +176,9 @@ class _Trial:
         """Chains within these limits."""
         aims = self.wanted / self.knowledge.gain
         share, chains, modes = within_winches(self.place, aims, self.knowledge.ratio, limits)
+        if not share > 0:
+            nothing = (np.zeros(len(aims)), 0.0, at_rest(self.place, chains), Less.WINCHES)
+            return _Planned(chains, modes, *nothing)
         chains = solved(self.place, chains, modes, share * aims)
         gains = np.maximum(self.knowledge.gain[list(modes)], 1.0)
         loose = replace(self.place, swing=self.place.swing.damped(self.knowledge.least))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fidim_lab.data.records import Pose
 from fidim_lab.model.driven import driven_derivative, driven_motions
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -74,3 +75,23 @@ def test_damping_ratios_come_back_from_a_swing(paper: Mechanism, rest, pull):
     slope = np.polyfit(t[:300], energy[:300], 1)[0]
     omega = 2 * np.pi * modes(paper, paper.robot.nominal, rest).frequencies
     np.testing.assert_allclose(-slope / 2 / omega, ratios, rtol=0.25)
+
+
+def test_a_state_becomes_a_motion_and_comes_back(paper: Mechanism, rest):
+    swing = swing_about(paper, paper.robot.nominal, rest, 0.03)
+    states = np.array([0.02 + 0.01j, -0.03 + 0.015j])
+    pose, twist = swing.motion(states)
+    np.testing.assert_allclose(swing.states(pose, twist)[0], states, rtol=1e-3)
+
+
+def test_a_motion_may_begin_with_a_twist(paper: Mechanism, rest):
+    """The second half of a motion from rest is the motion that begins where the first half ended."""
+    body, pull = paper.robot.nominal, np.zeros((1, 100, 4))
+    swing = swing_about(paper, body, rest)
+    pose, twist = swing.motion(np.array([0.05 + 0.02j, 0.02 - 0.04j]))
+    whole = driven_motions(paper, body, pose, pull, twist=twist)
+    middle = Pose(position=whole.positions[0, 50], rotation=whole.rotations[0, 50])
+    half = driven_motions(paper, body, middle, pull[:, :50], twist=whole.twists[0, 50])
+    np.testing.assert_allclose(half.positions[0, -1], whole.positions[0, -1], atol=1e-12)
+    np.testing.assert_allclose(half.tensions[0, -1], whole.tensions[0, -1], atol=1e-9)
+    assert np.abs(whole.twists[0, 0]).max() > 1e-3

@@ -1,0 +1,58 @@
+"""What hangs there by the windows recorded so far: for planning the next ones, not a result to report.
+
+One window tells most of it, three all (to parts in a thousand): from then on strokes need no allowance for what CAD may
+have wrong. Drag of the rotation is fitted beside the body, since every real platform has some. What the recordings
+leave open, CAD says.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Body, Campaign
+from fidim_lab.effects.rotational_drag import RotationalDrag
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.excitation.bodies import OFF, sizes
+from fidim_lab.identification.mle.fit import fit
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
+
+LATEST = 4
+"""windows that are looked at: few seconds, and enough"""
+CAD = 2 * OFF
+"""standard deviation of CAD, as a part: now and then it is off by more than strokes allow for"""
+HONEST = 3.0
+"""times the stated standard deviation, for the effects that a planning model leaves out"""
+FINEST = 2e-3
+"""part of each parameter's size that is never said to be known better"""
+MISFIT = 100.0
+"""χ²/dof beyond which the recordings say nothing of the body"""
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """A body, and how well it is known."""
+
+    body: Body
+    sd: Float[np.ndarray, "9"]
+
+
+def body_of(campaign: Campaign) -> Identified:
+    """The body by the last windows and by CAD. Raises RefusedError where nothing can be learnt from them."""
+    robot = campaign.robot
+    found = fit(Mechanism(robot, (RotationalDrag(),)), campaign.windows[-LATEST:], hasty=True)
+    if not found.chi2_per_dof < MISFIT:
+        raise RefusedError(f"The rigid model with drag leaves a χ²/dof of {found.chi2_per_dof:.0f}.")
+    size = sizes(robot.nominal)
+    seen = HONEST**2 * max(1.0, found.chi2_per_dof) * found.covariance[:BODY, :BODY] + np.diag((FINEST * size) ** 2)
+    # the mean of two normal distributions, written so that neither needs to be inverted
+    cad = np.diag((CAD * size) ** 2)
+    gain = np.linalg.solve((cad + seen).T, cad.T).T
+    nominal = robot.nominal.vector
+    values = nominal + gain @ (found.values[:BODY] - nominal)
+    sd = np.sqrt(np.diag(cad - gain @ cad))
+    body = Body.from_vector(values)
+    if not np.linalg.eigvalsh(body.inertia_about_com)[0] > 0:
+        raise RefusedError("The body that fits best cannot exist.")
+    return Identified(body, sd)
