@@ -12,6 +12,7 @@ import numpy as np
 from fidim_lab.data.records import PlannedWindow, Role
 from fidim_lab.errors import InfeasibleError
 from procedures.displacing import free
+from procedures.enough import windows_of
 from procedures.experiment import Lab
 from procedures.identify import WindowProtocol
 from procedures.outcomes import Outcome
@@ -39,9 +40,7 @@ def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
 def _compare(lab: Lab, done: AbstractSet[str], protocol: WindowProtocol) -> Steps:
     at = (yield Enable()).values
     yield from free(lab.settings)
-    swinging = False
-    for window in lab.plan.windows:
-        at, swinging = yield from protocol.window(window, at, swinging)
+    at, swinging = yield from windows_of(lab.plan, protocol, at, len(lab.attempts))
     left = [id_ for id_ in FURTHER if id_ not in done]
     while True:
         found = yield Explain(number=len(FURTHER) - len(left) + 1, estimate=ESTIMATE)

@@ -5,11 +5,8 @@ from typing import Protocol
 
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from procedures.outcomes import Outcome
-from procedures.steps import GiveUp, Lengths, Note, Result, Step, Steps
+from procedures.steps import GiveUp, Lengths, Note, Result, Step
 from procedures.steps.accuracy import REACHED, CheckAccuracy
-
-FEWEST = 4
-"""identify windows before the first look: fewer give no spread between windows to hold the stated sd against"""
 
 
 class Records(Protocol):
@@ -22,18 +19,31 @@ class Records(Protocol):
         ...
 
 
-def windows_of(plan: Plan, protocol: Records, at: Lengths) -> Steps:
-    """All windows; once the accuracy is reached, those to identify from are left out, held-out ones are not."""
-    swinging, recorded, enough = False, 0, ""
+def windows_of(
+    plan: Plan, protocol: Records, at: Lengths, earlier: int = 0
+) -> Generator[Step, Result, tuple[Lengths, bool]]:
+    """All windows; once the accuracy is reached, those to identify from are left out, held-out ones are not.
+
+    earlier: windows that an earlier process has recorded. Returns where the robot is, and whether it swings.
+    """
+    swinging, recorded, enough = False, earlier, ""
+    looked = 0
     for planned in plan.windows:
         identifies = planned.role is Role.IDENTIFY
+        if (
+            plan.accuracy is not None
+            and identifies
+            and not enough
+            and recorded >= max(plan.accuracy.FEWEST, looked + 1)
+        ):
+            looked = recorded
+            result = yield CheckAccuracy(window=planned.id, accuracy=plan.accuracy)
+            if result.answer == REACHED:
+                enough = result.reason
+                yield Note(remark=enough)
         if identifies and enough:
             yield GiveUp(window=planned.id, outcome=Outcome.PASS, reason=f"not needed: {enough}")
             continue
         at, swinging = yield from protocol.window(planned, at, swinging)
         recorded += identifies
-        if plan.accuracy is not None and identifies and recorded >= FEWEST:
-            result = yield CheckAccuracy(window=planned.id, accuracy=plan.accuracy)
-            if result.answer == REACHED:
-                enough = result.reason
-                yield Note(remark=enough)
+    return at, swinging

@@ -48,7 +48,7 @@ def excite(lab: Lab) -> Steps:
     protocol = ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory)
     at = (yield Enable()).values
     yield from free(lab.settings)
-    yield from windows_of(lab.plan, protocol, at)
+    yield from windows_of(lab.plan, protocol, at, len(lab.attempts))
 
 
 class ExciteProtocol(WindowProtocol):

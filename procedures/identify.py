@@ -65,7 +65,7 @@ def identify(
     protocol = WindowProtocol(robot, settings or Settings(), route, made or {})
     at = (yield Enable()).values
     yield from free(protocol.settings)
-    yield from windows_of(plan, protocol, at)
+    yield from windows_of(plan, protocol, at, len(protocol.made))
 
 
 class WindowProtocol:

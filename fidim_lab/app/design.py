@@ -140,9 +140,7 @@ def _wrong_bodies(robot: Robot, count: int, seed: int) -> tuple[np.ndarray, ...]
 
 def _aside(found: Design, k: int) -> np.ndarray:
     """Displacement of the marker's x and y at the start, m."""
-    one, marker = found.motions.placed[k], found.task.robot.marker
-    start = one.start.position + one.start.rotation @ marker
-    return (start - found.rests[k])[:2]
+    return found.motions.placed[k].marker_at(found.task.robot.marker)[1]
 
 
 def _conditionings(found: Design) -> np.ndarray:

@@ -14,13 +14,12 @@ from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Plan, PlannedWindo
 from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.design.next_window import NextWindow
-from fidim_lab.identification.design.task import Criterion
+from fidim_lab.identification.design.task import Criterion, DesignTask
+from fidim_lab.identification.design.windows import place
 from fidim_lab.identification.result_file import read_result
 from fidim_lab.mismatch.explanation import Verdict
 from fidim_lab.mismatch.next_windows import to_know, to_separate
 from fidim_lab.mismatch.proposal import Claim, Proposal
-from fidim_lab.model.equilibria import pose_from_lengths
-from fidim_lab.model.mechanism import Mechanism
 
 FORMAT = "fidim-next/1"
 
@@ -103,13 +102,11 @@ def _question(explained: ExplanationTable | None) -> list[str]:
 
 def _plan(campaign: Campaign, windows: list[np.ndarray]) -> Plan:
     robot = campaign.robot
-    mechanism, n = Mechanism(robot), robot.n
-    planned: list[PlannedWindow] = []
+    task = DesignTask(robot, equilibria=1)
+    mechanism, planned = task.mechanism(), list[PlannedWindow]()
     for number, z in enumerate(windows, start=1):
-        rest = pose_from_lengths(mechanism, robot.nominal, z[:n])
-        aside = np.pad(z[n:], (0, max(0, 2 - len(z[n:]))))[:2]
-        place = rest.marker_position(robot.marker)
-        planned.append(PlannedWindow(f"next{number:02d}", Role.IDENTIFY, z[:n], aside, place))
+        at_rest, aside = place(mechanism, task, z).marker_at(robot.marker)
+        planned.append(PlannedWindow(f"next{number:02d}", Role.IDENTIFY, z[: robot.n], aside, at_rest))
     return Plan(f"{campaign.name}-next", tuple(planned))
 
 

@@ -135,9 +135,7 @@ class _Next:
         """A window with where the marker will rest by the nominal body, as plans have it."""
         robot = self.campaign.robot
         task = DesignTask(robot, equilibria=1)
-        rest = place(task.mechanism(), task, z).rest
-        position = rest.position + rest.rotation @ robot.marker
-        aside = np.pad(z[robot.n :], (0, max(0, 2 - len(task.axes))))
+        position, aside = place(task.mechanism(), task, z).marker_at(robot.marker)
         window = (*map(float, z[: robot.n]), *map(float, aside), *map(float, position))
         return Judgement(Clarity.UNCLEAR, says, window)
 

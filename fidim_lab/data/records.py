@@ -5,6 +5,7 @@ Files become these in `robot_file` and `campaign`; nothing is validated again af
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import ClassVar
 
 import numpy as np
 
@@ -241,6 +242,9 @@ class PlannedWindow:
 @dataclass(frozen=True)
 class Accuracy:
     """How well the body is to be known: largest standard deviations, per unit mass, about P."""
+
+    FEWEST: ClassVar[int] = 4
+    """identify windows from which it is told: fewer give no spread between windows to hold the stated sd against"""
 
     s: float
     """m, of each coordinate of the centre of mass"""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.data.records import Role
+from fidim_lab.data.records import Accuracy, Role
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.estimators import Method
 from fidim_lab.identification.identify import identify
@@ -30,6 +30,8 @@ def accuracy_of(folder: Path) -> Known:
     try:
         campaign = read_campaign(folder)
         count = len(campaign.of_role(Role.IDENTIFY))
+        if count < Accuracy.FEWEST:
+            return Known(count, problem=f"{count} windows, {Accuracy.FEWEST} are needed")
         found = identify(campaign, Method.MLE, checks=QUICK)
     except FidimError as error:
         return Known(count, problem=error.message)

@@ -120,6 +120,8 @@ class IdentifyBody(Step):
     Values: nine parameters and their standard deviations, m and m²; none where nothing can be told.
     """
 
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
+
     @property
     def text(self) -> str:
         """What is done."""

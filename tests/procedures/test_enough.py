@@ -14,7 +14,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Accuracy, Plan, PlannedWindo
 from fidim_lab.identification import accuracy, result
 from fidim_lab.identification.accuracy import accuracy_of
 from fidim_lab.identification.random_plan import random_plan
-from procedures.enough import FEWEST, windows_of
+from procedures.enough import windows_of
 from procedures.outcomes import Outcome
 from procedures.steps import GiveUp, Note, Result
 from procedures.steps.accuracy import REACHED, CheckAccuracy
@@ -34,10 +34,10 @@ class Recorded:
         return at, True
 
 
-def walked(plan: Plan, answers: list[str]) -> tuple[list[str], list[object]]:
+def walked(plan: Plan, answers: list[str], earlier: int = 0) -> tuple[list[str], list[object]]:
     """What was recorded, and the steps; the answers of the looks in turn."""
     recorded, steps = Recorded(), []
-    generator = windows_of(plan, recorded, (1.0,) * 4)
+    generator = windows_of(plan, recorded, (1.0,) * 4, earlier)
     step = next(generator)
     try:
         while True:
@@ -60,13 +60,28 @@ def test_once_known_only_held_out_windows_are_recorded(plan: Plan):
     left = [step for step in steps if isinstance(step, GiveUp)]
     assert [step.window for step in left] == ["w5", "w7", "w8"]
     assert all(step.outcome is Outcome.PASS and "not needed" in step.reason for step in left)
-    assert len([s for s in steps if isinstance(s, CheckAccuracy)]) == 5 - FEWEST + 1
+    assert len([s for s in steps if isinstance(s, CheckAccuracy)]) == 5 - Accuracy.FEWEST + 1
 
 
 def test_without_an_accuracy_nothing_is_looked_at(plan: Plan):
     ids, steps = walked(replace(plan, accuracy=None), [])
     assert len(ids) == len(plan.windows)
     assert not [step for step in steps if isinstance(step, CheckAccuracy)]
+
+
+def test_a_run_that_is_resumed_looks_before_it_records_more(plan: Plan):
+    ids, steps = walked(plan, [REACHED], earlier=5)
+    assert ids == ["w6", "w9"]
+    assert isinstance(steps[0], CheckAccuracy)
+    assert walked(plan, ["", "", REACHED], earlier=3)[0] == ["w0", "w1", "w2", "w6", "w9"]
+
+
+def test_too_few_windows_are_never_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    few = SimpleNamespace(of_role=lambda role: [1, 2, 3])
+    monkeypatch.setattr(accuracy, "read_campaign", lambda folder: few)
+    known = accuracy_of(tmp_path)
+    assert known.problem == "3 windows, 4 are needed"
+    assert known.s == float("inf")
 
 
 def test_plan_files_keep_it(plan: Plan, tmp_path: Path):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from fidim_lab.arrays import Vector3
 from fidim_lab.data.records import Pose
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design.task import DesignTask
@@ -48,6 +49,14 @@ class Placed:
     def resting(self) -> Neighbour:
         """From where a neighbour's rest is found."""
         return self.rest, self.held
+
+    def marker_at(self, marker: Vector3) -> tuple[Vector3, Float[np.ndarray, "2"]]:
+        """Where a marker (m, of the platform) rests, and how far it is displaced along x and y, as plans have it.
+
+        With one free coordinate the other follows; with more the rest do.
+        """
+        there = self.rest.position + self.rest.rotation @ marker
+        return there, (self.start.position + self.start.rotation @ marker - there)[:2]
 
 
 def rest_beside(mechanism: Mechanism, task: DesignTask, lengths: Float[np.ndarray, " n"], near: Neighbour) -> Neighbour:

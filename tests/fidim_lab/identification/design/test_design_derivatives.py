@@ -12,6 +12,7 @@ from fidim_lab.identification.design.information import precision
 from fidim_lab.identification.design.motions import Motions, Sensitive, simulate
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.free_motion import conditioning, free_twist_basis, marker_selector
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.regressor import platform_regressor
@@ -186,3 +187,14 @@ def test_five_cables_have_one_free_coordinate(cable_ring):
     assert task.axes == (0,)
     assert task.width == 6
     assert Mechanism(task.robot).freedoms == 1
+
+
+def test_plans_say_both_coordinates_of_a_displacement_with_one_free(cable_ring):
+    """The marker's y follows from x: a hand that was told 0 would not bring it there."""
+    task = DesignTask(cable_ring(5), equilibria=1, seconds=1.0, native=False)
+    mechanism = task.mechanism()
+    rest = equilibrium_at(mechanism, task.robot.nominal, np.array([0.15, 0.25, -0.2]))
+    there, aside = place(mechanism, task, np.append(rest.lengths, 0.03)).marker_at(task.robot.marker)
+    np.testing.assert_allclose(there, rest.marker_position(task.robot.marker), atol=1e-6)
+    assert aside[0] == pytest.approx(0.03)
+    assert abs(aside[1]) > 1e-4
