@@ -10,9 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.excite_strokes import LIMITS
-from fidim_lab.data.records import Body, Pose, Robot
-from fidim_lab.errors import InfeasibleError
+from fidim_lab.data.records import Body, Campaign, Pose, Robot, Role
+from fidim_lab.data.records import Window as Recording
+from fidim_lab.errors import InfeasibleError, RefusedError
 from fidim_lab.identification.excitation.bodies import Bodies
+from fidim_lab.identification.excitation.identified import bodies_of
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import Place, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, planned
@@ -22,6 +24,7 @@ from fidim_lab.model.driven import driven_motions
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.kinematics import dependent_pose
 from fidim_lab.model.mechanism import Mechanism
+from procedures.excite import TELLING
 from sim_backends.excited import Swung, carry_out
 from sim_backends.plant.hidden import HiddenEffect
 from sim_backends.plant.plant import Plant
@@ -33,6 +36,8 @@ JITTER = 0.004
 """s: a cycle of the bus"""
 CLOSE = 0.15
 MOST_TRIES = 2
+RATE = 100.0
+"""Hz"""
 LEAST_CARE = 0.05
 """part of a displacement, to which it is found how far a hand may go"""
 
@@ -162,6 +167,12 @@ def swung(robot: Robot, plant: Plant, excitation: Excitation, held: np.ndarray, 
     return carry_out(plant, held, pieces, 10.0, rng.uniform(0, JITTER, strokes).tolist())
 
 
+def recorded(robot: Robot, found: Swung, name: str, rng: np.random.Generator) -> Recording:
+    """As cameras and encoders have it."""
+    markers = found.markers + rng.normal(0, robot.sensors.marker_noise, found.markers.shape)
+    return Recording(name, Role.IDENTIFY, found.t, markers, found.lengths, None)
+
+
 def looked_at(robot: Robot, place: Place, found: Swung, rng: np.random.Generator) -> Seen:
     """With the marker's noise, the rest measured before."""
     noise = robot.sensors.marker_noise
@@ -178,6 +189,20 @@ class Learnt:
 
     bodies: Bodies
     knowledge: Knowledge | None = None
+    recorded: tuple[Recording, ...] = ()
+    """windows accepted, as cameras and encoders have them"""
+
+    def identified(self, robot: Robot, recording: Recording) -> "Learnt":
+        """With one more window, as `fidim run` learns from it."""
+        recorded = (*self.recorded, recording)
+        if len(recorded) > TELLING or self.bodies.sure:
+            return replace(self, recorded=recorded)
+        try:
+            bodies = bodies_of(Campaign("a session", robot, RATE, recorded))
+        except RefusedError:
+            return replace(self, recorded=recorded)
+        knowledge = None if self.knowledge is None else self.knowledge.by_identified_body()
+        return Learnt(bodies, knowledge, recorded)
 
 
 def one(run: int, window: Window) -> Tries:
@@ -199,19 +224,22 @@ def carried(run: int, windows: Sequence[Window]) -> list[Tries]:
     for window in windows:
         first = window.first
         if learnt.knowledge is not None:
-            first = _planned(_as_likely(window, learnt), learnt.knowledge.elsewhere(), learnt.bodies, window.wanted)
+            known = learnt.knowledge
+            known = known.by_identified_body() if learnt.bodies.sure else known.elsewhere()
+            first = _planned(_as_likely(window, learnt), known, learnt.bodies, window.wanted)
         if first is None:
             done.append("refused")
             continue
-        tries, learnt = tried(window, first, plant, learnt, rng)
+        tries, learnt, last = tried(window, first, plant, learnt, rng)
+        learnt = learnt.identified(robot, recorded(robot, last, f"i{len(done):02d}", rng))
         done.append(tries)
     return done
 
 
 def tried(
     window: Window, excitation: Excitation, plant: Plant, learnt: Learnt, rng: np.random.Generator
-) -> tuple[tuple[Try, ...], Learnt]:
-    """A window's recordings, and what is known after them."""
+) -> tuple[tuple[Try, ...], Learnt, Swung]:
+    """A window's recordings, what is known after them, and the last one."""
     wanted, robot, held = window.wanted, window.place.robot, window.place.equilibrium.lengths
     place, bodies = _as_likely(window, learnt), learnt.bodies
     knowledge = learnt.knowledge or Knowledge.none(len(wanted))
@@ -231,7 +259,7 @@ def tried(
         if len(tries) < MOST_TRIES and not (well and not falls_short(seen.amplitudes, excitation, CLOSE)):
             again = _planned(place, knowledge, bodies, wanted)
         if again is None or (well and not more_in_reach(seen.amplitudes, again, CLOSE)):
-            return tuple(tries), Learnt(bodies, knowledge)
+            return tuple(tries), Learnt(bodies, knowledge, learnt.recorded), found
         excitation = again
 
 

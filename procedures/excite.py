@@ -39,8 +39,6 @@ T = TypeVar("T")
 
 TELLING = 4
 """windows from which the body to plan with is identified"""
-CERTAIN = 2.0
-"""standard deviations by which an identified body may be off"""
 
 
 def excite(lab: Lab) -> Steps:
@@ -245,8 +243,8 @@ class ExciteProtocol(WindowProtocol):
         result = yield IdentifyBody(window=planned.id)
         if not result.values:
             return
-        values, sd = np.array(result.values).reshape(2, -1)
-        self._bodies = Bodies.within(Body.from_vector(values), CERTAIN * sd)
+        values, spread = np.array(result.values).reshape(2, -1)
+        self._bodies = Bodies.within(Body.from_vector(values), spread)
         if self._knowledge is not None:
             self._knowledge = self._knowledge.by_identified_body()
 

@@ -36,19 +36,19 @@ def _known(folder: Path) -> tuple[int, float, float, str]:
 
 async def identify_body(stand: Stand, _step: IdentifyBody) -> Result:
     """What hangs there, for the next plan; no reason to stop anything where that cannot be told."""
-    values, sd, problem = await apart(_identified, stand.folder.path) or ((), (), DIED)
+    values, spread, problem = await apart(_identified, stand.folder.path) or ((), (), DIED)
     if problem:
         return Result(Outcome.UNSET, f"the body is planned with as before: {problem}")
-    return Result(values=(*values, *sd))
+    return Result(values=(*values, *spread))
 
 
 def _identified(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...], str]:
     from fidim_lab.data.campaign import read_campaign
     from fidim_lab.errors import FidimError
-    from fidim_lab.identification.excitation.identified import body_of
+    from fidim_lab.identification.excitation.identified import bodies_of
 
     try:
-        found = body_of(read_campaign(folder))
+        found = bodies_of(read_campaign(folder))
     except FidimError as refusal:
         return (), (), refusal.message
-    return tuple(map(float, found.body.vector)), tuple(map(float, found.sd)), ""
+    return tuple(map(float, found.likely.vector)), tuple(map(float, found.spread)), ""

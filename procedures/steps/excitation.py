@@ -117,7 +117,7 @@ class SeeRecordedSwing(Step):
 class IdentifyBody(Step):
     """Identify the body from the windows so far, in a process of its own, to plan with.
 
-    Values: nine parameters and their standard deviations, m and m²; none where nothing can be told.
+    Values: nine parameters and by how much each may be off, m and m²; none where nothing can be told.
     """
 
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED

@@ -5,15 +5,12 @@ have wrong. Drag of the rotation is fitted beside the body, since every real pla
 leave open, CAD says.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Float
 
 from fidim_lab.data.records import Body, Campaign
 from fidim_lab.effects.rotational_drag import RotationalDrag
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.excitation.bodies import OFF, sizes
+from fidim_lab.identification.excitation.bodies import OFF, Bodies, sizes
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -26,20 +23,14 @@ HONEST = 3.0
 """times the stated standard deviation, for the effects that a planning model leaves out"""
 FINEST = 2e-3
 """part of each parameter's size that is never said to be known better"""
+CERTAIN = 2.0
+"""standard deviations by which an identified body may be off"""
 MISFIT = 100.0
 """χ²/dof beyond which the recordings say nothing of the body"""
 
 
-@dataclass(frozen=True, eq=False)
-class Identified:
-    """A body, and how well it is known."""
-
-    body: Body
-    sd: Float[np.ndarray, "9"]
-
-
-def body_of(campaign: Campaign) -> Identified:
-    """The body by the last windows and by CAD. Raises RefusedError where nothing can be learnt from them."""
+def bodies_of(campaign: Campaign) -> Bodies:
+    """What may hang there by the last windows and by CAD. Raises RefusedError where nothing can be learnt from them."""
     robot = campaign.robot
     found = fit(Mechanism(robot, (RotationalDrag(),)), campaign.windows[-LATEST:], hasty=True)
     if not found.chi2_per_dof < MISFIT:
@@ -55,4 +46,4 @@ def body_of(campaign: Campaign) -> Identified:
     body = Body.from_vector(values)
     if not np.linalg.eigvalsh(body.inertia_about_com)[0] > 0:
         raise RefusedError("The body that fits best cannot exist.")
-    return Identified(body, sd)
+    return Bodies.within(body, CERTAIN * sd)

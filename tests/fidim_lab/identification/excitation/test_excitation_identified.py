@@ -8,7 +8,7 @@ import pytest
 from fidim_lab.data.records import Body, Campaign, Robot
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.excitation.bodies import Bodies, sizes
-from fidim_lab.identification.excitation.identified import body_of
+from fidim_lab.identification.excitation.identified import CERTAIN, bodies_of
 
 
 def first(campaign: Campaign, count: int) -> Campaign:
@@ -21,15 +21,15 @@ def off(body: Body, true: Body, nominal: Body) -> np.ndarray:
 
 def test_a_few_windows_tell_the_body_and_say_how_well(irma4: Robot, recorded, true_body: Body):
     campaign = recorded(noise=1e-4)
-    one, three = (body_of(first(campaign, count)) for count in (1, 3))
+    one, three = (bodies_of(first(campaign, count)) for count in (1, 3))
     assert off(irma4.nominal, true_body, irma4.nominal).max() > 0.1
-    assert off(three.body, true_body, irma4.nominal).max() < 0.01
+    assert off(three.likely, true_body, irma4.nominal).max() < 0.01
     for found in (one, three):
-        assert np.all(np.abs(found.body.vector - true_body.vector) < 3 * found.sd)
-    assert np.all(three.sd <= one.sd * 1.01)
-    assert np.all(one.sd <= 0.1 * sizes(irma4.nominal) * (1 + 1e-9)), "no worse than CAD"
-    assert Bodies.within(three.body, 2 * three.sd).sure
-    assert not Bodies.within(one.body, 2 * one.sd).sure
+        assert np.all(np.abs(found.likely.vector - true_body.vector) < 3 / CERTAIN * found.spread)
+    assert np.all(three.spread <= one.spread * 1.01)
+    assert np.all(one.spread <= CERTAIN * 0.1 * sizes(irma4.nominal) * (1 + 1e-9)), "no worse than CAD"
+    assert three.sure
+    assert not one.sure
 
 
 def test_recordings_of_something_else_say_nothing(irma4: Robot, recorded):
@@ -39,7 +39,7 @@ def test_recordings_of_something_else_say_nothing(irma4: Robot, recorded):
     ]
     moved = [replace(w, lengths=other) for w, other in zip(campaign.windows, lengths, strict=True)]
     with pytest.raises(RefusedError):
-        body_of(replace(campaign, windows=tuple(moved)))
+        bodies_of(replace(campaign, windows=tuple(moved)))
 
 
 def test_bodies_within_what_is_known_lie_close(irma4: Robot):
