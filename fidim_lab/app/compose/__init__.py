@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fidim_lab.app.compose.embedded import Ports, embedded_devices, patient_settings, rehearsal_file
     from fidim_lab.app.compose.loop import STOP_SIGNALS, run_loop
-    from fidim_lab.app.compose.real import RealRig, real_rig, rig_settings
+    from fidim_lab.app.compose.real import RealRig, real_rig, require_what_winches_do, rig_settings
     from fidim_lab.app.compose.simulated import (
         MARKER_RATE,
         SYNC_RATE,
@@ -42,6 +42,7 @@ __all__ = [
     "patient_settings",
     "real_rig",
     "rehearsal_file",
+    "require_what_winches_do",
     "rig_settings",
     "run_loop",
     "simulated_campaign",
@@ -54,7 +55,7 @@ __all__ = [
 _HOMES = {
     **dict.fromkeys(("embedded_devices", "patient_settings", "Ports", "rehearsal_file"), "embedded"),
     **dict.fromkeys(("run_loop", "STOP_SIGNALS"), "loop"),
-    **dict.fromkeys(("real_rig", "RealRig", "rig_settings"), "real"),
+    **dict.fromkeys(("real_rig", "RealRig", "require_what_winches_do", "rig_settings"), "real"),
     **dict.fromkeys(
         (
             "hidden_keys",

@@ -207,8 +207,7 @@ async def _hand(file: RigFile, stack: contextlib.AsyncExitStack) -> Operator:
 def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
     """What a procedure is told of this rig: length limits, speeds that its winches can do, friction band, guards."""
     base = base or Settings()
-    speed = min(winch.max_speed for winch in file.winches)
-    acceleration = min(winch.max_acceleration for winch in file.winches)
+    speed, acceleration = _highest(file)
     motion = replace(
         base.motion,
         speed=min(base.motion.speed, speed),
@@ -221,16 +220,40 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
         speed=min(base.excite.speed, speed),
         acceleration=min(base.excite.acceleration, acceleration),
     )
+    align = replace(
+        base.align, speed=min(base.align.speed, speed), acceleration=min(base.align.acceleration, acceleration)
+    )
     tension = replace(base.tension, tolerance=_tolerance(file, base.tension), bands=_bands(file))
     window = min(winch.following_error for winch in file.winches)
     return replace(
         base,
         motion=motion,
         excite=excite,
+        align=align,
         tension=tension,
         guard=_guard_settings(file.guards, base.guard, window),
         release=None if file.release is None else _release_settings(file.release, base),
     )
+
+
+def require_what_winches_do(file: RigFile, settings: Settings) -> None:
+    """Raise SetupError for a speed or an acceleration that a drive would refuse: now, not in the middle of a run."""
+    speed, acceleration = _highest(file)
+    for table, one in (("motion", settings.motion), ("excite", settings.excite), ("align", settings.align)):
+        for name, value, most, unit in (
+            ("speed", one.speed, speed, "m/s"),
+            ("acceleration", one.acceleration, acceleration, "m/s²"),
+        ):
+            if value > most:
+                raise SetupError(
+                    f"{table}.{name} is {value:g} {unit}; {file.path} allows its winches {most:g} {unit}.",
+                    hint="Set less, or allow the drives more in the rig file if they can do it.",
+                )
+
+
+def _highest(file: RigFile) -> tuple[float, float]:
+    """Speed (m/s) and acceleration (m/s²) that all winches may do."""
+    return min(winch.max_speed for winch in file.winches), min(winch.max_acceleration for winch in file.winches)
 
 
 def _release_settings(entry: ReleaseEntry, base: Settings) -> ReleaseSettings:

@@ -191,7 +191,9 @@ def write_papers(work: Work) -> None:
 
 def _settings(spec: RunSpec, file: RigFile) -> Settings:
     settings = compose.rig_settings(file)
-    return overridden(compose.patient_settings(settings) if spec.embedded else settings, spec.settings)
+    found = overridden(compose.patient_settings(settings) if spec.embedded else settings, spec.settings)
+    compose.require_what_winches_do(file, found)
+    return found
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fidim_lab.app.compose import rig_settings
+from fidim_lab.app.compose import require_what_winches_do, rig_settings
+from fidim_lab.app.service.spec import overridden
 from fidim_lab.data.rig import GuardReaction, MocapKind
 from fidim_lab.data.rig_file import read_rig
-from fidim_lab.errors import FileError
+from fidim_lab.errors import FileError, SetupError
 from procedures.settings import Reaction
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "examples" / "rigs").glob("*.toml"))
@@ -59,6 +60,15 @@ def test_a_guard_of_what_only_spoils_a_record_may_warn(changed):
     assert settings.guard.reactions["clock step"] is Reaction.WARN
     assert settings.guard.reactions["disk"] is Reaction.HOLD
     assert (settings.guard.loop_late, settings.guard.disk_spare) == (1.0, 200e6)
+
+
+@pytest.mark.parametrize("key", ["motion.speed", "excite.acceleration", "align.speed"])
+def test_more_than_the_winches_do_is_refused_before_anything_moves(key):
+    rig = read_rig(SIMULATED)
+    settings = rig_settings(rig)
+    require_what_winches_do(rig, settings)
+    with pytest.raises(SetupError, match=rf"{key} is 9 m/s²?; .*simulated\.toml allows its winches"):
+        require_what_winches_do(rig, overridden(settings, {key: 9.0}))
 
 
 @pytest.fixture

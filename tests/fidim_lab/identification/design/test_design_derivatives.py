@@ -1,6 +1,7 @@
 """Every derivative a descent uses, against central differences; and the design's expressions against the model's."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from fidim_lab.data.records import Motion, Robot
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.identification.design import cost, limits
-from fidim_lab.identification.design.information import precision
+from fidim_lab.identification.design.information import information, judged, precision
 from fidim_lab.identification.design.motions import Motions, Sensitive, simulate
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.identification.design.windows import Placed, place
@@ -198,3 +199,16 @@ def test_plans_say_both_coordinates_of_a_displacement_with_one_free(cable_ring):
     np.testing.assert_allclose(there, rest.marker_position(task.robot.marker), atol=1e-6)
     assert aside[0] == pytest.approx(0.03)
     assert abs(aside[1]) > 1e-4
+
+
+@pytest.mark.parametrize("criterion", ["A", "D"])
+def test_a_robust_criterion_is_the_mean_over_all_bodies(drawn, irma4: Robot, criterion):
+    wrong = irma4.nominal.vector * np.array([1, 1, 1.08, 0.95, 1.05, 1.1, 1, 1, 1])
+    nominal = DesignTask(irma4, equilibria=3, samples=25, seconds=2.0, native=False, criterion=criterion)
+    robust = replace(nominal, bodies=(wrong,))
+    placed = [place(drawn.mechanism, nominal, one) for one in drawn.pool.z[:3]]
+    at = [Sensitive.of(drawn.mechanism, simulate(drawn.mechanism, task, placed)) for task in (nominal, robust)]
+    alone, both = (precision(drawn.mechanism, one) for one in at)
+    other = judged(nominal, information(drawn.mechanism, nominal, placed, wrong).sum(axis=0)[np.newaxis])[0]
+    assert abs(other / alone.value - 1) > 1e-3, "else the mean shows nothing"
+    assert both.value == pytest.approx((alone.value + other) / 2)
