@@ -35,10 +35,11 @@ def _ranked(candidate: Candidate, named: Candidate, context: Context) -> Ranked:
     impossible = [reason for reason in reasons if reason is not None]
     bound = " A parameter is held at the bound of what is possible." if any(model.at_bound) else ""
     said = "accepted: " if candidate is named else ""
-    why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {held.chi2_per_dof:.3f} held out. "
+    unseen = f"{held.chi2_per_dof:.3f} held out" if held.dof else "nothing held out"
+    why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {unseen}. "
     why += f"{candidate.whiteness.says}{bound} {' '.join(impossible)}".rstrip()
     effects = tuple(_name(h.effect) for h in model.tried)
-    return Ranked(effects, held.chi2_per_dof, not impossible and not any(model.at_bound), why)
+    return Ranked(effects, held.chi2_per_dof if held.dof else None, not impossible and not any(model.at_bound), why)
 
 
 def _why_not_fitted(score: Score) -> str:

@@ -154,7 +154,7 @@ class Search:
             if pushed is not None:
                 return pushed, seen
             best = further
-            self.say(f"accepted: {best.model.label}, held-out χ²/dof {best.held_out.chi2_per_dof:.3f}")
+            self.say(f"accepted: {best.model.label}, {best.held_out.says}")
             seen = self.trials.look(best.model)
         return best, seen
 

@@ -60,7 +60,7 @@ def select(
     """
     search = Search(start, say, pushes, patience or Patience())
     baseline = candidate(start.as_it_is, start.predicted)
-    say(f"held-out windows without any effect: χ²/dof {baseline.held_out.chi2_per_dof:.3f}")
+    say(f"without any effect: {baseline.held_out.says}")
     settled = search.known_to_do(known)
     best = settled or baseline
     if best is baseline and not start.follows:

@@ -134,30 +134,48 @@ def best_of_all(found: Selection) -> str:
 
 def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], limits: str) -> str:
     verdict, named = judged.verdict, judged.named
-    before, after = found.baseline.held_out, named.held_out
-    figures = f"held-out χ²/dof {before.chi2_per_dof:.3g} → {after.chi2_per_dof:.3g}, rms {1e3 * before.rms:.3g} → "
-    figures += f"{1e3 * after.rms:.3g} mm"
+    figures = figures_of(found.baseline, named)
     names = " and ".join(c.id if c.cable is None else f"{c.id} (cable {c.cable})" for c in effects)
     match verdict:
         case Verdict.NOTHING_MISSING:
-            said = f"Nothing is missing: held-out χ²/dof {before.chi2_per_dof:.3g}, rms {1e3 * before.rms:.3g} mm"
-            said += f"{best_of_all(found)}."
+            said = f"Nothing is missing: {figures}{best_of_all(found)}."
         case Verdict.EXPLAINED:
             said = f"Left out: {names}; {figures}. {_shift(found, named)}"
         case Verdict.PARTLY_EXPLAINED:
             said = f"Left out: {names}, but something remains unexplained; {figures}. {_shift(found, named)}"
         case _:
             best = found.best
-            said = "Something is missing that no effect tested here explains; held-out χ²/dof "
-            said += f"{before.chi2_per_dof:.3g}. {found.baseline.whiteness.says} {_best_of_no_use(found)}"
+            said = f"Something is missing that no effect tested here explains; {_left(found.baseline)}. "
+            said += f"{found.baseline.whiteness.says} {_best_of_no_use(found)}"
             if best.model.tried:
-                said += f" The best attempt, {best.model.label}, leaves {best.held_out.chi2_per_dof:.3g}."
+                said += f" The best attempt, {best.model.label}, leaves {_left(best)}."
                 said += _law_without_a_name(best.model)
     lacking = found.last.unfitted
     if effects and lacking is not None:
         said += f" {lacking.label} is known by its score alone (log-evidence {lacking.log_evidence:.0f}, would leave "
         said += f"χ²/dof {found.last.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
     return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
+
+
+def figures_of(before: Candidate, after: Candidate) -> str:
+    """What was left before and is left after; once where both are the same model."""
+    if before is after and before.held_out.dof:
+        return f"{_left(before)}, rms {1e3 * before.held_out.rms:.3g} mm"
+    if before is after:
+        return _left(before)
+    if not (before.held_out.dof and after.held_out.dof):
+        fitted = [one.model.fit.chi2_per_dof for one in (before, after)]
+        return f"χ²/dof of the fitted windows {fitted[0]:.3g} → {fitted[1]:.3g}, with nothing held out to prove it by"
+    then, now = before.held_out, after.held_out
+    chi2 = f"held-out χ²/dof {then.chi2_per_dof:.3g} → {now.chi2_per_dof:.3g}"
+    return f"{chi2}, rms {1e3 * then.rms:.3g} → {1e3 * now.rms:.3g} mm"
+
+
+def _left(one: Candidate) -> str:
+    """What a model leaves."""
+    if one.held_out.dof:
+        return f"held-out χ²/dof {one.held_out.chi2_per_dof:.3g}"
+    return f"χ²/dof of the fitted windows {one.model.fit.chi2_per_dof:.3g}, with nothing held out to judge it by"
 
 
 def _law_without_a_name(model: Completed) -> str:

@@ -42,6 +42,11 @@ class HeldOut:
         """1 says: nothing but noise is left; nan where no window could be predicted."""
         return self.chi2 / self.dof if self.dof else float("nan")
 
+    @property
+    def says(self) -> str:
+        """The same in words."""
+        return f"held-out χ²/dof {self.chi2_per_dof:.3f}" if self.dof else "nothing held out to judge it by"
+
 
 @dataclass(frozen=True, eq=False)
 class Predicted:

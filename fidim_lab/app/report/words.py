@@ -63,6 +63,8 @@ def explained_sentence(found: ExplanationTable) -> str:
     """What `fidim explain` made of it, and the centre of mass with that: the summary's own is that of a sound model."""
     held = found.held_out.chi2_per_dof
     better = f"held-out χ²/dof goes from {short(held.before)} to {short(held.after)}"
+    if held.before is None or held.after is None:
+        better = "no window was held out to prove it by"
     names = " and ".join(", ".join(one.label for one in found.effects).rsplit(", ", 1))
     centre = [found.parameters[name] for name in PARAMETER_NAMES[:3]]
     s = ", ".join(interval(millimetres(one.value), millimetres(one.sd)) for one in centre)

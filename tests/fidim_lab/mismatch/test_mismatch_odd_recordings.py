@@ -11,13 +11,15 @@ from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch import audit, unnamed
 from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.contacts import PART, Contact, at_the_same_time
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Verdict
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.restarts import _parts_of
 from fidim_lab.mismatch.segments import Segmented, fit_segments
-from fidim_lab.mismatch.telling import body_parameters
+from fidim_lab.mismatch.telling import body_parameters, figures_of
+from fidim_lab.mismatch.unseen import HeldOut
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
@@ -116,3 +118,18 @@ def test_without_held_out_windows_no_wrench_without_a_name_is_judged(monkeypatch
     campaign = SimpleNamespace(of_role=lambda role: ())
     said = unnamed.with_unknown(told, named, campaign, lambda _: None)  # type: ignore[arg-type]
     assert "cannot be judged" in str(said)
+
+
+def test_what_is_told_without_held_out_windows_is_of_the_fitted_ones() -> None:
+    def one(chi2: float, dof: int) -> Candidate:
+        seen = HeldOut(chi2 * dof, dof, 1e-3 if dof else float("nan"), {})
+        model = SimpleNamespace(fit=SimpleNamespace(chi2_per_dof=chi2))
+        return SimpleNamespace(held_out=seen, model=model)  # type: ignore[return-value]
+
+    before, after = one(19.8, 0), one(1.0, 0)
+    assert figures_of(before, after) == ("χ²/dof of the fitted windows 19.8 → 1, with nothing held out to prove it by")
+    assert figures_of(before, before).startswith("χ²/dof of the fitted windows 19.8, with nothing held out")
+    assert before.held_out.says == "nothing held out to judge it by"
+    held = one(19.8, 100), one(1.0, 100)
+    assert figures_of(*held) == "held-out χ²/dof 19.8 → 1, rms 1 → 1 mm"
+    assert figures_of(held[1], held[1]) == "held-out χ²/dof 1, rms 1 mm"
