@@ -95,7 +95,7 @@ class ExciteProtocol(WindowProtocol):
                     window, "plan a move that leaves the platform still", job, (start, goal, self._who)
                 )
             )
-        except InfeasibleError:  # where no rest is known, as fast as by hand
+        except InfeasibleError:  # where no rest is known, or fast moves pull too much: as slowly as by hand
             return (yield from super().pace(window, start, goal))
 
     def settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:

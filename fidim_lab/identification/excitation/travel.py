@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import PerCable
+from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.place import Place
 from fidim_lab.identification.excitation.strokes import COARSE, timeline
 from fidim_lab.model.driven import driven_derivative, driven_motions
@@ -72,7 +73,8 @@ def travel(start: Place, goal: Place, speed: float, acceleration: float, swing: 
     """The quickest move between two equilibria that leaves the marker swinging less than `swing` (m).
 
     speed, acceleration: the highest allowed. Of the robot's tension limits, those that the rests keep are kept on the
-    way. Where no move leaves so little, the one that leaves least.
+    way. Where no move leaves so little, the one that leaves least. Raises InfeasibleError where every one that was
+    tried would break a tension limit.
     """
     way = _way(start, goal)
     direction = (goal.equilibrium.lengths - start.equilibrium.lengths) / way
@@ -88,14 +90,25 @@ def travel(start: Place, goal: Place, speed: float, acceleration: float, swing: 
             )
             choices.append((shape.seconds, left, shape))
     if not choices:  # a way too short for any ramp that is timed
-        return travelled(start, goal, speed, acceleration)
+        return _best([travelled(start, goal, speed, acceleration)], start)
     gentle = sorted(one for one in choices if one[1] <= swing) or sorted(choices, key=lambda one: one[1])
     found: list[Travel] = []
     for _, _, shape in gentle[:: max(1, min(len(gentle) // TRIALS, 8))][:TRIALS]:
         found.append(_looked_at(start, goal, shape))
         if found[-1].left <= swing and _keeps(found[-1], start):
             return found[-1]
-    return min(found, key=lambda one: (not _keeps(one, start), one.left))
+    return _best(found, start)
+
+
+def _best(found: list[Travel], start: Place) -> Travel:
+    """The one that leaves least, of those that keep the limits."""
+    safe = [one for one in found if _keeps(one, start)]
+    if not safe:
+        low, high = max((one.tension for one in found), key=lambda tension: tension[0])
+        raise InfeasibleError(
+            f"Moves there that leave the platform still pull the cables by {low:.0f} to {high:.0f} N."
+        )
+    return min(safe, key=lambda one: one.left)
 
 
 def _way(start: Place, goal: Place) -> float:

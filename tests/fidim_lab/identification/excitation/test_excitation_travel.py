@@ -1,10 +1,13 @@
 """Travel timed for the modes, carried out by the independent plant; a sample of the Monte-Carlo of the benchmark."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.excite_runs import CLOSE, one, window_of
 from fidim_lab.data.records import Robot
+from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.place import Place
 from fidim_lab.identification.excitation.travel import Trapezoid, Travel, travel, travelled
 from fidim_lab.model.equilibria import equilibrium_at
@@ -64,6 +67,15 @@ def test_a_slow_limit_is_kept_and_no_slower_than_needed(places: tuple[Place, Pla
     slow, fast = travel(*places, 0.1, 0.2), travel(*places, 0.4, 2.0)
     assert slow.speed <= 0.1
     assert fast.seconds < slow.seconds
+
+
+def test_moves_that_would_break_tensions_are_refused(places: tuple[Place, Place]):
+    rests = np.concatenate([place.equilibrium.tensions_in_newton(place.robot.mass) for place in places])
+    robot, tension = places[0].robot, (rests.min() - 0.05, rests.max() + 0.05)
+    tight = replace(robot, limits=replace(robot.limits, tension=tension))
+    there = [replace(place, mechanism=Mechanism(tight, native=True)) for place in places]
+    with pytest.raises(InfeasibleError, match="pull the cables by"):
+        travel(*there, 0.5, 4.0)
 
 
 @pytest.mark.slow
