@@ -45,11 +45,12 @@ def rank(judged: Candidate) -> float:
 def improves(fresh: Candidate, best: Candidate, *, feeble: bool = False) -> bool:
     """Held-out windows get better; and where structure stays, a good part of it is taken away, unless `feeble`.
 
-    Where the candidate is what makes all white, that is enough: a window that one of both cannot follow counts for one.
+    Where the candidate is what makes all white, and follows a window farther than the best does or less far, that is
+    enough: by how much a window is missed that cannot be followed says little.
     """
     before, after = best.held_out, fresh.held_out
     no_better = bool(before.dof and after.dof) and after.chi2_per_dof >= before.chi2_per_dof
-    if no_better and (best.is_white or not fresh.is_white):
+    if no_better and (before.dof == after.dof or best.is_white or not fresh.is_white):
         return False
     rest = max(best.whiteness.excess, 1e-9)
     return feeble or fresh.is_white or rest - fresh.whiteness.excess > FEEBLE * rest

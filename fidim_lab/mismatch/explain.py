@@ -69,8 +69,8 @@ def explain(
     baseline = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism)
     audited = audit(cleaned, baseline, say=say)
     first = look(audited, baseline if audited is cleaned else None)
-    kept = restored(cleaned, audited, first.found.best.model, say)
-    if kept is not audited:
+    kept = restored(cleaned, first.cleaned, first.found.best.model, say)
+    if kept is not first.cleaned:
         known, again = first.found.best.model, baseline if _all_put_back(cleaned, kept) else None
         first = look(kept, again, known=known)
     last = _by_the_right_clock(first, look, say)

@@ -48,6 +48,14 @@ class Hypothesis:
         return self.effect.label
 
     @property
+    def has_scan(self) -> bool:
+        """Whether it is scored at some values of a parameter only: the best of them may be far from the truth.
+
+        Not tones: they are scanned finely.
+        """
+        return self.effect.id not in PERIODIC and any(len(one.scan) > 1 for one in self.effect.parameters)
+
+    @property
     def choice(self) -> float:
         """Nats that having chosen its cable costs: on all of them alike nothing was chosen."""
         return float(np.log(self.alike))

@@ -23,6 +23,8 @@ from fidim_lab.model.sensitivity.starts import tied
 
 ROUNDS = 3
 """how often parameters may be put back on their bounds"""
+TINY = 1e-300
+"""below any share of prior variance"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +94,17 @@ class Completed:
         return slice(first, first + len(self.tried[k].effect.parameters))
 
     def freedom(self, scale: float) -> float:
-        """What the effects' freedom costs, in nats: ln of prior over posterior standard deviations, and of cables."""
+        """What the effects' freedom costs, in nats (Laplace): ln of prior over posterior volume, and of cables.
+
+        Of the volume and not of each parameter's own spread: two terms of which only the sum is told have spreads as
+        wide as before any data, and would cost nothing. A direction of which nothing is told costs nothing.
+        """
         if not self.tried:
             return 0.0
         wide = np.concatenate([_theta_sd(h) for h in self.tried])
-        ratio = wide / np.maximum(self.fit.sd[BODY:] * np.sqrt(scale), 1e-300)
-        return float(np.log(np.maximum(ratio, 1.0)).sum()) + sum(h.choice for h in self.tried)
+        told = self.fit.covariance[BODY:, BODY:] * scale / np.outer(wide, wide)
+        shares = np.linalg.eigvalsh(told) if np.isfinite(told).all() else np.ones(1)
+        return float(-0.5 * np.log(np.clip(shares, TINY, 1.0)).sum()) + sum(h.choice for h in self.tried)
 
 
 def evidence(model: Completed, than: Completed, scale: float) -> float:

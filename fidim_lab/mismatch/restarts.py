@@ -19,10 +19,9 @@ from scipy.special import chdtri
 
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, WindowLinear, linearised
-from fidim_lab.mismatch.contacts import SOONER, Contact, at_the_same_time
+from fidim_lab.mismatch.contacts import SOONER, Contact
 from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.segments import LENGTH, Segmented
 from fidim_lab.mismatch.unseen import HeldOut, predictions
 from fidim_lab.mismatch.whiteness import whiteness
 
@@ -49,7 +48,7 @@ UNSEEN = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
-class _Parts:
+class Parts:
     """The normal equations of one window from its begin up to each time of the grid, and those of what is not timed."""
 
     t: Float[np.ndarray, " K"]
@@ -76,35 +75,13 @@ def find_pushes(model: Completed, predicted: HeldOut, held: Sequence[Window]) ->
     if not odd:
         return ()
     level = whiteness([one for one in leftovers if one.window not in odd]).level
-    parts = _parts_of(model, [window for window in held if window.id in odd], odd)
-    pairs = len(leftovers) * max((len(_pairs(one)) for one in parts.values()), default=0)
+    parts = parts_of(model, [window for window in held if window.id in odd], odd)
+    pairs = len(leftovers) * max((len(pairs_of(one)) for one in parts.values()), default=0)
     if not pairs:
         return ()  # too short for two starts
     pushed = [_push(id, one, level, CHANCE / pairs) for id, one in parts.items()]
     seen = tuple(contact for contact in pushed if contact is not None)
     return seen if len(seen) == len(odd) else ()
-
-
-def find_common_push(model: Completed, held: Sequence[Window]) -> tuple[Contact, ...]:
-    """A push at the same time of every window, softer than what a model without these effects misses elsewhere.
-
-    Every two seconds begin anew, so that a push shows in its own alone (`contacts`); to first order, which is enough
-    for what is soft, and far sooner done than segments are fitted.
-    """
-    level = whiteness(model.leftovers).level
-    windows = {window.id: window for window in held}
-    windows |= {recording.window.id: recording.window for recording in model.fit.likelihood.recordings}
-    parts = _parts_of(model, held, set(windows))
-    return at_the_same_time([_segmented(windows[id], one, level) for id, one in parts.items()]) if parts else ()
-
-
-def _segmented(window: Window, one: _Parts, level: float) -> Segmented:
-    """A window's segments, each with a start of its own and the lengths that the motors hold left free."""
-    edges = np.arange(0, len(one.t), round(LENGTH / STEP))
-    grams = np.diff(one.grams[edges], axis=0)
-    dof = np.maximum(np.diff(one.count[edges]) - one.kept.shape[1], 1).astype(float)
-    left = grams[:, -1, -1] - _taken(grams[:, :-1, :-1], grams[:, :-1, -1])
-    return Segmented(window, one.t[edges], left / (level**2 * dof), dof)
 
 
 def _odd(leftovers: Sequence[Leftover]) -> set[str]:
@@ -120,7 +97,7 @@ def _odd(leftovers: Sequence[Leftover]) -> set[str]:
     return set()
 
 
-def _parts_of(model: Completed, held: Sequence[Window], wanted: set[str]) -> dict[str, _Parts]:
+def parts_of(model: Completed, held: Sequence[Window], wanted: set[str]) -> dict[str, Parts]:
     """Of the windows that are wanted, fitted or held out, and that are followed to their ends."""
     likelihood, journey = model.fit.likelihood, model.fit.journey
     ids = [recording.window.id for recording in likelihood.recordings]
@@ -132,14 +109,14 @@ def _parts_of(model: Completed, held: Sequence[Window], wanted: set[str]) -> dic
     return parts
 
 
-def _all_parts(likelihood: Likelihood, simulation: Simulation, wanted: Sequence[int]) -> dict[str, _Parts]:
+def _all_parts(likelihood: Likelihood, simulation: Simulation, wanted: Sequence[int]) -> dict[str, Parts]:
     """Of recordings by their places, with their windows' ids."""
     ids = [recording.window.id for recording in likelihood.recordings]
     found = (one for one in linearised(likelihood, simulation) if one.window in wanted)
     return {ids[one.window]: _parts(likelihood, simulation, one) for one in found}
 
 
-def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear) -> _Parts:
+def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear) -> Parts:
     w, recording = linear.window, likelihood.recordings[linear.window]
     use, seen = recording.seen_until(simulation.ends[w])
     rows = np.column_stack([linear.by_own, linear.residual])
@@ -153,10 +130,10 @@ def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear)
     count = np.cumsum([0, *(len(one) for one in cells)])[:-1]
     kept = null_space(simulation.starts.lengths_by[w][:, : linear.by_own.shape[1]])
     whole = timed.T @ timed
-    return _Parts(recording.window.t[0] + recording.begin + grid, count, grams, whole, untimed.T @ untimed, kept)
+    return Parts(recording.window.t[0] + recording.begin + grid, count, grams, whole, untimed.T @ untimed, kept)
 
 
-def _pairs(one: _Parts) -> Int[np.ndarray, "P 2"]:
+def pairs_of(one: Parts) -> Int[np.ndarray, "P 2"]:
     """Places on the grid where a push may begin and end."""
     first, last = one.t[0] + APART, one.t[-1] - APART
     begin, end = np.nonzero(
@@ -168,17 +145,17 @@ def _pairs(one: _Parts) -> Int[np.ndarray, "P 2"]:
     return np.column_stack([begin, end])
 
 
-def _push(id: str, one: _Parts, level: float, chance: float) -> Contact | None:
+def _push(id: str, one: Parts, level: float, chance: float) -> Contact | None:
     """The push of one window; None where a second start gains no more than chance would, or has no moment."""
-    pairs = _pairs(one)
+    pairs = pairs_of(one)
     if not len(pairs):
         return None
-    single, double = (left / level**2 for left in _left(one, pairs))
+    single, double = (left / level**2 for left in left_outside(one, pairs))
     gain = single - double
     if gain.max() < chdtri(one.kept.shape[1], chance):
         return None
     inside = one.count[pairs[:, 1]] - one.count[pairs[:, 0]]
-    best = _shortest(double, inside)
+    best = shortest(double, inside)
     free = one.count[-1] - inside[best]
     if double[best] > free + WELL * np.sqrt(2.0 * free):
         return None
@@ -190,7 +167,7 @@ def _push(id: str, one: _Parts, level: float, chance: float) -> Contact | None:
     return Contact(id, round(begin - SOONER, 2), round(end + SOONER, 2), ratio, SOONER, float(gain.max()))
 
 
-def _left(one: _Parts, pairs: Int[np.ndarray, "P 2"]) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
+def left_outside(one: Parts, pairs: Int[np.ndarray, "P 2"]) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
     """χ² of what is outside each pair of times, with one start and with two."""
     before, after = one.grams[pairs[:, 0]], one.whole - one.grams[pairs[:, 1]]
     outer = before + after + one.untimed
@@ -203,8 +180,8 @@ def _left(one: _Parts, pairs: Int[np.ndarray, "P 2"]) -> tuple[Float[np.ndarray,
         axis=1,
     )
     right = np.concatenate([outer[:, :-1, -1], shift[..., -1]], axis=1)
-    single = outer[:, -1, -1] - _taken(outer[:, :-1, :-1], outer[:, :-1, -1])
-    return single, outer[:, -1, -1] - _taken(both, right)
+    single = outer[:, -1, -1] - taken(outer[:, :-1, :-1], outer[:, :-1, -1])
+    return single, outer[:, -1, -1] - taken(both, right)
 
 
 def _has_its_moment(times: Float[np.ndarray, "P 2"], whole: Float[np.ndarray, " P"], best: int) -> bool:
@@ -217,7 +194,7 @@ def _has_its_moment(times: Float[np.ndarray, "P 2"], whole: Float[np.ndarray, " 
     return not far.any() or whole[far].min() - whole[best] > MUCH_MORE
 
 
-def _shortest(left: Float[np.ndarray, " P"], inside: Int[np.ndarray, " P"]) -> int:
+def shortest(left: Float[np.ndarray, " P"], inside: Int[np.ndarray, " P"]) -> int:
     """Of the pairs that leave, with noise alone between them, as little as the best but for chance, the closest."""
     whole = left + inside
     best = int(np.argmin(whole))
@@ -226,7 +203,7 @@ def _shortest(left: Float[np.ndarray, " P"], inside: Int[np.ndarray, " P"]) -> i
     return int(near[np.argmin(inside[near])])
 
 
-def _taken(normal: Float[np.ndarray, "P m m"], right: Float[np.ndarray, "P m"]) -> Float[np.ndarray, " P"]:
+def taken(normal: Float[np.ndarray, "P m m"], right: Float[np.ndarray, "P m"]) -> Float[np.ndarray, " P"]:
     """χ² that the best solution of each system takes off; what the data do not see at all stays where it is."""
     scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-300))
     values, vectors = np.linalg.eigh(normal * scale[:, :, np.newaxis] * scale[:, np.newaxis])

@@ -1,7 +1,8 @@
-"""Cuts of the audit that the completed model does not need: taken back, once physics is named.
+"""Cuts of the audit and of the search that the completed model does not need: taken back, once physics is named.
 
-The audit looks with the model as it is. Where that one is wrong, most of all in its geometry, a stretch of motion or a
-sample can stand out that the completed model follows like any other: then it was no hand, no stumble, no spike.
+The audit looks with the model as it is, the search with one that may lack a term. Where that one is wrong, most of all
+in its geometry, a stretch of motion or a sample can stand out that the completed model follows like any other: then it
+was no hand, no stumble, no spike.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,8 +32,8 @@ throws a prediction off by hundreds"""
 def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = lambda _: None) -> Cleaned:
     """What stays cut out by the completed model; `audited` itself where all of it does, or where nothing is named.
 
-    cleaned, audited: before and after the audit. Windows are predicted whole, only their starts fitted; a cut is
-    needless where what is left is white without it.
+    cleaned, audited: before and after audit and search. Windows are predicted whole, only their starts fitted; a cut
+    is needless where what is left is white without it.
     """
     before = set(cleaned.faults)
     found = [fault for fault in audited.faults if fault not in before]

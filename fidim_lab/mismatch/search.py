@@ -11,12 +11,14 @@ import numpy as np
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.additions import Addition
 from fidim_lab.mismatch.baseline import Baseline
-from fidim_lab.mismatch.candidates import Candidate, accepted, advantage, common_scale, most_convincing
+from fidim_lab.mismatch.candidates import Candidate, accepted, advantage, best_of, common_scale, most_convincing
+from fidim_lab.mismatch.common_push import find_common_push
 from fidim_lab.mismatch.contacts import Contact, find_contacts
 from fidim_lab.mismatch.ground import NEAR
+from fidim_lab.mismatch.imitators import in_their_place
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, evidence, refit
-from fidim_lab.mismatch.restarts import find_common_push, find_pushes
+from fidim_lab.mismatch.restarts import find_pushes
 from fidim_lab.mismatch.segments import predict_segments
 from fidim_lab.mismatch.trials import MOST_TERMS, Trials
 from fidim_lab.mismatch.unions import unions
@@ -29,6 +31,8 @@ CLOSE = 25.0
 SHORTLIST = 3
 HOPELESS = 30.0
 """χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
+SIBLINGS = 0.15
+"""of a term's evidence, that another in its place may miss where structure stays"""
 PUSH_COST = 20.0
 """nats: what the freedom of another start costs, as a few terms of a wide prior do"""
 Say = Callable[[str], None]
@@ -65,6 +69,8 @@ class Search:
                 break
             fresh = self.trials.over_first_seconds(self.trials.additions(seen))
             further = most_convincing(best, fresh)
+            for another_way in (self._exchanged, self._found_anew):
+                further = another_way(seen) if further is best else further
             if further is best:
                 break
             best = self.trials.in_best_form(self.trials.pruned(further))
@@ -76,6 +82,32 @@ class Search:
         near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
         near.sort(key=lambda m: evidence(best, m, scale))
         return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
+
+    def _exchanged(self, seen: View) -> Completed:
+        """The model of the first seconds that was looked at, or it with another effect in the place of a term.
+
+        What came first bends to take the share of what was not there yet; beside that another may say more.
+        """
+        best = seen.model
+        if whiteness(best.leftovers).is_white:
+            return best
+        fresh = in_their_place(seen, self.start.short_ground, self.say, SIBLINGS)
+        self.trials.passing += fresh
+        return most_convincing(best, fresh)
+
+    def _found_anew(self, seen: View) -> Completed:
+        """The same, with a term that has many optima (a frequency) taken out, and scanned for once more."""
+        best = seen.model
+        many = [k for k, term in enumerate(best.tried) if term.has_scan]
+        for k in many if len(best.tried) > 1 and not whiteness(best.leftovers).is_white else ():
+            less = self.trials.keeping(best, [j for j in range(len(best.tried)) if j != k])
+            if less is None or self.patience.ended:
+                continue
+            fresh = self.trials.over_first_seconds(self.trials.additions(self.trials.look(less)))
+            further = most_convincing(best, fresh)
+            if further is not best:
+                return further
+        return best
 
     def _together(self) -> list[Completed]:
         """Terms of models that did well over the first seconds, fitted together from nothing."""
@@ -198,13 +230,21 @@ class Search:
         return not (best.model.tried or self.start.follows) and bool(self.trials.passing)
 
     def _with_pushes(self, further: Candidate, fresh: Sequence[Candidate]) -> Candidate | None:
-        """A model with fewer terms beside which pushes say more than the others do: a hand is no friction."""
-        for one in sorted(fresh, key=lambda c: len(c.model.tried)):
-            if len(one.model.tried) >= len(further.model.tried) or one.is_white:
-                continue
+        """A model with fewer terms beside which pushes say more than the others do: a hand is no friction.
+
+        Where the other terms leave structure, also one beside which every window is pushed at the same time.
+        """
+        fewer = [one for one in fresh if len(one.model.tried) < len(further.model.tried) and not one.is_white]
+        for one in sorted(fewer, key=lambda c: len(c.model.tried)):
             if self._pushed(one, advantage(further.model, one.model)):
                 return one
-        return None
+        if not fewer or further.is_white:
+            return None
+        least = min(len(one.model.tried) for one in fewer)
+        simple = {id(one.model): one for one in fewer if len(one.model.tried) == least}
+        best = simple[id(best_of([one.model for one in simple.values()]))]
+        self.pushes = self._pushed_alike(best)
+        return best if self.pushes else None
 
     def _pushed(self, best: Candidate, least: float = -np.inf, inflation: float = 1.0) -> bool:
         """Whether pushes are all that is left, and say more than so many nats.

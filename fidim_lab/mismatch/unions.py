@@ -21,7 +21,8 @@ FEW = 2
 def unions(raced: Sequence[Completed], most: int) -> list[tuple[Hypothesis, ...]]:
     """Sets of at most so many terms, of two models of the first seconds, that no model has; the best first.
 
-    Without what oscillates and cables that stretch, of which nothing begins from nothing.
+    Without two forms of one effect, of which the data tell the sum alone; without what oscillates
+    and cables that stretch, of which nothing begins from nothing.
     """
     if not raced:
         return []
@@ -31,7 +32,7 @@ def unions(raced: Sequence[Completed], most: int) -> list[tuple[Hypothesis, ...]
     found: list[tuple[Hypothesis, ...]] = []
     for one, other in combinations(well, 2):
         terms = tuple(dict.fromkeys((*one.tried, *other.tried)))
-        able = len(terms) <= most and len({h.effect for h in terms}) == len(terms)
+        able = len(terms) <= most and len({(h.effect.id, h.effect.cable) for h in terms}) == len(terms)
         if able and frozenset(terms) not in seen and not any(_begins_somewhere(h) for h in terms):
             seen.add(frozenset(terms))
             found.append(terms)

@@ -9,8 +9,9 @@ import numpy as np
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.columns import Scorer
+from fidim_lab.mismatch.columns import Scorer, frequency_of
 from fidim_lab.mismatch.columns_sprung import SprungScorer
+from fidim_lab.mismatch.frequencies import between, likely_frequencies
 from fidim_lab.mismatch.ground import NEAR, SHORT, nearer
 from fidim_lab.mismatch.hypotheses import PERIODIC, Hypotheses, Hypothesis
 from fidim_lab.mismatch.own_phase import own_phase_scores
@@ -23,7 +24,6 @@ from fidim_lab.mismatch.score import (
     single_scores,
     window_grams,
 )
-from fidim_lab.mismatch.whiteness import spectrum
 
 ENOUGH = 5.0
 """log-evidence below which a term is not believed: never reached in 20 000 draws without an effect (FINDINGS.md)"""
@@ -43,10 +43,6 @@ MOST = 0.85
 """of what is left: a tone that takes as much is tried before anything else; of what frictions leave one takes half"""
 PERIODS = 2.0
 """of such a tone, beside other terms, within what is looked at"""
-FREQUENCIES = 16
-"""of the scan that are tried: those at which what is left is loudest"""
-FEW = 50
-"""samples, with fewer of which a window has no spectrum"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +121,7 @@ class View:
             id = score.tried[0].effect.id
             counts[id] += 1
             varied += [score] if counts[id] <= OF_ONE_KIND else []
-        return [score for k, score in enumerate(varied) if k < RACING or _is_scanned(score)]
+        return [score for k, score in enumerate(varied) if k < RACING or score.tried[0].has_scan]
 
     def _near(self, scores: Sequence[Score], less: float) -> tuple[Score, ...]:
         """Those that come near the first; `less`: χ² that fewer terms take."""
@@ -183,19 +179,36 @@ _ANYHOW = _Heard(0.0, 0.0)
 
 def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, heard: _Heard) -> View:
     """The scores of what is left to be tried at a fit of the model."""
-    simulation = found.journey.optimum.simulation
-    likely = _likely_frequencies(found, sorted({float(h.absent[-1]) for h in left.periodic}))
-    left = replace(left, periodic=tuple(h for h in left.periodic if float(h.absent[-1]) in likely))
+    scan, leftovers = sorted({frequency_of(h) for h in left.periodic}), Completed((), found, whole=False).leftovers
+    likely = likely_frequencies(leftovers, scan)
+    left = replace(left, periodic=tuple(h for h in left.periodic if frequency_of(h) in likely))
+    seen, singles = _scored(model, found, left, context, heard)
+    least = max(ENOUGH, NEARLY * singles[0].log_evidence) if singles else ENOUGH
+    evident = [one for one in singles if one.tried[0].effect.id in PERIODIC and one.log_evidence > least]
+    finer = between(left.periodic, evident, float(found.journey.ends.max()))
+    if finer:
+        fine = replace(left, direct=(), periodic=finer)
+        singles = _sorted((*singles, *_scored(model, found, fine, context, heard)[1]))
+    return View(model, seen, singles, context, found)
+
+
+def _scored(
+    model: Completed, found: Fit, left: Hypotheses, context: Context, heard: _Heard
+) -> tuple[Projected, tuple[Score, ...]]:
     scorer = SprungScorer if model.mechanism.springs else Scorer
     scored = scorer(model.mechanism, left)
-    grams = window_grams(scored, found.likelihood, simulation)
+    grams = window_grams(scored, found.likelihood, found.journey.optimum.simulation)
     seen = projected(scored, found, grams)
     same = single_scores(seen, context)
     own = _own_phase(same, own_phase_scores(seen, grams, model.mechanism.robot), model)
     least = heard.share * _rest_of(seen, model)
-    own = (one for one in own if one.gain > least and float(one.tried[0].absent[-1]) >= heard.frequency)
-    singles = (*same, *own)
-    return View(model, seen, tuple(sorted(singles, key=lambda score: -score.log_evidence)), context, found)
+    own = (one for one in own if one.gain > least and frequency_of(one.tried[0]) >= heard.frequency)
+    return seen, _sorted((*same, *own))
+
+
+def _sorted(scores: Sequence[Score]) -> tuple[Score, ...]:
+    """The most evident first."""
+    return tuple(sorted(scores, key=lambda score: -score.log_evidence))
 
 
 def _rest_of(seen: Projected, model: Completed) -> float:
@@ -229,12 +242,6 @@ def _followed(found: Fit) -> Fit:
     return found
 
 
-def _is_scanned(score: Score) -> bool:
-    """Whether its effect has scores at some values of a parameter only: the best of them may be far from the truth."""
-    effect = score.tried[0].effect
-    return effect.id not in PERIODIC and any(len(parameter.scan) > 1 for parameter in effect.parameters)
-
-
 def _varied(pairs: Sequence[Score]) -> tuple[Score, ...]:
     """The best pair, and others that do not share its first effect's every rival: at most two with the same effect."""
     counts: dict[object, int] = {}
@@ -245,22 +252,6 @@ def _varied(pairs: Sequence[Score]) -> tuple[Score, ...]:
             for h in pair.tried:
                 counts[h.effect] = counts.get(h.effect, 0) + 1
     return tuple(chosen)
-
-
-def _likely_frequencies(found: Fit, scan: Sequence[float]) -> frozenset[float]:
-    """Where what is left of all windows is loudest: a steady tone that nothing models is heard at its own frequency."""
-    model = Completed((), found, whole=False)
-    spectra = [spectrum(one) for one in model.leftovers if len(one.t) > FEW]
-    if not spectra or len(scan) <= FREQUENCIES:
-        return frozenset(scan)
-    width = max(s.frequencies[1] for s in spectra)
-    loudness: dict[float, float] = {}
-    for f in scan:
-        near = [np.abs(s.frequencies - f) <= width for s in spectra]
-        power = sum(float(s.chi2[rows].sum()) for s, rows in zip(spectra, near, strict=True))
-        freedom = sum(float(s.dof[rows].sum()) for s, rows in zip(spectra, near, strict=True))
-        loudness[f] = power / max(freedom, 1e-9)
-    return frozenset(sorted(scan, key=lambda f: -loudness[f])[:FREQUENCIES])
 
 
 def _without(tried: Hypotheses, used: Sequence[Hypothesis]) -> Hypotheses:

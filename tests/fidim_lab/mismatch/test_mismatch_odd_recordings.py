@@ -16,7 +16,7 @@ from fidim_lab.mismatch.contacts import PART, Contact, at_the_same_time
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Verdict
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.restarts import _parts_of
+from fidim_lab.mismatch.restarts import parts_of
 from fidim_lab.mismatch.segments import Segmented, fit_segments
 from fidim_lab.mismatch.telling import body_parameters, figures_of
 from fidim_lab.mismatch.unseen import HeldOut
@@ -60,11 +60,11 @@ def test_segments_need_one_marker_and_not_all(dragged: Campaign) -> None:
 def test_parts_of_a_window_are_on_its_own_clock(baseline_of: Callable[..., Baseline]) -> None:
     baseline = baseline_of(seed=4, windows=2, seconds=3.0)
     model = baseline.as_it_is
-    plain = _parts_of(model, (), {"i01"})["i01"].t
+    plain = parts_of(model, (), {"i01"})["i01"].t
     likelihood = model.fit.likelihood
     recordings = [replace(one, window=replace(one.window, t=one.window.t + 100.0)) for one in likelihood.recordings]
     later = replace(model.fit, likelihood=replace(likelihood, recordings=tuple(recordings)))
-    found = _parts_of(Completed((), later, whole=True), (), {"i01"})["i01"].t
+    found = parts_of(Completed((), later, whole=True), (), {"i01"})["i01"].t
     np.testing.assert_allclose(found, plain + 100.0)
 
 

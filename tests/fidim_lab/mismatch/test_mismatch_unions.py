@@ -21,6 +21,7 @@ from fidim_lab.mismatch.unions import unions
         ((("a", 1.09), ("b", 1.1), ("c", 1.11)), ["ab", "ac"]),
         ((("a", 1.09), ("p", 1.1)), []),  # a tone has no beginning at nothing
         ((("a", 1.09), ("e", 1.1)), []),  # nor has a spring
+        ((("c", 1.09), ("w", 1.1)), []),  # two forms of one effect: the data tell their sum
         ((), []),
     ],
 )
@@ -39,6 +40,7 @@ def test_terms_of_two_models_that_did_well_are_joined(
         letter: next(h for h in every.direct if h.effect.id == id) for letter, id in ids.items()
     }
     known["p"] = every.periodic[0]
+    known["w"] = next(h for h in every.direct if h.effect.id == ids["c"] and h.effect != known["c"].effect)
     models = [SimpleNamespace(tried=tuple(known[k] for k in terms), excess=left) for terms, left in raced]
     letters = {id(h): letter for letter, h in known.items()}
     found = unions(models, 3)  # type: ignore[arg-type]

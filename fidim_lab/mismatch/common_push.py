@@ -1,0 +1,108 @@
+"""A push at the same time of every window, softer than what a model misses elsewhere: a hand that acts on cue.
+
+Two tests, both to first order about the model, which is enough for what is soft. Where every two seconds begin anew,
+a push shows in its own alone (`contacts`). And where every window begins anew at the same moment, all of them gain at
+that one, and fall off on both sides; physics that is missing gains hardly less a second sooner or later.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.special import chdtri
+
+from fidim_lab.data.records import Window
+from fidim_lab.mismatch.contacts import POOLED, SOONER, Contact, at_the_same_time
+from fidim_lab.mismatch.refit import Completed
+from fidim_lab.mismatch.restarts import (
+    AWAY,
+    CHANCE,
+    MUCH_MORE,
+    STEP,
+    WELL,
+    Parts,
+    left_outside,
+    pairs_of,
+    parts_of,
+    shortest,
+    taken,
+)
+from fidim_lab.mismatch.segments import LENGTH, Segmented
+from fidim_lab.mismatch.whiteness import whiteness
+
+SHARPER = 3.0
+"""times what a smooth hill over the whole window would lose as far away, that the gain of a new start must lose"""
+
+
+def find_common_push(model: Completed, held: Sequence[Window]) -> tuple[Contact, ...]:
+    """A contact in every window, at the same time in each; none where nothing shows that.
+
+    model: the best without a hand. held: windows that no fit has seen.
+    """
+    level = whiteness(model.leftovers).level
+    windows = {window.id: window for window in held}
+    windows |= {recording.window.id: recording.window for recording in model.fit.likelihood.recordings}
+    parts = parts_of(model, held, set(windows))
+    if not parts:
+        return ()
+    return at_the_same_time([_segmented(windows[id], one, level) for id, one in parts.items()]) or _at_one_moment(
+        parts, level
+    )
+
+
+def _segmented(window: Window, one: Parts, level: float) -> Segmented:
+    """A window's segments, each with a start of its own and the lengths that the motors hold left free."""
+    edges = np.arange(0, len(one.t), round(LENGTH / STEP))
+    grams = np.diff(one.grams[edges], axis=0)
+    dof = np.maximum(np.diff(one.count[edges]) - one.kept.shape[1], 1).astype(float)
+    left = grams[:, -1, -1] - taken(grams[:, :-1, :-1], grams[:, :-1, -1])
+    return Segmented(window, one.t[edges], left / (level**2 * dof), dof)
+
+
+def _at_one_moment(parts: Mapping[str, Parts], level: float) -> tuple[Contact, ...]:
+    """Where all windows of one length gain by a new start at one moment, and clearly less a second away from it."""
+    alike = max(({id: one for id, one in parts.items() if _alike(one, other)} for other in parts.values()), key=len)
+    if len(alike) < max(POOLED, len(parts) / 2):
+        return ()
+    first = next(iter(alike.values()))
+    pairs = pairs_of(first)
+    if not len(pairs):
+        return ()
+    lefts = np.array([left_outside(one, pairs) for one in alike.values()]) / level**2
+    single, double = lefts.sum(axis=0)
+    inside = np.sum([one.count[pairs[:, 1]] - one.count[pairs[:, 0]] for one in alike.values()], axis=0)
+    more = sum(one.kept.shape[1] for one in alike.values())
+    if (single - double).max() < chdtri(more, CHANCE / len(pairs)):
+        return ()
+    best = shortest(double, inside)
+    free = sum(int(one.count[-1]) for one in alike.values()) - int(inside[best])
+    if double[best] > free + WELL * np.sqrt(2.0 * free) or not _is_sharp(first.t[pairs], single - double - more):
+        return ()
+    begin, end = (float(first.t[k] - first.t[0]) for k in pairs[best])
+    return tuple(
+        Contact(
+            id,
+            round(float(one.t[0]) + begin - SOONER, 2),
+            round(float(one.t[0]) + end + SOONER, 2),
+            float(before / after),
+            SOONER,
+            float(before - after),
+        )
+        for (id, one), (before, after) in zip(alike.items(), lefts[:, :, best], strict=True)
+    )
+
+
+def _alike(one: Parts, other: Parts) -> bool:
+    """Whether both are as long."""
+    return len(one.t) == len(other.t)
+
+
+def _is_sharp(times: np.ndarray, gain: np.ndarray) -> bool:
+    """Whether the gain of a new start at one time (s), beyond what chance gives, is that of a moment and no hill."""
+    single = times[:, 0] == times[:, 1]
+    at, gain = times[single, 0], gain[single]
+    top = int(np.argmax(gain))
+    far = np.abs(at - at[top]) >= AWAY
+    if not far.any():
+        return False
+    hill = (2 * AWAY / (at[-1] - at[0])) ** 2
+    return bool(gain[top] - gain[far].max() > max(MUCH_MORE, SHARPER * hill * gain[top]))
