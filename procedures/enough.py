@@ -20,13 +20,14 @@ class Records(Protocol):
 
 
 def windows_of(
-    plan: Plan, protocol: Records, at: Lengths, earlier: int = 0
+    plan: Plan, protocol: Records, at: Lengths, earlier: int = 0, *, swinging: bool = False
 ) -> Generator[Step, Result, tuple[Lengths, bool]]:
     """All windows; once the accuracy is reached, those to identify from are left out, held-out ones are not.
 
-    earlier: windows that an earlier process has recorded. Returns where the robot is, and whether it swings.
+    earlier: windows that an earlier process has recorded. swinging: the platform may swing already. Returns where the
+    robot is, and whether it swings.
     """
-    swinging, recorded, enough = False, earlier, ""
+    recorded, enough = earlier, ""
     looked = 0
     for planned in plan.windows:
         identifies = planned.role is Role.IDENTIFY

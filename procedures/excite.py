@@ -46,7 +46,8 @@ def excite(lab: Lab) -> Steps:
     protocol = ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory)
     at = (yield Enable()).values
     yield from free(lab.settings)
-    yield from windows_of(lab.plan, protocol, at, len(lab.attempts))
+    # after a crash or a power cut it may still swing, and nobody is there to see it
+    yield from windows_of(lab.plan, protocol, at, len(lab.attempts), swinging=True)
 
 
 class ExciteProtocol(WindowProtocol):
@@ -96,7 +97,8 @@ class ExciteProtocol(WindowProtocol):
                 )
             )
         except InfeasibleError:  # where no rest is known, or fast moves pull too much: as slowly as by hand
-            return (yield from super().pace(window, start, goal))
+            slow, soft = yield from super().pace(window, start, goal)
+            return min(slow, speed), min(soft, acceleration)
 
     def settle(self, planned: PlannedWindow) -> Generator[Step, Result, Result | None]:
         """The measured rest, calmed by the winches where it does not come by itself."""
@@ -130,8 +132,6 @@ class ExciteProtocol(WindowProtocol):
     def steady(self, planned: PlannedWindow, text: str) -> Generator[Step, Result, str]:
         """Calmed by the winches before the next move, where it swings much; no move while it does."""
         small = self.settings.excite.small
-        if self._place is None:
-            return text and "done"
         yield from self._calm(planned, enough=small)
         result = yield from self._rest(planned, 2 * small, small)
         if not result.outcome.usable:
@@ -156,20 +156,25 @@ class ExciteProtocol(WindowProtocol):
     def record(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, bool]:
         """Excite and record until a window is good, or given up; returns whether the platform swings."""
         attempts = self.settings.record.repeats + self.settings.excite.tries
-        self._tries, self._again, reasons = 0, None, list[str]()
+        self._tries, self._again, reasons, moved = 0, None, list[str](), False
         for _ in range(attempts):
             try:
                 if reasons:
                     yield from self._calm(planned)
-                    if (yield from self.settle(planned)) is None:
+                    settled = yield from self.settle(planned)
+                    if settled is None:
                         return True
+                    rest = settled.values
+                if moved:
+                    yield from self.check_at_rest(planned)
+                    moved = False
                 self._plan = self._again or (yield from self._planned(planned))
                 self._again = None
                 if self._plan.why_less:
                     yield Note(window=planned.id, remark=f"{planned.id}: {self._plan.why_less}")
                 reason = yield from self.attempt(planned, rest)
             except Retried as word:
-                reason = word.reason
+                reason, moved = word.reason, True
                 at = yield from self.held(planned)
                 yield from self.steady(planned, reason)
                 yield from self.go(planned, at)

@@ -5,12 +5,13 @@ until the hand is away – record – check – accept, or record again. A rejec
 """
 
 from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
 from functools import partial
 
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.data.records import Plan, PlannedWindow, Robot
 from fidim_lab.errors import InfeasibleError
-from procedures.control import Retried, Skipped
+from procedures.control import Intervention, Retried, Skipped
 from procedures.displacing import displace, free
 from procedures.enough import windows_of
 from procedures.outcomes import Outcome
@@ -89,13 +90,20 @@ class WindowProtocol:
                 at = yield from self.go(planned, at)
                 return at, (yield from self.visit(planned))
             except Skipped as word:
+                at = yield from self._held_anyhow(planned)
                 yield GiveUp(window=planned.id, outcome=Outcome.SKIPPED, reason=word.reason)
-                return (yield from self.held(planned)), True
+                return at, True
             except Retried:
-                at, swinging = (yield from self.held(planned)), True
+                at, swinging = (yield from self._held_anyhow(planned)), True
         reason = f"begun {1 + self.settings.record.repeats} times without coming to a recording"
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return at, True
+
+    def _held_anyhow(self, planned: PlannedWindow) -> Generator[Step, Result, Lengths]:
+        """The same, whatever is said meanwhile: a key that is pressed twice must not end the run."""
+        while True:
+            with suppress(Intervention):
+                return (yield from self.held(planned))
 
     def held(self, planned: PlannedWindow) -> Generator[Step, Result, Lengths]:
         """Where the winches hold after a person's word, with nobody's hand or device at the platform."""
@@ -135,10 +143,10 @@ class WindowProtocol:
             raise InfeasibleError(f"Window {window}: {error.message}", hint=error.hint) from error
 
     def visit(self, planned: PlannedWindow) -> Generator[Step, Result, bool]:
-        """Everything at one equilibrium; returns whether the platform was set swinging."""
+        """Everything at one equilibrium; returns whether the platform swings: was set to, or has come to no rest."""
         rest = yield from self.settle(planned)
         if rest is None:
-            return False
+            return True
         yield from self.check_at_rest(planned)
         return (yield from self.record(planned, rest.values))
 

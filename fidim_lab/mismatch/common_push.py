@@ -8,6 +8,7 @@ that one, and fall off on both sides; physics that is missing gains hardly less 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 from scipy.special import chdtri
 
 from fidim_lab.data.records import Window
@@ -73,9 +74,14 @@ def _at_one_moment(parts: Mapping[str, Parts], level: float) -> tuple[Contact, .
     more = sum(one.kept.shape[1] for one in alike.values())
     if (single - double).max() < chdtri(more, CHANCE / len(pairs)):
         return ()
-    best = shortest(double, inside)
+    times = first.t[pairs]
+    moment = _moment(times, single - double - more)
+    if moment is None:
+        return ()
+    about = np.flatnonzero((times[:, 0] <= moment) & (times[:, 1] >= moment))
+    best = about[shortest(double[about], inside[about])]
     free = sum(int(one.count[-1]) for one in alike.values()) - int(inside[best])
-    if double[best] > free + WELL * np.sqrt(2.0 * free) or not _is_sharp(first.t[pairs], single - double - more):
+    if double[best] > free + WELL * np.sqrt(2.0 * free):
         return ()
     begin, end = (float(first.t[k] - first.t[0]) for k in pairs[best])
     return tuple(
@@ -96,13 +102,14 @@ def _alike(one: Parts, other: Parts) -> bool:
     return len(one.t) == len(other.t)
 
 
-def _is_sharp(times: np.ndarray, gain: np.ndarray) -> bool:
-    """Whether the gain of a new start at one time (s), beyond what chance gives, is that of a moment and no hill."""
+def _moment(times: Float[np.ndarray, "P 2"], gain: Float[np.ndarray, " P"]) -> float | None:
+    """When a new start at one time (s) gains most, beyond chance; None where that is the top of a smooth hill."""
     single = times[:, 0] == times[:, 1]
     at, gain = times[single, 0], gain[single]
     top = int(np.argmax(gain))
     far = np.abs(at - at[top]) >= AWAY
     if not far.any():
-        return False
+        return None
     hill = (2 * AWAY / (at[-1] - at[0])) ** 2
-    return bool(gain[top] - gain[far].max() > max(MUCH_MORE, SHARPER * hill * gain[top]))
+    sharp = gain[top] - gain[far].max() > max(MUCH_MORE, SHARPER * hill * gain[top])
+    return float(at[top]) if sharp else None

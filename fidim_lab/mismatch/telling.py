@@ -129,6 +129,8 @@ def best_of_all(found: Selection) -> str:
     said = f"; the best of {len(every)} hypotheses, {best.label}, has log-evidence {best.log_evidence:.1f}"
     if best.log_evidence < ENOUGH:
         return f"{said} ({ENOUGH:g} would be needed)"
+    if not found.baseline.held_out.dof:
+        return f"{said} on the fitted windows, of which it does not take enough"
     return f"{said} on the fitted windows, but held-out windows are predicted no better with it"
 
 

@@ -1,5 +1,6 @@
 """Handlers that identify from the windows so far, in a process of its own which alone imports what identifies."""
 
+from math import isfinite
 from pathlib import Path
 
 from procedures.handlers.apart import apart
@@ -9,7 +10,7 @@ from procedures.steps import Result
 from procedures.steps.accuracy import REACHED, CheckAccuracy
 from procedures.steps.excitation import IdentifyBody
 
-DIED = "the process that computes it has died"
+DIED = "the process that computes it has died, or took too long"
 
 
 async def check_accuracy(stand: Stand, step: CheckAccuracy) -> Result:
@@ -51,4 +52,7 @@ def _identified(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...], str
         found = bodies_of(read_campaign(folder))
     except FidimError as refusal:
         return (), (), refusal.message
-    return tuple(map(float, found.likely.vector)), tuple(map(float, found.spread)), ""
+    except (ArithmeticError, ValueError, RuntimeError, OSError) as error:  # LinAlgError is a ValueError
+        return (), (), f"{type(error).__name__}: {error}"
+    values, spread = tuple(map(float, found.likely.vector)), tuple(map(float, found.spread))
+    return (values, spread, "") if all(map(isfinite, (*values, *spread))) else ((), (), "what is found is not finite")

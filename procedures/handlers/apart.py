@@ -11,12 +11,16 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-async def apart(job: Callable[[Path], T], folder: Path) -> T | None:
-    """What a function of a module answers about a run's folder; None where its process has died."""
+LONGEST = 60.0
+"""s: nobody who says abort waits longer"""
+
+
+async def apart(job: Callable[[Path], T], folder: Path, longest: float = LONGEST) -> T | None:
+    """What a function of a module answers about a run's folder; None where its process died or takes longer (s)."""
     pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
     try:
-        return await asyncio.get_running_loop().run_in_executor(pool, job, folder)
-    except BrokenProcessPool:
+        return await asyncio.wait_for(asyncio.get_running_loop().run_in_executor(pool, job, folder), longest)
+    except (BrokenProcessPool, TimeoutError):
         return None
     finally:
         pool.shutdown(wait=False, cancel_futures=True)  # a run that is stopped must not wait for it

@@ -135,7 +135,12 @@ class IdentifyBody(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Think(Step):
-    """Compute beside the run, so that guards and bus go on meanwhile; the job keeps its answer itself."""
+    """Compute beside the run, so that guards and bus go on meanwhile; the job keeps its answer itself.
+
+    Some stand between a recording and its verdict, where an interruption would lose the window.
+    """
+
+    after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
 
     what: str
     job: Callable[[], None]

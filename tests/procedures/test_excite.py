@@ -18,14 +18,32 @@ from fidim_lab.identification.excitation.seen import Lesson
 from fidim_lab.identification.random_plan import Taste, random_plan
 from procedures import calming, excite
 from procedures.catalogue import experiment, never_asks
-from procedures.control import Control, Verb, Word
+from procedures.control import Control, Retried, Skipped, Verb, Word
+from procedures.enough import windows_of
 from procedures.events import Event, StepFinished, StepStarted
 from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.report import RunReport
 from procedures.run import run_procedure
 from procedures.settings import MotionSettings, Settings
-from procedures.steps import Accept, Ask, GiveUp, MoveTo, Note, Reject, Result, Settle, Step, Stop
+from procedures.steps import (
+    Accept,
+    AfterPause,
+    Ask,
+    CheckTension,
+    CheckWindow,
+    GiveUp,
+    Hold,
+    MoveTo,
+    Note,
+    ReadEncoders,
+    Record,
+    Reject,
+    Result,
+    Settle,
+    Step,
+    Stop,
+)
 from procedures.steps.excitation import IdentifyBody, SeeRecordedSwing, Strokes, Think, WatchSwing
 
 
@@ -78,6 +96,8 @@ def test_every_step_is_known_before_and_none_asks(irma4: Robot, plan: Plan):
     steps = Outline(experiment("excite", plan, irma4, settings).procedure).steps
     assert not [step for step in steps if isinstance(step, Ask)]
     assert sum(isinstance(step, Strokes) for step in steps) == 2
+    watched = next(k for k, step in enumerate(steps) if isinstance(step, Settle))
+    assert not any(isinstance(step, MoveTo) for step in steps[:watched]), "it may swing when a run begins"
     assert never_asks("excite")
     assert not never_asks("identify")
 
@@ -205,6 +225,103 @@ def test_nothing_travels_while_the_platform_swings_and_cannot_be_calmed(irma4: R
     assert "cannot calm it. The marker still moves 100.0 mm" in stop.reason
     assert player.steps[-1] is stop
     assert not player.of(MoveTo)
+
+
+def test_no_move_begins_after_a_window_that_could_not_be_calmed(irma4: Robot, plan: Plan):
+    def wild(step):
+        if isinstance(step, WatchSwing):
+            return swung(step, np.full(2, 0.05))
+        return Result(Outcome.FAIL, "The marker still moves 100.0 mm.") if isinstance(step, Settle) else None
+
+    player = Player(wild)
+    player.play(windows_of(plan, protocol_of(irma4, plan), tuple(map(float, plan.windows[0].lengths))))
+    assert [step.window for step in player.of(GiveUp)] == [plan.windows[0].id]
+    assert [step.window for step in player.of(Stop)] == [plan.windows[1].id]
+    assert not [step for step in player.of(MoveTo) if step.window == plan.windows[1].id]
+
+
+def test_where_no_modes_are_known_the_platform_is_seen_at_rest_before_a_move(irma4: Robot, plan: Plan):
+    protocol, window = protocol_of(irma4, plan), plan.windows[0]
+    still = Result(Outcome.FAIL, "The marker still moves 30.0 mm.")
+    player = Player(lambda step: still if isinstance(step, Settle) else None)
+    player.play(protocol.steady(window, "bring it to rest"))
+    assert player.of(Settle)
+    assert player.steps[-1] is player.of(Stop)[0]
+
+
+@pytest.mark.parametrize("second", [Skipped, Retried])
+def test_a_word_said_twice_ends_no_run(irma4: Robot, plan: Plan, second):
+    """The second comes while the robot is held because of the first."""
+    window = plan.windows[0]
+    steps = protocol_of(irma4, plan).window(window, tuple(map(float, window.lengths)), swinging=False)
+    next(steps)
+    step = steps.throw(Skipped("by a key"))
+    while not isinstance(step, Hold):
+        step = steps.send(Result())
+    step = steps.throw(second("by the same key"))
+    at = tuple(map(float, window.lengths))
+    player = Player(lambda step: Result(values=at) if isinstance(step, Hold) else None)
+    assert player.play(_going_on(step, steps)) == (at, True)
+    assert [given.outcome for given in player.of(GiveUp)] == [Outcome.SKIPPED]
+
+
+def _going_on(step, steps):
+    """A generator of steps from its present one on."""
+    result = yield step
+    while True:
+        try:
+            step = steps.send(result)
+        except StopIteration as end:
+            return end.value
+        result = yield step
+
+
+def test_after_strokes_were_interrupted_the_new_rest_is_what_counts(irma4: Robot, plan: Plan):
+    """The winches have come back within a millimetre: the platform rests elsewhere, and lengths are checked again."""
+    window, rests = plan.windows[0], iter([(0.1, 0.0, 0.0), (0.2, 0.0, 0.0), (0.3, 0.0, 0.0), (0.4, 0.0, 0.0)])
+
+    def answer(step):
+        if isinstance(step, Settle):
+            return Result(values=next(rests))
+        return swung(step, np.array([0.03, 0.02])) if isinstance(step, SeeRecordedSwing) else None
+
+    protocol, player = protocol_of(irma4, plan), Player(answer)
+    rest = player.play(protocol.settle(window))
+    steps = protocol.record(window, rest.values)
+
+    def interrupted():
+        step = next(steps)
+        while True:
+            if isinstance(step, Strokes) and step.displacement:
+                return (yield from _going_on(steps.throw(Retried("paused")), steps))
+            step = steps.send((yield step))
+
+    player.play(interrupted())
+    (taken,) = player.of(Accept)
+    assert taken.equilibrium == player.of(CheckWindow)[-1].equilibrium
+    assert taken.equilibrium[0] > 0.15
+    assert player.of(ReadEncoders)
+    assert player.of(CheckTension)
+
+
+def test_nothing_between_a_recording_and_its_verdict_is_interrupted(irma4: Robot, plan: Plan):
+    """A recording that is not yet accepted is given up at an interruption."""
+
+    def answer(step):
+        return swung(step, np.array([0.003, 0.002])) if isinstance(step, SeeRecordedSwing) else None
+
+    protocol, player = protocol_of(irma4, plan), Player(answer)
+    rest = player.play(protocol.settle(plan.windows[0]))
+    player.play(protocol.record(plan.windows[0], rest.values or (0.0, 0.0, 0.0)))
+    inside, between = False, []
+    for step in player.steps:
+        if isinstance(step, Record):
+            inside = True
+        elif inside:
+            between.append(step)
+            inside = not isinstance(step, Accept | Reject)
+    assert any(isinstance(step, Think) for step in between)
+    assert {step.after_pause for step in between} == {AfterPause.NOT_INTERRUPTED}
 
 
 def test_strokes_that_would_break_tensions_are_not_made(irma4: Robot, plan: Plan, monkeypatch):

@@ -244,10 +244,10 @@ def require_what_winches_do(file: RigFile, settings: Settings) -> None:
             ("speed", one.speed, speed, "m/s"),
             ("acceleration", one.acceleration, acceleration, "m/s²"),
         ):
-            if value > most:
+            if not 0 < value <= most:
                 raise SetupError(
-                    f"{table}.{name} is {value:g} {unit}; {file.path} allows its winches {most:g} {unit}.",
-                    hint="Set less, or allow the drives more in the rig file if they can do it.",
+                    f"{table}.{name} is {value:g} {unit}; {file.path} allows its winches up to {most:g} {unit}.",
+                    hint="Set less (above 0), or allow the drives more in the rig file if they can do it.",
                 )
 
 

@@ -11,13 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float
 
-from fidim_lab.data.records import Body
+from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.identification.excitation.candidates import DUTY, SPARE, direction_of
 from fidim_lab.identification.excitation.motion import at_rest, line_of, wider
 from fidim_lab.identification.excitation.place import MASS_OFF, Place, WinchLimits, inside
 from fidim_lab.identification.excitation.strokes import COARSE, Chain, Pattern
 from fidim_lab.model.driven import driven_motions
+from fidim_lab.model.geometry import rotation_matrix
+from fidim_lab.model.statics import balance
 from fidim_lab.model.swing import Swing
 
 TURNS = (1, 2, 3, 4, 6, 8, 12)
@@ -25,6 +27,10 @@ SHARES = (1.0, 0.6, 0.36, 0.2, 0.1, 0.05)
 """of what the winches may do, tried until tensions keep their limits"""
 WORSE = 0.03
 """of what tensions may span: by so much may strokes pull beyond a swing that breaks limits by itself"""
+WILD = 0.4
+"""times the lower limit, down to which a swing by itself may pull cables for strokes to be added; the upper over it"""
+ROUNDS, EXACT = 8, 1e-9
+"""of Newton's method towards a pose on the cables; m"""
 AFTER = 1.0
 """s after the last stroke whose tensions are looked at"""
 GENTLE = 0.6
@@ -60,23 +66,23 @@ def calmed(
     """The chain that takes most of the swing away, and leaves no tension limit on the way.
 
     swing: with damping and frequencies as seen. states: y at time t (s). earliest: s, when the first stroke may begin.
-    bodies: others than the place's that may hang there. Raises InfeasibleError where even small strokes break a
-    tension limit that the swing by itself keeps.
+    bodies: others than the place's that may hang there; each is looked at by itself. Raises InfeasibleError where even
+    small strokes break a tension limit that the swing by itself keeps, and where it swings too wildly for any.
     """
     limits = limits or WinchLimits()
-    low, high = inside(place.robot.limits.tension)
-    pulls: tuple[float, float] | None = None
+    allowed: list[tuple[float, float]] | None = None
+    pulls: list[tuple[float, float]] = []
     for share in SHARES:
         found = _most(place, swing, states, t, earliest, limits, share)
         now = states * np.exp(swing.rates * (found.begin - t))
-        if pulls is None:  # a swing that breaks a limit by itself may be calmed by strokes that make it hardly worse
-            alone = _pulls(place, swing, now, found.chain.scaled(0.0), bodies)
-            spare = WORSE * (high - low)
-            low, high = min(low, alone[0] - spare), max(high, alone[1] + spare)
+        if allowed is None:
+            allowed = [_allowed(place, one) for one in _pulls(place, swing, now, found.chain.scaled(0.0), bodies)]
         pulls = _pulls(place, swing, now, found.chain, bodies)
-        if low <= pulls[0] and pulls[1] <= high:
+        if all(low <= least and most <= high for (low, high), (least, most) in zip(allowed, pulls, strict=True)):
             return found
-    pulled = "slack" if pulls is None or pulls[0] <= 0 else f"by {pulls[0]:.1f} to {pulls[1]:.1f} N"
+    least, most = min(low for low, _ in pulls), max(high for _, high in pulls)
+    pulled = "slack" if least <= 0 else f"by {least:.1f} to {most:.1f} N"
+    low, high = inside(place.robot.limits.tension)
     raise InfeasibleError(
         f"Strokes that calm the platform here would pull cables {pulled}; {low:.1f} to {high:.1f} N is allowed, "
         f"{100 * MASS_OFF:g} % kept for a mass that is off.",
@@ -84,16 +90,56 @@ def calmed(
     )
 
 
-def _pulls(place: Place, swing: Swing, states: np.ndarray, chain: Chain, bodies: Sequence[Body]) -> tuple[float, float]:
-    """Smallest and largest tension (N) of a chain that begins with the modes in these states, of all bodies."""
+def _allowed(place: Place, alone: tuple[float, float]) -> tuple[float, float]:
+    """What strokes may pull (N) where a body that swings by itself pulls so.
+
+    A swing that breaks a limit by itself may be calmed by strokes that make it hardly worse; one in which cables come
+    near to being slack, or which cannot be followed at all, is left alone.
+    """
+    low, high = inside(place.robot.limits.tension)
+    if not (WILD * low <= alone[0] and alone[1] <= high / WILD):
+        pulls = "slack" if alone[0] <= 0 else f"by {alone[0]:.1f} to {alone[1]:.1f} N"
+        raise InfeasibleError(
+            f"The platform swings so wildly that by itself it pulls cables {pulls}: no strokes are added to that.",
+            hint="Let it fade, or calm it by hand with the winches off.",
+        )
+    spare = WORSE * (high - low)
+    return min(low, max(alone[0] - spare, WILD * low)), max(high, min(alone[1] + spare, high / WILD))
+
+
+def _pulls(
+    place: Place, swing: Swing, states: np.ndarray, chain: Chain, bodies: Sequence[Body]
+) -> list[tuple[float, float]]:
+    """Smallest and largest tension (N) of a chain that begins with the modes in these states, of each body."""
     line = line_of((chain,), AFTER, COARSE)
-    pose, twist = swing.motion(states)
+    pose, twist = _on_its_cables(place, *swing.motion(states))
     pull = line.accelerations(chain.direction[np.newaxis])[np.newaxis]
-    found = at_rest(place, (chain,))
+    ends = at_rest(place, (chain,))
+    found: list[tuple[float, float]] = []
     for body in (place.body, *bodies):
         motion = driven_motions(place.mechanism, body, pose, pull, line.steps, swing.damping_matrix(), twist)
-        found = wider(found, place.robot.mass * motion.tensions)
+        found.append(wider(ends, place.robot.mass * motion.tensions))
     return found
+
+
+def _on_its_cables(place: Place, pose: Pose, twist: Float[np.ndarray, "6"]) -> tuple[Pose, Float[np.ndarray, "6"]]:
+    """The nearest pose at which cables are as long as they are held, and the twist with which they stay so.
+
+    Modes are straight lines in the space of poses, which leave the cables by millimetres where the platform swings by
+    centimetres: a simulation from there begins with hundreds of newtons that nothing pulls with. Raises InfeasibleError where there is no such pose nearby.
+    """
+    held = place.equilibrium
+    for _ in range(ROUNDS):
+        _, _, xi, lengths = balance(place.mechanism, place.body, pose, held.tensions)
+        back = np.linalg.pinv(xi)
+        if np.abs(held.lengths - lengths).max() < EXACT:
+            return pose, twist - back @ (xi @ twist)
+        step = back @ (held.lengths - lengths)
+        pose = Pose(position=pose.position + step[:3], rotation=rotation_matrix(step[3:] / 2) @ pose.rotation)
+    raise InfeasibleError(
+        "The platform swings so wildly that no pose on its cables fits what is seen: no strokes are added to that.",
+        hint="Let it fade, or calm it by hand with the winches off.",
+    )
 
 
 def _most(

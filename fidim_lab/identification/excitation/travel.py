@@ -90,19 +90,19 @@ def travel(start: Place, goal: Place, speed: float, acceleration: float, swing: 
             )
             choices.append((shape.seconds, left, shape))
     if not choices:  # a way too short for any ramp that is timed
-        return _best([travelled(start, goal, speed, acceleration)], start)
+        return _best([travelled(start, goal, speed, acceleration)], start, goal)
     gentle = sorted(one for one in choices if one[1] <= swing) or sorted(choices, key=lambda one: one[1])
     found: list[Travel] = []
     for _, _, shape in gentle[:: max(1, min(len(gentle) // TRIALS, 8))][:TRIALS]:
         found.append(_looked_at(start, goal, shape))
-        if found[-1].left <= swing and _keeps(found[-1], start):
+        if found[-1].left <= swing and _keeps(found[-1], start, goal):
             return found[-1]
-    return _best(found, start)
+    return _best(found, start, goal)
 
 
-def _best(found: list[Travel], start: Place) -> Travel:
+def _best(found: list[Travel], start: Place, goal: Place) -> Travel:
     """The one that leaves least, of those that keep the limits."""
-    safe = [one for one in found if _keeps(one, start)]
+    safe = [one for one in found if _keeps(one, start, goal)]
     if not safe:
         low, high = max((one.tension for one in found), key=lambda tension: tension[0])
         raise InfeasibleError(
@@ -144,7 +144,8 @@ def _looked_at(start: Place, goal: Place, shape: Trapezoid) -> Travel:
     )
 
 
-def _keeps(found: Travel, start: Place) -> bool:
+def _keeps(found: Travel, start: Place, goal: Place) -> bool:
+    """Whether no tension leaves the limits farther than both rests do."""
     low, high = start.robot.limits.tension
-    at_rest = start.equilibrium.tensions_in_newton(start.robot.mass)
-    return found.tension[0] >= min(low, float(at_rest.min())) and found.tension[1] <= max(high, float(at_rest.max()))
+    rests = np.concatenate([one.equilibrium.tensions_in_newton(one.robot.mass) for one in (start, goal)])
+    return found.tension[0] >= min(low, float(rests.min())) and found.tension[1] <= max(high, float(rests.max()))

@@ -67,8 +67,9 @@ def test_more_than_the_winches_do_is_refused_before_anything_moves(key):
     rig = read_rig(SIMULATED)
     settings = rig_settings(rig)
     require_what_winches_do(rig, settings)
-    with pytest.raises(SetupError, match=rf"{key} is 9 m/s²?; .*simulated\.toml allows its winches"):
-        require_what_winches_do(rig, overridden(settings, {key: 9.0}))
+    for value in (9.0, 0.0, -0.1, float("nan")):
+        with pytest.raises(SetupError, match=rf"{key} is {value:g} m/s²?; .*simulated\.toml allows its winches"):
+            require_what_winches_do(rig, overridden(settings, {key: value}))
 
 
 @pytest.fixture

@@ -86,3 +86,20 @@ def test_a_strong_hand_is_found_beside_soft_cables_that_only_the_first_seconds_s
     for push in search.pushes:
         assert 3.2 < push.begin < 3.8
         assert 4.4 < push.end < 5.0
+
+
+@pytest.mark.slow
+def test_what_came_first_is_found_anew_once_the_others_are_there(baseline_of) -> None:
+    """Alone, a moved attachment is best in a length's place, and a loose mass at a frequency that is not its own."""
+    start = baseline_of(
+        "marker-offset:dx=-0.0004,dy=0.0008,dz=-0.0005",
+        "cable-length-bias:bias=0.0037,cable=1",
+        "loose-mass:m=0.1,f=2.4,zeta=0.04,bx=0.02,by=0.05,bz=0.1",
+        seed=44,
+        windows=8,
+        seconds=6.0,
+    )
+    best = Search(start, lambda _: None, look_for_pushes=True, patience=Patience()).over_first_seconds()[0]
+    found = {(h.effect.id, h.effect.cable): theta for h, theta in zip(best.tried, best.thetas, strict=True)}
+    assert set(found) == {("marker-offset", None), ("cable-length-bias", 1), ("loose-mass", None)}
+    assert found["loose-mass", None][1] == pytest.approx(2.4, rel=0.1)

@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Body, Robot
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.excitation.calm import Calming, calmed
+from fidim_lab.identification.excitation.calm import Calming, _on_its_cables, _pulls, calmed
 from fidim_lab.identification.excitation.gains import Gains, Look
 from fidim_lab.identification.excitation.motion import at_rest
 from fidim_lab.identification.excitation.place import Place, WinchLimits
@@ -15,6 +15,7 @@ from fidim_lab.identification.excitation.seen import seen_swing
 from fidim_lab.identification.excitation.strokes import Chain, Pattern
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.statics import balance
 from sim_backends.excited import Swung, carry_out
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.world import make_world
@@ -107,6 +108,34 @@ def test_where_even_small_strokes_are_too_much_it_is_said(irma4: Robot):
     place = replace(platform.place, mechanism=Mechanism(tight, native=True))
     with pytest.raises(InfeasibleError, match=r"Strokes that calm the platform here would pull cables"):
         calmed(place, _eager(swing), 0.02 * states, 0.0, 0.4, WinchLimits(1.0, 40.0, 0.2))
+
+
+def test_a_wide_swing_is_looked_at_on_its_cables(irma4: Robot):
+    """Modes are straight lines: 7 cm along one leaves the cables, which would pull by hundreds of newtons at once."""
+    place = Place.at(Mechanism(irma4, native=True), WEAK)
+    states = np.array([0.07 / place.swing.lever[0] * np.imag(place.swing.rates[0]) * (1 + 1j), 0.0])
+    pose, twist = place.swing.motion(states)
+    exact, kept = _on_its_cables(place, pose, twist)
+    held = place.equilibrium
+
+    def off(at):
+        return np.abs(balance(place.mechanism, place.body, at, held.tensions)[3] - held.lengths).max()
+
+    xi = balance(place.mechanism, place.body, exact, held.tensions)[2]
+    assert off(exact) < 1e-9 < 1e-3 < off(pose)
+    assert np.abs(xi @ kept).max() < 1e-12
+    assert abs(exact.position[0] - pose.position[0]) < 0.1 * 0.07
+    still = calmed(place, place.swing, states, 0.0, 0.4, LIMITS).chain.scaled(0.0)
+    (low, high), *_ = _pulls(place, place.swing, states, still, ())
+    assert 30.0 < low < high < 120.0
+
+
+@pytest.mark.parametrize(("size", "factor"), [(0.012, 12.0), (0.012, 100.0)], ids=["slack", "not followed"])
+def test_to_a_swing_that_pulls_cables_slack_by_itself_nothing_is_added(irma4: Robot, size: float, factor: float):
+    platform = swinging(irma4, irma4.nominal, size)
+    states, swing, _ = platform.seen(platform.place.swing.gain)
+    with pytest.raises(InfeasibleError, match="swings so wildly"):
+        calmed(platform.place, swing, factor * states, platform.t, platform.t + 0.4, LIMITS)
 
 
 def _eager(swing):
