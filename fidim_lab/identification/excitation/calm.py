@@ -126,7 +126,8 @@ def _on_its_cables(place: Place, pose: Pose, twist: Float[np.ndarray, "6"]) -> t
     """The nearest pose at which cables are as long as they are held, and the twist with which they stay so.
 
     Modes are straight lines in the space of poses, which leave the cables by millimetres where the platform swings by
-    centimetres: a simulation from there begins with hundreds of newtons that nothing pulls with. Raises InfeasibleError where there is no such pose nearby.
+    centimetres: a simulation from there begins with hundreds of newtons that nothing pulls with. Raises InfeasibleError
+    where there is no such pose nearby.
     """
     held = place.equilibrium
     for _ in range(ROUNDS):

@@ -113,7 +113,7 @@ def test_where_even_small_strokes_are_too_much_it_is_said(irma4: Robot):
 def test_a_wide_swing_is_looked_at_on_its_cables(irma4: Robot):
     """Modes are straight lines: 7 cm along one leaves the cables, which would pull by hundreds of newtons at once."""
     place = Place.at(Mechanism(irma4, native=True), WEAK)
-    states = np.array([0.07 / place.swing.lever[0] * np.imag(place.swing.rates[0]) * (1 + 1j), 0.0])
+    states = np.array([0.07 / place.swing.lever[0] * np.imag(place.swing.rates[0]) * 1j, 0.0])
     pose, twist = place.swing.motion(states)
     exact, kept = _on_its_cables(place, pose, twist)
     held = place.equilibrium
