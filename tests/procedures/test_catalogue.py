@@ -82,7 +82,8 @@ def test_no_winch_moves_before_a_release_has_let_go(name, world, lab, irma4, mon
     settings = replace(world.settings, release=ReleaseSettings())
     made = experiment(name, plan_for(name, lab), irma4, settings, statics=comfortable)
     listed = [type(s).__name__ for s in Outline(made.procedure).steps]
-    assert listed[:3] == ["Enable", "LetGo", "MoveTo"]
+    assert listed[:2] == ["Enable", "LetGo"]
+    assert "MoveTo" in listed[2:4]  # where nobody watches, the platform is seen at rest first
 
 
 @pytest.mark.parametrize("role", [Role.IDENTIFY, Role.VALIDATE])

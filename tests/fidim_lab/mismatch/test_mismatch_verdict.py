@@ -77,10 +77,18 @@ def test_a_law_that_nothing_of_the_catalogue_has_is_unknown_however_well_it_fits
 
 
 @pytest.mark.parametrize(
-    ("evidence", "said"),
-    [(-1.9, "log-evidence -1.9 (5 would be needed)"), (41.0, "log-evidence 41.0 on the fitted windows, but held-out")],
+    ("evidence", "held_out", "said"),
+    [
+        (-1.9, 900, "log-evidence -1.9 (5 would be needed)"),
+        (41.0, 900, "log-evidence 41.0 on the fitted windows, but held-out"),
+        (41.0, 0, "log-evidence 41.0 on the fitted windows, of which it does not take enough"),
+    ],
 )
-def test_what_the_fitted_windows_ask_for_and_others_refuse_is_said_to_be_that(evidence: float, said: str) -> None:
+def test_what_the_fitted_windows_ask_for_and_others_refuse_is_said_to_be_that(
+    evidence: float, held_out: int, said: str
+) -> None:
     score = SimpleNamespace(label="gravity-tilt", log_evidence=evidence)
-    assert said in best_of_all(SimpleNamespace(first=SimpleNamespace(singles=(score,))))  # type: ignore[arg-type]
+    baseline = SimpleNamespace(held_out=SimpleNamespace(dof=held_out))
+    found = SimpleNamespace(first=SimpleNamespace(singles=(score,)), baseline=baseline)
+    assert said in best_of_all(found)  # type: ignore[arg-type]
     assert best_of_all(SimpleNamespace(first=SimpleNamespace(singles=()))) == ""  # type: ignore[arg-type]
