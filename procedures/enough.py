@@ -12,6 +12,11 @@ from procedures.steps.accuracy import REACHED, CheckAccuracy
 class Records(Protocol):
     """What records one window: a `WindowProtocol`."""
 
+    @property
+    def attended(self) -> bool:
+        """Whether somebody is there who sees if the platform swings when the run begins."""
+        ...
+
     def window(
         self, planned: PlannedWindow, at: Lengths, swinging: bool
     ) -> Generator[Step, Result, tuple[Lengths, bool]]:
@@ -20,13 +25,14 @@ class Records(Protocol):
 
 
 def windows_of(
-    plan: Plan, protocol: Records, at: Lengths, earlier: int = 0, *, swinging: bool = False
+    plan: Plan, protocol: Records, at: Lengths, earlier: int = 0
 ) -> Generator[Step, Result, tuple[Lengths, bool]]:
     """All windows; once the accuracy is reached, those to identify from are left out, held-out ones are not.
 
-    earlier: windows that an earlier process has recorded. swinging: the platform may swing already. Returns where the
-    robot is, and whether it swings.
+    earlier: windows that an earlier process has recorded. Returns where the robot is, and whether it swings: after a
+    crash or a power cut it may do so already.
     """
+    swinging = not protocol.attended
     recorded, enough = earlier, ""
     looked = 0
     for planned in plan.windows:

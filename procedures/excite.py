@@ -46,12 +46,13 @@ def excite(lab: Lab) -> Steps:
     protocol = ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory)
     at = (yield Enable()).values
     yield from free(lab.settings)
-    # after a crash or a power cut it may still swing, and nobody is there to see it
-    yield from windows_of(lab.plan, protocol, at, len(lab.attempts), swinging=True)
+    yield from windows_of(lab.plan, protocol, at, len(lab.attempts))
 
 
 class ExciteProtocol(WindowProtocol):
     """The identification protocol with strokes in place of a hand."""
+
+    attended: bool = False
 
     def __init__(
         self,

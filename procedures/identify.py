@@ -72,6 +72,8 @@ def identify(
 class WindowProtocol:
     """The parts of the protocol, for one robot and its settings. Each is a generator of steps."""
 
+    attended: bool = True
+
     def __init__(self, robot: Robot, settings: Settings, route: Route, made: Mapping[str, int]) -> None:
         self.robot = robot
         self.settings = settings

@@ -93,7 +93,7 @@ def _with_imitators(search: Search, best: Candidate, last: View) -> tuple[Candid
     search.trials.tried += fresh
     as_good = {id(c.model): c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH}
     chosen = as_good.get(id(most_convincing(best.model, [c.model for c in as_good.values()])))
-    return (best, last) if chosen is None else search.over_whole_windows(chosen)
+    return (best, last) if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
 
 
 def _with_siblings(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
@@ -109,7 +109,7 @@ def _with_siblings(search: Search, best: Candidate, last: View) -> tuple[Candida
     fresh = [search.trials.judged(model) for model in exchanged]
     search.trials.tried += fresh
     further = accepted(best, fresh)
-    return (best, last) if further is best else search.over_whole_windows(further)
+    return (best, last) if further is best else search.over_whole_windows(search.trials.without_needless(further))
 
 
 def _without_the_doubtful(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:

@@ -123,6 +123,14 @@ class Trials:
                 return self.pruned(less)
         return model
 
+    def without_needless(self, one: Candidate) -> Candidate:
+        """The same, pruned: what stands in the place of a term may have made another one needless."""
+        less = self.pruned(one.model)
+        if less is one.model:
+            return one
+        self.tried.append(self.judged(less))
+        return self.tried[-1]
+
     def _simpler(self, model: Completed, k: int) -> Completed | None:
         """With the parts into which term k falls in its place, or beside others its simple form; None without any."""
         term, theta = model.tried[k], model.thetas[k]

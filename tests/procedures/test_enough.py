@@ -25,6 +25,8 @@ def planned(number: int, role: Role) -> PlannedWindow:
 
 
 class Recorded:
+    attended = True
+
     def __init__(self) -> None:
         self.ids: list[str] = []
 

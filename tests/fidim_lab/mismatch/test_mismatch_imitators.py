@@ -6,8 +6,10 @@ from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import common_scale
 from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.imitators import imitators, in_their_place
+from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, evidence, refit
-from fidim_lab.mismatch.select import SIBLINGS
+from fidim_lab.mismatch.search import Search
+from fidim_lab.mismatch.select import SIBLINGS, _with_imitators
 from fidim_lab.mismatch.views import View, view
 
 RATE = 0.004
@@ -68,13 +70,25 @@ def test_a_term_alone_was_chosen_beside_its_rivals_already(start: Baseline) -> N
     assert in_their_place(alone, start.whole_ground, lambda _: None) == []
 
 
-def test_what_was_found_on_one_cable_may_be_on_all_of_them(baseline_of) -> None:
-    start = baseline_of("attachment-friction:dry=0,viscous=0.01", HIDDEN[1], seed=7, windows=4, seconds=4.0)
-    one = next(h for h in start.tried.direct if h.effect.id == "attachment-friction" and h.effect.cable == 1)
-    tried = [one, term(start, "air-drag-linear")]
-    single = refit(start.whole_ground, start.as_it_is.fit, tried, [h.absent for h in tried], start.context)
-    assert single is not None
-    everywhere = in_their_place(view(single, start.tried, start.context), start.whole_ground, lambda _: None, SIBLINGS)
+@pytest.fixture(scope="module")
+def rubbing(baseline_of) -> Baseline:
+    """Of a short campaign with friction where the cables are attached, and some drag."""
+    return baseline_of("attachment-friction:dry=0,viscous=0.01", HIDDEN[1], seed=7, windows=4, seconds=4.0)
+
+
+def rubbing_at(start: Baseline, *cables: int) -> Completed:
+    """As fitted with friction at these cables alone."""
+    rubs = [h for h in start.tried.direct if h.effect.id == "attachment-friction" and h.effect.cable in cables]
+    tried = [*rubs, term(start, "air-drag-linear")]
+    found = refit(start.whole_ground, start.as_it_is.fit, tried, [h.absent for h in tried], start.context)
+    assert found is not None
+    return found
+
+
+def test_what_was_found_on_one_cable_may_be_on_all_of_them(rubbing: Baseline) -> None:
+    single = rubbing_at(rubbing, 1)
+    one, seen = single.tried[0], view(single, rubbing.tried, rubbing.context)
+    everywhere = in_their_place(seen, rubbing.whole_ground, lambda _: None, SIBLINGS)
     found = next(m for m in everywhere if (m.tried[0].effect.id, m.tried[0].effect.cable) == (one.effect.id, None))
     assert evidence(found, single, common_scale([found, single])) > 5.0
 
@@ -89,3 +103,13 @@ def test_what_was_taken_for_a_turned_frame_may_be_one_cable(baseline_of) -> None
     found = in_their_place(seen, start.whole_ground, lambda _: None)[0]
     assert (found.tried[0].effect.id, found.tried[0].effect.cable) == ("attachment-offset", 2)
     assert found.thetas[0][[0, 2]] == pytest.approx([-3e-4, -2e-4], abs=5e-5)  # y: across the cable
+
+
+def test_what_the_imitator_makes_needless_is_dropped(rubbing: Baseline) -> None:
+    both = rubbing_at(rubbing, 1, 2)
+    search = Search(rubbing, lambda _: None, False, Patience())
+    best, seen = _with_imitators(search, search.trials.judged(both), search.trials.look(both))
+    found = {(h.effect.id, h.effect.cable) for h in best.model.tried}
+    assert found == {("attachment-friction", None), ("air-drag-linear", None)}
+    assert seen.model is best.model
+    assert best in search.trials.tried
