@@ -34,13 +34,13 @@ def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
     """The same without a hand."""
     from procedures.excite import ExciteProtocol  # scipy's optimizers: nobody else waits for them
 
-    return _compare(lab, done, ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory))
+    return _compare(lab, done, ExciteProtocol(lab))
 
 
 def _compare(lab: Lab, done: AbstractSet[str], protocol: WindowProtocol) -> Steps:
     at = (yield Enable()).values
     yield from free(lab.settings)
-    at, swinging = yield from windows_of(lab.plan, protocol, at, len(lab.attempts))
+    at, swinging = yield from windows_of(lab.plan, protocol, at, lab.recorded)
     left = [id_ for id_ in FURTHER if id_ not in done]
     while True:
         found = yield Explain(number=len(FURTHER) - len(left) + 1, estimate=ESTIMATE)

@@ -29,8 +29,8 @@ def windows_of(
 ) -> Generator[Step, Result, tuple[Lengths, bool]]:
     """All windows; once the accuracy is reached, those to identify from are left out, held-out ones are not.
 
-    earlier: windows that an earlier process has recorded. Returns where the robot is, and whether it swings: after a
-    crash or a power cut it may do so already.
+    earlier: windows to identify from that an earlier process has kept. Returns where the robot is, and whether it
+    swings: after a crash or a power cut it may do so already.
     """
     swinging = not protocol.attended
     recorded, enough = earlier, ""

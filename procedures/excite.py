@@ -5,7 +5,7 @@ the wanted swing – record – check – see how it swung – accept, or learn 
 anything. What a window taught (damping, frequencies) goes into the next one's plan.
 """
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fidim_lab.data.records import Body, PlannedWindow, Robot
+from fidim_lab.data.records import Body, PlannedWindow
 from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import Knowledge
@@ -26,10 +26,9 @@ from procedures.calming import Calmer, lengths_of, stroke_chain
 from procedures.control import Retried
 from procedures.displacing import free
 from procedures.enough import windows_of
-from procedures.experiment import Lab, Memory
-from procedures.identify import Route, WindowProtocol, straight
+from procedures.experiment import Lab
+from procedures.identify import WindowProtocol
 from procedures.outcomes import Outcome
-from procedures.settings import Settings
 from procedures.steps import CheckWindow, Enable, GiveUp, Lengths, Note, Result, Settle, Step, Steps, Stop
 from procedures.steps.excitation import IdentifyBody, SeenSwing, SeeRecordedSwing, Strokes
 from procedures.thinking import think
@@ -43,10 +42,10 @@ TELLING = 4
 
 def excite(lab: Lab) -> Steps:
     """The steps for a plan; see the module. Raises InfeasibleError as `identify`."""
-    protocol = ExciteProtocol(lab.robot, lab.settings, lab.route, lab.attempts, lab.memory)
+    protocol = ExciteProtocol(lab)
     at = (yield Enable()).values
     yield from free(lab.settings)
-    yield from windows_of(lab.plan, protocol, at, len(lab.attempts))
+    yield from windows_of(lab.plan, protocol, at, lab.recorded)
 
 
 class ExciteProtocol(WindowProtocol):
@@ -54,30 +53,33 @@ class ExciteProtocol(WindowProtocol):
 
     attended: bool = False
 
-    def __init__(
-        self,
-        robot: Robot,
-        settings: Settings,
-        route: Route = straight,
-        made: Mapping[str, int] | None = None,
-        memory: Memory | None = None,
-    ) -> None:
-        super().__init__(robot, settings, route, made or {})
-        self._memory = memory or Memory()
-        self._mechanism = self._memory.once("mechanism", lambda: Mechanism(robot, native=True))
-        excite = settings.excite
-        lengths = settings.motion.length_limits or ()
+    def __init__(self, lab: Lab) -> None:
+        super().__init__(lab.robot, lab.settings, lab.route, lab.attempts)
+        self._memory = lab.memory
+        self._mechanism = self._memory.once("mechanism", lambda: Mechanism(lab.robot, native=True))
+        excite = lab.settings.excite
+        lengths = lab.settings.motion.length_limits or ()
         self._limits = WinchLimits(excite.speed, excite.acceleration, excite.offset, excite.seconds, tuple(lengths))
-        self._calmer = Calmer(settings, self._limits)
+        self._calmer = Calmer(lab.settings, self._limits)
         self._knowledge: Knowledge | None = None
-        self._bodies = Bodies.around(robot.nominal)
+        self._bodies = Bodies.around(lab.robot.nominal)
         self._place: Place | None = None
         self._plan: Excitation | None = None
         self._again: Excitation | None = None
         """the plan of the next try, where it is made already"""
         self._tries = 0
-        self._good = 0
-        """windows accepted"""
+        self._good = lab.recorded
+        """windows accepted, with those of an earlier process"""
+        self._new = lab.recorded > 0
+        """what these tell of the body was not asked for yet"""
+
+    def window(
+        self, planned: PlannedWindow, at: Lengths, swinging: bool
+    ) -> Generator[Step, Result, tuple[Lengths, bool]]:
+        """Planned with the body that the windows of an earlier process show."""
+        if self._new:
+            yield from self._see_body(planned)
+        return (yield from super().window(planned, at, swinging))
 
     def pace(
         self, window: PlannedWindow, start: Lengths | None, goal: Lengths
@@ -244,8 +246,11 @@ class ExciteProtocol(WindowProtocol):
     def _identified(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
         """Plan with the body that the recordings show, until it is known well; the first ones tell nearly all of it."""
         self._good += 1
-        if self._good > TELLING or self._bodies.sure:
-            return
+        if self._good <= TELLING and not self._bodies.sure:
+            yield from self._see_body(planned)
+
+    def _see_body(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
+        self._new = False
         result = yield IdentifyBody(window=planned.id)
         if not result.values:
             return

@@ -53,6 +53,8 @@ class Lab:
     route: Route
     attempts: Mapping[str, int]
     """recordings that an earlier process made, by window"""
+    recorded: int = 0
+    """windows to identify from that an earlier process has kept"""
     memory: Memory = field(default_factory=Memory)
 
 
@@ -82,7 +84,8 @@ def checked_experiment(
         return find_route(workspace, start, goal, via)
 
     left = plan if resumption is None else resumption.left_of(plan)
-    procedure: Procedure = partial(make, Lab(left, robot, settings, route, resumption.attempts if resumption else {}))
+    attempts, recorded = ({}, 0) if resumption is None else (resumption.attempts, resumption.recorded)
+    procedure: Procedure = partial(make, Lab(left, robot, settings, route, attempts, recorded))
     check_moves(Outline(procedure).steps, robot, workspace)
     roles = {window.id: window.role for window in plan.windows}
     return Experiment(plan.name, robot, procedure, roles, workspace, settings)

@@ -95,6 +95,11 @@ class Resumption:
     goes_on: bool = False
     """the procedure may have more to do than the plan's windows"""
 
+    @property
+    def recorded(self) -> int:
+        """How many windows to identify from are kept."""
+        return sum(entry.role is Role.IDENTIFY for entry in self.entries)
+
     def left_of(self, plan: Plan) -> Plan:
         """The windows without verdict. Raises RefusedError where there are none."""
         windows = tuple(window for window in plan.windows if window.id not in self.rows)

@@ -48,7 +48,7 @@ def identification(
     """The identification protocol for a plan, checked; raises as `checked_experiment`."""
 
     def make(lab: Lab) -> Steps:
-        return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts)
+        return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts, lab.recorded)
 
     return checked_experiment(make, plan, robot, settings, statics, resumption)
 

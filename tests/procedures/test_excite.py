@@ -21,6 +21,8 @@ from procedures.catalogue import experiment, never_asks
 from procedures.control import Control, Retried, Skipped, Verb, Word
 from procedures.enough import windows_of
 from procedures.events import Event, StepFinished, StepStarted
+from procedures.experiment import Lab
+from procedures.identify import straight
 from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.report import RunReport
@@ -204,8 +206,9 @@ def swung(step, amplitudes) -> Result:
     return Result(values=(0.0, *np.concatenate(table)))
 
 
-def protocol_of(robot: Robot, plan: Plan) -> excite.ExciteProtocol:
-    return excite.ExciteProtocol(robot, Settings(motion=MotionSettings(length_limits=compose.length_limits(plan))))
+def protocol_of(robot: Robot, plan: Plan, recorded: int = 0) -> excite.ExciteProtocol:
+    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+    return excite.ExciteProtocol(Lab(plan, robot, settings, straight, {}, recorded))
 
 
 def test_nothing_travels_while_the_platform_swings_and_cannot_be_calmed(irma4: Robot, plan: Plan):
@@ -361,10 +364,27 @@ def test_the_body_is_identified_from_the_first_windows_until_it_is_known(irma4: 
     assert len(told) == 2, "known after the second"
 
 
+@pytest.mark.parametrize("recorded", [0, 6])
+def test_a_run_that_goes_on_plans_with_the_body_that_its_windows_show(irma4: Robot, plan: Plan, recorded: int):
+    body = irma4.nominal.vector * 1.02
+
+    def answer(step):
+        if isinstance(step, IdentifyBody):
+            return Result(values=(*body, *(1e-4 * sizes(irma4.nominal))))
+        return swung(step, np.array([0.03, 0.02])) if isinstance(step, SeeRecordedSwing) else None
+
+    protocol, player = protocol_of(irma4, plan, recorded), Player(answer)
+    at = tuple(map(float, plan.windows[0].lengths))
+    for window in plan.windows:
+        player.play(protocol.window(window, at, swinging=False))
+    kinds = [type(step) for step in player.steps]
+    assert kinds.count(IdentifyBody) == 1
+    assert (kinds.index(IdentifyBody) < kinds.index(Settle)) is (recorded > 0)
+
+
 @pytest.mark.parametrize("again", [True, False], ids=["planned again", "no second plan"])
 def test_a_swing_that_was_missed_is_kept_where_it_cannot_be_done_better(irma4: Robot, plan: Plan, monkeypatch, again):
-    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
-    protocol, window = excite.ExciteProtocol(irma4, settings), plan.windows[0]
+    protocol, window = protocol_of(irma4, plan), plan.windows[0]
     first, plans = excite.planned, []
 
     def planned(*arguments):

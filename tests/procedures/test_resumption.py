@@ -88,6 +88,17 @@ def test_a_torn_journal_line_is_cut_off_and_the_run_goes_on(world, lab, tmp_path
     assert resumed(lab.make_world(), lab, cut).outcome is Outcome.PASS
 
 
+def test_only_kept_windows_to_identify_from_count_as_recorded(world, lab, tmp_path):
+    first, second = lab.plan.windows
+    windows = (first, replace(second, role=Role.VALIDATE), replace(second, id="i03"))
+    control = Control()
+    world.at("Ask", lambda: control.say(Word(Verb.SKIP, "no")), after=0.1)
+    world.run(replace(lab.plan, windows=windows), tmp_path / "run", control=control)
+    found = read_resumption(tmp_path / "run", {window.id: window.role for window in windows})
+    assert sorted(found.rows) == ["i01", "i02", "i03"]
+    assert found.recorded == 1
+
+
 def test_what_was_skipped_stays_skipped_and_nothing_left_is_refused(world, lab, tmp_path):
     control = Control()
     world.at("Ask", lambda: control.say(Word(Verb.SKIP, "no")), after=0.1)
