@@ -6,7 +6,7 @@ A pipeline of stages, each of which hands one frozen value to the next:
              → Selection (`select`), and where a push is all that is left, without it from Baseline on (`restarts`)
              → Cleaned (`restored`), and where that changed once more Baseline and Selection;
                and so once more where the clocks run apart (`timing`)
-             → Judged (`verdict`) → Explanation (`telling`, `timing`, `unnamed`), as recorded (`aftermath`)
+             → Judged (`verdict`, `outdone`) → Explanation (`telling`, `timing`, `unnamed`), as recorded (`aftermath`)
 """
 
 from collections.abc import Callable, Sequence
@@ -24,6 +24,7 @@ from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.clean import Cleaned, clean
 from fidim_lab.mismatch.contacts import Contact, whole_id, without
 from fidim_lab.mismatch.explanation import Explanation, Verdict
+from fidim_lab.mismatch.outdone import unless_outdone
 from fidim_lab.mismatch.patience import PATIENCE, Patience
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.restored import restored, without_needless_contacts, without_needless_faults
@@ -74,14 +75,14 @@ def explain(
         known, again = first.found.best.model, baseline if _all_put_back(cleaned, kept) else None
         first = look(kept, again, known=known)
     last = _by_the_right_clock(first, look, say)
-    judged = judge(last.found)
+    judged = unless_outdone(judge(last.found), last.found, last.cleaned.campaign, say)
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)
     if last is not first:
         told = _before(first, told)
     told = with_timing(told, judged.named.model, put_right=last is not first)
-    whole = with_unknown(told, judged.named.model, last.cleaned.campaign, say)
+    whole = with_unknown(told, judged.named.model, last.cleaned.campaign, say, judged.outdone_by)
     audited = last.cleaned
-    if last.found.best.is_white:
+    if last.found.best.is_white and judged.outdone_by is None:
         audited = without_needless_faults(campaign, audited, last.found.best.model)
     if whole.unknown is not None and audited.contacts:
         audited = without_needless_contacts(cleaned, audited, whole.unknown.fit)

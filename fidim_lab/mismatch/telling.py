@@ -21,6 +21,7 @@ from fidim_lab.mismatch.explanation import (
     Place,
     Verdict,
 )
+from fidim_lab.mismatch.generic.unknown import Unknown as Wrench
 from fidim_lab.mismatch.ground import SHORT
 from fidim_lab.mismatch.leftover import of_fit
 from fidim_lab.mismatch.locate import locate
@@ -152,11 +153,21 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
             if best.model.tried:
                 said += f" The best attempt, {best.model.label}, leaves {_left(best)}."
                 said += _law_without_a_name(best.model)
+            if judged.outdone_by is not None:
+                said += f" {_outdone(judged.outdone_by, best.model)}"
     lacking = found.last.unfitted
     if effects and lacking is not None:
         said += f" {lacking.label} is known by its score alone (log-evidence {lacking.log_evidence:.0f}, would leave "
         said += f"χ²/dof {found.last.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
     return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
+
+
+def _outdone(rival: Wrench, found: Completed) -> str:
+    """Why effects that were found are not named."""
+    return (
+        f"A wrench without a name says more with no such freedom (held-out χ²/dof {rival.after.chi2_per_dof:.3g}): "
+        f"{found.label} would stand for something else, and is not named."
+    )
 
 
 def figures_of(before: Candidate, after: Candidate) -> str:

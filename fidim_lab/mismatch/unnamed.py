@@ -14,20 +14,22 @@ from fidim_lab.mismatch.refit import Completed
 Say = Callable[[str], None]
 
 
-def with_unknown(explanation: Explanation, named: Completed, campaign: Campaign, say: Say) -> Explanation:
+def with_unknown(
+    explanation: Explanation, named: Completed, campaign: Campaign, say: Say, known: Unknown | None = None
+) -> Explanation:
     """The explanation with what is left modelled generically, where its verdict says that something is left.
 
-    named: the model whose effects are named. Figures and parameters "after" are those of the generic model where it
-    helps on held-out windows, and the explanation is as it was where it does not.
+    named: the model whose effects are named. known: the generic model, where it was found already. Figures and
+    parameters "after" are those of the generic model where it helps on held-out windows, and the explanation is as it
+    was where it does not.
     """
     if explanation.verdict not in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return explanation
     if named.mechanism.springs:
         said = "What is left beside elastic cables was scored, but no wrench without a name was fitted to it."
         return replace(explanation, message=f"{explanation.message} {said}")
-    say("modelling what has no name")
     try:
-        found = model_unknown(_whole(named, campaign.of_role(Role.IDENTIFY)), campaign.of_role(Role.VALIDATE))
+        found = known or _modelled(named, campaign, say)
     except RefusedError as error:
         return replace(explanation, message=f"{explanation.message} {error.message}")
     if found.terms and not found.after.dof:
@@ -46,13 +48,18 @@ def with_unknown(explanation: Explanation, named: Completed, campaign: Campaign,
     )
 
 
+def _modelled(named: Completed, campaign: Campaign, say: Say) -> Unknown:
+    say("modelling what has no name")
+    return model_unknown(whole_fit(named, campaign.of_role(Role.IDENTIFY)), campaign.of_role(Role.VALIDATE))
+
+
 def _helps(found: Unknown) -> bool:
     """Whether held-out windows are predicted better, and none less that was predicted before."""
     lost = found.after.refused.keys() - found.before.refused.keys()
     return found.after.chi2_per_dof < found.before.chi2_per_dof and not lost
 
 
-def _whole(named: Completed, windows: Sequence[Window]) -> Fit:
+def whole_fit(named: Completed, windows: Sequence[Window]) -> Fit:
     """The fit on whole recordings, even where it was fitted to their first seconds only."""
     if named.whole:
         return named.fit

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from fidim_lab.effects.without_term import Unknown
 from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.generic.unknown import Unknown as Wrench
 from fidim_lab.mismatch.select import Selection
 
 WHITE = 1.03
@@ -27,6 +28,8 @@ class Judged:
     verdict: Verdict
     named: Candidate
     """the model whose effects are named: the baseline where none are"""
+    outdone_by: Wrench | None = None
+    """the wrench without a name that says more than the effects which the search has found"""
 
     @property
     def known(self) -> bool:

@@ -1,0 +1,64 @@
+"""Whether a wrench without a name says more, with less freedom, than the effects that are to be named.
+
+Effects with much freedom (a hose that may end anywhere, a force of any frequency beside another) can follow together
+what neither of them is. Where a smooth wrench does so more simply they are stand-ins, and nothing is named.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fidim_lab.data.records import Campaign, Role
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.candidates import Candidate
+from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.generic.unknown import Unknown, model_unknown
+from fidim_lab.mismatch.select import Selection
+from fidim_lab.mismatch.unnamed import whole_fit
+from fidim_lab.mismatch.verdict import Judged
+from fidim_lab.mismatch.views import ENOUGH
+
+MANY = 9
+"""parameters of effects, from which they may stand for anything"""
+
+
+def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Callable[[str], None]) -> Judged:
+    """The verdict, or that the physics is unknown where a wrench without a name says more.
+
+    campaign: of which the models are. Only effects of many parameters are doubted, on whole windows.
+    """
+    named, baseline = judged.named, found.baseline
+    freedom = sum(len(term.effect.parameters) for term in named.model.tried)
+    held = campaign.of_role(Role.VALIDATE)
+    if not judged.known or freedom < MANY or not named.model.whole or named.model.mechanism.springs or not held:
+        return judged
+    say(f"modelling what {named.model.label} may stand for, without a name")
+    try:
+        rival = model_unknown(whole_fit(baseline.model, campaign.of_role(Role.IDENTIFY)), held)
+    except RefusedError:
+        return judged
+    if not rival.terms or not _says_more(rival, named):
+        return judged
+    return replace(judged, verdict=Verdict.UNKNOWN_PHYSICS, named=baseline, outdone_by=rival)
+
+
+def _says_more(rival: Unknown, named: Candidate) -> bool:
+    """Of fitted windows by the Bayesian information criterion, and of held-out ones by what is left.
+
+    The criterion charges each parameter with more than it can gain where the named effects are the truth.
+    """
+    fitted, level = named.model.fit, named.whiteness.level**2
+    dof = sum(left.dof for left in rival.fit.remainders)
+    if dof < named.model.dof or rival.after.dof < named.held_out.dof:
+        return False
+    gained = named.model.chi2 - sum(left.chi2 for left in rival.fit.remainders)
+    price = 0.5 * np.log(dof) * (_unknowns(rival.fit) - _unknowns(fitted))
+    foretold = named.held_out.chi2 - rival.after.chi2
+    return min(0.5 * gained / level - price, 0.5 * foretold / level) > ENOUGH
+
+
+def _unknowns(fit: Fit) -> int:
+    likelihood = fit.likelihood
+    return len(fit.values) + likelihood.own * len(likelihood.recordings)

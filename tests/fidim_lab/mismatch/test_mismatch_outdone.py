@@ -1,0 +1,111 @@
+"""Effects of much freedom against a wrench without a name, on campaigns of another simulator and case by case."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fidim_lab.mismatch import outdone
+from fidim_lab.mismatch.baseline import Baseline
+from fidim_lab.mismatch.candidates import Candidate, candidate
+from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.generic.family import Dependence
+from fidim_lab.mismatch.outdone import unless_outdone
+from fidim_lab.mismatch.refit import refit
+from fidim_lab.mismatch.unseen import predict
+from fidim_lab.mismatch.verdict import Judged
+
+
+def judged(start: Baseline, *ids: str) -> tuple[Judged, SimpleNamespace]:
+    """As if these effects had been named; and what a search would hand over."""
+    tried = [next(h for h in start.tried.direct if h.effect.id == id) for id in ids]
+    model = refit(start.whole_ground, start.as_it_is.fit, tried, [h.absent for h in tried], start.context)
+    assert model is not None
+    named = candidate(model, predict(model, start.held_out))
+    return Judged(Verdict.EXPLAINED, named), SimpleNamespace(baseline=candidate(start.as_it_is, start.predicted))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "named", "verdict"),
+    [
+        ("unknown-gradient:k=1.5,x=1.2,y=-0.1,z=-0.3", ("umbilical", "constant-force"), Verdict.UNKNOWN_PHYSICS),
+        ("umbilical:k=3,c=0.1,x=0.2,y=0.5,z=-1.0", ("umbilical", "constant-force"), Verdict.EXPLAINED),
+    ],
+    ids=["a saddle of force", "a hose"],
+)
+def test_what_a_simple_wrench_says_better_is_not_named(baseline_of, hidden: str, named, verdict: Verdict) -> None:
+    start = baseline_of(hidden, seed=3, windows=6, seconds=3.0)
+    said: list[str] = []
+    claim, found = judged(start, *named)
+    after = unless_outdone(claim, found, start.campaign, said.append)
+    assert after.verdict is verdict
+    assert said == ["modelling what umbilical (always taut) + constant-force may stand for, without a name"]
+    if verdict is Verdict.UNKNOWN_PHYSICS:
+        assert after.named is found.baseline
+        assert after.outdone_by is not None
+        assert after.outdone_by.terms[0].dependence is Dependence.POSITION
+    else:
+        assert after is claim
+
+
+CHI2, DOF = 20_000.0, 20_000
+
+
+def fit(values: int, chi2: float = CHI2) -> SimpleNamespace:
+    likelihood = SimpleNamespace(own=12, recordings=(None,) * 6)
+    return SimpleNamespace(
+        values=(0.0,) * values, likelihood=likelihood, remainders=(SimpleNamespace(chi2=chi2, dof=DOF),)
+    )
+
+
+def effects(count: int, held: int = 10_000, springs: bool = False) -> Candidate:
+    term = SimpleNamespace(effect=SimpleNamespace(parameters=(None,) * count))
+    model = SimpleNamespace(
+        tried=(term,), whole=True, fit=fit(9 + count), chi2=CHI2, dof=DOF, mechanism=SimpleNamespace(springs=springs)
+    )
+    model.label = "something"
+    left = SimpleNamespace(chi2=10_000.0, dof=held)
+    return SimpleNamespace(model=model, held_out=left, whiteness=SimpleNamespace(level=1.0))  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "rival", "gained", "foretold", "outdone_by_it"),
+    [
+        (9, 9, 40.0, 40.0, True),
+        (9, 9, 40.0, 4.0, False),  # held-out windows do not agree
+        (9, 9, 4.0, 40.0, False),
+        (9, 14, 40.0, 40.0, False),  # more freedom, which may gain as much by chance
+        (14, 9, -30.0, 40.0, True),  # less
+        (8, 8, 40.0, 40.0, False),  # of few parameters: not doubted
+    ],
+)
+def test_freedom_is_paid_for_and_held_out_windows_must_agree(
+    monkeypatch: pytest.MonkeyPatch, parameters: int, rival: int, gained: float, foretold: float, outdone_by_it: bool
+) -> None:
+    wrench = SimpleNamespace(
+        terms=("one",), fit=fit(9 + rival, CHI2 - gained), after=SimpleNamespace(chi2=10_000.0 - foretold, dof=10_000)
+    )
+    monkeypatch.setattr(outdone, "model_unknown", lambda *_: wrench)
+    monkeypatch.setattr(outdone, "whole_fit", lambda *_: None)
+    claim = Judged(Verdict.EXPLAINED, effects(parameters))
+    found = SimpleNamespace(baseline=SimpleNamespace(model=None))
+    campaign = SimpleNamespace(of_role=lambda role: ("a window",))
+    after = unless_outdone(claim, found, campaign, lambda _: None)  # type: ignore[arg-type]
+    assert (after.verdict is Verdict.UNKNOWN_PHYSICS) is outdone_by_it
+
+
+@pytest.mark.parametrize(
+    ("claim", "windows"),
+    [
+        (Judged(Verdict.UNKNOWN_PHYSICS, effects(12)), ("v01",)),
+        (Judged(Verdict.EXPLAINED, effects(12, springs=True)), ("v01",)),
+        (Judged(Verdict.EXPLAINED, effects(12)), ()),
+    ],
+    ids=["nothing is named", "cables stretch", "nothing is held out"],
+)
+def test_nothing_is_modelled_where_there_is_nothing_to_doubt_or_to_judge_by(
+    monkeypatch: pytest.MonkeyPatch, claim: Judged, windows: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(outdone, "model_unknown", lambda *_: pytest.fail("modelled"))
+    campaign = SimpleNamespace(of_role=lambda role: windows)
+    found = SimpleNamespace(baseline=SimpleNamespace(model=None))
+    assert unless_outdone(claim, found, campaign, lambda _: None) is claim  # type: ignore[arg-type]
