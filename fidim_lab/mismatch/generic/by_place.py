@@ -8,7 +8,7 @@ import numpy as np
 
 from fidim_lab.effects.forces import at_arm
 from fidim_lab.mismatch.generic.family import Dependence, Expression, Family, bells, monomials
-from fidim_lab.mismatch.generic.reach import NO_SHAPE, Point, Reach, centres_of, drag, force_on
+from fidim_lab.mismatch.generic.reach import NO_SHAPE, Point, Reach, centres_of, drag_on, force_on
 from fidim_lab.model.slots import PlatformState
 
 MOST_CENTRES = 45
@@ -29,9 +29,10 @@ def centre(reach: Reach, point: Point) -> Family:
     return _about_a_place(reach, point, Dependence.CENTRE, label, partial(_to_centre, point))
 
 
-def brake(reach: Reach) -> Family:
+def brake(reach: Reach, point: Point) -> Family:
     """Against the motion near a place: what eddy currents do."""
-    return _about_a_place(reach, Point.CENTRE_OF_MASS, Dependence.BRAKE, "brake near a place", drag)
+    label = f"brake on {point.value} near a place"
+    return _about_a_place(reach, point, Dependence.BRAKE, label, partial(drag_on, point))
 
 
 def _about_a_place(reach: Reach, point: Point, dependence: Dependence, label: str, wrenches: Expression) -> Family:
@@ -86,8 +87,8 @@ def in_space(reach: Reach) -> list[Family]:
         none, says = NO_SHAPE, f"{width:.2g} m wide"
         label = f"force field on {point.value}, {says}"
         found.append(Family(Dependence.POSITION, label, partial(force_on, point), field, none))
-        if point is Point.CENTRE_OF_MASS:
-            found.append(Family(Dependence.BRAKE, f"brake in places, {says}", drag, field, none))
+        label = f"brake on {point.value} in places, {says}"
+        found.append(Family(Dependence.BRAKE, label, partial(drag_on, point), field, none))
     return found
 
 

@@ -17,7 +17,7 @@ def families(reach: Reach, cables: int) -> tuple[Family, ...]:
         *of_speed(reach),
         *of_spin(reach),
         *(centre(reach, point) for point in Point),
-        brake(reach),
+        *(brake(reach, point) for point in Point),
         moment(reach),
         *periodic(reach),
         *evenly(reach),

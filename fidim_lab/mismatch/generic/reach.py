@@ -109,6 +109,13 @@ def drag(state: PlatformState, shape: ca.SX) -> ca.SX:
     return pushed(state, velocity(state))
 
 
+def drag_on(point: Point, state: PlatformState, shape: ca.SX) -> ca.SX:
+    """A force on a point along its velocity (6 × 1)."""
+    del shape
+    arm = point.arm(state)
+    return at_arm(arm, state.velocity(arm))
+
+
 def force_on(point: Point, state: PlatformState, shape: ca.SX) -> ca.SX:
     """On a point along x, y, z (6 × 3)."""
     del shape

@@ -9,6 +9,7 @@ from fidim_lab.mismatch.generic.evidence import Weighed
 from fidim_lab.mismatch.generic.family import Dependence
 from fidim_lab.mismatch.generic.field import Field
 from fidim_lab.mismatch.generic.latent import LatentForce
+from fidim_lab.mismatch.generic.reach import Point
 
 CLEARLY = 0.3
 """mean power over mean of its size, beyond which it is said to brake or to drive"""
@@ -45,7 +46,7 @@ def _telling(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
         case Dependence.GRADIENT:
             return _gradient(latent, theta, field)
         case Dependence.BRAKE:
-            return _brake(shape, field)
+            return _brake(latent, shape, field)
         case Dependence.SPEED:
             return f"It goes along with the velocity and grows with {_power('speed', family.power)}."
         case Dependence.VELOCITY:
@@ -96,7 +97,7 @@ def _centre(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
     shape = latent.shape_at(theta)
     centre, width = shape[:3], float(np.exp(shape[3]))
     near, wide = latent.weights(theta)
-    on_p = "P" in latent.family.label
+    on_p = _on_p(latent)
     places = field.places if on_p else field.centres
     nearest = float(np.linalg.norm(places - centre, axis=1).min())
     r = np.linspace(0.0, max(6 * width, nearest + 2 * width), 400)
@@ -112,17 +113,26 @@ def _centre(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
     return said + (f" (no window came nearer than {nearest:.2f} m)." if nearest > width else ".")
 
 
-def _brake(shape: np.ndarray, field: Field) -> str:
+def _on_p(latent: LatentForce) -> bool:
+    """Whether it acts at P, and not at the centre of mass."""
+    return latent.family is not None and Point.REFERENCE.value in latent.family.label
+
+
+def _brake(latent: LatentForce, shape: np.ndarray, field: Field) -> str:
+    body = "P" if _on_p(latent) else "the centre of mass"
     if not len(shape):
-        return _somewhere(field, "It goes along with the velocity, in some places more than in others")
+        return _somewhere(field, f"It goes along with the velocity of {body}, in some places more than in others")
     point = ", ".join(f"{x:.2f}" for x in shape[:3])
-    speed2 = (field.velocities**2).sum(axis=1)
-    strength = -(field.forces * field.velocities).sum(axis=1) / np.maximum(speed2, 1e-3 * speed2.max())
+    places, velocities = field.centres, field.velocities
+    if _on_p(latent):
+        places, velocities = field.places, velocities - np.cross(field.spins, field.centres - field.places)
+    speed2 = (velocities**2).sum(axis=1)
+    strength = -(field.forces * velocities).sum(axis=1) / np.maximum(speed2, 1e-3 * speed2.max())
     k = int(np.argmax(np.abs(strength)))
     way = "opposes" if strength[k] > 0 else "drives"
-    far = float(np.linalg.norm(field.centres[k] - shape[:3]))
-    said = f"It {way} the motion near ({point}) m and not elsewhere: up to {abs(strength[k]):.2g} N s/m, {far:.2f} m "
-    return said + "from there."
+    far = float(np.linalg.norm(places[k] - shape[:3]))
+    said = f"It {way} the motion of {body} near ({point}) m and not elsewhere: "
+    return said + f"up to {abs(strength[k]):.2g} N s/m, {far:.2f} m from there."
 
 
 def _gradient(latent: LatentForce, theta: np.ndarray, field: Field) -> str:

@@ -77,6 +77,13 @@ def _eddy_brake(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _on_centre(-effect["k"] * ca.exp(-ca.dot(away, away) / 2) * platform.velocity)
 
 
+def _eddy_brake_on_p(platform: Platform, effect: HiddenEffect) -> Wrench:
+    magnet = platform.point(np.zeros(3))
+    away = (magnet.position - ca.DM(MAGNET)) / 0.2
+    force = -effect["k"] * ca.exp(-ca.dot(away, away) / 2) * magnet.velocity
+    return Wrench(force, ca.cross(magnet.arm, force))
+
+
 def _spin_squared(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _turning(-effect["k"] * ca.sqrt(ca.dot(platform.omega, platform.omega) + 1e-12) * platform.omega)
 
@@ -111,6 +118,7 @@ HIDDEN: dict[str, tuple[Callable[[Platform, HiddenEffect], Wrench], float]] = {
     "third swivel": (_third_swivel, 0.01),
     "square wave": (_square_wave, 0.05),
     "eddy brake": (_eddy_brake, 0.3),
+    "eddy brake on P": (_eddy_brake_on_p, 0.3),
     "spin squared": (_spin_squared, 0.001),
     "wheel inside": (_wheel_inside, 0.01),
     "knock": (_knock, 0.5),
@@ -150,6 +158,7 @@ def explored(campaign: Campaign) -> tuple[Fit, Unknown]:
         ("knock", 1.0, {Dependence.PERIODIC}, "knocks every 1.1 s"),
         ("detents", 12.0, {Dependence.DETENT}, "times in one turn, as teeth of all swivels"),
         ("wheel inside", 1.0, {Dependence.ACROSS}, "a wheel that spins inside with (0.006, "),
+        ("eddy brake on P", 3.0, {Dependence.BRAKE}, "opposes the motion of P near (1."),
         ("speed cubed", 5.0, {Dependence.SPEED, Dependence.VELOCITY}, "speed"),
     ],
 )
