@@ -1,13 +1,14 @@
 """Winch-driven excitation on hidden true bodies: amplitude, tensions, accuracy.
 
     python -m benchmarks.excite swings --runs 1000      amplitude after one and two tries, tensions
+    python -m benchmarks.excite gentle --runs 480       the same where parts of a hand's swing are wanted
     python -m benchmarks.excite learning --runs 60      sessions of six windows: what earlier ones teach, and tensions
     python -m benchmarks.excite driven --runs 12        what the strokes themselves tell of the body
     python -m benchmarks.excite session --runs 6        whole sessions by hand and by winches: windows an hour, accuracy
     python -m benchmarks.excite travel --runs 24        moves between equilibria: the swing they leave, time to settle
 
-Runs of `swings` take two CPU seconds each, of `learning` 20, and are kept in --rows: the same command goes on with what
-is missing.
+Runs of `swings` and `gentle` take two CPU seconds each, of `learning` 20, and are kept in --rows: the same command goes
+on with what is missing.
 """
 
 import argparse
@@ -33,14 +34,16 @@ from fidim_lab.model.mechanism import Mechanism
 WINDOWS = 30
 SESSION = 6
 """windows"""
+PARTS_WANTED = (1.0, 0.7, 0.5, 0.35)
+"""of the swing that a hand may give"""
 T = TypeVar("T")
 
 
 @cache
-def window_numbered(number: int) -> Window:
-    """A window of the page; each process makes those that it meets."""
+def window_numbered(number: int, part: float = 1.0) -> Window:
+    """A window of the page, and the part of its displacement that is wanted; each process makes those that it meets."""
     mechanism = _mechanism()
-    return window_of(mechanism, _drawn()[number])
+    return window_of(mechanism, _drawn()[number], part)
 
 
 @cache
@@ -57,6 +60,12 @@ def _drawn() -> np.ndarray:
 def numbered(run: int) -> Tries:
     """The run of this number, always the same."""
     return one(run, window_numbered(run % WINDOWS))
+
+
+def part_numbered(run: int) -> Tries:
+    """The run of this number, always the same: each hidden body meets all parts, one after the other."""
+    body, which = divmod(run, len(PARTS_WANTED))
+    return one(body, window_numbered(body % WINDOWS, PARTS_WANTED[which]))
 
 
 def session_numbered(run: int) -> list[Tries]:
@@ -82,6 +91,43 @@ def made(options: argparse.Namespace, run_of: Callable[[int], T], kind: TypeAdap
             file.flush()
     known = kept(options.rows, kind)
     return [known[run] for run in sorted(known) if run < options.runs]
+
+
+def gentle(options: argparse.Namespace) -> str:
+    """How much of a hand's swing may be wanted so that it is reached."""
+    runs = made(options, part_numbered, TypeAdapter(tuple[int, Tries]))
+    rows: list[list[object]] = []
+    for which, part in enumerate(PARTS_WANTED):
+        of_part = runs[which :: len(PARTS_WANTED)]
+        done = [tries for tries in of_part if not isinstance(tries, str)]
+        first, last = [tries[0] for tries in done], [tries[-1] for tries in done]
+        able = [t for t in last if not t.why_less]
+        rows.append(
+            [
+                f"{part:g}",
+                f"{len(of_part) - len(done)} of {len(of_part)}",
+                share(_as_wanted(first)),
+                share(_as_wanted(last)),
+                f"{len(able)} of {len(last)}",
+                share(_as_wanted(able)),
+                _low([1 + t.off for t in last]),
+                _outside([t for tries in done for t in tries], read_robot(PAPERS_ROBOT).limits.tension),
+            ]
+        )
+    head = [
+        "wanted, of a hand's swing",
+        "refused",
+        "within 15 % of the wanted one, first try",
+        "after at most two",
+        "the plan says that it can",
+        "these, after at most two",
+        "swing over wanted: median, least 5 %",
+        "tensions outside",
+    ]
+    return (
+        "The windows, bodies, masses and damping of “The swing that winches give”, the displacement in the plan made "
+        "smaller. Each run is the first window of a session.\n\n" + table(head, rows)
+    )
 
 
 def learning(options: argparse.Namespace) -> str:
@@ -186,6 +232,7 @@ def share(which: np.ndarray) -> str:
 
 
 PARTS = {
+    "gentle": ("When less than a hand's swing is wanted", gentle),
     "learning": ("What a session learns", learning),
     "driven": ("What the strokes themselves tell", driven),
     "swings": ("The swing that winches give", swings),

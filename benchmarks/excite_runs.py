@@ -89,13 +89,16 @@ class Window:
     care: float
     """part of its displacement that a hand may give it with the same care as the winches"""
     wanted: np.ndarray
-    """m, in each mode: what a hand gives with that care"""
+    """m, in each mode: what a hand gives with that care, or a part of it"""
     first: Excitation | None
     """the plan of a first try; None where it is refused"""
 
 
-def window_of(mechanism: Mechanism, z: np.ndarray) -> Window:
-    """A window let go by hand so far that the tensions of all bodies that CAD may mean, 5 % off in mass, keep."""
+def window_of(mechanism: Mechanism, z: np.ndarray, part: float = 1.0) -> Window:
+    """A window let go by hand so far that the tensions of all bodies that CAD may mean, 5 % off in mass, keep.
+
+    Wanted is this part of that displacement.
+    """
     n = mechanism.robot.n
     there = Place.at(mechanism, z[:n])
     low, high = mechanism.robot.limits.tension
@@ -107,7 +110,7 @@ def window_of(mechanism: Mechanism, z: np.ndarray) -> Window:
         else:
             beyond = care
     care = max(kept, LEAST_CARE)
-    wanted = wanted_amplitudes(there, care * z[n:])
+    wanted = wanted_amplitudes(there, part * care * z[n:])
     try:
         first = planned(there, wanted, Knowledge.none(len(wanted)), LIMITS, Bodies.around(there.body).others)
     except InfeasibleError:
