@@ -1,7 +1,7 @@
 """One run, whole: check the plan, record into a folder, and leave the robot held whatever happens.
 
-`identification` makes the checked experiment for a plan; `run_procedure` carries an experiment out. What is wrong
-before the first command raises; after it, every end (done, refused, fault, Ctrl-C) is a `RunReport` and a held robot.
+`run_procedure` carries out an experiment, which `procedures.catalogue` makes. What is wrong before the first command
+raises; after it, every end (done, refused, fault, Ctrl-C) is a `RunReport` and a held robot.
 """
 
 import asyncio
@@ -11,19 +11,18 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from drivers.ports import Rig
-from fidim_lab.data.records import Plan, Robot
+from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
 from procedures.control import Control
 from procedures.device_guards import device_guards
 from procedures.engine import Ending, Engine
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
-from procedures.experiment import Experiment, Lab, checked_experiment
+from procedures.experiment import Experiment
 from procedures.guards import Guard, Reaction
 from procedures.handlers import HANDLERS, Handler
-from procedures.identify import identify
 from procedures.journal import FORMAT, Journal, Kind, WallTime
 from procedures.ledger import Ledger
-from procedures.limits import Statics, check_moves
+from procedures.limits import check_moves
 from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.recorder import Recorder, WriteBytes
@@ -31,26 +30,10 @@ from procedures.report import RunReport
 from procedures.resumption import Resumption
 from procedures.robot_guards import standard_guards
 from procedures.run_folder import RunFolder
-from procedures.settings import Settings
 from procedures.stand import Stand
-from procedures.steps import Step, Steps
+from procedures.steps import Step
 from procedures.teardown import UNTOUCHED, Held, deferred_interrupts, hold_robot
 from procedures.timing import uninterrupted
-
-
-def identification(
-    plan: Plan,
-    robot: Robot,
-    settings: Settings | None = None,
-    statics: Statics | None = None,
-    resumption: Resumption | None = None,
-) -> Experiment:
-    """The identification protocol for a plan, checked; raises as `checked_experiment`."""
-
-    def make(lab: Lab) -> Steps:
-        return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts, lab.recorded)
-
-    return checked_experiment(make, plan, robot, settings, statics, resumption)
 
 
 async def run_procedure(

@@ -14,8 +14,10 @@ import numpy as np
 from fidim_lab.effects.effect import Parameter
 from fidim_lab.model.slots import ExtraState
 
-FREQUENCIES = tuple(float(f) for f in np.round(np.arange(0.2, 10.05, 0.1), 3))
-"""Hz: 10 s of recording tell 0.1 Hz apart"""
+SCAN = 0.1
+"""Hz from one frequency of the scan to the next: 10 s of recording tell them apart"""
+FREQUENCIES = tuple(float(f) for f in np.round(np.arange(0.2, 10.05, SCAN), 3))
+"""Hz"""
 
 PHASE = ExtraState("phase", "rad", spread=np.inf, tries=(0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi))
 

@@ -1,6 +1,6 @@
 """Completed models beside each other: which is more convincing, and which predicts better what no fit has seen."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,13 +61,18 @@ def accepted(best: Candidate, fresh: Sequence[Candidate], *, feeble: bool = Fals
 
     feeble: also where most of what whole windows lack stays: it may be of something else, which drowns the rest there.
     """
-    usable = {id(c.model): c for c in fresh if improves(c, best, feeble=feeble)}
-    models = [c.model for c in usable.values()]
+    usable = [c for c in fresh if improves(c, best, feeble=feeble)]
+    models = [c.model for c in usable]
     if not best.model.whole:
         chosen = best_of(models) if models else best.model
     else:
         chosen = most_convincing(best.model, models)
-    return usable.get(id(chosen), best)
+    return of_model(chosen, usable) or best
+
+
+def of_model(model: Completed, candidates: Iterable[Candidate]) -> Candidate | None:
+    """The candidate of this very model; None where it is none of theirs."""
+    return next((candidate for candidate in candidates if candidate.model is model), None)
 
 
 def most_convincing(best: Completed, fresh: Sequence[Completed]) -> Completed:

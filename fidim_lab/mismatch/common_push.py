@@ -19,9 +19,9 @@ from fidim_lab.mismatch.restarts import (
     CHANCE,
     MUCH_MORE,
     STEP,
-    WELL,
     Parts,
     left_outside,
+    made_good,
     pairs_of,
     parts_of,
     shortest,
@@ -81,7 +81,7 @@ def _at_one_moment(parts: Mapping[str, Parts], level: float) -> tuple[Contact, .
     about = np.flatnonzero((times[:, 0] <= moment) & (times[:, 1] >= moment))
     best = about[shortest(double[about], inside[about])]
     free = sum(int(one.count[-1]) for one in alike.values()) - int(inside[best])
-    if double[best] > free + WELL * np.sqrt(2.0 * free):
+    if not made_good(double[best], free):
         return ()
     begin, end = (float(first.t[k] - first.t[0]) for k in pairs[best])
     return tuple(

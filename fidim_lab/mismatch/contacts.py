@@ -24,7 +24,7 @@ from fidim_lab.mismatch.segments import Segmented, Segments
 ABOVE = 1.8
 """times its neighbours' χ²/dof that a segment with a hand has; missing physics: up to 1.4"""
 FAR_ABOVE = 3.0
-"""the same where the kinematics are contradicted"""
+"""the same where the kinematics are contradicted; and what a hand has whose times each window shows by itself"""
 AT_AN_END = 5.0
 """the same where there is one neighbour only"""
 CERTAIN = 8.0
@@ -209,12 +209,15 @@ def _cut_alike(one: Segmented, other: Segmented) -> bool:
 
 
 def _sharper(common: dict[str, Contact], timed: Sequence[Contact]) -> dict[str, Contact]:
-    """The push of all windows at the time that most of them show by themselves, where it is strong enough for that."""
+    """The push of all windows at the time that most of them show by themselves, where it is strong enough for that.
+
+    A weaker one shows only while it has moved the platform far, later than it begins.
+    """
     wide = [(one, common[one.window]) for one in timed if one.window in common]
     within = [
         (one, all_of) for one, all_of in wide if all_of.begin - SOONER <= one.begin and one.end <= all_of.end + SOONER
     ]
-    if len(within) <= len(common) / 2:
+    if len(within) <= len(common) / 2 or np.median([one.ratio for one, _ in within]) < FAR_ABOVE:
         return common
     later = round(float(np.median([one.begin - all_of.begin for one, all_of in within])), 2)
     sooner = round(float(np.median([all_of.end - one.end for one, all_of in within])), 2)

@@ -5,14 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from fidim_lab.effects.oscillation import SCAN
 from fidim_lab.mismatch.columns import frequency_of
 from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.leftover import Leftover
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.whiteness import spectrum
 
-SCAN, TURN = 0.1, 0.2
-"""Hz from one frequency of the scan to the next; turns in a whole window between those that are tried at last"""
+TURN = 0.2
+"""turns in a whole window between the frequencies that are tried at last"""
 LOUDEST = 16
 """frequencies of the scan that are tried"""
 FEW = 50

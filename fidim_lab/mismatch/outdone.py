@@ -14,9 +14,9 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.explanation import Verdict
-from fidim_lab.mismatch.generic.unknown import Unknown, model_unknown
+from fidim_lab.mismatch.generic.unknown import Unknown
 from fidim_lab.mismatch.select import Selection
-from fidim_lab.mismatch.unnamed import whole_fit
+from fidim_lab.mismatch.unnamed import modelled
 from fidim_lab.mismatch.verdict import Judged
 from fidim_lab.mismatch.views import ENOUGH
 
@@ -31,12 +31,13 @@ def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Ca
     """
     named, baseline = judged.named, found.baseline
     freedom = sum(len(term.effect.parameters) for term in named.model.tried)
-    held = campaign.of_role(Role.VALIDATE)
-    if not judged.known or freedom < MANY or not named.model.whole or named.model.mechanism.springs or not held:
+    if not judged.known or freedom < MANY or not named.model.whole or named.model.mechanism.springs:
+        return judged
+    if not campaign.of_role(Role.VALIDATE):
         return judged
     say(f"modelling what {named.model.label} may stand for, without a name")
     try:
-        rival = model_unknown(whole_fit(baseline.model, campaign.of_role(Role.IDENTIFY)), held)
+        rival = modelled(baseline.model, campaign)
     except RefusedError:
         return judged
     if not rival.terms or not _says_more(rival, named):

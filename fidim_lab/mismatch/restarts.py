@@ -157,7 +157,7 @@ def _push(id: str, one: Parts, level: float, chance: float) -> Contact | None:
     inside = one.count[pairs[:, 1]] - one.count[pairs[:, 0]]
     best = shortest(double, inside)
     free = one.count[-1] - inside[best]
-    if double[best] > free + WELL * np.sqrt(2.0 * free):
+    if not made_good(double[best], free):
         return None
     times = one.t[pairs]
     if not _has_its_moment(times, double + inside, best):
@@ -165,6 +165,11 @@ def _push(id: str, one: Parts, level: float, chance: float) -> Contact | None:
     begin, end = (float(t) for t in times[best])
     ratio = float(single[best] / double[best])
     return Contact(id, round(begin - SOONER, 2), round(end + SOONER, 2), ratio, SOONER, float(gain.max()))
+
+
+def made_good(chi2: float, free: int) -> bool:
+    """Whether χ² with two starts is what noise leaves, or nearly."""
+    return chi2 <= free + WELL * np.sqrt(2.0 * free)
 
 
 def left_outside(one: Parts, pairs: Int[np.ndarray, "P 2"]) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:

@@ -11,7 +11,14 @@ import numpy as np
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.additions import Addition
 from fidim_lab.mismatch.baseline import Baseline
-from fidim_lab.mismatch.candidates import Candidate, accepted, advantage, best_of, common_scale, most_convincing
+from fidim_lab.mismatch.candidates import (
+    Candidate,
+    accepted,
+    advantage,
+    best_of,
+    common_scale,
+    most_convincing,
+)
 from fidim_lab.mismatch.common_push import find_common_push
 from fidim_lab.mismatch.contacts import Contact, find_contacts
 from fidim_lab.mismatch.ground import NEAR
@@ -241,8 +248,9 @@ class Search:
         if not fewer or further.is_white:
             return None
         least = min(len(one.model.tried) for one in fewer)
-        simple = {id(one.model): one for one in fewer if len(one.model.tried) == least}
-        best = simple[id(best_of([one.model for one in simple.values()]))]
+        simple = [one for one in fewer if len(one.model.tried) == least]
+        most_evident = best_of([one.model for one in simple])
+        best = next(one for one in simple if one.model is most_evident)
         self.pushes = self._pushed_alike(best)
         return best if self.pushes else None
 

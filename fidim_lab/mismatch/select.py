@@ -9,7 +9,16 @@ of whole windows, when those that no fit has seen get better; a term that anothe
 from dataclasses import dataclass
 
 from fidim_lab.mismatch.baseline import Baseline
-from fidim_lab.mismatch.candidates import Candidate, accepted, best_of, candidate, most_convincing, price, rank
+from fidim_lab.mismatch.candidates import (
+    Candidate,
+    accepted,
+    best_of,
+    candidate,
+    most_convincing,
+    of_model,
+    price,
+    rank,
+)
 from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.imitators import in_their_place
 from fidim_lab.mismatch.patience import Patience
@@ -91,8 +100,8 @@ def _with_imitators(search: Search, best: Candidate, last: View) -> tuple[Candid
         return best, last
     fresh = [search.trials.judged(model) for model in in_their_place(last, search.start.whole_ground, search.say)]
     search.trials.tried += fresh
-    as_good = {id(c.model): c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH}
-    chosen = as_good.get(id(most_convincing(best.model, [c.model for c in as_good.values()])))
+    as_good = [c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH]
+    chosen = of_model(most_convincing(best.model, [c.model for c in as_good]), as_good)
     return (best, last) if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
 
 

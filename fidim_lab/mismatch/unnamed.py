@@ -29,7 +29,9 @@ def with_unknown(
         said = "What is left beside elastic cables was scored, but no wrench without a name was fitted to it."
         return replace(explanation, message=f"{explanation.message} {said}")
     try:
-        found = known or _modelled(named, campaign, say)
+        if known is None:
+            say("modelling what has no name")
+        found = known or modelled(named, campaign)
     except RefusedError as error:
         return replace(explanation, message=f"{explanation.message} {error.message}")
     if found.terms and not found.after.dof:
@@ -48,8 +50,11 @@ def with_unknown(
     )
 
 
-def _modelled(named: Completed, campaign: Campaign, say: Say) -> Unknown:
-    say("modelling what has no name")
+def modelled(named: Completed, campaign: Campaign) -> Unknown:
+    """What is left beside these effects as a wrench without a name, on whole windows.
+
+    Raises RefusedError where these cannot be followed.
+    """
     return model_unknown(whole_fit(named, campaign.of_role(Role.IDENTIFY)), campaign.of_role(Role.VALIDATE))
 
 

@@ -23,13 +23,15 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.mcap_file import read_mcap
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from fidim_lab.errors import FidimError
+from procedures import catalogue
 from procedures.events import Event, RunFinished, StepStarted, Tripped
+from procedures.experiment import Experiment
 from procedures.guards import Trip
 from procedures.journal import Entry, Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.report import RunReport
 from procedures.robot_guards import LogGuard
-from procedures.run import Experiment, identification, run_procedure
+from procedures.run import run_procedure
 from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
 from procedures.timing import uninterrupted
 from sim_backends.drive.machine import State
@@ -278,7 +280,7 @@ class Rehearsal:
 
     def run(self, experiment: Experiment | None = None, **more: Any) -> Ended:
         """`more` goes to `run_procedure`. Raises what it raises before the first step, and what only a bug raises."""
-        experiment = experiment or identification(self.plan, self.robot, self.settings)
+        experiment = experiment or catalogue.experiment("identify", self.plan, self.robot, self.settings)
         seen = Ended(self.folder, round(self.settings.record.seconds * RATE) + 1)
         ended: list[Ended] = []
         with pytest.MonkeyPatch.context() as patch:

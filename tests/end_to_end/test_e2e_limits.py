@@ -7,8 +7,8 @@ import pytest
 
 from fidim_lab.data.records import Plan
 from fidim_lab.errors import InfeasibleError
+from procedures import catalogue
 from procedures.limits import Workspace, nominal_statics
-from procedures.run import identification
 from procedures.settings import MotionSettings
 
 FAR = (1.20283, 1.39119, 1.52772, 1.41231)
@@ -31,7 +31,7 @@ def far(scene):
 
 def test_an_equilibrium_outside_the_limits(scene, far):
     with pytest.raises(InfeasibleError) as refused:
-        identification(far, scene.robot, scene.short())
+        catalogue.experiment("identify", far, scene.robot, scene.short())
     said = str(refused.value)
     assert "window i02, move to lengths 1.203 1.391 1.528 1.412 m" in said
     assert "window i01" not in said
@@ -45,18 +45,18 @@ def test_lengths_beyond_what_a_winch_may_wind(scene):
     with pytest.raises(
         InfeasibleError, match=r"window i02.*cable 1 would be 1\.363 m long, its winch allows 0\.500 to"
     ):
-        identification(scene.two, scene.robot, settings)
+        catalogue.experiment("identify", scene.two, scene.robot, settings)
 
 
 def test_a_displacement_beyond_the_limits(scene):
     first = replace(scene.two.windows[0], displacement=np.array([0.4, 0.0]))
     with pytest.raises(InfeasibleError, match=r"window i01.*displacement x is 0\.400 m, at most 0\.100 m is allowed"):
-        identification(Plan("a long pull", (first,)), scene.robot, scene.short())
+        catalogue.experiment("identify", Plan("a long pull", (first,)), scene.robot, scene.short())
 
 
 def test_nothing_reaches_a_drive_and_no_folder_is_made(scene, rehearsal):
     """Also where the experiment was made under other limits than those that hold when it is to be run."""
-    experiment = identification(scene.two, scene.robot, scene.short())
+    experiment = catalogue.experiment("identify", scene.two, scene.robot, scene.short())
     limits = replace(scene.robot.limits, tension=(20.0, 65.0))
     strict = replace(scene.robot, limits=limits)
     experiment = replace(experiment, workspace=Workspace(strict, nominal_statics(strict)))
@@ -75,7 +75,7 @@ def test_a_robot_that_stands_where_no_safe_way_begins_is_not_moved(scene, rehear
         tensions = np.array(nominal_statics(scene.robot)(lengths))
         return tensions if lengths[0] < 1.32 else tensions * 10.0  # where it stands now is out of bounds
 
-    experiment = identification(rehearsal.plan, scene.robot, scene.short(), statics=narrow)
+    experiment = catalogue.experiment("identify", rehearsal.plan, scene.robot, scene.short(), statics=narrow)
     rehearsal.at("Enable", lambda stage: None)
     ended = rehearsal.run(experiment)
     report = ended.check()

@@ -20,9 +20,10 @@ from fidim_lab.app import cli, compose
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.data.rig_file import read_rig
+from procedures import catalogue
 from procedures.events import RunFinished, StepStarted
 from procedures.journal import read_journal
-from procedures.run import identification, run_procedure
+from procedures.run import run_procedure
 from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
 
 pytestmark = pytest.mark.slow
@@ -121,7 +122,7 @@ def simulators(tmp_path):
 def run(path, folder, at=None, pull=lambda: None):
     """A run of the plan; `pull` is called when a step of the type named `at` begins. Returns the report."""
     file = read_rig(path)
-    experiment = identification(PLAN, file.robot, compose.rig_settings(file, SETTINGS))
+    experiment = catalogue.experiment("identify", PLAN, file.robot, compose.rig_settings(file, SETTINGS))
     pending, ended = [pull], []
 
     def listen(event):

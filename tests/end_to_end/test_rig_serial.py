@@ -18,8 +18,9 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.data.rig_file import read_rig
+from procedures import catalogue
 from procedures.events import StepStarted, Warned
-from procedures.run import identification, run_procedure
+from procedures.run import run_procedure
 from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
 
 pytestmark = pytest.mark.slow
@@ -93,7 +94,7 @@ def run(rig, folder, at=None, pull=lambda: None):
     file = read_rig(rig)
     settings = compose.rig_settings(file, SETTINGS)
     settings = replace(settings, release=replace(settings.release, by_hand=settings.release.by_hand, over=0.3))
-    experiment = identification(PLAN, file.robot, settings)
+    experiment = catalogue.experiment("identify", PLAN, file.robot, settings)
     events = []
 
     def listen(event):

@@ -17,9 +17,10 @@ from drivers.clock import LoopClock
 from drivers.ports import DriveState, MarkerFrame, Prompt, PromptKind, Rig, WinchSample
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from fidim_lab.errors import DeviceError
+from procedures import catalogue
 from procedures.events import Event, StepStarted
 from procedures.report import RunReport
-from procedures.run import identification, run_procedure
+from procedures.run import run_procedure
 from procedures.settings import Settings
 from sim_backends.jumping_loop import run
 
@@ -237,7 +238,7 @@ class World:
         return sum(w.commands[w.commands.index(word) :].count("move_to") for w in self.winches if word in w.commands)
 
     async def carry_out(self, plan: Plan, folder: Path, **more: Any) -> RunReport:
-        experiment = identification(plan, self.robot, self.settings, statics=comfortable)
+        experiment = catalogue.experiment("identify", plan, self.robot, self.settings, statics=comfortable)
         if self.write is not None:
             more["write"] = self.write
         more.setdefault("listeners", (self.hear,))

@@ -6,12 +6,13 @@ import pytest
 
 from drivers.ports import DriveState
 from fidim_lab.data.campaign import read_campaign
+from procedures import catalogue
 from procedures.control import Control, Verb, Word
 from procedures.events import Paused, Resumed, StepStarted
 from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.pace import Pace
-from procedures.run import identification, run_procedure
+from procedures.run import run_procedure
 from procedures.steps import Enable, Note, Record, Settle
 from sim_backends.jumping_loop import run
 
@@ -178,7 +179,7 @@ def test_a_procedure_that_knows_no_skip_ends_there_held(world, lab, control, tmp
         yield Settle(window="i01", tolerance=1e-9, over=1.0, timeout=5.0)
         yield Note(remark="never said")
 
-    experiment = identification(lab.one, world.robot, world.settings, statics=lambda v: v * 0 + 60.0)
+    experiment = catalogue.experiment("identify", lab.one, world.robot, world.settings, statics=lambda v: v * 0 + 60.0)
     experiment = replace(experiment, procedure=own)
     world.at("Settle", saying(control, [], Verb.SKIP, "no time"), after=1.0)
 

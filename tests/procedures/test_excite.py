@@ -211,17 +211,24 @@ def protocol_of(robot: Robot, plan: Plan, recorded: int = 0) -> excite.ExcitePro
     return excite.ExciteProtocol(Lab(plan, robot, settings, straight, {}, recorded))
 
 
-def test_nothing_travels_while_the_platform_swings_and_cannot_be_calmed(irma4: Robot, plan: Plan):
-    protocol, window = protocol_of(irma4, plan), plan.windows[0]
+def never_calm(after: type) -> Player:
+    """Swings by 5 cm whenever it is watched; it hangs still until the first step of this type."""
 
-    def wild(step):
+    def answer(step):
         if isinstance(step, WatchSwing):
             return swung(step, np.full(2, 0.05))
-        if isinstance(step, Settle) and player.of(WatchSwing):
+        if isinstance(step, Settle) and player.of(after):
             return Result(Outcome.FAIL, "The marker still moves 100.0 mm.")
         return None
 
-    player = Player(wild)
+    player = Player(answer)
+    return player
+
+
+def test_nothing_travels_while_the_platform_swings_and_cannot_be_calmed(irma4: Robot, plan: Plan):
+    protocol, window = protocol_of(irma4, plan), plan.windows[0]
+
+    player = never_calm(after=WatchSwing)
     assert player.play(protocol.settle(window)) is not None
     player.play(protocol.window(window, tuple(map(float, window.lengths)), swinging=True))
     (stop,) = player.of(Stop)
@@ -231,14 +238,7 @@ def test_nothing_travels_while_the_platform_swings_and_cannot_be_calmed(irma4: R
 
 
 def test_no_move_begins_after_a_window_that_could_not_be_calmed(irma4: Robot, plan: Plan):
-    def wild(step):
-        if isinstance(step, WatchSwing):
-            return swung(step, np.full(2, 0.05))
-        if isinstance(step, Settle) and player.of(MoveTo):
-            return Result(Outcome.FAIL, "The marker still moves 100.0 mm.")
-        return None
-
-    player = Player(wild)
+    player = never_calm(after=MoveTo)
     player.play(windows_of(plan, protocol_of(irma4, plan), tuple(map(float, plan.windows[0].lengths))))
     assert [step.window for step in player.of(GiveUp)] == [plan.windows[0].id]
     assert [step.window for step in player.of(Stop)] == [plan.windows[1].id]

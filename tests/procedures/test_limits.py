@@ -10,10 +10,10 @@ from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from procedures import catalogue
 from procedures.identify import identify
 from procedures.limits import Workspace, check_moves, find_route, nominal_statics
 from procedures.listing import Outline
-from procedures.run import identification
 from procedures.settings import MotionSettings, Settings
 from procedures.steps import MoveTo
 from procedures.steps.excitation import StrokeChain, Strokes
@@ -84,7 +84,7 @@ def test_few_windows_get_a_detour_through_the_workspace(irma4):
     rests = [pose_from_lengths(Mechanism(irma4), irma4.nominal, row).pose.position for row in two]
     plan = Plan("two", tuple(PlannedWindow(f"i{k}", Role.IDENTIFY, two[k], np.zeros(2), rests[k]) for k in range(2)))
     assert workspace.between(*sets) is not None
-    moves = [s for s in Outline(identification(plan, irma4).procedure).steps if isinstance(s, MoveTo)]
+    moves = [s for s in Outline(catalogue.experiment("identify", plan, irma4).procedure).steps if isinstance(s, MoveTo)]
     assert [m.lengths for m in moves if not m.way_point] == sets
     assert any(m.way_point for m in moves)
     assert all(m.start is None or workspace.between(m.start, m.lengths) is None for m in moves)
@@ -106,7 +106,7 @@ def test_every_wrong_step_is_named(irma4):
 
     plan = plan_of(LEFT, (1.2, 1.5, 1.4, 1.5), (1.2, 1.5, 1.4, 1.6))
     with pytest.raises(InfeasibleError) as refused:
-        identification(plan, irma4, statics=tight)
+        catalogue.experiment("identify", plan, irma4, statics=tight)
     assert "window i02, move to lengths 1.200 1.500 1.400 1.500 m" in str(refused.value)
     assert "window i03" in str(refused.value)
     assert "cable 4 would have 250.0 N by the nominal model, 20 to 200 N is allowed" in str(refused.value)
@@ -115,25 +115,25 @@ def test_every_wrong_step_is_named(irma4):
 
 def test_a_displacement_beyond_the_limit_is_refused(irma4):
     with pytest.raises(InfeasibleError, match=r"displacement x is 0\.150 m, at most 0\.100 m is allowed"):
-        identification(plan_of(LEFT, displacement=(0.15, 0.0)), irma4, statics=wall)
+        catalogue.experiment("identify", plan_of(LEFT, displacement=(0.15, 0.0)), irma4, statics=wall)
 
 
 def test_a_way_that_nothing_leads_around_names_its_window(irma4):
     with pytest.raises(InfeasibleError, match="Window i02: No safe way"):
-        identification(plan_of(LEFT, RIGHT), irma4, statics=wall)
+        catalogue.experiment("identify", plan_of(LEFT, RIGHT), irma4, statics=wall)
 
 
 def test_length_limits_come_from_the_settings(irma4):
     settings = Settings(motion=MotionSettings(length_limits=((0.5, 1.0),) * 4))
     with pytest.raises(InfeasibleError, match=r"its winch allows 0\.500 to 1\.000 m"):
-        identification(plan_of(LEFT), irma4, settings, statics=wall)
+        catalogue.experiment("identify", plan_of(LEFT), irma4, settings, statics=wall)
 
 
 @pytest.mark.parametrize("id_", ["../i01", "", "a b"])
 def test_an_id_that_is_no_file_name_is_refused(irma4, id_):
     plan = Plan("p", (PlannedWindow(id_, Role.IDENTIFY, np.array(LEFT), np.zeros(2), np.zeros(3)),))
     with pytest.raises(SetupError, match="cannot be a file name"):
-        identification(plan, irma4, statics=wall)
+        catalogue.experiment("identify", plan, irma4, statics=wall)
 
 
 def test_no_equilibrium_is_refused_with_the_models_sentence(irma4):

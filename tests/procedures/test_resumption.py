@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
 from fidim_lab.errors import RefusedError, SetupError
+from procedures import catalogue
 from procedures.control import Control, Verb, Word
 from procedures.events import StepStarted
 from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.resumption import NEAR, LastPlace, read_resumption
-from procedures.run import identification, run_procedure
+from procedures.run import run_procedure
 from sim_backends.jumping_loop import run
 
 ROLES = {"i01": Role.IDENTIFY, "i02": Role.IDENTIFY}
@@ -29,8 +30,8 @@ def resumed(world, lab, folder, *, accept_place=False):
             winch._from = winch._to = length
     if accept_place:
         resumption = replace(resumption, place=None)
-    experiment = identification(
-        lab.plan, world.robot, world.settings, statics=lambda v: v * 0 + 60.0, resumption=resumption
+    experiment = catalogue.experiment(
+        "identify", lab.plan, world.robot, world.settings, statics=lambda v: v * 0 + 60.0, resumption=resumption
     )
 
     async def main():
@@ -117,8 +118,8 @@ def test_nothing_moves_where_the_robot_is_not_where_the_journal_left_it(lab, tmp
     cut = next(c for c in copies(lab.make_world(), lab, tmp_path) if "Record" in c.name)
     moved = lab.make_world()
     resumption = read_resumption(cut, ROLES)
-    experiment = identification(
-        lab.plan, moved.robot, moved.settings, statics=lambda v: v * 0 + 60.0, resumption=resumption
+    experiment = catalogue.experiment(
+        "identify", lab.plan, moved.robot, moved.settings, statics=lambda v: v * 0 + 60.0, resumption=resumption
     )
 
     async def main():

@@ -99,10 +99,7 @@ def _allowed(place: Place, alone: tuple[float, float]) -> tuple[float, float]:
     low, high = inside(place.robot.limits.tension)
     if not (WILD * low <= alone[0] and alone[1] <= high / WILD):
         pulls = "slack" if alone[0] <= 0 else f"by {alone[0]:.1f} to {alone[1]:.1f} N"
-        raise InfeasibleError(
-            f"The platform swings so wildly that by itself it pulls cables {pulls}: no strokes are added to that.",
-            hint="Let it fade, and resume the run when it hangs still.",
-        )
+        raise _too_wild(f"by itself it pulls cables {pulls}")
     spare = WORSE * (high - low)
     return min(low, max(alone[0] - spare, WILD * low)), max(high, min(alone[1] + spare, high / WILD))
 
@@ -137,8 +134,12 @@ def _on_its_cables(place: Place, pose: Pose, twist: Float[np.ndarray, "6"]) -> t
             return pose, twist - back @ (xi @ twist)
         step = back @ (held.lengths - lengths)
         pose = Pose(position=pose.position + step[:3], rotation=rotation_matrix(step[3:] / 2) @ pose.rotation)
-    raise InfeasibleError(
-        "The platform swings so wildly that no pose on its cables fits what is seen: no strokes are added to that.",
+    raise _too_wild("no pose on its cables fits what is seen")
+
+
+def _too_wild(why: str) -> InfeasibleError:
+    return InfeasibleError(
+        f"The platform swings so wildly that {why}: no strokes are added to that.",
         hint="Let it fade, and resume the run when it hangs still.",
     )
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from fidim_lab.effects.forces import at_arm
 from fidim_lab.mismatch.generic.family import Dependence, Expression, Family, bells, monomials
-from fidim_lab.mismatch.generic.reach import NO_SHAPE, Point, Reach, centres_of, drag_on, force_on
+from fidim_lab.mismatch.generic.points import Point
+from fidim_lab.mismatch.generic.reach import NO_SHAPE, Reach, centres_of, drag_on, force_on
 from fidim_lab.model.slots import PlatformState
 
 MOST_CENTRES = 45
@@ -41,7 +42,7 @@ def _about_a_place(reach: Reach, point: Point, dependence: Dependence, label: st
         near = ca.dot(away, away) / ca.exp(2 * shape[3])
         return ca.vertcat(ca.exp(-near / 2), ca.exp(-near / 8))
 
-    positions = reach.positions if point is Point.CENTRE_OF_MASS else reach.references
+    positions = reach.places(point)
     shapes = tuple(
         np.append(middle, np.log(share * reach.size))
         for share, most in ((0.15, 40), (0.3, 20))
@@ -50,14 +51,14 @@ def _about_a_place(reach: Reach, point: Point, dependence: Dependence, label: st
     steps = np.append(np.full(3, 0.08 * reach.size), 0.3)
     low = np.append(positions.min(axis=0) - OUTSIDE * reach.size, np.log(0.03 * reach.size))
     high = np.append(positions.max(axis=0) + OUTSIDE * reach.size, np.log(0.6 * reach.size))
-    return Family(dependence, label, wrenches, falling, shapes, steps, box=np.stack([low, high]))
+    return Family(dependence, label, wrenches, falling, shapes, steps, point, box=np.stack([low, high]))
 
 
 def evenly(reach: Reach) -> list[Family]:
     """Polynomials of the place: the lowest orders of any force from far away."""
     found: list[Family] = []
     for point, degrees in product(Point, ((1,), (1, 2), (1, 2, 3))):
-        positions = reach.positions if point is Point.CENTRE_OF_MASS else reach.references
+        positions = reach.places(point)
         middle, half = ca.SX(ca.DM(positions.mean(axis=0))), reach.size / 2
 
         def law(
@@ -73,7 +74,7 @@ def evenly(reach: Reach) -> list[Family]:
 
         label = f"force on {point.value} by a polynomial of the place, degree {degrees[-1]}"
         push = partial(force_on, point)
-        found.append(Family(Dependence.GRADIENT, label, push, law, NO_SHAPE, scale=half))
+        found.append(Family(Dependence.GRADIENT, label, push, law, NO_SHAPE, point=point, scale=half))
     return found
 
 
@@ -82,13 +83,13 @@ def in_space(reach: Reach) -> list[Family]:
     found: list[Family] = []
     for share, point in product(WIDTHS, Point):
         width = share * reach.size
-        positions = reach.positions if point is Point.CENTRE_OF_MASS else reach.references
+        positions = reach.places(point)
         field = partial(_field, point, ca.SX(ca.DM(centres_of(positions, width, MOST_CENTRES))), width)
         none, says = NO_SHAPE, f"{width:.2g} m wide"
         label = f"force field on {point.value}, {says}"
-        found.append(Family(Dependence.POSITION, label, partial(force_on, point), field, none))
+        found.append(Family(Dependence.POSITION, label, partial(force_on, point), field, none, point=point))
         label = f"brake on {point.value} in places, {says}"
-        found.append(Family(Dependence.BRAKE, label, partial(drag_on, point), field, none))
+        found.append(Family(Dependence.BRAKE, label, partial(drag_on, point), field, none, point=point))
     return found
 
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from fidim_lab.effects.forces import joint_rate, joint_torque
 from fidim_lab.mismatch.generic.family import Dependence, Family, monomials
-from fidim_lab.mismatch.generic.reach import NO_SHAPE, Reach, any_force, any_torque, drag, pushed, turned, velocity
+from fidim_lab.mismatch.generic.points import Point
+from fidim_lab.mismatch.generic.reach import NO_SHAPE, Reach, any_force, any_torque, drag_on, pushed, turned, velocity
 from fidim_lab.model.slots import PlatformState
 
 POWERS = (1.0, 2.0, 3.0, 4.0)
@@ -15,6 +16,9 @@ TEETH = (4.0, 100.0, 2.0)
 """in one turn: from where to where, and by what they are tried"""
 SMALL = 1e-9
 """(m/s)² or (rad/s)² under a root: keeps derivatives finite at rest"""
+
+
+_drag = partial(drag_on, Point.CENTRE_OF_MASS)
 
 
 def _drag_by_axis(state: PlatformState, shape: ca.SX) -> ca.SX:
@@ -66,7 +70,7 @@ def of_speed(reach: Reach) -> list[Family]:
     found: list[Family] = []
     for q in POWERS:
         law, says = partial(power, q), f"speed^{q:g}"
-        found.append(Family(Dependence.SPEED, f"drag ~ {says}", drag, law, none, power=q))
+        found.append(Family(Dependence.SPEED, f"drag ~ {says}", _drag, law, none, power=q))
         found.append(Family(Dependence.SPEED, f"drag ~ {says}, by axis", _drag_by_axis, law, none, power=q))
     found.append(Family(Dependence.VELOCITY, "force of the velocity", any_force, cubic, none))
     return found
@@ -111,7 +115,7 @@ def of_spin(reach: Reach) -> list[Family]:
         law, says = partial(grown, q), f"turning rate^{q:g}"
         found.append(Family(Dependence.TURNING, f"force ~ {says}", any_force, law, none, power=q))
         found.append(Family(Dependence.TURNING, f"steady torque ~ {says}", any_torque, law, none, power=q))
-        found.append(Family(Dependence.TURNING, f"drag ~ {says}", drag, law, none, power=q))
+        found.append(Family(Dependence.TURNING, f"drag ~ {says}", _drag, law, none, power=q))
     found.append(Family(Dependence.ORIENTATION, "torque of the orientation", any_torque, tilted, none))
     return found
 

@@ -8,7 +8,8 @@ from fidim_lab.mismatch.generic.by_place import brake, centre, evenly, in_space
 from fidim_lab.mismatch.generic.by_rate import of_cable, of_speed, of_spin, of_teeth
 from fidim_lab.mismatch.generic.by_time import in_time, knocks, moment, periodic
 from fidim_lab.mismatch.generic.family import Family
-from fidim_lab.mismatch.generic.reach import Point, Reach
+from fidim_lab.mismatch.generic.points import Point
+from fidim_lab.mismatch.generic.reach import Reach
 
 
 def families(reach: Reach, cables: int) -> tuple[Family, ...]:

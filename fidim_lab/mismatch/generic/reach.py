@@ -1,13 +1,13 @@
 """Scales of the motion as it was recorded, and what wrenches act on: shared by all families."""
 
 from dataclasses import dataclass
-from enum import Enum
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.effects.forces import at_arm
+from fidim_lab.mismatch.generic.points import Point
 from fidim_lab.mismatch.generic.responses import Responses
 from fidim_lab.model.slots import PlatformState
 
@@ -45,6 +45,10 @@ class Reach:
             seconds=max(float(a.t[-1]) for a in along),
         )
 
+    def places(self, point: Point) -> Float[np.ndarray, "S 3"]:
+        """Where this point was, m."""
+        return self.positions if point is Point.CENTRE_OF_MASS else self.references
+
     @property
     def size(self) -> float:
         """m, diagonal of the box that was visited."""
@@ -59,21 +63,6 @@ def centres_of(points: Float[np.ndarray, "S a"], width: float, most: int) -> Flo
         chosen.append(int(np.argmax(away)))
         away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return points[chosen]
-
-
-class Point(Enum):
-    """Where on the platform a force acts."""
-
-    CENTRE_OF_MASS = "the centre of mass"
-    REFERENCE = "the reference point P"
-
-    def arm(self, state: PlatformState) -> ca.SX:
-        """From P (3), m."""
-        return state.centre if self is Point.CENTRE_OF_MASS else ca.SX.zeros(3)
-
-    def place(self, state: PlatformState) -> ca.SX:
-        """In the room (3), m."""
-        return state.position + self.arm(state)
 
 
 def velocity(state: PlatformState) -> ca.SX:
@@ -101,12 +90,6 @@ def any_torque(state: PlatformState, shape: ca.SX) -> ca.SX:
     """About x, y, z (6 × 3)."""
     del state, shape
     return turned(ca.SX.eye(3))
-
-
-def drag(state: PlatformState, shape: ca.SX) -> ca.SX:
-    """A force on the centre of mass along its velocity (6 × 1)."""
-    del shape
-    return pushed(state, velocity(state))
 
 
 def drag_on(point: Point, state: PlatformState, shape: ca.SX) -> ca.SX:

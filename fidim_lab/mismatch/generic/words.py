@@ -9,7 +9,7 @@ from fidim_lab.mismatch.generic.evidence import Weighed
 from fidim_lab.mismatch.generic.family import Dependence
 from fidim_lab.mismatch.generic.field import Field
 from fidim_lab.mismatch.generic.latent import LatentForce
-from fidim_lab.mismatch.generic.reach import Point
+from fidim_lab.mismatch.generic.points import Point
 
 CLEARLY = 0.3
 """mean power over mean of its size, beyond which it is said to brake or to drive"""
@@ -115,7 +115,7 @@ def _centre(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
 
 def _on_p(latent: LatentForce) -> bool:
     """Whether it acts at P, and not at the centre of mass."""
-    return latent.family is not None and Point.REFERENCE.value in latent.family.label
+    return latent.family is not None and latent.family.point is Point.REFERENCE
 
 
 def _brake(latent: LatentForce, shape: np.ndarray, field: Field) -> str:

@@ -11,11 +11,11 @@ import pytest
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
+from procedures import catalogue
 from procedures.events import StepFinished, StepStarted
 from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.resumption import read_resumption
-from procedures.run import identification
 
 ROLES = {"i01": Role.IDENTIFY, "i02": Role.IDENTIFY}
 
@@ -111,7 +111,7 @@ def goes_on(scene, folder: Path, windows: list[str], changes) -> None:
     again = scene.make(folder=folder.name)
     again.plan = scene.two
     again.at("Record", lambda stage: None)
-    experiment = identification(scene.two, scene.robot, again.settings, resumption=resumption)
+    experiment = catalogue.experiment("identify", scene.two, scene.robot, again.settings, resumption=resumption)
     report = again.run(experiment, resumption=resumption).report
     assert (report.outcome, report.held) == (Outcome.PASS, True)
     assert [window.id for window in read_campaign(folder).windows] == windows

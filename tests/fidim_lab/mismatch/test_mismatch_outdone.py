@@ -84,8 +84,7 @@ def test_freedom_is_paid_for_and_held_out_windows_must_agree(
     wrench = SimpleNamespace(
         terms=("one",), fit=fit(9 + rival, CHI2 - gained), after=SimpleNamespace(chi2=10_000.0 - foretold, dof=10_000)
     )
-    monkeypatch.setattr(outdone, "model_unknown", lambda *_: wrench)
-    monkeypatch.setattr(outdone, "whole_fit", lambda *_: None)
+    monkeypatch.setattr(outdone, "modelled", lambda *_: wrench)
     claim = Judged(Verdict.EXPLAINED, effects(parameters))
     found = SimpleNamespace(baseline=SimpleNamespace(model=None))
     campaign = SimpleNamespace(of_role=lambda role: ("a window",))
@@ -105,7 +104,7 @@ def test_freedom_is_paid_for_and_held_out_windows_must_agree(
 def test_nothing_is_modelled_where_there_is_nothing_to_doubt_or_to_judge_by(
     monkeypatch: pytest.MonkeyPatch, claim: Judged, windows: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr(outdone, "model_unknown", lambda *_: pytest.fail("modelled"))
+    monkeypatch.setattr(outdone, "modelled", lambda *_: pytest.fail("modelled"))
     campaign = SimpleNamespace(of_role=lambda role: windows)
     found = SimpleNamespace(baseline=SimpleNamespace(model=None))
     assert unless_outdone(claim, found, campaign, lambda _: None) is claim  # type: ignore[arg-type]

@@ -18,8 +18,9 @@ from fidim_lab.app.service.commands import Message, Start
 from fidim_lab.app.service.opening import Opened
 from fidim_lab.app.service.service import Identity, Service
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
+from procedures import catalogue
 from procedures.report import RunReport, WindowRow
-from procedures.run import identification, run_procedure
+from procedures.run import run_procedure
 from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
 from sim_backends.jumping_loop import run
 
@@ -86,7 +87,7 @@ class Serving:
         pytest.fail("the service ended before it said what was waited for")
 
     async def _main(self, script: Callable[["Serving"], Awaitable[None]]) -> int:
-        experiment = identification(self.plan, self.robot, short())
+        experiment = catalogue.experiment("identify", self.plan, self.robot, short())
         world = compose.simulated_world(self.robot, 1, ())
         async with compose.simulated_rig(self.robot, self.plan, world, 1) as simulated:
             self.rig = simulated
