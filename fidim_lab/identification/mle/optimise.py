@@ -108,14 +108,14 @@ def optimise(
     None where not even the start can be simulated (`Ending.IMPOSSIBLE`).
     """
     now = _try(likelihood, start, ends, prior, effort)
-    if now is None:
+    tables = None if now is None else _tables(likelihood, now[0])
+    if now is None or tables is None:
         return None
     damping, stretch = effort.damping, 1.0
     costs = [now[1]]
     while True:
         simulation, cost = now
         rounds = len(costs) - 1
-        tables = compress(linearised(likelihood, simulation), len(ends))
         rows, room = prior.rows(simulation.point.shared), prior.room(simulation.point.shared)
         promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted
         if promise < min(negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
@@ -129,7 +129,8 @@ def optimise(
             shared = stretch * wanted.shared if room is None else np.clip(stretch * wanted.shared, *room)
             point = stepped(likelihood, simulation, stretch * wanted.own, shared)
             there = _try(likelihood, point, ends, prior, effort)
-            if there is not None and there[1] < cost:
+            following = None if there is None or there[1] >= cost else _tables(likelihood, there[0])
+            if there is not None and following is not None:
                 break
             damping, stretch = _damped(likelihood, damping), min(stretch, 1.0)
             if damping > DAMPING[1]:
@@ -139,7 +140,7 @@ def optimise(
         gain = (cost - there[1]) / promised if promised > 0 else 1.0  # rounding may leave nothing of a promise
         damping = relaxed(damping, gain / foretold(stretch))
         stretch = stretched(stretch, gain)
-        now = there
+        now, tables = there, following
         costs.append(now[1])
 
 
@@ -203,6 +204,13 @@ def stretched(stretch: float, gain: float) -> float:
 
 def _residuals(simulation: Simulation) -> int:
     return sum(len(residual.markers) + len(residual.lengths) for residual in simulation.residuals)
+
+
+def _tables(likelihood: Likelihood, simulation: Simulation) -> Tables | None:
+    """The linearised problem; None where no derivatives are finite: motion that runs away hardly begun is no answer."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        tables = compress(linearised(likelihood, simulation), len(simulation.ends))
+    return tables if np.isfinite(tables).all() else None
 
 
 def _try(

@@ -12,7 +12,7 @@ from fidim_lab.data.records import Body, Role, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle import held_out, spread, stages
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.mle.likelihood import Point
+from fidim_lab.identification.mle.likelihood import Point, linearised
 from fidim_lab.identification.mle.optimise import FINAL, PATIENCE, Ending, optimise
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.model.dynamics import simulate_free_motion
@@ -75,6 +75,27 @@ def test_a_fit_that_will_not_come_as_far_as_is_wanted_is_given_up(from_cad):
     given_up = ended(0.5 * found.cost, promise=0.0)
     assert given_up.ending is Ending.EXHAUSTED
     assert given_up.rounds == PATIENCE
+
+
+def test_no_step_is_taken_to_where_derivatives_are_not_finite(from_cad, monkeypatch):
+    """As of a motion that runs away so fast that only its beginning can be simulated."""
+    likelihood, found = from_cad.likelihood, from_cad.journey.optimum
+    best = found.point.shared
+    off = Point(best * np.append([1.0, 1.0, 0.98], np.ones(len(best) - 3)), likelihood.guesses)
+    limit = 0.99 * best[2]
+    free, seen = np.ones(len(best), dtype=bool), []
+
+    def bounded(likelihood, simulation):
+        seen.append(simulation.point.shared[2] > limit)
+        for window in linearised(likelihood, simulation):
+            yield replace(window, by_shared=np.where(seen[-1], np.nan, window.by_shared))
+
+    monkeypatch.setattr("fidim_lab.identification.mle.optimise.linearised", bounded)
+    ended = optimise(likelihood, off, from_cad.journey.ends, from_cad.prior, FINAL, free)
+    assert any(seen)
+    assert ended.point.shared[2] <= limit
+    assert np.isfinite(ended.tables).all()
+    assert optimise(likelihood, found.point, from_cad.journey.ends, from_cad.prior, FINAL, free) is None
 
 
 def test_a_fit_far_astray_that_creeps_is_given_up_and_one_that_gains_is_not(from_cad):
