@@ -8,6 +8,7 @@ found at all.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -21,6 +22,7 @@ from fidim_lab.mismatch.refit import Completed, evidence, refit
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.views import View
 from fidim_lab.mismatch.whiteness import whiteness
+from fidim_lab.model.side_by_side import side_by_side
 
 SCANNED = 6
 """values of a scanned parameter that are tried, as long as none leaves only noise"""
@@ -64,7 +66,8 @@ def additions(seen: View, room: int, ground: Ground, context: Context) -> tuple[
     if not seen.races:
         return tuple(Addition(seen, score) for score in scores)
     short = Completed(seen.model.tried, seen.fit, whole=False)
-    raced = [Addition(seen, score, _nearby(seen, short, score, ground, context)) for score in scores]
+    near = _raced(seen, short, scores, ground.as_far_as(seen.fit), context)
+    raced = [Addition(seen, score, one) for score, one in zip(scores, near, strict=True)]
     return _finalists(short, raced)
 
 
@@ -95,25 +98,40 @@ def _stretches(score: Score) -> bool:
     return any(stretches(h.effect) for h in score.tried)
 
 
-def _nearby(seen: View, short: Completed, score: Score, ground: Ground, context: Context) -> Completed | None:
-    """The model with these terms over the time of the view; None where none is found, or none may race."""
-    if not _may_race(short, score):
-        return None
-    near = ground.as_far_as(seen.fit)
-    best: Completed | None = None
-    for one in _scanned(seen, score):
-        tried, thetas = _beside(short.tried, short.thetas, one)
-        found = refit(near, seen.fit, tried, thetas, context)
-        if found is not None and (best is None or found.excess < best.excess):
-            best = found
-        if best is not None and whiteness(best.leftovers).is_white:
-            break
-    return best
+def _raced(
+    seen: View, short: Completed, scores: Sequence[Score], near: Ground, context: Context
+) -> list[Completed | None]:
+    """The model with the terms of each score over the time of the view; None where none is found, or none may race.
+
+    Where a score leaves more than noise, other values of what is scanned are tried: the first that leaves only noise
+    is taken, else the best.
+    """
+    fits = partial(_fitted, seen, short, near=near, context=context)
+    able = [k for k, score in enumerate(scores) if _may_race(short, score)]
+    first = dict(zip(able, fits([scores[k] for k in able]), strict=True))
+    others = [(k, one) for k in able if not _is_noise(first[k]) for one in _scanned(seen, scores[k])]
+    best = first
+    for (k, _), found in zip(others, fits([one for _, one in others]), strict=True):
+        now = best[k]
+        if found is not None and (now is None or (found.excess < now.excess and not _is_noise(now))):
+            best[k] = found
+    return [best.get(k) for k in range(len(scores))]
+
+
+def _fitted(
+    seen: View, short: Completed, scores: Sequence[Score], *, near: Ground, context: Context
+) -> list[Completed | None]:
+    """The model with the terms of each score, each from where its score says."""
+    beside = [_beside(short.tried, short.thetas, score) for score in scores]
+    return side_by_side([partial(refit, near, seen.fit, tried, thetas, context) for tried, thetas in beside])
+
+
+def _is_noise(found: Completed | None) -> bool:
+    return found is not None and whiteness(found.leftovers).is_white
 
 
 def _scanned(seen: View, score: Score) -> Iterator[Score]:
-    """The score, and those of the same effect at other values of what is scanned."""
-    yield score
+    """Scores of the same effect at other values of what is scanned."""
     effect = score.tried[0].effect
     if len(score.tried) == 1 and effect.id not in PERIODIC:
         others = (s for s in seen.singles if s is not score and s.tried[0].effect == effect)

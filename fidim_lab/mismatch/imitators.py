@@ -6,6 +6,7 @@ and of what it leaves, another effect cannot imitate, within its bounds, is what
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.refit import Completed, can_refit, refit
 from fidim_lab.mismatch.score import eliminated, imitated
 from fidim_lab.mismatch.views import SLIGHT, TIE, View
+from fidim_lab.model.side_by_side import side_by_side
 
 FITTED = 2
 """of those that may stand for one term"""
@@ -72,7 +74,7 @@ def in_their_place(seen: View, ground: Ground, say: Callable[[str], None], sligh
     """
     model = seen.model
     slight = 0.0 if model.mechanism.springs else slight  # fits with springs are dear
-    found: list[Completed] = []
+    fits: list[Callable[[], Completed | None]] = []
     for k in range(len(model.tried)) if len(model.tried) > 1 else ():
         freedom = len(model.tried[k].scored)
         near = (one for one in imitators(seen, k, any_cable=True) if one.loss < TIE + slight * one.whole)
@@ -80,9 +82,8 @@ def in_their_place(seen: View, ground: Ground, say: Callable[[str], None], sligh
         able = [one for one in simple if can_refit(one.tried.effect, model.mechanism)]
         for other in able[:FITTED]:
             say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
-            fitted = in_place_of(model, k, other.tried, other.theta, ground, seen.context)
-            found += [] if fitted is None else [fitted]
-    return found
+            fits.append(partial(in_place_of, model, k, other.tried, other.theta, ground, seen.context))
+    return [fitted for fitted in side_by_side(fits) if fitted is not None]
 
 
 def in_place_of(

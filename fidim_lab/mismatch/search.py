@@ -5,6 +5,8 @@ thinks better of is in `select`.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import islice
 
 import numpy as np
 
@@ -32,10 +34,15 @@ from fidim_lab.mismatch.unions import unions
 from fidim_lab.mismatch.views import MOST, View
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.mismatch.wider import widened
+from fidim_lab.model.side_by_side import side_by_side
 
 CLOSE = 25.0
 """nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
 SHORTLIST = 3
+SAME = 1.0
+"""χ² between two fits of one optimum"""
+SIMPLE = 2
+"""parameters of a term that takes the share of no other"""
 HOPELESS = 30.0
 """χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
 SIBLINGS = 0.15
@@ -84,11 +91,12 @@ class Search:
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
             if whiteness(best.leftovers).is_white:
                 break
-        best = most_convincing(best, self._together())
+        if not (_is_simple(best) and whiteness(best.leftovers).is_white):
+            best = most_convincing(best, self._together())
         scale = common_scale([best, *self.trials.passing])
         near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
         near.sort(key=lambda m: evidence(best, m, scale))
-        return [m for m in (best, *near[: SHORTLIST - 1]) if m.tried]
+        return [m for m in _distinct([best, *near])[:SHORTLIST] if m.tried]
 
     def _exchanged(self, seen: View) -> Completed:
         """The model of the first seconds that was looked at, or it with another effect in the place of a term.
@@ -118,10 +126,12 @@ class Search:
 
     def _together(self) -> list[Completed]:
         """Terms of models that did well over the first seconds, fitted together from nothing."""
-        start, fresh = self.start, list[Completed]()
-        for terms in () if self.patience.ended else unions([*self.trials.raced, *self.trials.passing], MOST_TERMS):
-            found = refit(start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
-            fresh += [] if found is None else [found]
+        start, well = self.start, [*self.trials.raced, *self.trials.passing]
+        fits = [
+            partial(refit, start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
+            for terms in (() if self.patience.ended else unions(well, MOST_TERMS))
+        ]
+        fresh = [found for found in side_by_side(fits) if found is not None]
         self.trials.passing += fresh
         return fresh
 
@@ -129,7 +139,9 @@ class Search:
         """Models of the first seconds fitted to whole windows, and the best of them."""
         fresh: list[Candidate] = []
         in_vain: list[set[NamedEffect]] = []
-        for model in (model for model in short if model.excess < HOPELESS):
+        able = [model for model in short if model.excess < HOPELESS]
+        ahead = self._two_at_once(able, baseline.model)
+        for k, model in enumerate(able):
             terms = {h.effect for h in model.tried}
             if self.patience.ended and (fresh or in_vain):
                 break  # what the first seconds say best is seen to its end
@@ -137,9 +149,7 @@ class Search:
                 continue  # with fewer terms it can follow no better
             if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
                 continue  # where another follows whole windows
-            self.say(f"fitting {model.label} to whole windows")
-            whole, as_it_is = self.start.whole_ground, baseline.model
-            found = refit(whole, model.fit, model.tried, model.thetas, self.start.context, simpler=as_it_is)
+            found = ahead[k] if k in ahead else self._whole(model, baseline.model)
             if found is not None and found.excess >= HOPELESS:
                 in_vain.append(terms)
             elif found is not None:
@@ -151,6 +161,22 @@ class Search:
         if (fresh or in_vain) and not any(one.model.excess < NEAR for one in fresh):
             self.pushes = self._hands_beside(short)
         return best
+
+    def _two_at_once(self, able: Sequence[Completed], as_it_is: Completed) -> dict[int, Completed | None]:
+        """The first and the next that has other terms, side by side; none where the first alone is likely to do."""
+        if not able or self.patience.ended or whiteness(able[0].leftovers).is_white:
+            return {}
+        first = {h.effect for h in able[0].tried}
+        others = (k for k, model in enumerate(able) if not {h.effect for h in model.tried} <= first)
+        chosen = [0, *islice(others, 1)]
+        found = side_by_side([partial(self._whole, able[k], as_it_is) for k in chosen])
+        return dict(zip(chosen, found, strict=True))
+
+    def _whole(self, model: Completed, as_it_is: Completed) -> Completed | None:
+        """A model of the first seconds fitted to whole windows."""
+        self.say(f"fitting {model.label} to whole windows")
+        whole = self.start.whole_ground
+        return refit(whole, model.fit, model.tried, model.thetas, self.start.context, simpler=as_it_is)
 
     def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
         """Hands in whole windows of which only the first seconds are followed, by the best model of these."""
@@ -272,6 +298,22 @@ class Search:
         if not self.look_for_pushes or best.is_white or best.model.excess > NEAR:
             return ()
         return find_common_push(best.model, self.start.held_out)
+
+
+def _distinct(models: Sequence[Completed]) -> list[Completed]:
+    """Without what has the same terms as an earlier one, and the same optimum."""
+    found: list[Completed] = []
+    for model in models:
+        terms = {h.effect for h in model.tried}
+        alike = (one for one in found if {h.effect for h in one.tried} == terms)
+        if not any(abs(one.chi2 - model.chi2) < SAME for one in alike):
+            found.append(model)
+    return found
+
+
+def _is_simple(model: Completed) -> bool:
+    """Whether it is one term of so little freedom that it can have taken no other's share."""
+    return len(model.tried) == 1 and len(model.tried[0].scored) <= SIMPLE
 
 
 def _best_score(seen: View) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """More general forms of a term that was found, where its simple form leaves structure that they may explain."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.springs import stretches
@@ -11,6 +12,7 @@ from fidim_lab.mismatch.imitators import in_place_of
 from fidim_lab.mismatch.refit import Completed, refit
 from fidim_lab.mismatch.sprung import left_at_first
 from fidim_lab.mismatch.whiteness import whiteness
+from fidim_lab.model.side_by_side import side_by_side
 
 AS_GOOD = 1.1
 """times what the simple form leaves: a wider one that leaves more has not found its way"""
@@ -45,11 +47,10 @@ def general_forms(start: Baseline, model: Completed, fresh: set[NamedEffect]) ->
 
 def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffect]) -> list[Completed]:
     """Each wider form in the place of the simple one, as far as it was found: it leaves no more then."""
-    thetas = simple.thetas
-    found: list[Completed] = []
+    fits: list[Callable[[], Completed | None]] = []
     for k, term in enumerate(simple.tried):
-        for effect, begin in term.effect.wider(thetas[k], simple.mechanism.robot) if term.effect in fresh else ():
+        forms = term.effect.wider(simple.thetas[k], simple.mechanism.robot) if term.effect in fresh else ()
+        for effect, begin in forms:
             wider = general(term, effect, begin)
-            wide = in_place_of(simple, k, wider, begin, start.short_ground, start.context)
-            found += [] if wide is None or wide.excess > AS_GOOD * simple.excess else [wide]
-    return found
+            fits.append(partial(in_place_of, simple, k, wider, begin, start.short_ground, start.context))
+    return [wide for wide in side_by_side(fits) if wide is not None and wide.excess <= AS_GOOD * simple.excess]

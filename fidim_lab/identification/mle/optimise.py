@@ -64,6 +64,8 @@ class Effort:
     """share of the whole that a round must take off a fit that is far astray (`ASTRAY`), else it is given up"""
     crawl: float = 0.0
     """the same of one that is less astray, and still misses more than noise (`MISFIT`)"""
+    stroll: float = 0.0
+    """the same of one that misses hardly more than noise; what is only on its way may end in a flat valley"""
     idle: float = 0.0
     """what `LOOKED_BACK` rounds must take away together, in units of χ² for χ²/dof = 1, to be worth a further one"""
 
@@ -88,11 +90,18 @@ class Optimum:
     """whole sum of squares, prior included"""
     ending: Ending
     rounds: int
+    costs: tuple[float, ...] = ()
+    """of each round, from the start on; none where every window went its own way"""
 
     @property
     def point(self) -> Point:
         """The unknowns."""
         return self.simulation.point
+
+    @property
+    def misfit(self) -> float:
+        """χ²/dof, about."""
+        return self.cost / _residuals(self.simulation)
 
 
 def optimise(
@@ -111,31 +120,40 @@ def optimise(
     tables = None if now is None else _tables(likelihood, now[0])
     if now is None or tables is None:
         return None
+    begun = Optimum(now[0], tables, now[1], Ending.EXHAUSTED, 0, (now[1],))
+    return carry_on(likelihood, begun, prior, effort, free)
+
+
+def carry_on(
+    likelihood: Likelihood, known: Optimum, prior: Prior, effort: Effort, free: Bool[np.ndarray, " shared"]
+) -> Optimum:
+    """From where an optimisation of the same recordings ended, for as many further rounds as `effort` has."""
+    now, tables, costs = (known.simulation, known.cost), known.tables, list(known.costs)
     damping, stretch = effort.damping, 1.0
-    costs = [now[1]]
     while True:
         simulation, cost = now
         rounds = len(costs) - 1
         rows, room = prior.rows(simulation.point.shared), prior.room(simulation.point.shared)
         promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted
         if promise < min(negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
-            return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds)
+            return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds, tuple(costs))
         beyond = rounds >= PATIENCE and cost - REACH * promise > effort.wanted
-        if rounds == effort.rounds or beyond or creeps(costs, _residuals(simulation), effort):
+        done = rounds - known.rounds == effort.rounds
+        if done or beyond or creeps(costs, _residuals(simulation), effort):
             ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.EXHAUSTED
-            return Optimum(simulation, tables, cost, ending, rounds)
+            return Optimum(simulation, tables, cost, ending, rounds, tuple(costs))
         while True:
             wanted = step(tables, likelihood.own, rows, damping, free, room)
             shared = stretch * wanted.shared if room is None else np.clip(stretch * wanted.shared, *room)
             point = stepped(likelihood, simulation, stretch * wanted.own, shared)
-            there = _try(likelihood, point, ends, prior, effort)
+            there = _try(likelihood, point, simulation.ends, prior, effort)
             following = None if there is None or there[1] >= cost else _tables(likelihood, there[0])
             if there is not None and following is not None:
                 break
             damping, stretch = _damped(likelihood, damping), min(stretch, 1.0)
             if damping > DAMPING[1]:
                 ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.STUCK
-                return Optimum(simulation, tables, cost, ending, rounds)
+                return Optimum(simulation, tables, cost, ending, rounds, tuple(costs))
         promised = cost - wanted.predicted
         gain = (cost - there[1]) / promised if promised > 0 else 1.0  # rounding may leave nothing of a promise
         damping = relaxed(damping, gain / foretold(stretch))
@@ -149,7 +167,7 @@ def creeps(costs: list[float], count: int, effort: Effort) -> bool:
     if len(costs) <= LOOKED_BACK:
         return False
     gained, misfit = costs[-1 - LOOKED_BACK] - costs[-1], costs[-1] / count
-    pace = effort.creep if misfit > ASTRAY else effort.crawl if misfit > MISFIT else 0.0
+    pace = effort.creep if misfit > ASTRAY else effort.crawl if misfit > MISFIT else effort.stroll
     return gained < LOOKED_BACK * pace * costs[-1] or gained < effort.idle * max(1.0, misfit)
 
 

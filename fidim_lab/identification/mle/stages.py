@@ -15,7 +15,17 @@ from jaxtyping import Bool, Float
 from fidim_lab.identification.mle.apart import optimise_apart
 from fidim_lab.identification.mle.likelihood import Likelihood, Point, Simulation, simulate
 from fidim_lab.identification.mle.normal import Prior
-from fidim_lab.identification.mle.optimise import FINAL, ON_THE_WAY, ROUGH, Effort, Ending, Optimum, optimise
+from fidim_lab.identification.mle.optimise import (
+    ASTRAY,
+    FINAL,
+    ON_THE_WAY,
+    ROUGH,
+    Effort,
+    Ending,
+    Optimum,
+    carry_on,
+    optimise,
+)
 from fidim_lab.model.sensitivity.grid import QUICK
 
 HORIZONS = (0.3, 1.0, 3.0, 10.0)
@@ -27,8 +37,10 @@ EARLY = 3.1
 FAR_PRIOR = 10.0
 LOST = 0.7
 """of the motion's own rms: a window's last quarter that is missed by more has lost its phase"""
+STROLL = 0.2
+"""of the pace of a fit that misses more than noise: what one that hardly does keeps up on its way"""
 FIRST_ROUNDS = 6
-"""iterations after which it is seen whether a window is lost, before more are spent"""
+"""iterations on a grid that is fine enough for the way, after which it is seen whether a window is lost"""
 LAST_PART = 0.25
 FAINT = 5.0
 """times the marker noise: a smaller error is no lost phase, however faint the motion"""
@@ -74,7 +86,8 @@ class _Way:
 
     def effort(self, before: float) -> Effort:
         """How hard to try before full length, having come so far (s)."""
-        return replace(ON_THE_WAY if before else ROUGH, creep=self.last.creep, crawl=self.last.crawl)
+        pace = {"creep": self.last.creep, "crawl": self.last.crawl, "stroll": STROLL * self.last.crawl}
+        return replace(ON_THE_WAY if before else ROUGH, **pace)
 
     def ends(self, horizon: float) -> Float[np.ndarray, " W"]:
         ends = np.minimum(self.limits, horizon)
@@ -84,9 +97,16 @@ class _Way:
     def optimise(self, start: Point, horizon: float, effort: Effort) -> Optimum | None:
         if not self.free.any():
             return optimise_apart(self.likelihood, start, self.ends(horizon), effort)
-        factor = 1.0 if horizon < EARLY else FAR_PRIOR
-        prior = self.prior.loosened(factor)
-        return optimise(self.likelihood, start, self.ends(horizon), prior, effort, self.free)
+        return optimise(self.likelihood, start, self.ends(horizon), self._prior(horizon), effort, self.free)
+
+    def carry_on(self, found: Optimum, horizon: float, effort: Effort) -> Optimum | None:
+        """From where one of the same horizon has ended."""
+        if not self.free.any():
+            return self.optimise(found.point, horizon, effort)
+        return carry_on(self.likelihood, found, self._prior(horizon), effort, self.free)
+
+    def _prior(self, horizon: float) -> Prior:
+        return self.prior.loosened(1.0 if horizon < EARLY else FAR_PRIOR)
 
 
 def grow(
@@ -151,11 +171,13 @@ def stages(longest: float, horizons: tuple[float, ...] = HORIZONS) -> tuple[floa
 
 def _advance(way: _Way, start: Point, before: float, stop: float, effort: Effort) -> tuple[_Way, Optimum | None]:
     """From one horizon to the next, in smaller strides where a window gets lost."""
-    found = way.optimise(start, stop, replace(effort, rounds=FIRST_ROUNDS))
+    found = way.optimise(start, stop, replace(effort, rounds=FIRST_ROUNDS, resolution=QUICK))
     astray = _astray(way, found, before, stop)
     if not astray.any():
-        if found is not None and found.ending is Ending.EXHAUSTED:
+        if found is not None and effort.resolution != QUICK and found.misfit < ASTRAY:
             found = way.optimise(found.point, stop, effort)
+        elif found is not None and found.ending is Ending.EXHAUSTED:
+            found = way.carry_on(found, stop, replace(effort, resolution=QUICK))
         return _cut_slack(way, found, stop, effort)
     slackening = _slackening(way, start, before, stop, astray)
     if slackening is not None:

@@ -13,7 +13,11 @@ from jaxtyping import Float
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import derivatives
+from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.integrate import Trajectories, node_times
+
+TOGETHER = 200_000
+"""entries of the systems that are solved at a time: they stay in a core's cache"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,20 +35,13 @@ class Variations:
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """δν̇ = by_pose δq + by_twist δν + by_shared δχ at all nodes; δq̇ = [δv; Rᵀ δω]."""
+    """δν̇ = by_pose δq + by_moving δν + by_shared δχ at all nodes; δq̇ = [δv; Rᵀ δω]."""
 
     by_pose: Float[np.ndarray, "W N m 6"]
     by_moving: Float[np.ndarray, "W N m m"]
     forcing: Float[np.ndarray, "W N m shared"]
     turn: Float[np.ndarray, "W N 3 3"]
     """Rᵀ"""
-
-    def block(self, first: int, last: int) -> "_Linear":
-        chosen = np.s_[:, first : last + 1]
-        return _Linear(self.by_pose[chosen], self.by_moving[chosen], self.forcing[chosen], self.turn[chosen])
-
-    def pose_rates(self, moving: Float[np.ndarray, "W K m P"]) -> Float[np.ndarray, "W K 6 P"]:
-        return np.concatenate([moving[..., :3, :], self.turn @ moving[..., 3:6, :]], axis=-2)
 
 
 def variations(
@@ -66,16 +63,7 @@ def variations(
         forced = np.zeros((*further.shape[:2], linear.forcing.shape[2], further.shape[3]))
         forced[:, :, :6] = further
         linear = replace(linear, forcing=np.concatenate([linear.forcing, forced], axis=-1))
-    count, nodes = trajectories.positions.shape[:2]
-    poses = np.empty((count, nodes, 6, starts.shape[2]))
-    moving = np.empty((count, nodes, starts.shape[1] - 6, starts.shape[2]))
-    poses[:, 0], moving[:, 0] = starts[:, :6], starts[:, 6:]
-    quadrature, k = trajectories.grid.quadrature, trajectories.grid.resolution.intervals
-    for first in range(0, nodes - 1, k):
-        chosen = np.s_[:, first + 1 : first + k + 1]
-        poses[chosen], moving[chosen] = _across(
-            linear.block(first, first + k), quadrature, poses[:, first], moving[:, first]
-        )
+    poses, moving = _carried(linear, trajectories.grid, starts)
     accelerations = linear.by_pose[:, :, :6] @ poses + linear.by_moving[:, :, :6] @ moving
     accelerations[..., -linear.forcing.shape[-1] :] += linear.forcing[:, :, :6]
     return Variations(poses=poses, twists=moving[:, :, :6], accelerations=accelerations, extra=moving[:, :, 6:])
@@ -111,36 +99,75 @@ def _linearised(
     )
 
 
-def _across(
-    linear: _Linear,
-    quadrature: Float[np.ndarray, "k+1 k+1"],
-    pose: Float[np.ndarray, "W 6 P"],
-    moving: Float[np.ndarray, "W m P"],
-) -> tuple[Float[np.ndarray, "W k 6 P"], Float[np.ndarray, "W k m P"]]:
-    """Poses and ν = [twist; ξ] at the nodes 1…k of a block from those at its first node.
+def _carried(
+    linear: _Linear, grid: Grid, starts: Float[np.ndarray, "W 6+m P"]
+) -> tuple[Float[np.ndarray, "W N 6 P"], Float[np.ndarray, "W N m P"]]:
+    """Poses and ν = [twist; ξ] at all nodes, from what each block does to what it begins with.
 
-    ν_i = ν_0 + Σ_j Q_ij (D_j q_j + E_j ν_j + b_j) and q_j = q_0 + Σ_l Q_jl T_l ν_l, hence (1 − H) ν = right-hand side
-    with H_il = Σ_j Q_ij Q_jl D_j T_l + Q_il E_l.
+    Blocks are solved many at a time, each for itself; from block to block there is only a product then.
     """
-    count, points = linear.turn.shape[:2]
-    k, later, m = points - 1, quadrature[1:], moving.shape[1]
-    twice = later[:, np.newaxis, :] * quadrature.T  # (i, l, j): Q_ij Q_jl
-    by_pose = twice.reshape(k * points, points) @ linear.by_pose.reshape(count, points, 6 * m)
-    by_pose = by_pose.reshape(count, k, points, m, 6)
-    turned = by_pose[..., 3:] @ linear.turn[:, np.newaxis]
-    feedback = later[:, :, np.newaxis, np.newaxis] * linear.by_moving[:, np.newaxis]  # H
-    feedback[..., :3] += by_pose[..., :3]
-    feedback[..., 3:6] += turned
-    source = linear.by_pose @ pose[:, np.newaxis]
-    source[..., -linear.forcing.shape[-1] :] += linear.forcing
-    right = np.tensordot(source, later, axes=(1, 1)).transpose(0, 3, 1, 2)
-    right += moving[:, np.newaxis] + feedback[:, :, 0] @ moving[:, np.newaxis]
-    system = np.eye(m * k) - feedback[:, :, 1:].transpose(0, 1, 3, 2, 4).reshape(count, m * k, m * k)
-    columns = pose.shape[-1]
+    count, size, columns = starts.shape
+    k, shared = grid.resolution.intervals, linear.forcing.shape[-1]
+    inside = np.arange(grid.blocks)[:, np.newaxis] * k + np.arange(k + 1)
+    spun = _spun(linear)
+    found = np.empty((count, grid.nodes, size, columns))
+    found[:, 0] = starts
+    found[:, 0, 9:12] = linear.turn[:, 0] @ starts[:, 9:12]
+    many = max(1, TOGETHER // (grid.blocks * ((size - 6) * k) ** 2))
+    for first in range(0, count, many):
+        some = np.s_[first : first + many]
+        tables = (spun.by_pose[some], spun.by_moving[some], spun.forcing[some], spun.turn[some])
+        blocks = _Linear(*(np.concatenate(table[:, inside]) for table in tables))
+        response = _across(blocks, grid.quadrature).reshape(-1, grid.blocks, k * size, size + shared)
+        for block in range(grid.blocks):
+            begin, after = found[some, block * k], found[some, block * k + 1 : (block + 1) * k + 1]
+            moved = response[:, block, :, :size] @ begin
+            moved[..., -shared:] += response[:, block, :, size:]
+            after[:] = moved.reshape(after.shape)
+    found[:, :, 9:12] = np.swapaxes(linear.turn, -1, -2) @ found[:, :, 9:12]
+    return found[:, :, :6], found[:, :, 6:]
+
+
+def _spun(linear: _Linear) -> _Linear:
+    """The same for δω in the body frame, as δφ is, on the right; rates stay as they are."""
+    by_moving = linear.by_moving.copy()
+    by_moving[..., 3:6] = linear.by_moving[..., 3:6] @ np.swapaxes(linear.turn, -1, -2)
+    return replace(linear, by_moving=by_moving)
+
+
+def _across(linear: _Linear, quadrature: Float[np.ndarray, "k+1 k+1"]) -> Float[np.ndarray, "B k 6+m 6+m+shared"]:
+    """[q; μ] at the nodes 1…k of each of B blocks, by q and μ at its first node and by the shared parameters.
+
+    μ is ν with δω in the body frame, ν_i = S_i μ_i, so that q̇ = μ but for ξ. With ν_i = ν_0 + Σ_j Q_ij (D_j q_j +
+    E_j μ_j + b_j) and q_j = q_0 + Σ_l Q_jl μ_l the unknowns follow from Σ_l (S_i δ_il − H_il) μ_l = right-hand side,
+    H_il = Σ_j Q_ij Q_jl D_j + Q_il E_l.
+    """
+    count, points, m = linear.by_pose.shape[:3]
+    k, later, shared = points - 1, quadrature[1:], linear.forcing.shape[-1]
+    turned_back = np.zeros((count, points, m, m))  # S
+    turned_back[..., range(m), range(m)] = 1.0
+    turned_back[..., 3:6, 3:6] = np.swapaxes(linear.turn, -1, -2)
+    flat = linear.by_pose.reshape(count, points, 6 * m)
+    twice = (later[:, np.newaxis, :] * quadrature.T).reshape(k * points, points)  # (i, l; j): Q_ij Q_jl
+    by_pose = (twice @ flat).reshape(count, k, points, m, 6)
+    system = np.multiply(-later[:, np.newaxis, 1:, np.newaxis], linear.by_moving[:, np.newaxis, 1:].swapaxes(2, 3))
+    system[..., :6] -= by_pose[:, :, 1:].swapaxes(2, 3)
+    every = np.arange(k)
+    system[:, every, :, every] += turned_back[:, 1:].swapaxes(0, 1)
+    system = system.reshape(count, k * m, k * m)
+    right = np.empty((count, k, m, 6 + m + shared))
+    right[..., :6] = (later @ flat).reshape(count, k, m, 6)
+    right[..., 6 : 6 + m] = turned_back[:, :1] + later[:, :1, np.newaxis] * linear.by_moving[:, :1]
+    right[..., 6:12] += by_pose[:, :, 0]
+    right[..., 6 + m :] = (later @ linear.forcing.reshape(count, points, -1)).reshape(count, k, m, shared)
     known = np.isfinite(system).all(axis=(1, 2))
     system[~known] = np.eye(m * k)  # LAPACK may call a table of NaN singular: what was to follow it is NaN anyhow
-    found = np.linalg.solve(system, right.reshape(count, m * k, columns)).reshape(count, k, m, columns)
+    found = np.linalg.solve(system, right.reshape(count, k * m, -1)).reshape(right.shape)
     found[~known] = np.nan
-    rates = linear.pose_rates(np.concatenate([moving[:, np.newaxis], found], axis=1))
-    moved = np.tensordot(rates, later, axes=(1, 1)).transpose(0, 3, 1, 2)
-    return pose[:, np.newaxis] + moved, found
+    response = np.empty((count, k, 6 + m, right.shape[-1]))
+    response[:, :, 6:] = found
+    rates = np.ascontiguousarray(found[:, :, :6]).reshape(count, k, -1)
+    response[:, :, :6] = (later[:, 1:] @ rates).reshape(count, k, 6, -1)
+    response[:, :, range(6), range(6)] += 1.0
+    response[:, :, range(6), range(6, 12)] += later[:, :1]
+    return response

@@ -80,13 +80,18 @@ def test_where_the_motion_is_followed_nothing_races(every: Hypotheses, fits: lis
     assert fits == []
 
 
-def test_a_mass_is_tried_at_other_frequencies_until_one_suits(every: Hypotheses, fits: list) -> None:
+def test_a_mass_is_tried_at_other_frequencies_and_the_first_that_suits_is_taken(every: Hypotheses, fits: list) -> None:
     loud = sorted(masses(every), key=lambda h: abs(h.absent[FREQUENCY] - 3.2))[:8]  # the score points elsewhere
-    place = [h.absent[FREQUENCY] for h in loud].index(2.4)
+    assert [h.absent[FREQUENCY] for h in loud].index(2.4) < SCANNED
     (found,) = additions(seen([score(h, 900.0 - k) for k, h in enumerate(loud)], shortened=True), 3, GROUND, None)
     assert found.near is not None
     assert found.near.excess == 1.0
-    assert len(fits) == place + 1
+    assert found.near.tried[0].absent[FREQUENCY] == 2.4
+    assert len(fits) == SCANNED
+    fits.clear()
+    suits = [h for h in loud if h.absent[FREQUENCY] == 2.4]
+    additions(seen([score(h, 900.0) for h in suits], shortened=True), 3, GROUND, None)
+    assert len(fits) == 1, "what suits at once is not scanned any further"
 
 
 def test_no_more_than_some_values_are_tried(every: Hypotheses, fits: list) -> None:
