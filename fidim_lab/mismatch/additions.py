@@ -106,24 +106,24 @@ def _raced(
     Where a score leaves more than noise, other values of what is scanned are tried: the first that leaves only noise
     is taken, else the best.
     """
-    fits = partial(_fitted, seen, short, near=near, context=context)
+    race = partial(_race, seen, short, near, context)
     able = [k for k, score in enumerate(scores) if _may_race(short, score)]
-    first = dict(zip(able, fits([scores[k] for k in able]), strict=True))
-    others = [(k, one) for k in able if not _is_noise(first[k]) for one in _scanned(seen, scores[k])]
-    best = first
-    for (k, _), found in zip(others, fits([one for _, one in others]), strict=True):
+    best = dict(zip(able, side_by_side([partial(race, scores[k]) for k in able]), strict=True))
+    others = [(k, one) for k in able if not _is_noise(best[k]) for one in _scanned(seen, scores[k])]
+    further = side_by_side([partial(race, one, rival=best[k]) for k, one in others])
+    for (k, _), found in zip(others, further, strict=True):
         now = best[k]
         if found is not None and (now is None or (found.excess < now.excess and not _is_noise(now))):
             best[k] = found
     return [best.get(k) for k in range(len(scores))]
 
 
-def _fitted(
-    seen: View, short: Completed, scores: Sequence[Score], *, near: Ground, context: Context
-) -> list[Completed | None]:
-    """The model with the terms of each score, each from where its score says."""
-    beside = [_beside(short.tried, short.thetas, score) for score in scores]
-    return side_by_side([partial(refit, near, seen.fit, tried, thetas, context) for tried, thetas in beside])
+def _race(
+    seen: View, short: Completed, near: Ground, context: Context, score: Score, rival: Completed | None = None
+) -> Completed | None:
+    """The model with the terms of one score, from where it says; given up where it hardly gets as far as a rival."""
+    tried, thetas = _beside(short.tried, short.thetas, score)
+    return refit(near, seen.fit, tried, thetas, context, rival=rival)
 
 
 def _is_noise(found: Completed | None) -> bool:

@@ -88,8 +88,8 @@ def settle(
 ) -> Fit | None:
     """The fit of a model from a start near its optimum; None where it does not get there.
 
-    prior: as `ground.prior` gives it. free: which shared parameters move. wanted: the sum of squares of whole
-    recordings above which the fit is of no use, so that it may be given up.
+    prior: as `ground.prior` gives it. free: which shared parameters move. wanted: the sum of squares above which the
+    fit is of no use, so that it may be given up.
     """
     prior = bounded(prior, mechanism)
     if begins_anew(mechanism, donor):
@@ -104,7 +104,7 @@ def settle(
         last = replace(AT_LAST if mechanism.springs else IN_FULL, wanted=wanted)
         journey = grow(likelihood, start, nearby, free, HORIZONS, last, once=donor.excess >= NEAR)
     else:
-        effort = replace(BESIDE, wanted=wanted) if ground.whole else IN_PASSING
+        effort = replace(BESIDE if ground.whole else IN_PASSING, wanted=wanted)
         ends = np.minimum(donor.journey.ends, [recording.end for recording in likelihood.recordings])
         optimum = optimise(likelihood, start, ends, prior, effort, free)
         journey = None if optimum is None else replace(donor.journey, optimum=optimum, ends=ends)

@@ -137,15 +137,18 @@ def refit(
     ringing: bool = False,
     phases: Float[np.ndarray, " W"] | None = None,
     simpler: Completed | None = None,
+    rival: Completed | None = None,
 ) -> Completed | None:
     """Fit the model with these effects from these θ; None where it does not get there.
 
     donor: the fit whose body and states are the start. Bounds hold inside the fit: what would cross one is held on it.
     ringing: the oscillations of stiff cables are followed too, which begin where the platform is let go.
     phases: of the last effect in each window (rad), where it has such as its one extra state.
-    simpler: a model of which this one is a wider form: a fit that will hardly get as far is given up.
+    simpler: a model of which this one is a wider form: a fit that will hardly get as far is given up. rival: one of
+    the same recordings, and likewise.
     """
     wanted = np.inf if simpler is None else _cost(simpler, ground)
+    wanted = wanted if rival is None else min(wanted, rival.fit.journey.optimum.cost)
     mechanism = _mechanism(ground, donor, tried, starts, ringing)
     prior = ground.prior(
         np.concatenate([np.zeros(0), *(h.absent for h in tried)]),

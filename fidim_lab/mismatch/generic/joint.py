@@ -13,7 +13,7 @@ from fidim_lab.identification.mle.stages import FAR_PRIOR, Journey, grow
 from fidim_lab.mismatch.generic.latent import LatentForce
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
-from fidim_lab.model.sensitivity.grid import FINE
+from fidim_lab.model.sensitivity.grid import FINE, QUICK
 from fidim_lab.model.sensitivity.starts import tied
 
 STRIDES = (5.0, 10.0)
@@ -51,7 +51,7 @@ def fitted(base: Fit, donor: Point, latent: LatentForce, seconds: float) -> Fit 
     longest = max(recording.end for recording in likelihood.recordings)
     if seconds < longest:
         ends = np.minimum(np.array([recording.end for recording in likelihood.recordings]), seconds)
-        first = optimise(likelihood, point, ends, prior, JOINTLY, free)
+        first = optimise(likelihood, point, ends, prior, replace(JOINTLY, resolution=QUICK), free)
         if first is None:
             return None
         point = first.point
