@@ -57,6 +57,38 @@ def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
     assert said == [f"fitting {label} to whole windows" for label in expected]
 
 
+def test_one_optimum_that_was_found_twice_is_fitted_to_whole_windows_once(irma4: Robot) -> None:
+    a, b = hypotheses(irma4).direct[:2]
+    models = [
+        SimpleNamespace(tried=tried, chi2=chi2)
+        for tried, chi2 in [((a,), 100.0), ((a,), 100.2), ((b,), 100.1), ((a,), 140.0), ((a, b), 100.0)]
+    ]
+    assert module._distinct(models) == [models[0], models[2], models[3], models[4]]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("id", "white", "united"),
+    [("air-drag-linear", True, False), ("air-drag-linear", False, True), ("umbilical", True, True)],
+    ids=["a drag that leaves noise", "a drag that leaves more", "a hose that leaves noise"],
+)
+def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, id: str, white: bool, united: bool
+) -> None:
+    """A hose may have taken the share of another term; a drag has nothing to give back."""
+    term = next(h for h in hypotheses(irma4).direct if h.effect.id == id)
+    found = SimpleNamespace(tried=(term,), leftovers=(), fit=SimpleNamespace(chi2_per_dof=1.0), label=id, chi2=1.0)
+    asked: list[bool] = []
+    monkeypatch.setattr(module, "whiteness", lambda _: SimpleNamespace(is_white=white))
+    monkeypatch.setattr(module, "Completed", lambda *_, **__: found)
+    monkeypatch.setattr(module, "common_scale", lambda _: 1.0)
+    monkeypatch.setattr(module, "most_convincing", lambda best, fresh: best)
+    search = module.Search(SimpleNamespace(short=None), lambda _: None, False, Patience())  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "_together", lambda: asked.append(True) or [])
+    monkeypatch.setattr(search.trials, "look", lambda _: SimpleNamespace(unfitted="nothing to look at"))
+    assert search.over_first_seconds() == [found]
+    assert bool(asked) is united
+
+
 SOFT = "hand-contact:fx=0.4,fy=-0.32,start=2.3,stop=3.5,window=0"
 
 

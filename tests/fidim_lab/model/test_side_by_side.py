@@ -1,8 +1,11 @@
 """Work in threads: in order, with what goes wrong."""
 
+from threading import current_thread
+
 import numpy as np
 import pytest
 
+from fidim_lab.model import side_by_side as module
 from fidim_lab.model.side_by_side import cores, side_by_side
 
 
@@ -28,3 +31,26 @@ def test_what_numpy_is_to_ignore_it_ignores_in_every_task():
 
 def test_there_is_a_core():
     assert cores() >= 1
+
+
+@pytest.mark.parametrize(("available", "outer", "inner"), [(1, 1, 1), (2, 2, 1), (4, 2, 2), (8, 2, 2)])
+def test_pieces_within_pieces_share_the_cores_that_the_outer_ones_leave(monkeypatch, available, outer, inner):
+    """So that two fits side by side do not start two threads each on two cores."""
+    monkeypatch.setattr(module, "cores", lambda: available)
+    rooms: list[int] = []
+
+    class Pool(module.ThreadPoolExecutor):
+        def __init__(self, threads: int) -> None:
+            rooms.append(threads)
+            super().__init__(threads)
+
+    monkeypatch.setattr(module, "ThreadPoolExecutor", Pool)
+
+    def piece() -> list[str]:
+        return side_by_side([lambda: current_thread().name] * 3)
+
+    found = side_by_side([piece, piece])
+    wanted = ([outer] if outer > 1 else []) + ([inner] * 2 if inner > 1 else [])
+    assert rooms == wanted
+    if outer > 1 and inner == 1:
+        assert all(len(set(names)) == 1 for names in found), "in the thread of the piece itself"

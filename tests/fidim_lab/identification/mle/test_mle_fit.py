@@ -13,7 +13,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle import held_out, spread, stages
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.likelihood import Point, linearised
-from fidim_lab.identification.mle.optimise import FINAL, PATIENCE, Ending, optimise
+from fidim_lab.identification.mle.optimise import FINAL, PATIENCE, Ending, carry_on, optimise
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
@@ -75,6 +75,29 @@ def test_a_fit_that_will_not_come_as_far_as_is_wanted_is_given_up(from_cad):
     given_up = ended(0.5 * found.cost, promise=0.0)
     assert given_up.ending is Ending.EXHAUSTED
     assert given_up.rounds == PATIENCE
+
+
+def test_a_fit_goes_on_from_where_it_ended_as_if_it_had_not(from_cad):
+    likelihood, found = from_cad.likelihood, from_cad.journey.optimum
+    off = Point(
+        found.point.shared * np.append(np.full(9, 1.02), np.ones(len(found.point.shared) - 9)), likelihood.guesses
+    )
+    ends, prior, free = from_cad.journey.ends, from_cad.prior, np.ones(len(off.shared), dtype=bool)
+    begun = optimise(likelihood, off, ends, prior, replace(FINAL, rounds=2), free)
+    assert begun.ending is Ending.EXHAUSTED
+    assert begun.rounds == 2
+    whole, further = (
+        optimise(likelihood, off, ends, prior, FINAL, free),
+        carry_on(likelihood, begun, prior, FINAL, free),
+    )
+    assert further.ending is Ending.CONVERGED
+    assert further.costs[:3] == begun.costs
+    assert list(further.costs) == sorted(further.costs, reverse=True)
+    assert further.cost == pytest.approx(whole.cost, abs=1e-3)
+    # a pace is taken over the rounds before, too: a fit that creeps is not tried two rounds more
+    count = sum(len(r.markers) + len(r.lengths) for r in begun.simulation.residuals)
+    slow = replace(begun, costs=tuple(count * c for c in (9.2, 9.1, 9.0)), cost=9.0 * count)
+    assert carry_on(likelihood, slow, prior, replace(FINAL, creep=0.1), free).rounds == begun.rounds
 
 
 def test_no_step_is_taken_to_where_derivatives_are_not_finite(from_cad, monkeypatch):
