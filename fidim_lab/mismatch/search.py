@@ -149,7 +149,7 @@ class Search:
                 continue  # with fewer terms it can follow no better
             if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
                 continue  # where another follows whole windows
-            found = ahead[k] if k in ahead else self._whole(model, baseline.model)
+            found = ahead[k] if k in ahead else self._to_whole_windows([model], baseline.model)[0]
             if found is not None and found.excess >= HOPELESS:
                 in_vain.append(terms)
             elif found is not None:
@@ -169,14 +169,17 @@ class Search:
         first = {h.effect for h in able[0].tried}
         others = (k for k, model in enumerate(able) if not {h.effect for h in model.tried} <= first)
         chosen = [0, *islice(others, 1)]
-        found = side_by_side([partial(self._whole, able[k], as_it_is) for k in chosen])
+        found = self._to_whole_windows([able[k] for k in chosen], as_it_is)
         return dict(zip(chosen, found, strict=True))
 
-    def _whole(self, model: Completed, as_it_is: Completed) -> Completed | None:
-        """A model of the first seconds fitted to whole windows."""
-        self.say(f"fitting {model.label} to whole windows")
-        whole = self.start.whole_ground
-        return refit(whole, model.fit, model.tried, model.thetas, self.start.context, simpler=as_it_is)
+    def _to_whole_windows(self, models: Sequence[Completed], as_it_is: Completed) -> list[Completed | None]:
+        """Models of the first seconds fitted to whole windows, side by side."""
+        for model in models:
+            self.say(f"fitting {model.label} to whole windows")
+        whole, context = self.start.whole_ground, self.start.context
+        return side_by_side(
+            [partial(refit, whole, one.fit, one.tried, one.thetas, context, simpler=as_it_is) for one in models]
+        )
 
     def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
         """Hands in whole windows of which only the first seconds are followed, by the best model of these."""
