@@ -16,7 +16,7 @@ from fidim_lab.errors import InfeasibleError, RefusedError
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.identified import bodies_of
 from fidim_lab.identification.excitation.knowledge import Knowledge
-from fidim_lab.identification.excitation.place import Place, wanted_amplitudes
+from fidim_lab.identification.excitation.place import Place, inside, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, planned
 from fidim_lab.identification.excitation.seen import Seen, seen_swing, taught
 from fidim_lab.identification.excitation.strokes import COARSE
@@ -184,6 +184,31 @@ def looked_at(robot: Robot, place: Place, found: Swung, rng: np.random.Generator
     if seen is None:
         raise InfeasibleError(f"nothing to be seen at {rest}")
     return seen
+
+
+def possible(run: int, window: Window) -> tuple[float, str]:
+    """The part of the wanted swing that winches could give were all that is hidden known, and what limits it.
+
+    Body, mass and damping are the world's; what is left to allow for are set-points that come late.
+    """
+    rng = np.random.default_rng([run, 7])
+    robot, held, mechanism = window.place.robot, window.place.equilibrium.lengths, window.place.mechanism
+    world = true_world(robot, rng, held, mechanism)
+    place = Place.at(mechanism, held, world.body)
+    share = np.diag([0.0] * 3 + [1.0] * 3)
+    keys = dict(world.hidden[0].parameters)
+    c = keys.get("c", robot.n * keys.get("viscous", 0.0)) / world.mass
+    swing = place.swing
+    damping = c * np.diag(swing.shapes.T @ share @ swing.shapes) / (4 * np.pi * swing.frequencies)
+    ones = np.ones(len(damping))
+    # planned with the file's mass: limits are put where the true mass has them, and what `inside` spares is given back
+    low, high = np.array(robot.limits.tension) * robot.mass / world.mass
+    spared = np.linalg.solve(np.array([inside((1.0, 0.0)), inside((0.0, 1.0))]).T, [low, high])
+    try:
+        found = planned(place, window.wanted, Knowledge(damping, ones, ones, damping), LIMITS, (), tuple(spared))
+    except InfeasibleError:
+        return 0.0, "refused"
+    return float(np.linalg.norm(found.reached) / np.linalg.norm(window.wanted)), found.why_less
 
 
 @dataclass(frozen=True, eq=False)
