@@ -64,9 +64,14 @@ def numbered(run: int) -> Tries:
 
 
 def part_numbered(run: int) -> Tries:
-    """The run of this number, always the same: each hidden body meets all parts, one after the other."""
+    """The run of this number, always the same."""
+    return one(*_body_and_part(run))
+
+
+def _body_and_part(run: int) -> tuple[int, Window]:
+    """Each hidden body meets all parts of a window's swing, one after the other."""
     body, which = divmod(run, len(PARTS_WANTED))
-    return one(body, window_numbered(body % WINDOWS, PARTS_WANTED[which]))
+    return body, window_numbered(body % WINDOWS, PARTS_WANTED[which])
 
 
 def session_numbered(run: int) -> list[Tries]:
@@ -133,8 +138,7 @@ def gentle(options: argparse.Namespace) -> str:
 
 def possible_of(run: int) -> tuple[float, str]:
     """Of the run of this number of `gentle`."""
-    body, which = divmod(run, len(PARTS_WANTED))
-    return possible(body, window_numbered(body % WINDOWS, PARTS_WANTED[which]))
+    return possible(*_body_and_part(run))
 
 
 def bound(options: argparse.Namespace) -> str:

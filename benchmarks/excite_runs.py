@@ -24,6 +24,7 @@ from fidim_lab.model.driven import driven_motions
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.kinematics import dependent_pose
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.swing import Swing
 from procedures.excite import TELLING
 from sim_backends.excited import Swung, carry_out
 from sim_backends.plant.hidden import HiddenEffect
@@ -148,9 +149,7 @@ def true_world(
         body = Body(com=com, inertia=inertia)
         if np.linalg.eigvalsh(body.inertia_about_com)[0] > 0:
             break
-    swing = Place.at(mechanism, lengths, body).swing
-    share = np.diag([0.0] * 3 + [1.0] * 3)
-    ratios = np.diag(swing.shapes.T @ share @ swing.shapes) / (4 * np.pi * swing.frequencies)
+    ratios = _damping_by_drag(Place.at(mechanism, lengths, body).swing)
     mass = robot.mass * (1 + rng.uniform(-CAD_OFF, CAD_OFF))
     c = float(rng.uniform(*damping) / ratios.max() * mass)
     # friction at the attachments turns against the cables' directions, which move little: n of them drag like one
@@ -159,6 +158,12 @@ def true_world(
     else:
         hidden = (HiddenEffect("attachment-friction", None, (("viscous", c / robot.n), ("dry", 0.0))),)
     return replace(make_world(robot, rng, hidden, body=body), mass=mass)
+
+
+def _damping_by_drag(swing: Swing) -> np.ndarray:
+    """ζ of each mode for a drag of the rotation of 1 N m s for each kg."""
+    share = np.diag([0.0] * 3 + [1.0] * 3)
+    return np.diag(swing.shapes.T @ share @ swing.shapes) / (4 * np.pi * swing.frequencies)
 
 
 def swung(robot: Robot, plant: Plant, excitation: Excitation, held: np.ndarray, rng: np.random.Generator) -> Swung:
@@ -195,11 +200,9 @@ def possible(run: int, window: Window) -> tuple[float, str]:
     robot, held, mechanism = window.place.robot, window.place.equilibrium.lengths, window.place.mechanism
     world = true_world(robot, rng, held, mechanism)
     place = Place.at(mechanism, held, world.body)
-    share = np.diag([0.0] * 3 + [1.0] * 3)
     keys = dict(world.hidden[0].parameters)
     c = keys.get("c", robot.n * keys.get("viscous", 0.0)) / world.mass
-    swing = place.swing
-    damping = c * np.diag(swing.shapes.T @ share @ swing.shapes) / (4 * np.pi * swing.frequencies)
+    damping = c * _damping_by_drag(place.swing)
     ones = np.ones(len(damping))
     # planned with the file's mass: limits are put where the true mass has them, and what `inside` spares is given back
     low, high = np.array(robot.limits.tension) * robot.mass / world.mass
