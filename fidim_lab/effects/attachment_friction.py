@@ -50,22 +50,24 @@ class AttachmentFriction(NamedEffect):
 
 @dataclass(frozen=True)
 class AttachmentFrictionGivingWay(NamedEffect):
-    """Friction at the attachments that gives way like a spring before it slips (Dahl, 1968), more of it about z.
+    """Coulomb's friction at the attachments, that gives way before it slips (Dahl, 1968), more of it about z.
 
-    Torque −(viscous s + dry R b) at each attachment, s as in `AttachmentFriction`, and −dry_z c R e_z on the platform:
-    whatever turns about the body's own z axis alone, twisted ends or a lead. b and c, the shares of the dry friction
-    that have built up, are extra states: ḃ = (Rᵀω − ‖ω‖ b)/give, ċ = (ω_z − |ω_z| c)/give in the body frame; cables
-    turn far less than the platform. At a reversal the friction takes about `give` to turn round, so it holds small
-    swings like a spring of stiffness dry/give and damps large ones like dry friction.
+    Dry friction goes with what presses, the cable's tension T. Torque −(viscous s + dry T/T₀ R b) at each attachment,
+    s as in `AttachmentFriction`, and −dry_z T/T₀ c R e_z / n for each cable on the platform: whatever turns about the
+    body's own z axis alone, twisted ends or a lead. T₀ is the weight over n, a usual tension. b and c, the shares of
+    the dry friction that have built up, are extra states: ḃ = (Rᵀω − ‖ω‖ b)/give, ċ = (ω_z − |ω_z| c)/give in the body
+    frame; cables turn far less than the platform. At a reversal the friction takes about `give` to turn round, so it
+    holds small swings like a spring of stiffness dry/give and damps large ones like dry friction. Dry friction is felt
+    where cables are springs.
     """
 
     id: ClassVar[str] = "attachment-friction"
-    variant: ClassVar[str] = "giving way, more about z"
+    variant: ClassVar[str] = "by tension, giving way, more about z"
     says: ClassVar[str] = (
-        "torque at each attachment, −(viscous s + dry b), and −dry_z c about the body's z axis; b and c build up over "
-        "a turn of `give`"
+        "torque at each attachment, −(viscous s + dry T/T₀ b), and −dry_z T/T₀ c about the body's z axis; T the "
+        "cable's tension, T₀ the weight over the number of cables; b and c build up over a turn of `give`"
     )
-    source: ClassVar[str] = "Dahl, A solid friction model, 1968; REAL.md §4"
+    source: ClassVar[str] = "Coulomb; Dahl, A solid friction model, 1968; REAL.md §4"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         *AttachmentFriction.parameters,
         Parameter("dry_z", "N m", "friction takes energy", scale=0.01, low=0.0, high=10.0, start=0.05),
@@ -85,13 +87,18 @@ class AttachmentFrictionGivingWay(NamedEffect):
     )
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
-        """What has built up, and viscous friction with the cables' reactions."""
-        dry = state.rotation @ state.extra[:3]
+        """Viscous friction with the cables' reactions."""
+        return over_cables(self, state, lambda cable: _on_both(cable, -theta[0] * _slip(state, cable)))
 
-        def each(cable: CableExpressions) -> ca.SX:
-            return _on_both(cable, -theta[0] * _slip(state, cable) - theta[1] * dry)
-
-        return over_cables(self, state, each) + turning(-theta[2] * state.extra[3] * state.rotation[:, 2])
+    def tension_wrench(self, number: int, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """What has built up."""
+        if not self.concerns(number):
+            return ca.SX(6, 1)
+        n = len(state.cables)
+        usual = state.mass * ca.norm_2(state.gravity) / n
+        at_attachment = _on_both(state.cables[number - 1], -theta[1] * state.rotation @ state.extra[:3])
+        about_z = turning(-theta[2] / n * state.extra[3] * state.rotation[:, 2])
+        return (at_attachment + about_z) / usual
 
     def extra_start(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Nothing has built up."""

@@ -153,10 +153,11 @@ def _giving_way(compared: Compared) -> list[str]:
         return []
     (*_, about_z, give), (*_, sd), _ = compared.whole.theta_of(compared.dissipation[0])
     return [
-        f"Friction there gives way over {np.degrees(give):.1f}° ({give:.2g} ± {sd:.1g} rad) before it slips, so it "
-        f"holds small swings like a spring, and rubs by {about_z:.2g} N m more about the body's z axis: that fits the "
-        f"windows by {compared.behind(before):.0f} nats better than friction that slips at once, which misses held-out "
-        f"ones by {1e3 * before.held_out:.1f} mm."
+        f"Friction there goes with the cables' tension, gives way over {np.degrees(give):.1f}° ({give:.2g} ± {sd:.1g} "
+        f"rad) before it slips, so it holds small swings like a spring, and rubs by {about_z:.2g} N m more about the "
+        f"body's z axis (all at usual tension): that fits the windows by {compared.behind(before):.0f} nats better "
+        f"than friction that slips at once with any tension, which misses held-out ones by "
+        f"{1e3 * before.held_out:.1f} mm."
     ]
 
 

@@ -77,6 +77,14 @@ def stretch_dampings(mechanism: Mechanism, cables: Sequence[CableExpressions], t
     return found
 
 
+def tension_wrenches_at(mechanism: Mechanism, state: PlatformState, theta: ca.SX) -> ca.SX:
+    """Wrenches (6 × n) on the platform for each newton of the cables' tensions, or N/kg: both per unit mass."""
+    given = _with_states(mechanism, state, theta)
+    numbers = range(1, mechanism.n + 1)
+    each = (sum((effect.tension_wrench(k, own, part) for own, effect, part in given), ca.SX(6, 1)) for k in numbers)
+    return ca.horzcat(*each)
+
+
 def extra_rates_at(mechanism: Mechanism, state: PlatformState, theta: ca.SX) -> ca.SX:
     """Time derivatives of all extra states."""
     found = (effect.extra_rates(own, part) for own, effect, part in _with_states(mechanism, state, theta))

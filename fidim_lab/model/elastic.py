@@ -1,10 +1,11 @@
 """Free motion on cables that are springs: twelve freedoms, tensions from stretch (MODEL.md §6).
 
-    stretch = l − l₀ − drift,   τ = stretch/κ + c · d stretch/dt,   M v̇ = φ − C v + w − Ξᵀ τ
+    stretch = l − l₀ − drift,   τ = stretch/κ + c · d stretch/dt,   M v̇ = φ − C v + w − (Ξᵀ − W) τ
 
-κ is the effects' compliance, c their damping, per unit mass. Cables that no effect stretches stay rigid. Wrong where
-κ is 0, and stiff where it is small: there `dynamics` with its first-order stretch is right. The lengths l₀ of the
-unstretched cables are parameters of a window here, while the rigid model has them in its initial pose alone.
+κ is the effects' compliance, c their damping, W what they do for each newton of tension, per unit mass. Cables that no
+effect stretches stay rigid. Wrong where κ is 0, and stiff where it is small: there `dynamics` with its first-order
+stretch is right. The lengths l₀ of the unstretched cables are parameters of a window here, while the rigid model has
+them in its initial pose alone.
 """
 
 import casadi as ca
@@ -60,7 +61,7 @@ def springs(mechanism: Mechanism, equations: MotionEquations, lengths: ca.SX) ->
     compliant = compliant_cables(equations)
     rigid = [k for k in range(mechanism.n) if k not in compliant]
     tension = spring_tensions(mechanism, equations, lengths[compliant])
-    wrench = equations.wrench - equations.structure[compliant, :].T @ tension
+    wrench = equations.wrench + equations.wrench_of(compliant, tension)
     held = equations.structure[rigid, :]
     system = ca.vertcat(ca.horzcat(equations.mass, held.T), ca.horzcat(held, ca.SX(len(rigid), len(rigid))))
     diagonal, lower, order = ca.ldl(system, False)

@@ -16,13 +16,20 @@ springs       `elastic`: τ = stretch/κ + damping, twelve freedoms; exact, but 
               `sensitivity.stiff` follows stiff ones without their oscillations.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 
 from fidim_lab.model.batch import from_rows, rows
-from fidim_lab.model.contributions import compliances_at, extra_count, extra_rates_at, inertia_at, length_drifts_at
+from fidim_lab.model.contributions import (
+    compliances_at,
+    extra_count,
+    extra_rates_at,
+    inertia_at,
+    length_drifts_at,
+    tension_wrenches_at,
+)
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism, structure_expression, structure_rate_expression
 from fidim_lab.model.rigid_body import BodyExpressions
@@ -82,6 +89,8 @@ class MotionEquations:
     """A (6 × 6), structurally zero where no effect adds inertia"""
     wrench: ca.SX
     """φ − C v + w − b (6)"""
+    by_tension: ca.SX
+    """wrench (6 × n) for each N/kg of a cable's tension, beside its pull; felt where cables are springs"""
     drifts: ca.SX
     """how much longer than at time 0 the cables are (n), m"""
     pull: ca.SX
@@ -108,6 +117,11 @@ class MotionEquations:
         if self.compliance.is_zero():
             return solver(self.wrench, self.pull)
         return solver(self.wrench, self.pull + self.stretch(solver)[2])
+
+    def wrench_of(self, cables: Sequence[int], tensions: ca.SX) -> ca.SX:
+        """Wrench (6) of cables (0-based) that are springs with these tensions, N/kg: their pull, what grows with it."""
+        chosen = list(cables)
+        return (self.by_tension[:, chosen] - self.structure[chosen, :].T) @ tensions
 
     def length_constraint(self, solver: Solver | None = None) -> tuple[ca.SX, ca.SX]:
         """What the cables hold at any time: drift + stretch (n), m, and its rate (n), m/s.
@@ -165,6 +179,7 @@ def motion_equations(mechanism: Mechanism, symbols: Symbols) -> MotionEquations:
         lengths=mechanism.lengths_at(cables, theta),
         added_mass=added,
         wrench=wrench + mechanism.wrench_at(state, theta),
+        by_tension=tension_wrenches_at(mechanism, state, theta),
         drifts=drifts,
         pull=ca.jtimes(drift_rates, symbols.time, ca.SX(1)) - bending,
         compliance=compliances_at(mechanism, cables, theta),

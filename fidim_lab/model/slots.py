@@ -6,7 +6,8 @@ kg: `contributions` and `Mechanism` divide by the robot's mass where the model c
 
     geometry        constants of a cable               cable_length    what an encoder reads too much
     length_drift    a cable that grows in time         compliance      stretch under tension
-    wrench          force and torque on the platform   kinetic_energy  inertia that the platform drags along
+    wrench          force and torque on the platform   tension_wrench  the same for each newton of a tension
+    kinetic_energy  inertia that the platform drags along
     extra_*         states of its own                  marker, seen, true_time   what the cameras make of it
 """
 
@@ -135,6 +136,14 @@ class Effect:
         """A further wrench [force; torque about P] on the platform (6), N and N m, world frame."""
         del state, theta
         return ca.SX.zeros(6)
+
+    def tension_wrench(self, number: int, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """Wrench (6) on the platform for each newton of cable `number`'s tension, 1 and m, world frame.
+
+        Felt only where that cable is a spring (`elastic`): there its tension is known before the accelerations are.
+        """
+        del number, state, theta
+        return ca.SX(6, 1)
 
     def kinetic_energy(self, state: PlatformState, theta: ca.SX) -> ca.SX:
         """Kinetic energy of what moves with the platform and the cables, J: quadratic in the twist."""

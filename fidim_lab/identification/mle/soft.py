@@ -5,7 +5,7 @@ that any such robot has are fitted along with the body, within what is physicall
 cables, friction at the attachments, drag about each body axis, the encoders' zeros, and the frames of cameras and
 markers (`frames`). They are there so that the body does not carry them; which of them is real, `fidim explain` asks.
 How soft cables are, statics says where it can (`stretch`): the motion hardly does. Where the recordings ask for it,
-friction gives way before it slips (`AttachmentFrictionGivingWay`).
+friction goes with tension and gives way before it slips (`AttachmentFrictionGivingWay`).
 
 What such a model misses even at its best is no white noise: it is common to all markers of the body and stays the same
 for a good part of an oscillation. Fits count that share of the motion as noise, as large as makes its information true
@@ -104,16 +104,18 @@ class SoftFit:
             source = f"{1e6 * self.stretch.softness:.0f} by statics of lengths and load cells, {lag}"
         mechanism = self.found.likelihood.mechanism
         frames = ", frames of cameras and markers" if len(mechanism.effects) > 3 + mechanism.n else ""
-        more = (
-            f", {giving[0]:.2g} N m more about the body's z axis, giving way over {giving[1]:.2g} rad" if giving else ""
-        )
+        by_tension, more = "", ""
+        if giving:
+            by_tension = " at usual tension"
+            more = f", {giving[0]:.2g} N m more about the body's z axis, giving way over {giving[1]:.2g} rad"
         best = min(self.costs)
         alike = sum(cost < SAME * best for cost in self.costs)
         return (
             f"Cables were fitted as springs ({1e6 * softness:.0f} µm/N, {source}) with friction at the attachments "
-            f"({dry:.2g} N m dry, {viscous:.2g} N m s viscous for each cable{more}), drag about the body's axes "
-            f"({', '.join(f'{value:.2g}' for value in drag)} N m s), free encoder zeros{frames}; these terms take up "
-            f"what dissipates, they do not prove where. {alike} of {len(self.costs)} beginnings led to this optimum.",
+            f"({dry:.2g} N m dry{by_tension}, {viscous:.2g} N m s viscous for each cable{more}), drag about the body's "
+            f"axes ({', '.join(f'{value:.2g}' for value in drag)} N m s), free encoder zeros{frames}; these terms "
+            "take up what dissipates, they do not prove where. "
+            f"{alike} of {len(self.costs)} beginnings led to this optimum.",
             *self.cut,
         )
 

@@ -127,8 +127,8 @@ class Sample:
 
     @property
     def wrench(self) -> ca.SX:
-        """With the pull of the springs (6)."""
-        return self.equations.wrench - self.equations.structure[list(self.sprung), :].T @ self.pulled
+        """With the pull of the springs and what grows with it (6)."""
+        return self.equations.wrench + self.equations.wrench_of(self.sprung, self.pulled)
 
     @property
     def pull(self) -> ca.SX:

@@ -9,6 +9,7 @@ import pytest
 from fidim_lab.effects.air_drag import AirDragLinear
 from fidim_lab.effects.cable_creep import CableCreep
 from fidim_lab.effects.cable_elasticity import CableElasticity, CableStiffness
+from fidim_lab.effects.forces import at_arm
 from fidim_lab.effects.loose_mass import LooseMass
 from fidim_lab.effects.winch_hold_compliance import WinchHoldCompliance
 from fidim_lab.errors import InfeasibleError, OurBugError, SetupError
@@ -62,6 +63,23 @@ def test_compliances_in_series_add(irma4, swing):
         simulate_elastic_motion(one, *args).motion.positions,
         atol=1e-13,
     )
+
+
+class PullingLess(Undamped):
+    """A tenth of each tension does not reach the platform."""
+
+    def tension_wrench(self, number, state, theta):
+        cable = state.cables[number - 1]
+        return 0.1 * at_arm(cable.arm, cable.direction)
+
+
+def test_what_grows_with_tension_adds_to_the_pull(irma4, swing):
+    pose, twist = swing
+    args = (irma4.nominal, pose, twist, TIMES[:20], LENGTHS - 3e-4)
+    losing = simulate_elastic_motion(Mechanism(irma4, (PullingLess(),), [1e-6]), *args)
+    softer = simulate_elastic_motion(Mechanism(irma4, (Undamped(),), [1e-6 / 0.9]), *args)
+    np.testing.assert_allclose(losing.motion.positions, softer.motion.positions, atol=1e-12)
+    np.testing.assert_allclose(0.9 * losing.tensions, softer.tensions, rtol=1e-9)
 
 
 def test_a_rigid_cable_is_no_spring(irma4, swing):

@@ -93,7 +93,11 @@ def test_friction_that_gives_way_is_said_with_what_it_gains(irma4: Robot) -> Non
     assert told.effects[0].id == "attachment-friction"
     assert set(told.effects[0].parameters) == {"viscous", "dry", "dry_z", "give"}
     assert "gives way over 17.2° (0.3 ± 0.01 rad) before it slips" in told.message
-    assert "100 nats better than friction that slips at once, which misses held-out ones by 2.6 mm" in told.message
+    assert "Friction there goes with the cables' tension" in told.message
+    assert (
+        "100 nats better than friction that slips at once with any tension, which misses held-out ones by 2.6 mm"
+        in told.message
+    )
     assert ("attachment-friction", "rotational-drag (per body axis)") in [ranked.effects for ranked in told.ranking]
 
 

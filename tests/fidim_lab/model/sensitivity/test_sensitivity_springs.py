@@ -48,6 +48,15 @@ class Yielding(Soft):
     encoder_sees_stretch = True
 
 
+class Rubbing(Soft):
+    """What drags at the attachments goes with the tension, too, as dry friction does."""
+
+    def tension_wrench(self, number, state, theta):
+        arm = state.cables[number - 1].arm
+        force = -0.1 * theta[1] * state.velocity(arm)
+        return ca.vertcat(force, ca.cross(arm, force))
+
+
 def started(robot, effect, softness=2e-5, shake=0.05) -> tuple[Mechanism, np.ndarray, States]:
     """Two windows of one robot near rest, their springs shaken."""
     mechanism = Mechanism(robot, (effect,), [softness, 0.3, 1e-3], springs=True)
@@ -93,8 +102,9 @@ def derivatives(mechanism, shared, states, resolution=FINE, times=TIMES):
     return starts, np.stack([markers.between(one, index, weights) for one in nodal])
 
 
-def test_springs_move_as_with_the_other_integrator(robot):
-    mechanism, shared, states = started(robot, Soft())
+@pytest.mark.parametrize("effect", [Soft(), Rubbing()], ids=["all", "rubbing"])
+def test_springs_move_as_with_the_other_integrator(robot, effect):
+    mechanism, shared, states = started(robot, effect)
     starts, found = simulated(mechanism, shared, states)
     for w in range(2):
         times = found.grid.t + BEGINS[w]
@@ -108,7 +118,9 @@ def test_springs_move_as_with_the_other_integrator(robot):
         np.testing.assert_allclose(found.tensions[w][:valid], other.tensions, atol=2e-3)
 
 
-@pytest.mark.parametrize("effect", [Soft(), Soft((2,)), Yielding((1, 2))], ids=["all", "one", "seen"])
+@pytest.mark.parametrize(
+    "effect", [Soft(), Soft((2,)), Yielding((1, 2)), Rubbing()], ids=["all", "one", "seen", "rubbing"]
+)
 def test_every_column_agrees_with_finite_differences(robot, effect):
     if robot.n == 1 and effect.numbers == (2,):
         pytest.skip("a robot of one cable has no second one")
