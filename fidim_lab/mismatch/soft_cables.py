@@ -2,8 +2,9 @@
 
 Where rigid cables are the wrong model, the search among effects beside them says nothing. Here the elastic fit
 (`identification.mle.soft`) is the ground: it is fitted without any dissipation, with each of its two terms alone, with
-friction elsewhere in the place of that at the attachments, and with friction that slips at once where that of the
-ground gives way first. Windows that no fit has seen decide.
+friction elsewhere in the place of that at the attachments, with friction elsewhere or drag of the air in the place of
+both, and with friction that slips at once where that of the ground gives way first. Windows that no fit has seen
+decide.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.effects.air_drag import AirDragLinear, AirDragQuadratic
 from fidim_lab.effects.attachment_friction import AttachmentFriction
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
@@ -33,6 +35,8 @@ Say = Callable[[str], None]
 DRAG = RotationalDragPerAxis()
 ELSEWHERE = (SwivelFriction(), PulleyFriction())
 """friction that would stand in the place of that at the attachments"""
+ALONE = (*ELSEWHERE, AirDragLinear(), AirDragQuadratic())
+"""what would stand in the place of both terms"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +81,8 @@ class Compared:
     """with one of them"""
     elsewhere: tuple[Elastic, ...]
     """with other friction in the place of that at the attachments; those that could be fitted"""
+    alone: tuple[Elastic, ...] = ()
+    """with something else in the place of both terms; those that could be fitted"""
     at_once: Elastic | None = None
     """with friction that slips at once, where that of `whole` gives way before"""
 
@@ -85,6 +91,11 @@ class Compared:
         """Both terms: friction at the attachments, drag."""
         friction, drag = self.whole.effects
         return friction, drag
+
+    @property
+    def same_law(self) -> Elastic:
+        """With friction at the attachments by the law that friction `elsewhere` has."""
+        return self.whole if self.at_once is None else self.at_once
 
     def behind(self, other: Elastic) -> float:
         """Nats by which another model fits the fitted windows worse than the whole."""
@@ -107,16 +118,19 @@ def compare(campaign: Campaign, say: Say) -> Compared:
     without = variant()
     single: list[Elastic] = []
     elsewhere: list[Elastic] = []
+    alone: list[Elastic] = []
+    mechanism = soft.found.likelihood.mechanism
     for into, effects in (
         (single, (friction,)),
         (single, (DRAG,)),
-        *((elsewhere, (other, DRAG)) for other in ELSEWHERE if can_refit(other, soft.found.likelihood.mechanism)),
+        *((elsewhere, (other, DRAG)) for other in ELSEWHERE if can_refit(other, mechanism)),
+        *((alone, (other,)) for other in ALONE if can_refit(other, mechanism)),
     ):
         try:
             into.append(variant(*effects))
         except RefusedError as refusal:
             say(str(refusal))
-    return Compared(soft, whole, without, tuple(single), tuple(elsewhere), at_once)
+    return Compared(soft, whole, without, tuple(single), tuple(elsewhere), tuple(alone), at_once)
 
 
 def _fitted(soft: SoftFit, effects: Sequence[NamedEffect]) -> Fit:

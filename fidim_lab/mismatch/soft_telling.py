@@ -7,6 +7,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Robot
 from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.soft import ALL_NOISE
 from fidim_lab.mismatch.explanation import (
@@ -76,12 +77,12 @@ def _cause(compared: Compared, effect: NamedEffect) -> NamedCause:
         for p, value, sd, most in zip(effect.parameters, values, sds, high, strict=True)
     }
     others = compared.elsewhere if effect == compared.dissipation[0] else ()
-    alike = tuple(one.effects[0].id for one in others if _as_good(compared.whole, one) and not _impossible(one))
+    alike = tuple(one.effects[0].id for one in others if _as_good(compared.same_law, one) and not _impossible(one))
     return NamedCause(effect.id, None, alike, parameters, effect.says)
 
 
-def _as_good(whole: Elastic, other: Elastic) -> bool:
-    return other.held_out < ALIKE * whole.held_out
+def _as_good(one: Elastic, other: Elastic) -> bool:
+    return other.held_out < ALIKE * one.held_out
 
 
 def _impossible(one: Elastic) -> bool:
@@ -92,7 +93,10 @@ def _impossible(one: Elastic) -> bool:
 
 def _ranking(compared: Compared) -> tuple[Ranked, ...]:
     slipping = () if compared.at_once is None else (compared.at_once,)
-    every = (compared.whole, *slipping, *compared.single, *compared.elsewhere, compared.without)
+    every = (
+        *(compared.whole, *slipping, *compared.single),
+        *(*compared.elsewhere, *compared.alone, compared.without),
+    )
     ranked = [
         Ranked(
             tuple(effect.label for effect in one.effects),
@@ -129,6 +133,7 @@ def _message(compared: Compared, named: Sequence[NamedEffect], robot: Robot, sof
         f"The fitted windows ask for {' and '.join(effect.id for effect in named)}.",
         *(_alone(compared, one) for one in compared.single),
         *(_instead(compared, one) for one in compared.elsewhere),
+        *_by_themselves(compared, robot),
     ]
     said += _giving_way(compared)
     values, sds, _ = whole.theta_of(compared.dissipation[0])
@@ -168,10 +173,32 @@ def _alone(compared: Compared, one: Elastic) -> str:
     )
 
 
+def _by_themselves(compared: Compared, robot: Robot) -> list[str]:
+    """What cannot be all that dissipates, and why; empty where nothing else was tried."""
+    said: list[str] = []
+    for one in compared.alone:
+        reason = _why_impossible(one, robot)
+        missed = "" if np.isnan(one.held_out) else f" (held-out windows {1e3 * one.held_out:.1f} mm)"
+        bound = "" if reason is None else f", for {reason}"
+        said.append(f"{one.effects[0].id} is {compared.behind(one):.0f} nats worse{missed}{bound}")
+    return [f"In the place of both terms, {'; '.join(said)}."] if said else []
+
+
+def _why_impossible(one: Elastic, robot: Robot) -> str | None:
+    """Why the first effect cannot be larger, where it is as large as can be."""
+    effect = one.effects[0]
+    values, _, high = one.theta_of(effect)
+    limits = effect.limits(Context.of(robot))
+    held = [p.name for p, value, most in zip(effect.parameters, values, high, strict=True) if value > AT_BOUND * most]
+    return next((limits[name].why for name in held if name in limits), None)
+
+
 def _instead(compared: Compared, one: Elastic) -> str:
     name = one.effects[0].id
     if _impossible(one):
         return f"{name} in the place of the attachments asks for more torque than such a pulley can produce."
-    if _as_good(compared.whole, one):
-        return f"{name} in their place predicts about as well ({1e3 * one.held_out:.1f} mm)."
-    return f"{name} in their place predicts worse ({1e3 * one.held_out:.1f} mm)."
+    as_good = "about as well as" if _as_good(compared.same_law, one) else "worse than"
+    theirs = 1e3 * compared.same_law.held_out
+    return (
+        f"{name} in their place predicts {as_good} theirs by the same law ({1e3 * one.held_out:.1f}, {theirs:.1f} mm)."
+    )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
+from fidim_lab.effects.air_drag import AirDragLinear
 from fidim_lab.effects.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.pulley_friction import PulleyFriction
@@ -16,10 +17,11 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.normal import Prior
 from fidim_lab.identification.mle.soft import SoftFit
 from fidim_lab.mismatch.explanation import Before, Explanation, Verdict
-from fidim_lab.mismatch.soft_cables import DRAG, Compared, Elastic
+from fidim_lab.mismatch.soft_cables import ALONE, DRAG, Compared, Elastic
 from fidim_lab.mismatch.soft_telling import soft_answer
 
 ATTACHMENT, GIVING = AttachmentFriction(), AttachmentFrictionGivingWay()
+ALONE_BY_NAME = {"swivel_alone": SwivelFriction(), "air_alone": AirDragLinear()}
 ON_RIGID = Explanation(
     "c", Verdict.UNKNOWN_PHYSICS, (), (), Before(9, 9), Before(9, 9), (), {}, {}, None, "As said.", 1.0
 )
@@ -68,6 +70,7 @@ def answer(irma4: Robot, **changed: Figures) -> Explanation | None:
         without=elastic(of["without"]),
         single=(elastic(of["attachment"], friction), elastic(of["drag"], DRAG)),
         elsewhere=(elastic(of["swivel"], SwivelFriction(), DRAG), elastic(of["pulley"], PulleyFriction(), DRAG)),
+        alone=tuple(elastic(of[name], effect) for name, effect in ALONE_BY_NAME.items() if name in of),
         at_once=elastic(of["at_once"], ATTACHMENT, DRAG) if "at_once" in of else None,
     )
     return soft_answer(ON_RIGID, compared, irma4, "0.01 and 0.4")
@@ -117,7 +120,34 @@ def test_another_place_that_predicts_worse_is_no_equivalent(irma4: Robot) -> Non
     told = answer(irma4, swivel=Figures(3.0, 800.0))
     assert told is not None
     assert told.effects[0].equivalent_to == ()
-    assert "swivel-friction in their place predicts worse (3.0 mm)" in told.message
+    assert "swivel-friction in their place predicts worse than theirs by the same law (3.0, 2.0 mm)" in told.message
+
+
+def test_places_are_compared_by_the_same_law(irma4: Robot) -> None:
+    """Friction elsewhere slips at once: that it predicts worse than what gives way says nothing of its place."""
+    told = answer(irma4, at_once=Figures(2.6, 700.0), swivel=Figures(2.7, 710.0))
+    assert told is not None
+    assert told.effects[0].equivalent_to == ("swivel-friction",)
+    assert (
+        "swivel-friction in their place predicts about as well as theirs by the same law (2.7, 2.6 mm)" in told.message
+    )
+
+
+def test_what_cannot_be_all_that_dissipates_is_refused_with_the_reason(irma4: Robot) -> None:
+    full = {effect.id: 1.0 for effect in ALONE}
+    figures = {"swivel_alone": Figures(4.9, 4500.0, full), "air_alone": Figures(float("nan"), 9000.0, full)}
+    told = answer(irma4, **figures)
+    assert told is not None
+    assert (
+        "In the place of both terms, swivel-friction is 2000 nats worse (held-out windows 4.9 mm), for friction on a"
+        in (told.message)
+    )
+    assert "cannot exceed μ T r" in told.message
+    assert "air-drag-linear is 4250 nats worse, for ½ ρ C A of a platform" in told.message
+    assert [ranked.plausible for ranked in told.ranking].count(False) == 3
+    plain = answer(irma4)
+    assert plain is not None
+    assert "In the place of both" not in plain.message
 
 
 def test_noise_alone_left_is_an_explanation(irma4: Robot) -> None:
