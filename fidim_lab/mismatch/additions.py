@@ -21,7 +21,6 @@ from fidim_lab.mismatch.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.refit import Completed, evidence, refit
 from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.views import View
-from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.model.side_by_side import side_by_side
 
 SCANNED = 6
@@ -127,7 +126,7 @@ def _race(
 
 
 def _is_noise(found: Completed | None) -> bool:
-    return found is not None and whiteness(found.leftovers).is_white
+    return found is not None and found.is_white
 
 
 def _scanned(seen: View, score: Score) -> Iterator[Score]:

@@ -9,7 +9,7 @@ Nothing is done where the fit leaves white noise. Otherwise
                white too; physics that only one window shows stays in, to be found
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +29,7 @@ from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.segments import Segmented, Segments, fit_segments
 from fidim_lab.mismatch.unseen import HeldOut, predict
 from fidim_lab.mismatch.whiteness import whiteness
-
-Say = Callable[[str], None]
+from fidim_lab.say import Say
 
 NOT_PREDICTED = HeldOut(chi2=0.0, dof=0, rms=float("nan"), refused={})
 """what a model that not even follows the windows it is fitted to says of others: nothing that would show a fault"""

@@ -3,7 +3,6 @@
 To the first seconds of each window always; to the whole windows where it follows those.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,8 +19,7 @@ from fidim_lab.mismatch.unseen import HeldOut, predict
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.integrate import step_of
-
-Say = Callable[[str], None]
+from fidim_lab.say import Say
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ Faulty samples become missing, nothing is repaired. Whether they were all that w
 the cleaned campaign leaves (`cleaned_up`, in `aftermath`).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +18,7 @@ from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.finding import Finding
 from fidim_lab.mismatch.neighbours import noise_of
 from fidim_lab.mismatch.screening import Screening, screen
-
-Say = Callable[[str], None]
+from fidim_lab.say import Say
 
 MOVES = 1.5
 """times their noise by fourth differences, up to which markers do not move: 1 is noise alone"""

@@ -35,8 +35,8 @@ from fidim_lab.mismatch.telling import body_parameters, tell
 from fidim_lab.mismatch.timing import retimed, with_timing
 from fidim_lab.mismatch.unnamed import with_unknown
 from fidim_lab.mismatch.verdict import judge
+from fidim_lab.say import Say
 
-Say = Callable[[str], None]
 MOST_CUTS = 2
 """how often pushes that only the best model shows are cut out"""
 

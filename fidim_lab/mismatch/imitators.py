@@ -16,7 +16,8 @@ from fidim_lab.mismatch.hypotheses import Hypothesis
 from fidim_lab.mismatch.refit import Completed, can_refit, refit
 from fidim_lab.mismatch.score import eliminated, imitated
 from fidim_lab.mismatch.views import SLIGHT, TIE, View
-from fidim_lab.model.side_by_side import side_by_side
+from fidim_lab.model.side_by_side import found_side_by_side
+from fidim_lab.say import Say
 
 FITTED = 2
 """of those that may stand for one term"""
@@ -66,7 +67,7 @@ def imitators(seen: View, k: int, *, any_cable: bool = False) -> tuple[Imitator,
     return tuple(sorted(found.values(), key=lambda one: one.loss))
 
 
-def in_their_place(seen: View, ground: Ground, say: Callable[[str], None], slight: float = SLIGHT) -> list[Completed]:
+def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SLIGHT) -> list[Completed]:
     """The model that was looked at with other effects in the place of a term, where they come near; at least two terms.
 
     What has more freedom than the term is left out: it would not convince where it only imitates.
@@ -83,7 +84,7 @@ def in_their_place(seen: View, ground: Ground, say: Callable[[str], None], sligh
         for other in able[:FITTED]:
             say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
             fits.append(partial(in_place_of, model, k, other.tried, other.theta, ground, seen.context))
-    return [fitted for fitted in side_by_side(fits) if fitted is not None]
+    return found_side_by_side(fits)
 
 
 def in_place_of(

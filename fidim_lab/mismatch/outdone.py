@@ -4,7 +4,6 @@ Effects with much freedom (a hose that may end anywhere, a force of any frequenc
 what neither of them is. Where a smooth wrench does so more simply they are stand-ins, and nothing is named.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,12 +18,13 @@ from fidim_lab.mismatch.select import Selection
 from fidim_lab.mismatch.unnamed import modelled
 from fidim_lab.mismatch.verdict import Judged
 from fidim_lab.mismatch.views import ENOUGH
+from fidim_lab.say import Say
 
 MANY = 9
 """parameters of effects, from which they may stand for anything"""
 
 
-def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Callable[[str], None]) -> Judged:
+def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Say) -> Judged:
     """The verdict, or that the physics is unknown where a wrench without a name says more.
 
     campaign: of which the models are. Only effects of many parameters are doubted, on whole windows.

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +17,7 @@ from fidim_lab.mismatch.ground import Ground, settle
 from fidim_lab.mismatch.hypotheses import BROAD, Hypothesis
 from fidim_lab.mismatch.leftover import Leftover, of_remainder
 from fidim_lab.mismatch.sprung import are_stiff, begins_anew, stiffest
+from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown, sprung
@@ -65,6 +67,11 @@ class Completed:
         ids = [recording.window.id for recording in likelihood.recordings]
         remainders = zip(ids, self.fit.remainders, strict=True)
         return tuple(of_remainder(id, left, likelihood) for id, left in remainders)
+
+    @cached_property
+    def is_white(self) -> bool:
+        """Whether nothing but noise is left of what it was fitted to."""
+        return whiteness(self.leftovers).is_white
 
     @property
     def label(self) -> str:

@@ -5,7 +5,7 @@ in its geometry, a stretch of motion or a sample can stand out that the complete
 was no hand, no stumble, no spike.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +22,8 @@ from fidim_lab.mismatch.off_motion import OFF
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.unseen import predict
 from fidim_lab.mismatch.whiteness import whiteness
+from fidim_lab.say import Say
 
-Say = Callable[[str], None]
 ALIKE = 4.0
 """times χ²/dof of the windows in which no hand was seen, within which a window is followed like them: a hand left in
 throws a prediction off by hundreds"""

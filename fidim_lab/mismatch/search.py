@@ -4,13 +4,11 @@ The search may end early: at pushes within a few windows that are all that is le
 thinks better of is in `select`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from itertools import islice
 
 import numpy as np
 
-from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.additions import Addition
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import (
@@ -32,9 +30,9 @@ from fidim_lab.mismatch.segments import predict_segments
 from fidim_lab.mismatch.trials import MOST_TERMS, Trials
 from fidim_lab.mismatch.unions import unions
 from fidim_lab.mismatch.views import MOST, View
-from fidim_lab.mismatch.whiteness import whiteness
-from fidim_lab.mismatch.wider import widened
-from fidim_lab.model.side_by_side import side_by_side
+from fidim_lab.mismatch.whole_windows import HOPELESS, WholeWindows
+from fidim_lab.model.side_by_side import found_side_by_side
+from fidim_lab.say import Say
 
 CLOSE = 25.0
 """nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
@@ -43,13 +41,10 @@ SAME = 1.0
 """χ² between two fits of one optimum"""
 SIMPLE = 2
 """parameters of a term that takes the share of no other"""
-HOPELESS = 30.0
-"""χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
 SIBLINGS = 0.15
 """of a term's evidence, that another in its place may miss where structure stays"""
 PUSH_COST = 20.0
 """nats: what the freedom of another start costs, as a few terms of a wide prior do"""
-Say = Callable[[str], None]
 
 
 class Search:
@@ -89,9 +84,9 @@ class Search:
                 break
             best = self.trials.in_best_form(self.trials.pruned(further))
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
-            if whiteness(best.leftovers).is_white:
+            if best.is_white:
                 break
-        if not (_is_simple(best) and whiteness(best.leftovers).is_white):
+        if not (_is_simple(best) and best.is_white):
             best = most_convincing(best, self._together())
         scale = common_scale([best, *self.trials.passing])
         near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
@@ -104,7 +99,7 @@ class Search:
         What came first bends to take the share of what was not there yet; beside that another may say more.
         """
         best = seen.model
-        if whiteness(best.leftovers).is_white:
+        if best.is_white:
             return best
         fresh = in_their_place(seen, self.start.short_ground, self.say, SIBLINGS)
         self.trials.passing += fresh
@@ -114,7 +109,7 @@ class Search:
         """The same, with a term that has many optima (a frequency) taken out, and scanned for once more."""
         best = seen.model
         many = [k for k, term in enumerate(best.tried) if term.has_scan]
-        for k in many if len(best.tried) > 1 and not whiteness(best.leftovers).is_white else ():
+        for k in many if len(best.tried) > 1 and not best.is_white else ():
             less = self.trials.keeping(best, [j for j in range(len(best.tried)) if j != k])
             if less is None or self.patience.ended:
                 continue
@@ -131,75 +126,26 @@ class Search:
             partial(refit, start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
             for terms in (() if self.patience.ended else unions(well, MOST_TERMS))
         ]
-        fresh = [found for found in side_by_side(fits) if found is not None]
+        fresh = found_side_by_side(fits)
         self.trials.passing += fresh
         return fresh
 
     def best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
-        """Models of the first seconds fitted to whole windows, and the best of them."""
-        fresh: list[Candidate] = []
-        in_vain: list[set[NamedEffect]] = []
-        able = [model for model in short if model.excess < HOPELESS]
-        ahead = self._two_at_once(able, baseline.model)
-        for k, model in enumerate(able):
-            terms = {h.effect for h in model.tried}
-            if self.patience.ended and (fresh or in_vain):
-                break  # what the first seconds say best is seen to its end
-            if any(terms <= more for more in in_vain):
-                continue  # with fewer terms it can follow no better
-            if any(one.is_white for one in fresh) and not self._follows_first_seconds(model):
-                continue  # where another follows whole windows
-            found = ahead[k] if k in ahead else self._to_whole_windows([model], baseline.model)[0]
-            if found is not None and found.excess >= HOPELESS:
-                in_vain.append(terms)
-            elif found is not None:
-                # what made good for the first seconds alone may be needless beside the whole
-                found = self.trials.pruned(widened(self.start, found, found.tried))
-                fresh.append(self.trials.judged_or_wider(found, found.tried))
-        self.trials.tried += fresh
-        best = accepted(baseline, fresh, feeble=True)
-        if (fresh or in_vain) and not any(one.model.excess < NEAR for one in fresh):
+        """Models of the first seconds fitted to whole windows, and the best of them; hands where none follows."""
+        best, followed = WholeWindows(self.start, self.say, self.patience, self.trials).best(baseline, short)
+        if not followed:
             self.pushes = self._hands_beside(short)
         return best
-
-    def _two_at_once(self, able: Sequence[Completed], as_it_is: Completed) -> dict[int, Completed | None]:
-        """The first and the next that has other terms, side by side; none where the first alone is likely to do."""
-        if not able or self.patience.ended or whiteness(able[0].leftovers).is_white:
-            return {}
-        first = {h.effect for h in able[0].tried}
-        others = (k for k, model in enumerate(able) if not {h.effect for h in model.tried} <= first)
-        chosen = [0, *islice(others, 1)]
-        found = self._to_whole_windows([able[k] for k in chosen], as_it_is)
-        return dict(zip(chosen, found, strict=True))
-
-    def _to_whole_windows(self, models: Sequence[Completed], as_it_is: Completed) -> list[Completed | None]:
-        """Models of the first seconds fitted to whole windows, side by side."""
-        for model in models:
-            self.say(f"fitting {model.label} to whole windows")
-        whole, context = self.start.whole_ground, self.start.context
-        return side_by_side(
-            [partial(refit, whole, one.fit, one.tried, one.thetas, context, simpler=as_it_is) for one in models]
-        )
 
     def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
         """Hands in whole windows of which only the first seconds are followed, by the best model of these."""
         if not self.look_for_pushes or self.patience.ended:
             return ()
-        model = next((model for model in short if whiteness(model.leftovers).is_white), None)
+        model = next((model for model in short if model.is_white), None)
         if model is None:
             return ()
         self.say(f"looking for hands beside {model.label}")
         return find_contacts(predict_segments(model, self.start.campaign.windows))
-
-    def _follows_first_seconds(self, model: Completed) -> bool:
-        """Whether it leaves only noise of all the first seconds, too, where it was fitted to fewer."""
-        if not whiteness(model.leftovers).is_white:
-            return False
-        start = self.start
-        if (model.fit.journey.ends == start.short.journey.ends).all():
-            return True
-        longer = again(start.short_ground, start.short, model, start.context)
-        return longer is not None and whiteness(longer.leftovers).is_white
 
     def over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
         """Additions until none is asked for, or a push is all that is left; the view from the last model.

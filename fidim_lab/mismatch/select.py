@@ -23,9 +23,10 @@ from fidim_lab.mismatch.contacts import Contact
 from fidim_lab.mismatch.imitators import in_their_place
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.search import SIBLINGS, Say, Search
+from fidim_lab.mismatch.search import SIBLINGS, Search
 from fidim_lab.mismatch.trials import MOST_TERMS
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View
+from fidim_lab.say import Say
 
 FITS = 1.05
 """χ²/dof of a fit that leaves next to nothing"""

@@ -7,7 +7,7 @@ both, and with friction that slips at once where that of the ground gives way fi
 decide.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,8 +29,7 @@ from fidim_lab.identification.mle.soft import BEGINNINGS, POSSIBLE, SoftFit, fit
 from fidim_lab.mismatch.refit import can_refit
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import Effect
-
-Say = Callable[[str], None]
+from fidim_lab.say import Say
 
 DRAG = RotationalDragPerAxis()
 ELSEWHERE = (SwivelFriction(), PulleyFriction())

@@ -3,7 +3,7 @@
 What is tried in which order, and what of it is believed, is decided in `select`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.additions import Addition, additions
@@ -15,8 +15,8 @@ from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, refit
 from fidim_lab.mismatch.unseen import predict
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, tones, view
-from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.mismatch.wider import general_forms, widened
+from fidim_lab.say import Say
 
 MOST_TERMS = 3
 WIDENED = 0.5
@@ -35,7 +35,7 @@ DROPPABLE = 200.0
 class Trials:
     """What one search fits, from the fits of the model as it is."""
 
-    def __init__(self, start: Baseline, say: Callable[[str], None], patience: Patience) -> None:
+    def __init__(self, start: Baseline, say: Say, patience: Patience) -> None:
         self.start, self.say, self.patience = start, say, patience
         self.passing: list[Completed] = []
         """models that were fitted to the first seconds alone"""
@@ -87,7 +87,7 @@ class Trials:
         for addition in beside:
             terms = addition.score.tried
             costly = len(terms) > 1 or any(stretches(h.effect) for h in terms)
-            if costly and any(whiteness(model.leftovers).is_white for model in fresh):
+            if costly and any(model.is_white for model in fresh):
                 continue
             found = self.added(addition, fresh)
             if found is not None:
@@ -98,7 +98,7 @@ class Trials:
     def judged_or_wider(self, model: Completed, new: Sequence[Hypothesis]) -> Candidate:
         """A model that fits and does not predict may be a simple form of the truth: then the wider ones are tried."""
         judged = self.judged(model)
-        if self.patience.ended or judged.is_white or not whiteness(model.leftovers).is_white:
+        if self.patience.ended or judged.is_white or not model.is_white:
             return judged
         wide = most_convincing(model, general_forms(self.start, model, {term.effect for term in new}))
         return judged if wide is model else self.judged(wide)

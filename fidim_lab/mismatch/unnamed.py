@@ -1,6 +1,6 @@
 """What has no name, put into an explanation: the generic model's words, its figures and the parameters with it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from fidim_lab.data.records import Campaign, Role, Window
@@ -10,8 +10,7 @@ from fidim_lab.mismatch.explanation import Before, BodyParameter, Explanation, V
 from fidim_lab.mismatch.generic.unknown import Unknown, model_unknown
 from fidim_lab.mismatch.ground import ground_of, whole_ground
 from fidim_lab.mismatch.refit import Completed
-
-Say = Callable[[str], None]
+from fidim_lab.say import Say
 
 
 def with_unknown(

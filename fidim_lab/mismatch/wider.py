@@ -11,8 +11,7 @@ from fidim_lab.mismatch.hypotheses import Hypothesis, general
 from fidim_lab.mismatch.imitators import in_place_of
 from fidim_lab.mismatch.refit import Completed, refit
 from fidim_lab.mismatch.sprung import left_at_first
-from fidim_lab.mismatch.whiteness import whiteness
-from fidim_lab.model.side_by_side import side_by_side
+from fidim_lab.model.side_by_side import found_side_by_side
 
 AS_GOOD = 1.1
 """times what the simple form leaves: a wider one that leaves more has not found its way"""
@@ -20,7 +19,7 @@ AS_GOOD = 1.1
 
 def widened(start: Baseline, model: Completed, new: Sequence[Hypothesis]) -> Completed:
     """With a more general form of a new term, or cables that ring, where the simple form leaves such structure."""
-    if whiteness(model.leftovers).is_white:
+    if model.is_white:
         return model
     fresh = {term.effect for term in new}
     found = general_forms(start, model, fresh)
@@ -53,4 +52,4 @@ def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffe
         for effect, begin in forms:
             wider = general(term, effect, begin)
             fits.append(partial(in_place_of, simple, k, wider, begin, start.short_ground, start.context))
-    return [wide for wide in side_by_side(fits) if wide is not None and wide.excess <= AS_GOOD * simple.excess]
+    return [wide for wide in found_side_by_side(fits) if wide.excess <= AS_GOOD * simple.excess]

@@ -35,6 +35,11 @@ def side_by_side(tasks: Sequence[Callable[[], T]]) -> list[T]:
         return list(pool.map(done, tasks, contexts))
 
 
+def found_side_by_side(tasks: Sequence[Callable[[], T | None]]) -> list[T]:
+    """What those of them return that find something, in their order."""
+    return [found for found in side_by_side(tasks) if found is not None]
+
+
 def cores() -> int:
     """That this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

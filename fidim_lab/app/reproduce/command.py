@@ -5,7 +5,6 @@ the optimised windows of Tables 2 and 3, and on twelve places drawn at random, w
 experiment used. Marker noise is the stated ±0.2 mm, read as two standard deviations.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -25,6 +24,7 @@ from fidim_lab.identification import reproduction
 from fidim_lab.identification.random_plan import Taste, random_plan
 from fidim_lab.identification.reproduction import Places, Reading, Reproduction, read
 from fidim_lab.identification.validation import expected_sigma_perp
+from fidim_lab.say import Say
 
 EXTRA_MARKERS = ((0.14, 0.0, 0.10), (-0.10, 0.12, 0.10), (-0.10, -0.12, 0.10))
 """m, body frame; the paper does not say where its additional markers were"""
@@ -58,7 +58,7 @@ def reproduce_command(options: ReproduceOptions) -> int:
     return 0
 
 
-def reproduce(options: ReproduceOptions, says: Callable[[str], None]) -> Reproduction:
+def reproduce(options: ReproduceOptions, says: Say) -> Reproduction:
     """The whole of it; `says` is told what goes on."""
     begin = perf_counter()
     robot = papers_robot(options.noise)

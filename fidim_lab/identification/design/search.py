@@ -19,6 +19,7 @@ from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import Placed, place
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import FINE
+from fidim_lab.say import Say
 
 FOR_EACH = 10
 """windows of the pool for each of the design's equilibria"""
@@ -76,7 +77,7 @@ class Design:
         return np.array([one.rest.position + one.rest.rotation @ marker for one in self.motions.placed])
 
 
-def design(task: DesignTask, starts: int, seed: int, run: Map, say: Callable[[str], None]) -> Design:
+def design(task: DesignTask, starts: int, seed: int, run: Map, say: Say) -> Design:
     """The best of `starts` starts. Raises InfeasibleError where no design obeys the limits."""
     begin = perf_counter()
     mechanism = task.mechanism()
@@ -122,7 +123,7 @@ def _judge(task: DesignTask) -> pool.Judge:
     return pool.paper_criterion if task.criterion is Criterion.C else lambda sums: information.judged(task, sums)
 
 
-def _polished(mechanism: Mechanism, task: DesignTask, found: list[Found], say: Callable[[str], None]) -> np.ndarray:
+def _polished(mechanism: Mechanism, task: DesignTask, found: list[Found], say: Say) -> np.ndarray:
     """The best few starts followed to the end; limits are checked on a fine grid before one of all is chosen."""
     ended = sorted((one for one in found if np.isfinite(one.value)), key=lambda one: one.value)
     candidates = [(one.value, one.z) for one in ended]

@@ -1,6 +1,6 @@
 """The paper's study (§5.1): what C becomes with more equilibria and more samples of each window."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from fidim_lab.identification.design.search import FOR_EACH, Map, Start, begin_a
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.say import Say
 
 EQUILIBRIA, SAMPLES = (8, 10, 12, 14, 16), (50, 75, 100, 125, 150)
 """the paper's ranges"""
@@ -38,7 +39,7 @@ def study(
     starts: int,
     seed: int,
     run: Map,
-    say: Callable[[str], None],
+    say: Say,
     equilibria: Iterable[int] = EQUILIBRIA,
     samples: Iterable[int] = SAMPLES,
 ) -> list[Cell]:

@@ -61,10 +61,11 @@ def fits(monkeypatch):
         done.append((tuple(h.effect.id for h in tried), thetas))
         suits = {"loose-mass": 1.0 if 2.4 in thetas[-1] else 300.0, "rotational-drag": 40.0}
         found = suits.get(tried[-1].effect.id, 500.0)
-        return SimpleNamespace(excess=found, fit=donor, tried=tried, thetas=thetas, evidence=-found, leftovers=found)
+        return SimpleNamespace(
+            excess=found, fit=donor, tried=tried, thetas=thetas, evidence=-found, is_white=found < 1.5
+        )
 
     monkeypatch.setattr(module, "refit", refit)
-    monkeypatch.setattr(module, "whiteness", lambda left: SimpleNamespace(is_white=left < 1.5))
     monkeypatch.setattr(module, "Completed", lambda tried, *_, **__: short(tried, 867.0))
     monkeypatch.setattr(module, "common_scale", lambda models: 1.0)
     monkeypatch.setattr(module, "evidence", lambda model, than, scale: model.evidence - than.evidence)

@@ -1,4 +1,4 @@
-"""Which models of the first seconds are fitted to whole windows; hands that only a completed model shows."""
+"""What is united over the first seconds; hands that only a completed model shows."""
 
 from types import SimpleNamespace
 
@@ -7,54 +7,11 @@ import pytest
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch import search as module
 from fidim_lab.mismatch.candidates import candidate
-from fidim_lab.mismatch.hypotheses import Hypothesis, hypotheses
+from fidim_lab.mismatch.hypotheses import hypotheses
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import refit
 from fidim_lab.mismatch.search import Search
 from fidim_lab.mismatch.unseen import predict
-
-
-@pytest.mark.parametrize(
-    ("white", "left", "expected"),
-    [
-        # whether the pair leaves only noise of the first seconds; what is left by it, by one of it and by another term;
-        # and what is fitted to whole windows, two at once where the first is doubtful
-        (True, (40.0, 35.0, 50.0), ["a + b", "c"]),
-        (False, (40.0, 35.0, 50.0), ["a + b", "c"]),
-        (True, (2.0, 2.0, 2.0), ["a + b", "a", "c"]),
-        (False, (2.0, 2.0, 2.0), ["a + b", "c", "a"]),
-        (True, (None, 2.0, 2.0), ["a + b", "a", "c"]),  # not found at all says nothing of others
-    ],
-)
-def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
-    irma4: Robot, monkeypatch: pytest.MonkeyPatch, white: bool, left: tuple[float | None, ...], expected: list[str]
-) -> None:
-    ids = ("air-drag-linear", "swivel-friction", "rotational-drag")
-    a, b, c = (next(h for h in hypotheses(irma4).direct if h.effect.id == id) for id in ids)
-    whole = dict(zip([(a, b), (a,), (c,)], left, strict=True))
-    short = [
-        SimpleNamespace(tried=tried, excess=1.1, label=" + ".join("abc"[(a, b, c).index(h)] for h in tried), fit=None)
-        for tried in whole
-    ]
-    for one in short:
-        one.thetas, one.leftovers = [], ()
-    said: list[str] = []
-
-    def refit(ground: object, donor: object, tried: tuple[Hypothesis, ...], *_: object, **__: object) -> object:
-        return None if whole[tried] is None else SimpleNamespace(excess=whole[tried], tried=tried)
-
-    monkeypatch.setattr(module, "refit", refit)
-    monkeypatch.setattr(module, "whiteness", lambda _: SimpleNamespace(is_white=white))
-    monkeypatch.setattr(module, "widened", lambda start, found, tried: found)
-    monkeypatch.setattr(module, "accepted", lambda baseline, fresh, **_: baseline)
-    search = module.Search(SimpleNamespace(whole_ground=None, context=None), said.append, False, Patience())  # type: ignore[arg-type]
-    monkeypatch.setattr(search.trials, "pruned", lambda found: found)
-    monkeypatch.setattr(
-        search.trials, "judged_or_wider", lambda found, new: SimpleNamespace(is_white=False, model=found)
-    )
-    baseline = SimpleNamespace(model=None)
-    assert search.best_over_all(baseline, short) is baseline  # type: ignore[arg-type]
-    assert said == [f"fitting {label} to whole windows" for label in expected]
 
 
 def test_one_optimum_that_was_found_twice_is_fitted_to_whole_windows_once(irma4: Robot) -> None:
@@ -76,9 +33,9 @@ def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
 ) -> None:
     """A hose may have taken the share of another term; a drag has nothing to give back."""
     term = next(h for h in hypotheses(irma4).direct if h.effect.id == id)
-    found = SimpleNamespace(tried=(term,), leftovers=(), fit=SimpleNamespace(chi2_per_dof=1.0), label=id, chi2=1.0)
+    fit = SimpleNamespace(chi2_per_dof=1.0)
+    found = SimpleNamespace(tried=(term,), is_white=white, fit=fit, label=id, chi2=1.0)
     asked: list[bool] = []
-    monkeypatch.setattr(module, "whiteness", lambda _: SimpleNamespace(is_white=white))
     monkeypatch.setattr(module, "Completed", lambda *_, **__: found)
     monkeypatch.setattr(module, "common_scale", lambda _: 1.0)
     monkeypatch.setattr(module, "most_convincing", lambda best, fresh: best)
