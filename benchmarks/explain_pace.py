@@ -36,7 +36,8 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "audit": ("fidim_lab.mismatch.explain.audit",),
     "scores": ("fidim_lab.mismatch.trials.view", "fidim_lab.mismatch.trials.tones"),
     "refits": tuple(
-        f"fidim_lab.mismatch.{place}.refit" for place in ("search", "trials", "additions", "wider", "imitators")
+        f"fidim_lab.mismatch.{place}.refit"
+        for place in ("search", "whole_windows", "trials", "additions", "wider", "imitators")
     ),
     "held-out": ("fidim_lab.mismatch.trials.predict", "fidim_lab.mismatch.baseline.predict"),
     "restored": ("fidim_lab.mismatch.explain.restored",),
