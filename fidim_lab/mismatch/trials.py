@@ -4,6 +4,7 @@ What is tried in which order, and what of it is believed, is decided in `select`
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 from fidim_lab.identification.mle.springs import stretches
 from fidim_lab.mismatch.additions import Addition, additions
@@ -16,6 +17,7 @@ from fidim_lab.mismatch.refit import Completed, refit
 from fidim_lab.mismatch.unseen import predict
 from fidim_lab.mismatch.views import ENOUGH, PERIODIC, View, tones, view
 from fidim_lab.mismatch.wider import general_forms, widened
+from fidim_lab.model.side_by_side import side_by_side
 from fidim_lab.say import Say
 
 MOST_TERMS = 3
@@ -84,12 +86,16 @@ class Trials:
         """Models with these additions; once one leaves only noise, what costs more than its equals is not fitted."""
         fresh: list[Completed] = []
         self.raced += [addition.near for addition in beside if addition.near is not None]
-        for addition in beside:
-            terms = addition.score.tried
-            costly = len(terms) > 1 or any(stretches(h.effect) for h in terms)
-            if costly and any(model.is_white for model in fresh):
+        cheap = [k for k, addition in enumerate(beside) if not _is_costly(addition)]
+        fits = side_by_side([partial(self.added, beside[k], ()) for k in cheap])
+        ahead = dict(zip(cheap, fits, strict=True))
+        for k, addition in enumerate(beside):
+            if k in ahead:
+                found = ahead[k]
+            elif any(model.is_white for model in fresh):
                 continue
-            found = self.added(addition, fresh)
+            else:
+                found = self.added(addition, fresh)
             if found is not None:
                 fresh.append(found)
         self.passing += fresh
@@ -184,6 +190,11 @@ class Trials:
     def judged(self, model: Completed) -> Candidate:
         """A model with what it leaves of held-out windows."""
         return candidate(model, predict(model, self.start.held_out))
+
+
+def _is_costly(addition: Addition) -> bool:
+    terms = addition.score.tried
+    return len(terms) > 1 or any(stretches(h.effect) for h in terms)
 
 
 def _falls_short(known: Completed, model: Completed, kept: Sequence[int]) -> bool:

@@ -10,6 +10,7 @@ whether it holds beyond the windows that it was fitted to.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from fidim_lab.mismatch.generic.family import Courses, Family
 from fidim_lab.mismatch.generic.knocks import knocks
 from fidim_lab.mismatch.generic.own_times import own_times
 from fidim_lab.mismatch.generic.responses import Responses
+from fidim_lab.model.side_by_side import side_by_side
 
 STRENGTHS = np.logspace(-4, 3, 15)
 """prior sd of weights, relative to the size at which they would explain everything by themselves"""
@@ -265,5 +267,9 @@ def _modes(curvature: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
 
 def weigh_all(evidence: Evidence, courses: Sequence[Courses]) -> tuple[Weighed, ...]:
     """Every family at its best, those first that explain most of windows left out."""
-    found = [evidence.with_left_out(evidence.best(one)) for one in courses]
+
+    def weighed(one: Courses) -> Weighed:
+        return evidence.with_left_out(evidence.best(one))
+
+    found = side_by_side([partial(weighed, one) for one in courses])
     return tuple(sorted(found, key=lambda one: -one.left_out))
