@@ -1,5 +1,6 @@
 """Every effect's derivatives by θ against finite differences, and that it is absent at 0."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -29,6 +30,10 @@ def agree(exact, expected, rtol=1e-5) -> None:
 
 def solution(equations):
     return [equations.solve()]
+
+
+def by_tension(equations):
+    return [ca.densify(equations.by_tension)]
 
 
 @pytest.mark.parametrize("present", [False, True])
@@ -95,7 +100,7 @@ def test_sightings(effect, probe, sized, sample):
 def test_absent_is_exactly_the_baseline(effect, probe, sample):
     baseline, probed = probe(), probe(effect)
     for theta in effect.scan_points[:4]:
-        for build in (solution, gaps):
+        for build in (solution, by_tension, gaps):
             for here, there in zip(probed(build, theta), baseline(build, np.zeros(0)), strict=True):
                 np.testing.assert_allclose(here, there, rtol=0, atol=1e-13)
         inputs = sample.inputs(probed.mechanism, theta)
