@@ -13,6 +13,8 @@ from fidim_lab.model.side_by_side import cores
 
 BATCH = 12
 """windows integrated together, if they have one or two markers; fewer with more"""
+NODES = 3000
+"""of all of these together, if they are more than one: what long ones need stays in a core's cache"""
 LONG = 30.0
 """s of all recordings together, from which they are shared out among the cores"""
 
@@ -22,7 +24,8 @@ def in_batches(
 ) -> Iterator[tuple[np.ndarray, Grid]]:
     """Indices of recordings of similar length, each batch with a grid that reaches its longest end (s)."""
     most = max(recording.markers.shape[1] for recording in recordings)
-    size = max(1, BATCH // max(1, most // 2))
+    longest = Grid.covering(measurement.latest(float(ends.max())), resolution)
+    size = max(1, min(BATCH // max(1, most // 2), NODES // longest.nodes))
     if float(ends.sum()) > LONG:
         size = min(size, -(-len(ends) // cores()))
     order = np.argsort(ends, kind="stable")

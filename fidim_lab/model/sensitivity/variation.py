@@ -16,7 +16,7 @@ from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.integrate import Trajectories, node_times
 
-TOGETHER = 200_000
+TOGETHER = 60_000
 """entries of the systems that are solved at a time: they stay in a core's cache"""
 
 
