@@ -31,6 +31,8 @@ IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6, craw
 """a short look at one of many models"""
 IN_FULL = replace(ON_TRIAL, creep=0.1, crawl=CRAWL, idle=0.3)
 """whole windows for the first time: what gets nowhere is given up"""
+HOPELESS = 30.0
+"""χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
 BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
 """whole windows that are followed already: to a tenth of a standard deviation"""
 
@@ -101,7 +103,8 @@ def settle(
     likelihood = likelihood_with(ground.likelihood, mechanism, start.shared)
     if ground.whole and not _is_whole(ground, donor):
         nearby = replace(prior, sd=prior.sd / FAR_PRIOR)
-        last = replace(AT_LAST if mechanism.springs else IN_FULL, wanted=wanted)
+        in_full = replace(IN_FULL, hopeless=HOPELESS * donor.noise_ratio**2)
+        last = replace(AT_LAST if mechanism.springs else in_full, wanted=wanted)
         journey = grow(likelihood, start, nearby, free, HORIZONS, last, once=donor.excess >= NEAR)
     else:
         effort = replace(BESIDE if ground.whole else IN_PASSING, wanted=wanted)

@@ -21,7 +21,7 @@ from fidim_lab.mismatch.candidates import (
 )
 from fidim_lab.mismatch.common_push import find_common_push
 from fidim_lab.mismatch.contacts import Contact, find_contacts
-from fidim_lab.mismatch.ground import NEAR
+from fidim_lab.mismatch.ground import HOPELESS, NEAR
 from fidim_lab.mismatch.imitators import in_their_place
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, evidence, refit
@@ -30,7 +30,7 @@ from fidim_lab.mismatch.segments import predict_segments
 from fidim_lab.mismatch.trials import MOST_TERMS, Trials
 from fidim_lab.mismatch.unions import unions
 from fidim_lab.mismatch.views import MOST, View
-from fidim_lab.mismatch.whole_windows import HOPELESS, WholeWindows
+from fidim_lab.mismatch.whole_windows import WholeWindows
 from fidim_lab.model.side_by_side import found_side_by_side
 from fidim_lab.say import Say
 

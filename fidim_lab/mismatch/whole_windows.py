@@ -8,16 +8,13 @@ from itertools import islice
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, accepted
-from fidim_lab.mismatch.ground import NEAR
+from fidim_lab.mismatch.ground import HOPELESS, NEAR
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed, again, refit
 from fidim_lab.mismatch.trials import Trials
 from fidim_lab.mismatch.wider import widened
 from fidim_lab.model.side_by_side import side_by_side
 from fidim_lab.say import Say
-
-HOPELESS = 30.0
-"""χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,9 @@ from fidim_lab.identification.mle.optimise import (
     Optimum,
     creeps,
     edge,
-    foretold,
     negligible,
     relaxed,
+    share_of_promise,
     stretched,
 )
 from fidim_lab.model.sensitivity.integrate import States
@@ -53,7 +53,7 @@ class _Search:
         """A better state of a window, found at a place among others."""
         promised, stretch = float(self.costs[w]) - predicted, float(self.stretch[w])
         gain = (float(self.costs[w]) - cost) / promised if promised > 0 else 1.0  # rounding may leave no promise
-        self.damping[w] = relaxed(float(self.damping[w]), gain / foretold(stretch))
+        self.damping[w] = relaxed(float(self.damping[w]), gain / share_of_promise(stretch))
         self.stretch[w] = stretched(stretch, gain)
         self.costs[w], self.states = cost, self.states.with_one(w, states, place)
 

@@ -1,5 +1,6 @@
 """Levenberg–Marquardt on the unknowns of a trajectory fit, at one horizon."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -22,6 +23,8 @@ EDGE = 0.1
 slack or dry friction that turns, on which the optimum lies; beyond it something is wrong"""
 PATIENCE, REACH = 5, 3.0
 """rounds after which, and times what is promised beyond which, a sum of squares that is wanted is out of reach"""
+FORETELLING = 4
+"""rounds that must agree on what will be left: one far from its optimum promises too much or too little"""
 ASTRAY, LOOKED_BACK = 5.0, 2
 """χ²/dof beyond which a fit is far astray, and rounds over which its pace is taken"""
 HOPELESS = 1e-3
@@ -68,6 +71,8 @@ class Effort:
     """the same of one that misses hardly more than noise; what is only on its way may end in a flat valley"""
     idle: float = 0.0
     """what `LOOKED_BACK` rounds must take away together, in units of χ² for χ²/dof = 1, to be worth a further one"""
+    hopeless: float = np.inf
+    """χ²/dof that is of no use: where `FORETELLING` rounds, one after the other, promise no better, it is given up"""
 
 
 ROUGH = Effort(resolution=QUICK, promise=1.0, rounds=25, damping=1e-3)
@@ -92,6 +97,8 @@ class Optimum:
     rounds: int
     costs: tuple[float, ...] = ()
     """of each round, from the start on; none where every window went its own way"""
+    foretold: tuple[float, ...] = ()
+    """what each of these promised to leave, to first order"""
 
     @property
     def point(self) -> Point:
@@ -129,19 +136,21 @@ def carry_on(
 ) -> Optimum:
     """From where an optimisation of the same recordings ended, for as many further rounds as `effort` has."""
     now, tables, costs = (known.simulation, known.cost), known.tables, list(known.costs)
+    foretold = list(known.foretold[:-1])  # that of the last round is said again
     damping, stretch = effort.damping, 1.0
     while True:
         simulation, cost = now
         rounds = len(costs) - 1
         rows, room = prior.rows(simulation.point.shared), prior.room(simulation.point.shared)
-        promise = cost - step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted
-        if promise < min(negligible(effort, cost / _residuals(simulation)), HOPELESS * cost):
-            return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds, tuple(costs))
+        foretold.append(step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted)
+        promise, count = cost - foretold[-1], _residuals(simulation)
+        if promise < min(negligible(effort, cost / count), HOPELESS * cost):
+            return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds, tuple(costs), tuple(foretold))
         beyond = rounds >= PATIENCE and cost - REACH * promise > effort.wanted
         done = rounds - known.rounds == effort.rounds
-        if done or beyond or creeps(costs, _residuals(simulation), effort):
-            ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.EXHAUSTED
-            return Optimum(simulation, tables, cost, ending, rounds, tuple(costs))
+        if done or beyond or creeps(costs, count, effort) or is_hopeless(foretold, count, effort):
+            ending = edge(likelihood, count, promise, cost) or Ending.EXHAUSTED
+            return Optimum(simulation, tables, cost, ending, rounds, tuple(costs), tuple(foretold))
         while True:
             wanted = step(tables, likelihood.own, rows, damping, free, room)
             shared = stretch * wanted.shared if room is None else np.clip(stretch * wanted.shared, *room)
@@ -152,11 +161,11 @@ def carry_on(
                 break
             damping, stretch = _damped(likelihood, damping), min(stretch, 1.0)
             if damping > DAMPING[1]:
-                ending = edge(likelihood, _residuals(simulation), promise, cost) or Ending.STUCK
-                return Optimum(simulation, tables, cost, ending, rounds, tuple(costs))
+                ending = edge(likelihood, count, promise, cost) or Ending.STUCK
+                return Optimum(simulation, tables, cost, ending, rounds, tuple(costs), tuple(foretold))
         promised = cost - wanted.predicted
         gain = (cost - there[1]) / promised if promised > 0 else 1.0  # rounding may leave nothing of a promise
-        damping = relaxed(damping, gain / foretold(stretch))
+        damping = relaxed(damping, gain / share_of_promise(stretch))
         stretch = stretched(stretch, gain)
         now, tables = there, following
         costs.append(now[1])
@@ -169,6 +178,11 @@ def creeps(costs: list[float], count: int, effort: Effort) -> bool:
     gained, misfit = costs[-1 - LOOKED_BACK] - costs[-1], costs[-1] / count
     pace = effort.creep if misfit > ASTRAY else effort.crawl if misfit > MISFIT else effort.stroll
     return gained < LOOKED_BACK * pace * costs[-1] or gained < effort.idle * max(1.0, misfit)
+
+
+def is_hopeless(foretold: Sequence[float], count: int, effort: Effort) -> bool:
+    """Whether the last rounds of a fit of so many residuals agree that too much will be left."""
+    return len(foretold) >= FORETELLING and min(foretold[-FORETELLING:]) > effort.hopeless * count
 
 
 def _damped(likelihood: Likelihood, damping: float) -> float:
@@ -203,7 +217,7 @@ def relaxed(damping: float, gain: float) -> float:
     return damping if gain > 0.1 else max(4 * damping, 1e-6)
 
 
-def foretold(stretch: float) -> float:
+def share_of_promise(stretch: float) -> float:
     """Share of the promise that a step of this length should keep."""
     part = min(stretch, 1.0)
     return 2 * part - part**2

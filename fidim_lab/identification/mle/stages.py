@@ -171,7 +171,8 @@ def stages(longest: float, horizons: tuple[float, ...] = HORIZONS) -> tuple[floa
 
 def _advance(way: _Way, start: Point, before: float, stop: float, effort: Effort) -> tuple[_Way, Optimum | None]:
     """From one horizon to the next, in smaller strides where a window gets lost."""
-    rough = replace(effort, rounds=FIRST_ROUNDS, resolution=QUICK, promise=max(effort.promise, ON_THE_WAY.promise))
+    promise = max(effort.promise, ON_THE_WAY.promise)
+    rough = replace(effort, rounds=FIRST_ROUNDS, resolution=QUICK, promise=promise, hopeless=np.inf)
     found = way.optimise(start, stop, rough)
     astray = _astray(way, found, before, stop)
     if not astray.any():

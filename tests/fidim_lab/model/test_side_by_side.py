@@ -1,6 +1,6 @@
 """Work in threads: in order, with what goes wrong."""
 
-from threading import current_thread
+from threading import Barrier, Event, current_thread
 
 import numpy as np
 import pytest
@@ -33,24 +33,63 @@ def test_there_is_a_core():
     assert cores() >= 1
 
 
-@pytest.mark.parametrize(("available", "outer", "inner"), [(1, 1, 1), (2, 2, 1), (4, 2, 2), (8, 2, 2)])
-def test_pieces_within_pieces_share_the_cores_that_the_outer_ones_leave(monkeypatch, available, outer, inner):
+@pytest.fixture
+def two_cores(monkeypatch):
+    """Whatever machine this runs on; both are idle again in the end."""
+    idle = module._Idle(1)
+    monkeypatch.setattr(module, "_IDLE", idle)
+    yield idle
+    assert idle.count == 1
+
+
+def threads_of_pieces() -> set[str]:
+    """Names of the threads that do three pieces, each of which waits a while for another thread to come."""
+
+    def piece() -> str:
+        Event().wait(0.02)
+        return current_thread().name
+
+    return set(side_by_side([piece] * 3))
+
+
+def test_pieces_within_pieces_stay_in_their_thread_while_every_core_is_at_work(two_cores):
     """So that two fits side by side do not start two threads each on two cores."""
-    monkeypatch.setattr(module, "cores", lambda: available)
-    rooms: list[int] = []
+    both = Barrier(2)
 
-    class Pool(module.ThreadPoolExecutor):
-        def __init__(self, threads: int) -> None:
-            rooms.append(threads)
-            super().__init__(threads)
+    def piece() -> set[str]:
+        both.wait(timeout=10)
+        names = threads_of_pieces()
+        both.wait(timeout=10)
+        return names
 
-    monkeypatch.setattr(module, "ThreadPoolExecutor", Pool)
+    first, second = side_by_side([piece, piece])
+    assert len(first) == len(second) == 1
+    assert first != second
 
-    def piece() -> list[str]:
-        return side_by_side([lambda: current_thread().name] * 3)
 
-    found = side_by_side([piece, piece])
-    wanted = ([outer] if outer > 1 else []) + ([inner] * 2 if inner > 1 else [])
-    assert rooms == wanted
-    if outer > 1 and inner == 1:
-        assert all(len(set(names)) == 1 for names in found), "in the thread of the piece itself"
+def test_the_last_piece_gets_the_cores_of_those_that_have_ended(two_cores):
+    ended = Event()
+
+    def last() -> set[str]:
+        ended.wait(timeout=10)
+        while two_cores.count == 0:  # until the other thread has found nothing more to do
+            Event().wait(0.001)
+        return threads_of_pieces()
+
+    assert [len(names) for names in side_by_side([last, lambda: ended.set() or {"ended"}])] == [2, 1]
+    assert [len(names) for names in side_by_side([lambda: ended.set() or {"ended"}, last])] == [1, 2]
+
+
+def test_a_failure_leaves_what_nobody_has_begun_and_gives_all_cores_back(two_cores):
+    begun: list[int] = []
+
+    def task(k: int) -> int:
+        begun.append(k)
+        if k in (1, 2):
+            raise ValueError(f"piece {k}")
+        Event().wait(0.01)
+        return k
+
+    with pytest.raises(ValueError, match="piece 1"):
+        side_by_side([lambda k=k: task(k) for k in range(50)])
+    assert len(begun) < 10

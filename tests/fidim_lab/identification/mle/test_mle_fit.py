@@ -13,7 +13,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle import held_out, spread, stages
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.likelihood import Point, linearised
-from fidim_lab.identification.mle.optimise import FINAL, PATIENCE, Ending, carry_on, optimise
+from fidim_lab.identification.mle.optimise import FINAL, FORETELLING, PATIENCE, Ending, carry_on, optimise
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
@@ -140,6 +140,29 @@ def test_a_fit_far_astray_that_creeps_is_given_up_and_one_that_gains_is_not(from
     idle = ended(wrong, free, idle=0.3)
     assert idle.rounds <= ended(wrong, free).rounds
     assert idle.cost < found.cost + 1.0
+
+
+def test_a_fit_of_which_all_rounds_promise_too_little_is_given_up_and_another_is_not(from_cad):
+    likelihood, found = from_cad.likelihood, from_cad.journey.optimum
+    count, start = len(found.point.shared), likelihood.guesses
+    held, free = np.arange(count) >= 9, np.ones(count, dtype=bool)
+    wrong = Point(found.point.shared * np.append(np.full(9, 1.1), np.ones(count - 9)), start)
+
+    def ended(free, **patience):
+        effort = replace(FINAL, promise=0.0, **patience)
+        return optimise(likelihood, wrong, from_cad.journey.ends, from_cad.prior, effort, free)
+
+    patient = ended(held)
+    assert len(patient.foretold) == patient.rounds + 1
+    assert patient.rounds > FORETELLING
+    hopeless = ended(held, hopeless=0.5 * patient.misfit)
+    assert (hopeless.ending, hopeless.rounds) == (Ending.EXHAUSTED, FORETELLING - 1)
+    assert ended(held, hopeless=1.1 * patient.misfit).rounds == patient.rounds
+    assert ended(free, hopeless=2.0).cost == pytest.approx(ended(free).cost, rel=1e-9)
+    # what was promised before counts when the fit goes on
+    begun = ended(held, rounds=FORETELLING - 1)
+    again = replace(FINAL, promise=0.0, hopeless=0.5 * patient.misfit)
+    assert carry_on(likelihood, begun, from_cad.prior, again, held).rounds == begun.rounds
 
 
 @pytest.mark.parametrize(
