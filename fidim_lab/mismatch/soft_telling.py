@@ -179,7 +179,7 @@ def _by_themselves(compared: Compared, robot: Robot) -> list[str]:
     for one in compared.alone:
         reason = _why_impossible(one, robot)
         missed = "" if np.isnan(one.held_out) else f" (held-out windows {1e3 * one.held_out:.1f} mm)"
-        bound = "" if reason is None else f", for {reason}"
+        bound = "" if reason is None else f", though as large as can be: {reason}"
         said.append(f"{one.effects[0].id} is {compared.behind(one):.0f} nats worse{missed}{bound}")
     return [f"In the place of both terms, {'; '.join(said)}."] if said else []
 
