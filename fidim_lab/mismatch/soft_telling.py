@@ -87,16 +87,20 @@ def _as_good(one: Elastic, other: Elastic) -> bool:
 
 def _impossible(one: Elastic) -> bool:
     """Whether the first effect is held at the largest size that can be."""
-    values, _, high = one.theta_of(one.effects[0])
-    return bool((values > AT_BOUND * high).any())
+    return bool(_at_largest(one))
+
+
+def _at_largest(one: Elastic) -> list[str]:
+    """Parameters of the first effect that are held at the largest size that can be."""
+    effect = one.effects[0]
+    values, _, high = one.theta_of(effect)
+    return [p.name for p, value, most in zip(effect.parameters, values, high, strict=True) if value > AT_BOUND * most]
 
 
 def _ranking(compared: Compared) -> tuple[Ranked, ...]:
     slipping = () if compared.at_once is None else (compared.at_once,)
-    every = (
-        *(compared.whole, *slipping, *compared.single),
-        *(*compared.elsewhere, *compared.alone, compared.without),
-    )
+    others = (*compared.single, *compared.elsewhere, *compared.alone)
+    every = (compared.whole, *slipping, *others, compared.without)
     ranked = [
         Ranked(
             tuple(effect.label for effect in one.effects),
@@ -186,11 +190,8 @@ def _by_themselves(compared: Compared, robot: Robot) -> list[str]:
 
 def _why_impossible(one: Elastic, robot: Robot) -> str | None:
     """Why the first effect cannot be larger, where it is as large as can be."""
-    effect = one.effects[0]
-    values, _, high = one.theta_of(effect)
-    limits = effect.limits(Context.of(robot))
-    held = [p.name for p, value, most in zip(effect.parameters, values, high, strict=True) if value > AT_BOUND * most]
-    return next((limits[name].why for name in held if name in limits), None)
+    limits = one.effects[0].limits(Context.of(robot))
+    return next((limits[name].why for name in _at_largest(one) if name in limits), None)
 
 
 def _instead(compared: Compared, one: Elastic) -> str:
