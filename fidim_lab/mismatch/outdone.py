@@ -1,7 +1,8 @@
 """Whether a wrench without a name says more, with less freedom, than the effects that are to be named.
 
-Effects with much freedom (a hose that may end anywhere, a force of any frequency beside another) can follow together
-what neither of them is. Where a smooth wrench does so more simply they are stand-ins, and nothing is named.
+Effects with much freedom (a hose that may end anywhere, a force of any frequency) can follow what they are not, and so
+can several effects together: drag of the speed cubed by drag of its square beside a small force that oscillates. Where
+one smooth wrench does so more simply they are stand-ins, and nothing is named.
 """
 
 from dataclasses import replace
@@ -21,23 +22,27 @@ from fidim_lab.mismatch.views import ENOUGH
 from fidim_lab.say import Say
 
 MANY = 9
-"""parameters of effects, from which they may stand for anything"""
+"""parameters of effects, from which they may stand for anything, and all is tried that has no name"""
+SEVERAL = 2
+"""effects, from which a single wrench is asked for that does nearly all"""
 
 
 def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Say) -> Judged:
     """The verdict, or that the physics is unknown where a wrench without a name says more.
 
-    campaign: of which the models are. Only effects of many parameters are doubted, on whole windows.
+    campaign: of which the models are. Only effects of many parameters, or several together, are doubted, and on whole
+    windows alone.
     """
     named, baseline = judged.named, found.baseline
-    freedom = sum(len(term.effect.parameters) for term in named.model.tried)
-    if not judged.known or freedom < MANY or not named.model.whole or named.model.mechanism.springs:
+    many = sum(len(term.effect.parameters) for term in named.model.tried) >= MANY
+    doubted = judged.known and (many or len(named.model.tried) >= SEVERAL)
+    if not doubted or not named.model.whole or named.model.mechanism.springs:
         return judged
     if not campaign.of_role(Role.VALIDATE):
         return judged
     say(f"modelling what {named.model.label} may stand for, without a name")
     try:
-        rival = modelled(baseline.model, campaign)
+        rival = modelled(baseline.model, campaign, alone=not many)
     except RefusedError:
         return judged
     if not rival.terms or not _says_more(rival, named):
@@ -48,15 +53,16 @@ def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Sa
 def _says_more(rival: Unknown, named: Candidate) -> bool:
     """Of fitted windows by the Bayesian information criterion, and of held-out ones by what is left.
 
-    The criterion charges each parameter with more than it can gain where the named effects are the truth.
+    The criterion charges each parameter with more than it can gain where the named effects are the truth. Where these
+    lose windows that the wrench follows, they are charged for them as for the rest.
     """
     fitted, level = named.model.fit, named.whiteness.level**2
     dof = sum(left.dof for left in rival.fit.remainders)
-    if dof < named.model.dof or rival.after.dof < named.held_out.dof:
+    if dof < named.model.dof or rival.after.dof < named.held_out.dof or not named.held_out.dof:
         return False
-    gained = named.model.chi2 - sum(left.chi2 for left in rival.fit.remainders)
+    gained = named.model.chi2 * dof / named.model.dof - sum(left.chi2 for left in rival.fit.remainders)
     price = 0.5 * np.log(dof) * (_unknowns(rival.fit) - _unknowns(fitted))
-    foretold = named.held_out.chi2 - rival.after.chi2
+    foretold = named.held_out.chi2 * rival.after.dof / named.held_out.dof - rival.after.chi2
     return min(0.5 * gained / level - price, 0.5 * foretold / level) > ENOUGH
 
 

@@ -49,12 +49,14 @@ def with_unknown(
     )
 
 
-def modelled(named: Completed, campaign: Campaign) -> Unknown:
+def modelled(named: Completed, campaign: Campaign, *, alone: bool = False) -> Unknown:
     """What is left beside these effects as a wrench without a name, on whole windows.
 
-    Raises RefusedError where these cannot be followed.
+    alone: only where one wrench does nearly all (see `model_unknown`). Raises RefusedError where windows cannot be
+    followed.
     """
-    return model_unknown(whole_fit(named, campaign.of_role(Role.IDENTIFY)), campaign.of_role(Role.VALIDATE))
+    base = whole_fit(named, campaign.of_role(Role.IDENTIFY))
+    return model_unknown(base, campaign.of_role(Role.VALIDATE), alone=alone)
 
 
 def _helps(found: Unknown) -> bool:

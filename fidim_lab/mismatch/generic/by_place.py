@@ -55,9 +55,12 @@ def _about_a_place(reach: Reach, point: Point, dependence: Dependence, label: st
 
 
 def evenly(reach: Reach) -> list[Family]:
-    """Polynomials of the place: the lowest orders of any force from far away."""
+    """Polynomials of the place: the lowest orders of any force from far away.
+
+    With what is the same everywhere: such a force vanishes where its source says, not in the middle of the motion.
+    """
     found: list[Family] = []
-    for point, degrees in product(Point, ((1,), (1, 2), (1, 2, 3))):
+    for point, degrees in product(Point, ((0, 1), (0, 1, 2), (0, 1, 2, 3))):
         positions = reach.places(point)
         middle, half = ca.SX(ca.DM(positions.mean(axis=0))), reach.size / 2
 

@@ -44,6 +44,7 @@ SECOND = 0.2
 FEEBLE = 0.25
 """of that rest: a second term that takes less away from windows left out is none"""
 TERMS = 2
+"""wrenches at most"""
 
 
 @dataclass(frozen=True)
@@ -112,11 +113,12 @@ class Unknown:
         return self.after.chi2_per_dof - 1 <= 0.5 * (self.before.chi2_per_dof - 1)
 
 
-def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
+def model_unknown(base: Fit, validate: Sequence[Window], *, alone: bool = False) -> Unknown:
     """Find, fit and describe the wrench that a fitted model lacks.
 
     base: the best model that has names, with rigid cables, of whole recordings, however far it was fitted. validate:
-    windows of role `validate`; only their starts are fitted, and nothing is chosen by them.
+    windows of role `validate`; only their starts are fitted, and nothing is chosen by them. alone: ask only for one
+    wrench that does nearly all by itself, of the families that are weighed quickly; found or not, it takes no longer.
     Source: Álvarez, Luengo, Lawrence 2009 (latent forces); evidence: see `evidence`.
     Raises RefusedError where cables of the base are springs (then the free directions of acceleration are all six), or
     effects of it have states of their own.
@@ -127,8 +129,9 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     before = predictions(base, validate).figures
     now, latents, chosen, ranking = base, [], [], ()
     whole = left = _excess(base, base)
-    for _ in range(TERMS):
-        found, tried = _next_term(now, FEEBLE if latents else -np.inf)
+    for _ in range(1 if alone else TERMS):
+        least = NEARLY_ALL if alone else FEEBLE if latents else -np.inf
+        found, tried = _next_term(now, least, late=not alone)
         ranking = ranking or tried
         if found is None:
             break
@@ -155,8 +158,13 @@ def model_unknown(base: Fit, validate: Sequence[Window]) -> Unknown:
     )
 
 
-def _next_term(base: Fit, least: float) -> tuple[tuple[Fit, LatentForce, Weighed] | None, tuple[Weighed, ...]]:
-    """The model with one more term, and everything that was weighed; None where nothing is believed."""
+def _next_term(
+    base: Fit, least: float, late: bool
+) -> tuple[tuple[Fit, LatentForce, Weighed] | None, tuple[Weighed, ...]]:
+    """The model with one more term, and everything that was weighed; None where nothing is believed.
+
+    least: share of the excess of windows left out. late: whether families that take long may be weighed.
+    """
     likelihood, simulation, seconds = _looked_at(base)
     mechanism, shared = likelihood.mechanism, simulation.point.shared
     answers = responses(likelihood, simulation)
@@ -164,9 +172,9 @@ def _next_term(base: Fit, least: float) -> tuple[tuple[Fit, LatentForce, Weighed
     reach = Reach.of(answers, shared[:3])
     ranking = weigh_all(evidence, [Courses(one, mechanism, shared) for one in families(reach, mechanism.n)])
     first = ranking[0] if ranking else None
-    if first is None or first.left_out_share < NEARLY_ALL or first.family.harmonics:
-        late = weigh_all(evidence, [Courses(one, mechanism, shared) for one in last_families()])
-        ranking = tuple(sorted([*ranking, *late], key=lambda one: -one.left_out))
+    if late and (first is None or first.left_out_share < NEARLY_ALL or first.family.harmonics):
+        last = weigh_all(evidence, [Courses(one, mechanism, shared) for one in last_families()])
+        ranking = tuple(sorted([*ranking, *last], key=lambda one: -one.left_out))
     best = chosen(ranking)
     if best is None or best.left_out_share < least:
         return None, ranking

@@ -13,6 +13,8 @@ from fidim_lab.mismatch.generic.points import Point
 
 CLEARLY = 0.3
 """mean power over mean of its size, beyond which it is said to brake or to drive"""
+LINEAR = 12
+"""weights of a force that grows in proportion to the place: each component's constant, then its three slopes"""
 OTHERS = 0.9
 """of the best one's gain: families that explain as much are said too"""
 
@@ -137,17 +139,28 @@ def _brake(latent: LatentForce, shape: np.ndarray, field: Field) -> str:
 
 def _gradient(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
     """For a linear field its stiffness; else where it is largest."""
-    if latent.family is None or latent.family.scale is None or len(latent.weights(theta)) != 9:
+    weights = latent.weights(theta)
+    if latent.family is None or latent.family.scale is None or len(weights) != LINEAR:
         return _somewhere(field, "It changes smoothly with the place")
-    stiffness = latent.weights(theta).reshape(3, 3) / latent.family.scale
+    stiffness = weights.reshape(3, 4)[:, 1:] / latent.family.scale
     along = 0.5 * (stiffness + stiffness.T)
     values, vectors = np.linalg.eigh(along)
-    k = int(np.argmax(np.abs(values)))
-    way = ", ".join(f"{x:.2f}" for x in vectors[:, k])
-    kind = "back, like a spring" if values[k] < 0 else "away, more the farther it goes"
-    said = f"It grows in proportion to the place: along ({way}) it pushes {kind}, {abs(values[k]):.2g} N/m"
+    most = float(np.abs(values).max())
+    said = "; ".join(
+        f"along ({_direction(vectors[:, k])}) it pushes "
+        f"{'back, like a spring' if values[k] < 0 else 'away, more the farther it goes'}, {abs(values[k]):.2g} N/m"
+        for k in np.argsort(-np.abs(values))
+        if abs(values[k]) > CLEARLY * most
+    )
     turning = float(np.linalg.norm(stiffness - along) / max(float(np.linalg.norm(stiffness)), 1e-300))
-    return said + (f"; {turning:.0%} of it has no potential." if turning > CLEARLY else "; it has a potential.")
+    potential = f"{turning:.0%} of it has no potential" if turning > CLEARLY else "it has a potential"
+    return f"It grows in proportion to the place: {said}; {potential}."
+
+
+def _direction(axis: Float[np.ndarray, " 3"]) -> str:
+    """Of a unit vector of which the sign does not matter: its largest component is positive."""
+    axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
+    return ", ".join(f"{x:z.2f}" for x in axis)
 
 
 def _somewhere(field: Field, begin: str) -> str:

@@ -151,6 +151,7 @@ def explored(campaign: Campaign) -> tuple[Fit, Unknown]:
     ("name", "size", "expected", "said"),
     [
         ("magnet", 40.0, {Dependence.CENTRE}, "towards"),
+        ("gradient", 8.0, {Dependence.GRADIENT}, "along (1.00, 0.00, 0.00) it pushes away"),
         ("when turning", 4.0, {Dependence.TURNING}, "only while the platform turns"),
         ("bump in time", 2.0, {Dependence.MOMENT, Dependence.TIME}, "between"),
         ("square wave", 3.0, {Dependence.PERIODIC}, "repeats every 0.9"),

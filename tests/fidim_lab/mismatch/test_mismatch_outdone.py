@@ -25,26 +25,30 @@ def judged(start: Baseline, *ids: str) -> tuple[Judged, SimpleNamespace]:
 
 
 @pytest.mark.parametrize(
-    ("hidden", "named", "verdict"),
+    ("hidden", "named", "wrench"),
     [
-        ("unknown-gradient:k=1.5,x=1.2,y=-0.1,z=-0.3", ("umbilical", "constant-force"), Verdict.UNKNOWN_PHYSICS),
-        ("umbilical:k=3,c=0.1,x=0.2,y=0.5,z=-1.0", ("umbilical", "constant-force"), Verdict.EXPLAINED),
+        ("unknown-gradient:k=1.5,x=1.2,y=-0.1,z=-0.3", ("umbilical", "constant-force"), Dependence.GRADIENT),
+        ("umbilical:k=3,c=0.1,x=0.2,y=0.5,z=-1.0", ("umbilical", "constant-force"), None),
+        ("unknown-cubic:c=3", ("air-drag-quadratic", "swivel-damping"), Dependence.SPEED),
+        ("air-drag-quadratic:c=1", ("air-drag-quadratic", "swivel-damping"), None),
     ],
-    ids=["a saddle of force", "a hose"],
+    ids=["a saddle of force", "a hose", "drag of the speed cubed", "drag of its square"],
 )
-def test_what_a_simple_wrench_says_better_is_not_named(baseline_of, hidden: str, named, verdict: Verdict) -> None:
+def test_what_a_simple_wrench_says_better_is_not_named(
+    baseline_of, hidden: str, named: tuple[str, str], wrench: Dependence | None
+) -> None:
     start = baseline_of(hidden, seed=3, windows=6, seconds=3.0)
     said: list[str] = []
     claim, found = judged(start, *named)
     after = unless_outdone(claim, found, start.campaign, said.append)
-    assert after.verdict is verdict
-    assert said == ["modelling what umbilical (always taut) + constant-force may stand for, without a name"]
-    if verdict is Verdict.UNKNOWN_PHYSICS:
+    assert said == [f"modelling what {claim.named.model.label} may stand for, without a name"]
+    if wrench is None:
+        assert after is claim
+    else:
+        assert after.verdict is Verdict.UNKNOWN_PHYSICS
         assert after.named is found.baseline
         assert after.outdone_by is not None
-        assert after.outdone_by.terms[0].dependence is Dependence.POSITION
-    else:
-        assert after is claim
+        assert after.outdone_by.terms[0].dependence is wrench
 
 
 CHI2, DOF = 20_000.0, 20_000
@@ -57,14 +61,40 @@ def fit(values: int, chi2: float = CHI2) -> SimpleNamespace:
     )
 
 
-def effects(count: int, held: int = 10_000, springs: bool = False) -> Candidate:
-    term = SimpleNamespace(effect=SimpleNamespace(parameters=(None,) * count))
+def effects(count: int, held: int = 10_000, springs: bool = False, *, several: int = 1, dof: int = DOF) -> Candidate:
+    first = SimpleNamespace(effect=SimpleNamespace(parameters=(None,) * count))
+    others = (SimpleNamespace(effect=SimpleNamespace(parameters=())),) * (several - 1)
     model = SimpleNamespace(
-        tried=(term,), whole=True, fit=fit(9 + count), chi2=CHI2, dof=DOF, mechanism=SimpleNamespace(springs=springs)
+        tried=(first, *others),
+        whole=True,
+        fit=fit(9 + count),
+        chi2=CHI2,
+        dof=dof,
+        mechanism=SimpleNamespace(springs=springs),
     )
     model.label = "something"
     left = SimpleNamespace(chi2=10_000.0, dof=held)
     return SimpleNamespace(model=model, held_out=left, whiteness=SimpleNamespace(level=1.0))  # type: ignore[return-value]
+
+
+def rival_of(values: int, gained: float, foretold: float) -> SimpleNamespace:
+    after = SimpleNamespace(chi2=10_000.0 - foretold, dof=10_000)
+    return SimpleNamespace(terms=("one",), fit=fit(9 + values, CHI2 - gained), after=after)
+
+
+def doubted(monkeypatch: pytest.MonkeyPatch, claim: Candidate, wrench: SimpleNamespace) -> tuple[Verdict, list[bool]]:
+    """The verdict on what is claimed beside that wrench; and of each time it was modelled, whether it alone."""
+    asked: list[bool] = []
+
+    def modelled(*_: object, alone: bool) -> SimpleNamespace:
+        asked.append(alone)
+        return wrench
+
+    monkeypatch.setattr(outdone, "modelled", modelled)
+    found = SimpleNamespace(baseline=SimpleNamespace(model=None))
+    campaign = SimpleNamespace(of_role=lambda role: ("a window",))
+    after = unless_outdone(Judged(Verdict.EXPLAINED, claim), found, campaign, lambda _: None)  # type: ignore[arg-type]
+    return after.verdict, asked
 
 
 @pytest.mark.parametrize(
@@ -75,21 +105,29 @@ def effects(count: int, held: int = 10_000, springs: bool = False) -> Candidate:
         (9, 9, 4.0, 40.0, False),
         (9, 14, 40.0, 40.0, False),  # more freedom, which may gain as much by chance
         (14, 9, -30.0, 40.0, True),  # less
-        (8, 8, 40.0, 40.0, False),  # of few parameters: not doubted
     ],
 )
 def test_freedom_is_paid_for_and_held_out_windows_must_agree(
     monkeypatch: pytest.MonkeyPatch, parameters: int, rival: int, gained: float, foretold: float, outdone_by_it: bool
 ) -> None:
-    wrench = SimpleNamespace(
-        terms=("one",), fit=fit(9 + rival, CHI2 - gained), after=SimpleNamespace(chi2=10_000.0 - foretold, dof=10_000)
-    )
-    monkeypatch.setattr(outdone, "modelled", lambda *_: wrench)
-    claim = Judged(Verdict.EXPLAINED, effects(parameters))
-    found = SimpleNamespace(baseline=SimpleNamespace(model=None))
-    campaign = SimpleNamespace(of_role=lambda role: ("a window",))
-    after = unless_outdone(claim, found, campaign, lambda _: None)  # type: ignore[arg-type]
-    assert (after.verdict is Verdict.UNKNOWN_PHYSICS) is outdone_by_it
+    verdict, _ = doubted(monkeypatch, effects(parameters), rival_of(rival, gained, foretold))
+    assert (verdict is Verdict.UNKNOWN_PHYSICS) is outdone_by_it
+
+
+def test_all_is_tried_against_much_freedom_one_wrench_against_several_effects_and_nothing_else_doubted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wrench = rival_of(8, 40.0, 40.0)
+    assert doubted(monkeypatch, effects(9), wrench) == (Verdict.UNKNOWN_PHYSICS, [False])
+    assert doubted(monkeypatch, effects(9, several=2), wrench) == (Verdict.UNKNOWN_PHYSICS, [False])
+    assert doubted(monkeypatch, effects(8, several=2), wrench) == (Verdict.UNKNOWN_PHYSICS, [True])
+    assert doubted(monkeypatch, effects(8), wrench) == (Verdict.EXPLAINED, [])
+
+
+def test_what_named_effects_lose_is_charged_like_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    half = effects(9, dof=DOF // 2)  # with the χ² of all windows in half of them
+    assert doubted(monkeypatch, half, rival_of(9, 0.0, 40.0))[0] is Verdict.UNKNOWN_PHYSICS
+    assert doubted(monkeypatch, effects(9), rival_of(9, 0.0, 40.0))[0] is Verdict.EXPLAINED
 
 
 @pytest.mark.parametrize(
@@ -98,13 +136,14 @@ def test_freedom_is_paid_for_and_held_out_windows_must_agree(
         (Judged(Verdict.UNKNOWN_PHYSICS, effects(12)), ("v01",)),
         (Judged(Verdict.EXPLAINED, effects(12, springs=True)), ("v01",)),
         (Judged(Verdict.EXPLAINED, effects(12)), ()),
+        (Judged(Verdict.EXPLAINED, effects(8)), ("v01",)),
     ],
-    ids=["nothing is named", "cables stretch", "nothing is held out"],
+    ids=["nothing is named", "cables stretch", "nothing is held out", "one effect of few parameters"],
 )
 def test_nothing_is_modelled_where_there_is_nothing_to_doubt_or_to_judge_by(
     monkeypatch: pytest.MonkeyPatch, claim: Judged, windows: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr(outdone, "modelled", lambda *_: pytest.fail("modelled"))
+    monkeypatch.setattr(outdone, "modelled", lambda *_, **__: pytest.fail("modelled"))
     campaign = SimpleNamespace(of_role=lambda role: windows)
     found = SimpleNamespace(baseline=SimpleNamespace(model=None))
     assert unless_outdone(claim, found, campaign, lambda _: None) is claim  # type: ignore[arg-type]
