@@ -80,7 +80,7 @@ def explain(
     if last is not first:
         told = _before(first, told)
     told = with_timing(told, judged.named.model, put_right=last is not first)
-    whole = with_unknown(told, judged.named.model, last.cleaned.campaign, say, judged.outdone_by)
+    whole = with_unknown(told, judged.named, last.cleaned.campaign, say, judged.outdone_by)
     audited = last.cleaned
     if last.found.best.is_white and judged.outdone_by is None:
         audited = without_needless_faults(campaign, audited, last.found.best.model)

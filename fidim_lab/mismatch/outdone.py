@@ -10,13 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.data.records import Campaign, Role
-from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.explanation import Verdict
 from fidim_lab.mismatch.generic.unknown import Unknown
+from fidim_lab.mismatch.lone_wrench import wrench_beside
 from fidim_lab.mismatch.select import Selection
-from fidim_lab.mismatch.unnamed import modelled
 from fidim_lab.mismatch.verdict import Judged
 from fidim_lab.mismatch.views import ENOUGH
 from fidim_lab.say import Say
@@ -40,12 +39,10 @@ def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Sa
         return judged
     if not campaign.of_role(Role.VALIDATE):
         return judged
-    say(f"modelling what {named.model.label} may stand for, without a name")
-    try:
-        rival = modelled(baseline.model, campaign, alone=not many)
-    except RefusedError:
-        return judged
-    if not rival.terms or not _says_more(rival, named):
+    rival = found.alone
+    if many or rival is None:
+        rival = wrench_beside(baseline, campaign, named.model.label, say, alone=not many)
+    if rival is None or not rival.terms or not _says_more(rival, named):
         return judged
     return replace(judged, verdict=Verdict.UNKNOWN_PHYSICS, named=baseline, outdone_by=rival)
 

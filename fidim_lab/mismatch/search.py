@@ -4,7 +4,7 @@ The search may end early: at pushes within a few windows that are all that is le
 thinks better of is in `select`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -69,8 +69,11 @@ class Search:
         self.trials.tried.append(judged)
         return judged
 
-    def over_first_seconds(self) -> list[Completed]:
-        """The few best models of the first seconds, the best first."""
+    def over_first_seconds(self, is_outdone: Callable[[Completed], bool]) -> list[Completed]:
+        """The few best models of the first seconds, the best first.
+
+        is_outdone: says of several effects that leave structure there, whether it is in vain to go on.
+        """
         best = Completed((), self.start.short, whole=False)
         while True:
             seen = self.trials.look(best)
@@ -84,7 +87,7 @@ class Search:
                 break
             best = self.trials.in_best_form(self.trials.pruned(further))
             self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
-            if best.is_white:
+            if best.is_white or (len(best.tried) > 1 and is_outdone(best)):
                 break
         if not (_is_simple(best) and best.is_white):
             best = most_convincing(best, self._together())

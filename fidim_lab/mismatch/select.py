@@ -20,7 +20,9 @@ from fidim_lab.mismatch.candidates import (
     rank,
 )
 from fidim_lab.mismatch.contacts import Contact
+from fidim_lab.mismatch.generic.unknown import Unknown
 from fidim_lab.mismatch.imitators import in_their_place
+from fidim_lab.mismatch.lone_wrench import LoneWrench
 from fidim_lab.mismatch.patience import Patience
 from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.search import SIBLINGS, Search
@@ -51,6 +53,10 @@ class Selection:
     """for which the search was broken off: all but these windows follow the best model"""
     cut_short: str = ""
     """why it was not gone on with, where structure stays and patience has ended"""
+    alone: Unknown | None = None
+    """one wrench without a name, where it was asked for: without terms where none does nearly all"""
+    outdone: Completed | None = None
+    """the best model of the first seconds, where that wrench says more, so that none was fitted to whole windows"""
 
 
 def select(
@@ -70,9 +76,13 @@ def select(
     baseline = candidate(start.as_it_is, start.predicted)
     say(f"without any effect: {baseline.held_out.says}")
     settled = search.known_to_do(known)
-    best = settled or baseline
+    best, lone = settled or baseline, LoneWrench(baseline, start.campaign, say)
     if best is baseline and not start.follows:
-        best = search.best_over_all(baseline, search.over_first_seconds())
+        short = search.over_first_seconds(lambda model: lone.outdoes([model]))
+        if search.trials.first is not None and lone.outdoes(short):
+            first, passing = search.trials.first, tuple(search.trials.passing)
+            return Selection(baseline, baseline, (baseline,), passing, first, first, alone=lone.found, outdone=short[0])
+        best = search.best_over_all(baseline, short)
     best, last = search.over_whole_windows(best)
     # a model with which a search ended stood among its imitators already
     if not (search.pushes or best is settled or search.patience.ended):
@@ -89,6 +99,7 @@ def select(
         last=last,
         pushes=search.pushes,
         cut_short=search.patience.says if search.patience.ended and not best.is_white else "",
+        alone=lone.found,
     )
 
 

@@ -154,7 +154,7 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
                 said += f" The best attempt, {best.model.label}, leaves {_left(best)}."
                 said += _law_without_a_name(best.model)
             if judged.outdone_by is not None:
-                said += f" {_outdone(judged.outdone_by, best.model)}"
+                said += f" {_outdone(judged.outdone_by, found)}"
     lacking = found.last.unfitted
     if effects and lacking is not None:
         said += f" {lacking.label} is known by its score alone (log-evidence {lacking.log_evidence:.0f}, would leave "
@@ -162,12 +162,15 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
     return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
 
 
-def _outdone(rival: Wrench, found: Completed) -> str:
+def _outdone(rival: Wrench, found: Selection) -> str:
     """Why effects that were found are not named."""
-    return (
-        f"A wrench without a name says more with no such freedom (held-out χ²/dof {rival.after.chi2_per_dof:.3g}): "
-        f"{found.label} would stand for something else, and is not named."
-    )
+    figures, short = f"held-out χ²/dof {rival.after.chi2_per_dof:.3g}", found.outdone
+    if short is None:
+        said, label = f"A wrench without a name says more with less freedom ({figures})", found.best.model.label
+    else:
+        said = f"One wrench without a name leaves only noise ({figures}), and follows the first seconds better than "
+        said, label = f"{said}{short.label}, which was fitted to these alone", "that"
+    return f"{said}: {label} would stand for something else, and is not named."
 
 
 def figures_of(before: Candidate, after: Candidate) -> str:

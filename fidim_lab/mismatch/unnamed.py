@@ -6,6 +6,7 @@ from dataclasses import replace
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.explanation import Before, BodyParameter, Explanation, Verdict
 from fidim_lab.mismatch.generic.unknown import Unknown, model_unknown
 from fidim_lab.mismatch.ground import ground_of, whole_ground
@@ -14,7 +15,7 @@ from fidim_lab.say import Say
 
 
 def with_unknown(
-    explanation: Explanation, named: Completed, campaign: Campaign, say: Say, known: Unknown | None = None
+    explanation: Explanation, named: Candidate, campaign: Campaign, say: Say, known: Unknown | None = None
 ) -> Explanation:
     """The explanation with what is left modelled generically, where its verdict says that something is left.
 
@@ -24,7 +25,7 @@ def with_unknown(
     """
     if explanation.verdict not in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return explanation
-    if named.mechanism.springs:
+    if named.model.mechanism.springs:
         said = "What is left beside elastic cables was scored, but no wrench without a name was fitted to it."
         return replace(explanation, message=f"{explanation.message} {said}")
     try:
@@ -49,14 +50,14 @@ def with_unknown(
     )
 
 
-def modelled(named: Completed, campaign: Campaign, *, alone: bool = False) -> Unknown:
+def modelled(named: Candidate, campaign: Campaign, *, alone: bool = False) -> Unknown:
     """What is left beside these effects as a wrench without a name, on whole windows.
 
     alone: only where one wrench does nearly all (see `model_unknown`). Raises RefusedError where windows cannot be
     followed.
     """
-    base = whole_fit(named, campaign.of_role(Role.IDENTIFY))
-    return model_unknown(base, campaign.of_role(Role.VALIDATE), alone=alone)
+    base = whole_fit(named.model, campaign.of_role(Role.IDENTIFY))
+    return model_unknown(base, campaign.of_role(Role.VALIDATE), before=named.held_out, alone=alone)
 
 
 def _helps(found: Unknown) -> bool:

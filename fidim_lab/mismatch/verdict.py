@@ -39,6 +39,8 @@ class Judged:
 
 def judge(found: Selection) -> Judged:
     """The verdict on where the search ended."""
+    if found.outdone is not None:
+        return Judged(Verdict.UNKNOWN_PHYSICS, found.baseline, found.alone)
     verdict = _verdict(found)
     known = verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED)
     return Judged(verdict, found.best if known else found.baseline)

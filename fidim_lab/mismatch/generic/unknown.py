@@ -36,6 +36,8 @@ ENOUGH = 5.0
 FAIR = 0.25
 """of the best one's gain on windows left out: among families that reach it evidence decides. Windows left out are too
 strict a judge alone: what acts in places that one window visits cannot be foretold by the others"""
+AS_EVIDENT = 0.98
+"""of the log-evidence: what first order says of motions that the base misses by far is not surer"""
 NEARLY_ALL = 0.9
 """of the excess of windows left out: what takes as much, and does not repeat, spares the families that take long"""
 LISTED = 10
@@ -113,12 +115,15 @@ class Unknown:
         return self.after.chi2_per_dof - 1 <= 0.5 * (self.before.chi2_per_dof - 1)
 
 
-def model_unknown(base: Fit, validate: Sequence[Window], *, alone: bool = False) -> Unknown:
+def model_unknown(
+    base: Fit, validate: Sequence[Window], *, before: HeldOut | None = None, alone: bool = False
+) -> Unknown:
     """Find, fit and describe the wrench that a fitted model lacks.
 
     base: the best model that has names, with rigid cables, of whole recordings, however far it was fitted. validate:
-    windows of role `validate`; only their starts are fitted, and nothing is chosen by them. alone: ask only for one
-    wrench that does nearly all by itself, of the families that are weighed quickly; found or not, it takes no longer.
+    windows of role `validate`; only their starts are fitted, and nothing is chosen by them. before: what the base says
+    of them, where that is known. alone: ask only for one wrench that does nearly all by itself, of the families that
+    are weighed quickly.
     Source: Álvarez, Luengo, Lawrence 2009 (latent forces); evidence: see `evidence`.
     Raises RefusedError where cables of the base are springs (then the free directions of acceleration are all six), or
     effects of it have states of their own.
@@ -126,7 +131,7 @@ def model_unknown(base: Fit, validate: Sequence[Window], *, alone: bool = False)
     begin = process_time()
     if base.likelihood.own != 6 + base.likelihood.mechanism.freedoms:
         raise RefusedError("An unknown force is modelled on rigid cables alone; this model has springs or own states.")
-    before = predictions(base, validate).figures
+    before = predictions(base, validate).figures if before is None else before
     now, latents, chosen, ranking = base, [], [], ()
     whole = left = _excess(base, base)
     for _ in range(1 if alone else TERMS):
@@ -184,7 +189,10 @@ def _next_term(
 
 
 def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
-    """The most evident of those that predict windows left out well enough; of all where none predicts any."""
+    """The most evident of those that predict windows left out well enough; of all where none predicts any.
+
+    Or a plainer one that is as good as it but for what first order leaves out, and predicts windows left out better.
+    """
     believed = [one for one in ranking if one.log_evidence > ENOUGH]
     if not believed:
         return None
@@ -192,7 +200,11 @@ def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
     if not useful:
         return max(believed, key=lambda one: one.log_evidence)
     best = max(one.left_out for one in useful)
-    return max((one for one in useful if one.left_out >= FAIR * best), key=lambda one: one.log_evidence)
+    top = max((one for one in useful if one.left_out >= FAIR * best), key=lambda one: one.log_evidence)
+    as_good = (
+        one for one in useful if one.log_evidence >= AS_EVIDENT * top.log_evidence and one.left_out >= top.left_out
+    )
+    return min(as_good, key=lambda one: one.effective)
 
 
 def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:

@@ -8,6 +8,7 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.baseline import fit_baseline
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.generic.family import Dependence
 from fidim_lab.mismatch.select import select
 from fidim_lab.mismatch.telling import tell
 from fidim_lab.mismatch.verdict import judge
@@ -86,3 +87,17 @@ def test_a_drag_that_no_air_has_is_told_with_its_power(irma4: Robot, text: str, 
     told = tell(start, found, judge(found), 0.0)
     assert f"p = {values[1]:.3g}" in told.message
     assert not told.effects
+
+
+@pytest.mark.slow
+def test_effects_that_one_wrench_outdoes_over_the_first_seconds_are_not_named(irma4: Robot) -> None:
+    """A saddle of force: a hose, a tilt and a force that oscillates come near it for three seconds."""
+    campaign, _ = campaign_with(irma4, "unknown-gradient:k=-6,x=1.2,y=-0.1,z=-0.3")
+    found = explain(campaign)
+    assert found.verdict is Verdict.UNKNOWN_PHYSICS
+    assert "One wrench without a name leaves only noise" in found.message
+    assert found.unknown is not None
+    assert found.unknown.terms[0].dependence is Dependence.GRADIENT
+    assert found.chi2_per_dof.after is not None
+    assert found.chi2_per_dof.after < 1.05
+    assert not found.effects

@@ -129,6 +129,26 @@ def test_evidence_decides_among_those_that_windows_left_out_confirm(base: Fit, a
     assert chosen([rich, replace(plain, left_out=20.0)]) is rich
 
 
+@pytest.mark.parametrize(
+    ("evidence", "left_out", "effective", "plainer"),
+    [
+        (99.0, 51.0, 9.0, True),
+        (97.0, 51.0, 9.0, False),  # surely less evident
+        (99.0, 49.0, 9.0, False),  # windows left out are predicted worse
+        (99.0, 51.0, 12.0, False),  # not plainer
+    ],
+)
+def test_a_plainer_family_as_good_to_first_order_is_preferred(
+    base: Fit, answers: Responses, evidence: float, left_out: float, effective: float, plainer: bool
+) -> None:
+    weighed = Evidence(answers, base.prior.rows(base.values)).weigh(
+        _named(base, answers, "drag ~ speed^2"), np.zeros(0)
+    )
+    rich = replace(weighed, log_evidence=100.0, left_out=50.0, effective=11.0)
+    plain = replace(weighed, log_evidence=evidence, left_out=left_out, effective=effective)
+    assert chosen([rich, plain]) is (plain if plainer else rich)
+
+
 def test_the_joint_fit_explains_and_its_field_is_what_was_fitted(base: Fit, answers: Responses) -> None:
     evidence = Evidence(answers, base.prior.rows(base.values))
     courses = _named(base, answers, "force on the centre of mass towards a place")

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fidim_lab.mismatch import outdone
+from fidim_lab.mismatch import lone_wrench
 from fidim_lab.mismatch.baseline import Baseline
 from fidim_lab.mismatch.candidates import Candidate, candidate
 from fidim_lab.mismatch.explanation import Verdict
@@ -21,7 +21,9 @@ def judged(start: Baseline, *ids: str) -> tuple[Judged, SimpleNamespace]:
     model = refit(start.whole_ground, start.as_it_is.fit, tried, [h.absent for h in tried], start.context)
     assert model is not None
     named = candidate(model, predict(model, start.held_out))
-    return Judged(Verdict.EXPLAINED, named), SimpleNamespace(baseline=candidate(start.as_it_is, start.predicted))
+    return Judged(Verdict.EXPLAINED, named), SimpleNamespace(
+        baseline=candidate(start.as_it_is, start.predicted), alone=None
+    )
 
 
 @pytest.mark.parametrize(
@@ -90,8 +92,8 @@ def doubted(monkeypatch: pytest.MonkeyPatch, claim: Candidate, wrench: SimpleNam
         asked.append(alone)
         return wrench
 
-    monkeypatch.setattr(outdone, "modelled", modelled)
-    found = SimpleNamespace(baseline=SimpleNamespace(model=None))
+    monkeypatch.setattr(lone_wrench, "modelled", modelled)
+    found = SimpleNamespace(baseline=SimpleNamespace(model=None), alone=None)
     campaign = SimpleNamespace(of_role=lambda role: ("a window",))
     after = unless_outdone(Judged(Verdict.EXPLAINED, claim), found, campaign, lambda _: None)  # type: ignore[arg-type]
     return after.verdict, asked
@@ -143,7 +145,7 @@ def test_what_named_effects_lose_is_charged_like_the_rest(monkeypatch: pytest.Mo
 def test_nothing_is_modelled_where_there_is_nothing_to_doubt_or_to_judge_by(
     monkeypatch: pytest.MonkeyPatch, claim: Judged, windows: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr(outdone, "modelled", lambda *_, **__: pytest.fail("modelled"))
+    monkeypatch.setattr(lone_wrench, "modelled", lambda *_, **__: pytest.fail("modelled"))
     campaign = SimpleNamespace(of_role=lambda role: windows)
-    found = SimpleNamespace(baseline=SimpleNamespace(model=None))
+    found = SimpleNamespace(baseline=SimpleNamespace(model=None), alone=None)
     assert unless_outdone(claim, found, campaign, lambda _: None) is claim  # type: ignore[arg-type]

@@ -42,7 +42,7 @@ def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
     search = module.Search(SimpleNamespace(short=None), lambda _: None, False, Patience())  # type: ignore[arg-type]
     monkeypatch.setattr(search, "_together", lambda: asked.append(True) or [])
     monkeypatch.setattr(search.trials, "look", lambda _: SimpleNamespace(unfitted="nothing to look at"))
-    assert search.over_first_seconds() == [found]
+    assert search.over_first_seconds(lambda _: False) == [found]
     assert bool(asked) is united
 
 
@@ -73,7 +73,7 @@ def test_a_strong_hand_is_found_beside_soft_cables_that_only_the_first_seconds_s
     start = baseline_of(hand, "cable-elasticity:EA=1.2e5,c=60", seed=43, windows=5, seconds=8.0)
     search = Search(start, lambda _: None, look_for_pushes=True, patience=Patience())
     baseline = candidate(start.as_it_is, start.predicted)
-    search.best_over_all(baseline, search.over_first_seconds())
+    search.best_over_all(baseline, search.over_first_seconds(lambda _: False))
     every = [one.id for one in start.campaign.windows]
     assert [push.window for push in search.pushes] == (every if window == 0 else [every[window - 1]])
     for push in search.pushes:
@@ -92,7 +92,9 @@ def test_what_came_first_is_found_anew_once_the_others_are_there(baseline_of) ->
         windows=8,
         seconds=6.0,
     )
-    best = Search(start, lambda _: None, look_for_pushes=True, patience=Patience()).over_first_seconds()[0]
+    best = Search(start, lambda _: None, look_for_pushes=True, patience=Patience()).over_first_seconds(lambda _: False)[
+        0
+    ]
     found = {(h.effect.id, h.effect.cable): theta for h, theta in zip(best.tried, best.thetas, strict=True)}
     assert set(found) == {("marker-offset", None), ("cable-length-bias", 1), ("loose-mass", None)}
     assert found["loose-mass", None][1] == pytest.approx(2.4, rel=0.1)
