@@ -164,13 +164,16 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
 
 def _outdone(rival: Wrench, found: Selection) -> str:
     """Why effects that were found are not named."""
-    figures, short = f"held-out χ²/dof {rival.after.chi2_per_dof:.3g}", found.outdone
-    if short is None:
-        said, label = f"A wrench without a name says more with less freedom ({figures})", found.best.model.label
-    else:
-        said = f"One wrench without a name leaves only noise ({figures}), and follows the first seconds better than "
-        said, label = f"{said}{short.label}, which was fitted to these alone", "that"
-    return f"{said}: {label} would stand for something else, and is not named."
+    figures, end = (
+        f"held-out χ²/dof {rival.after.chi2_per_dof:.3g}",
+        "would stand for something else, and is not named.",
+    )
+    if found.outdone is None:
+        return f"A wrench without a name says more with less freedom ({figures}): {found.best.model.label} {end}"
+    return (
+        f"One wrench without a name leaves only noise ({figures}), and follows the first seconds better than "
+        f"{found.outdone.label}, which was fitted to these alone: that {end}"
+    )
 
 
 def figures_of(before: Candidate, after: Candidate) -> str:
