@@ -4,6 +4,8 @@ The platform's deviation from where it would rest with the present lengths is Φ
 
     q̈_j + 2 ζ_j ω_j q̇_j + ω_j² q_j = −(Φᵀ M G l̈)_j          G = ∂(rest)/∂l, 6 × n
 
+What cables then pull more than at rest is linear in q, in the lengths and in their accelerations: `Pull`.
+
 A mode's state is the complex number y = q̇ + (ζω + iω_d) q, which in free motion is y₀ e^{st}, s = −ζω + iω_d, and
 whose modulus over ω_d is the amplitude of q. `swing_about` makes one; for large swings and tensions take `driven`.
 """
@@ -24,6 +26,21 @@ NEUTRAL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
+class Pull:
+    """What tensions (per unit mass, N/kg) have on top of those at rest, while no damping acts.
+
+    With the platform Φ q + G Δl away from its rest, [M Ξᵀ; Ξ 0] [v̇; δτ] = [−K (Φ q + G Δl); l̈], K as in Eq. 37.
+    """
+
+    by_swing: Float[np.ndarray, "n modes"]
+    """for q = 1"""
+    by_lengths: Float[np.ndarray, "n n"]
+    """N/kg per m: at rest with other lengths"""
+    by_acceleration: Float[np.ndarray, "n n"]
+    """N/kg per m/s²"""
+
+
+@dataclass(frozen=True, eq=False)
 class Swing:
     """The modes about one equilibrium; neutral freedoms are left out."""
 
@@ -40,6 +57,8 @@ class Swing:
     """Φᵀ M G"""
     mass: Float[np.ndarray, "6 6"]
     """M about the rest, per unit mass"""
+    pull: Pull
+    """tensions"""
 
     @property
     def rates(self) -> Complex[np.ndarray, " modes"]:
@@ -112,8 +131,13 @@ def swing_about(
     n = mechanism.n
     system = np.block([[hessian, xi.T], [xi, np.zeros((n, n))]])
     # least squares: a neutral freedom (spin about a lone cable) leaves the system singular
-    shift = np.linalg.lstsq(system, np.vstack([np.zeros((6, n)), np.eye(n)]), rcond=1e-10)[0][:6]
+    moved = np.linalg.lstsq(system, np.vstack([np.zeros((6, n)), np.eye(n)]), rcond=1e-10)[0]
+    shift = moved[:6]
     mass = mass_matrix(body, pose.rotation)
+    dynamic = np.block([[mass, xi.T], [xi, np.zeros((n, n))]])
+    forced = np.linalg.solve(
+        dynamic, np.block([[-hessian @ shapes, np.zeros((6, n))], [np.zeros((n, shapes.shape[1])), np.eye(n)]])
+    )[6:]
     arm = pose.rotation @ mechanism.robot.marker
     cross = np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])
     return Swing(
@@ -124,4 +148,9 @@ def swing_about(
         markers=np.hstack([np.eye(3), -cross]) @ shapes,
         gain=shapes.T @ mass @ shift,
         mass=mass,
+        pull=Pull(
+            by_swing=forced[:, : shapes.shape[1]],
+            by_lengths=moved[6:],
+            by_acceleration=forced[:, shapes.shape[1] :],
+        ),
     )

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float
 
+from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError, OurBugError
-from fidim_lab.identification.excitation.candidates import DUTY, SPARE, direction_of
+from fidim_lab.identification.excitation.candidates import DUTY, SPARE
 from fidim_lab.identification.excitation.motion import at_rest, line_of, wider
 from fidim_lab.identification.excitation.place import MASS_OFF, Place, WinchLimits, inside
 from fidim_lab.identification.excitation.strokes import COARSE, Chain, Pattern
@@ -33,6 +34,8 @@ ROUNDS, EXACT = 8, 1e-9
 """of Newton's method towards a pose on the cables; m"""
 AFTER = 1.0
 """s after the last stroke whose tensions are looked at"""
+SELECTIVE = 30.0
+"""how much a direction minds moving other modes"""
 GENTLE = 0.6
 """part of the acceleration allowed: a calming stroke must not pull cables slack"""
 
@@ -154,7 +157,7 @@ def _most(
     for turns in TURNS:
         pattern = Pattern(np.pi / omega[mode], turns, DUTY)
         response = pattern.response(swing.rates) * swing.dragged
-        direction = direction_of(swing, mode, np.abs(response))
+        direction = _direction(swing, mode, np.abs(response))
         most = (share * SPARE) * min(
             limits.reach(place.equilibrium.lengths, direction),
             limits.speed / pattern.speed,
@@ -168,6 +171,18 @@ def _most(
     if best is None:
         raise OurBugError("Calming: no number of turns to try.")
     return best
+
+
+def _direction(swing: Swing, mode: int, response: Float[np.ndarray, " modes"]) -> PerCable:
+    """Of largest entry 1: moves this mode, and the others little where the pattern does not spare them already."""
+    own = swing.gain[mode]
+    selective = np.eye(len(own))
+    for j, gain in enumerate(swing.gain):
+        if j != mode:
+            weight = SELECTIVE * (response[j] / response[mode]) ** 2 * (swing.lever[j] / swing.lever[mode]) ** 2
+            selective += weight * np.outer(gain, gain) / (own @ own)
+    found = np.linalg.solve(selective, own)
+    return found / np.abs(found).max()
 
 
 def _timed(

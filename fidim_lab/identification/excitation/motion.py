@@ -25,6 +25,8 @@ CLOSED = 0.01
 """part of the wanted amplitudes"""
 MOST = 0.99
 """of what the winches may do"""
+SLOWER = (1.0, 0.98, 0.96, 0.94, 0.92)
+"""parts of a mode's frequency at small swings: pendulums that swing by half a radian are at 0.98"""
 SMALLEST = 0.02
 """part of the chains at which making them smaller ends"""
 ALMOST, AIM = 0.95, 0.98
@@ -79,6 +81,20 @@ def retimed(
         replace(chain, pattern=replace(chain.pattern, half=float(chain.pattern.half / faster[mode])))
         for chain, mode in zip(chains, modes, strict=True)
     )
+
+
+def in_step(place: Place, chains: tuple[Chain, ...], modes: tuple[int, ...]) -> tuple[Chain, ...]:
+    """Each chain as slow as makes its mode swing farthest: large swings take longer than small ones."""
+    found = chains
+    for mode in modes:
+        tried: list[tuple[float, tuple[Chain, ...]]] = []
+        for slower in SLOWER:
+            faster = np.ones(len(place.swing.frequencies))
+            faster[mode] = slower
+            trial = retimed(found, modes, faster)
+            tried.append((float(swings_after(place, trial, modes)[mode]), trial))
+        found = max(tried, key=lambda one: one[0])[1]
+    return found
 
 
 def solved(

@@ -33,12 +33,15 @@ class WinchLimits:
     lengths: tuple[tuple[float, float], ...] = ()
     """m, shortest and longest that each cable may be; empty where that is not known"""
 
+    def ways(self, held: PerCable) -> PerCable:
+        """How far (m) each cable may go to both sides of the length held."""
+        free = [max(min(at - low, high - at), 0.0) for at, (low, high) in zip(held, self.lengths, strict=False)]
+        return np.minimum(self.offset, [*free, *[np.inf] * (len(held) - len(free))])
+
     def reach(self, held: PerCable, direction: PerCable) -> float:
         """How far (m) strokes may go to both sides of the lengths held, along a direction of largest entry 1."""
-        free = [min(at - low, high - at) for at, (low, high) in zip(held, self.lengths, strict=False)]
-        ways = np.abs(direction[: len(free)])
-        room = min((room / way for room, way in zip(free, ways, strict=True) if way > 0), default=np.inf)
-        return max(min(self.offset, float(room)), 0.0)
+        moved = np.abs(direction) > 0
+        return float((self.ways(held)[moved] / np.abs(direction[moved])).min(initial=self.offset))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,11 @@ class Place:
         body = body or mechanism.robot.nominal
         equilibrium = pose_from_lengths(mechanism, body, lengths)
         return Place(mechanism, body, equilibrium, swing_about(mechanism, body, equilibrium))
+
+    def beside(self, body: Body) -> "Place":
+        """Another body at the same lengths, on the same branch. Raises InfeasibleError where it does not rest there."""
+        equilibrium = pose_from_lengths(self.mechanism, body, self.equilibrium.lengths, self.equilibrium.pose)
+        return Place(self.mechanism, body, equilibrium, swing_about(self.mechanism, body, equilibrium))
 
     @property
     def robot(self) -> Robot:

@@ -1,9 +1,10 @@
 """Planning an excitation: which strokes leave the platform swinging as wanted when the winches hold.
 
-For each mode one chain of strokes near its frequency, along a direction that moves it most and the others little; they
-follow one another, the slowest mode first. How large each is, is solved for with the nonlinear model and its exact
-derivatives; then the whole motion is looked at with bodies that CAD may have meant, and made smaller where a tension
-would leave its limits. Sizes are for the damping that is likely, tensions are looked at with the least there may be.
+For each mode one chain of strokes near its frequency, the slowest mode first, along the directions that swing the
+platform farthest within all limits (`candidates`). How slow and how large each is, is found with the nonlinear model
+and its exact derivatives; then the whole motion is looked at with bodies that CAD may have meant, and made smaller
+where a tension would leave its limits. Sizes are for the damping that is likely, tensions are looked at with the least
+there may be.
 """
 
 from collections.abc import Sequence
@@ -15,14 +16,24 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import Body
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.excitation.candidates import begins_of, within_winches
+from fidim_lab.identification.excitation.candidates import Candidate, Hanging, begins_of, candidates
 from fidim_lab.identification.excitation.knowledge import Knowledge
-from fidim_lab.identification.excitation.motion import at_rest, retimed, solved, swings_after, within_tensions
+from fidim_lab.identification.excitation.motion import (
+    LATE,
+    at_rest,
+    in_step,
+    retimed,
+    solved,
+    swings_after,
+    within_tensions,
+)
 from fidim_lab.identification.excitation.place import Place, WinchLimits, inside
 from fidim_lab.identification.excitation.strokes import Chain
 
-SLOWER = (0.5, 0.25)
-"""parts of the acceleration that are tried where tensions are the limit"""
+BESIDE = 8
+"""of the other bodies, with which directions are chosen; the others are looked at when they are"""
+TINY = 1e-3
+"""N/kg: so much may tensions change even where the rest is beyond its limit; it is refused later"""
 LEAST = 0.1
 """part of the wanted swing under which a place is refused"""
 ENOUGH = 0.97
@@ -151,43 +162,40 @@ class _Trial:
     tension: tuple[float, float]
 
     def best(self, limits: WinchLimits) -> _Planned:
-        """With the acceleration that reaches most: gentler strokes take longer, and pull less at the cables."""
-        tried = [(1.0, self.planned(limits))]
-        if tried[0][1].why is not Less.TENSION:
-            return tried[0][1]
-        for slower in SLOWER:
-            tried.append((slower, self._slowly(limits, slower)))
-            if tried[-1][1].why is not Less.TENSION:
+        """Of all candidates within these limits, the one that reaches most by the nonlinear model."""
+        aims, gain = self.wanted / self.knowledge.gain, np.maximum(self.knowledge.gain, 1.0)
+        tried: list[_Planned] = []
+        for candidate in candidates(self.place, aims, self.knowledge.ratio, gain, limits, self._hanging()):
+            tried.append(self._carried_out(candidate, candidate.share * aims, gain))
+            if tried[-1].why is not Less.TENSION:
                 break
-        else:
-            return max((found for _, found in tried), key=lambda one: one.part)
-        if tried[-1][1].part <= ENOUGH:
-            # there winches are the limit, and tensions with twice the acceleration: the best is in between
-            between = float(np.sqrt(tried[-1][0] * tried[-2][0]))
-            tried.append((between, self._slowly(limits, between)))
-        found = max((found for _, found in tried), key=lambda one: one.part)
-        return found if found.part > ENOUGH else replace(found, why=Less.TENSION)
+        return max(tried, key=lambda one: one.part)
 
-    def _slowly(self, limits: WinchLimits, part: float) -> _Planned:
-        """With a part of the acceleration."""
-        return self.planned(replace(limits, acceleration=part * limits.acceleration))
-
-    def planned(self, limits: WinchLimits) -> _Planned:
-        """Chains within these limits."""
-        aims = self.wanted / self.knowledge.gain
-        share, chains, modes = within_winches(self.place, aims, self.knowledge.ratio, limits)
-        if not share > 0:
-            nothing = (np.zeros(len(aims)), 0.0, at_rest(self.place, chains), Less.WINCHES)
-            return _Planned(chains, modes, *nothing)
-        chains = solved(self.place, chains, modes, share * aims)
-        gains = np.maximum(self.knowledge.gain[list(modes)], 1.0)
+    def _carried_out(self, candidate: Candidate, aims: np.ndarray, gain: np.ndarray) -> _Planned:
+        """By the nonlinear model, as large as tensions allow."""
+        chains, modes = candidate.chains, candidate.modes
+        if not candidate.share > 0:
+            return _Planned(chains, modes, np.zeros(len(aims)), 0.0, at_rest(self.place, chains), Less.WINCHES)
+        chains = solved(self.place, in_step(self.place, chains, modes), modes, aims)
         loose = replace(self.place, swing=self.place.swing.damped(self.knowledge.least))
-        factor, extremes = within_tensions(loose, chains, gains, self.bodies, self.tension)
+        factor, extremes = within_tensions(loose, chains, gain[list(modes)], self.bodies, self.tension)
         chains = tuple(chain.scaled(factor) for chain in chains)
         reached = self.knowledge.gain * swings_after(self.place, chains, modes)
         part = float(np.linalg.norm(reached) / np.linalg.norm(self.wanted))
-        less = Less.NOTHING if part > ENOUGH else Less.TENSION if factor < 1.0 else Less.WINCHES
+        tense = factor < 1.0 or candidate.share < ENOUGH * candidate.by_winches
+        less = Less.NOTHING if part > ENOUGH else Less.TENSION if tense else Less.WINCHES
         return _Planned(chains, modes, reached, part, extremes, less)
+
+    def _hanging(self) -> list[Hanging]:
+        """The likely body and the first of the others, at the least damping."""
+        mass = self.place.robot.mass
+        found: list[Hanging] = []
+        for place in (self.place, *(self.place.beside(body) for body in self.bodies[:BESIDE])):
+            rest = place.equilibrium.tensions
+            room = np.array([rest - self.tension[0] / mass, self.tension[1] / mass - rest]) / (1 + LATE)
+            swing = place.swing.damped(np.resize(self.knowledge.least, len(place.swing.frequencies)))
+            found.append(Hanging(swing, np.maximum(room, TINY)))
+        return found
 
 
 def _mm(values: np.ndarray) -> str:

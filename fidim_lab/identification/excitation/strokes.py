@@ -83,10 +83,22 @@ class Pattern:
 
     def response(self, rates: Complex[np.ndarray, " modes"]) -> Complex[np.ndarray, " modes"]:
         """∫ e^{s(T − t)} ü dt over the unit chain, T its end, for each s: y(T) = e^{sT} y(0) − gain·direction ∫."""
-        begin, duration, acceleration = self.pieces().T
-        s = rates[:, np.newaxis]
-        left = self.seconds - begin
-        return (acceleration * (np.exp(s * left) - np.exp(s * (left - duration))) / s).sum(axis=1)
+        return self.responses(rates, np.array([self.seconds]))[:, 0]
+
+    def responses(
+        self, rates: Complex[np.ndarray, " modes"], t: Float[np.ndarray, " N"]
+    ) -> Complex[np.ndarray, "modes N"]:
+        """∫ e^{s(t − t′)} ü dt′ until each time t, s since the chain's begin."""
+        begin, duration, acceleration = (column[:, np.newaxis] for column in self.pieces().T)
+        since, ended = np.maximum(t - begin, 0.0), np.maximum(t - begin - duration, 0.0)
+        return np.array([(acceleration * (np.exp(s * since) - np.exp(s * ended)) / s).sum(axis=0) for s in rates])
+
+    def motion(self, t: Float[np.ndarray, " N"]) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+        """Offset of the unit chain, and its acceleration (1/s²), at times since its begin (s)."""
+        begin, duration, acceleration = (column[:, np.newaxis] for column in self.pieces().T)
+        since, ended = np.maximum(t - begin, 0.0), np.maximum(t - begin - duration, 0.0)
+        offsets = (acceleration / 2 * (since**2 - ended**2)).sum(axis=0)
+        return offsets, (acceleration * ((since > 0) & (ended == 0))).sum(axis=0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import pytest
 
 from fidim_lab.data.records import Pose
 from fidim_lab.model.driven import driven_derivative, driven_motions
-from fidim_lab.model.equilibria import equilibrium_at
+from fidim_lab.model.equilibria import equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
 from fidim_lab.model.swing import swing_about
@@ -95,3 +95,29 @@ def test_a_motion_may_begin_with_a_twist(paper: Mechanism, rest):
     np.testing.assert_allclose(half.positions[0, -1], whole.positions[0, -1], atol=1e-12)
     np.testing.assert_allclose(half.tensions[0, -1], whole.tensions[0, -1], atol=1e-9)
     assert np.abs(whole.twists[0, 0]).max() > 1e-3
+
+
+def test_tensions_of_a_small_swing_under_moving_winches(paper: Mechanism, rest, pull):
+    """q by the linear equation integrated here, tensions by `Pull`, against the nonlinear model's."""
+    swing, h = swing_about(paper, paper.robot.nominal, rest), 5e-3
+    small, mass = 0.1 * pull, paper.robot.mass
+    found = driven_motions(paper, paper.robot.nominal, rest.pose, small[np.newaxis], h).tensions[0]
+    q, speed = np.zeros((len(small), 2)), np.zeros(2)
+    lengths, winding = np.zeros_like(small), np.zeros(4)
+    omega = 2 * np.pi * swing.frequencies
+    cosine, sine = np.cos(omega * h), np.sin(omega * h)
+    for k in range(len(small) - 1):
+        aim = -swing.gain @ small[k] / omega**2
+        q[k + 1] = aim + cosine * (q[k] - aim) + sine * speed / omega
+        speed = cosine * speed - omega * sine * (q[k] - aim)
+        lengths[k + 1] = lengths[k] + h * winding + h**2 / 2 * small[k]
+        winding = winding + h * small[k]
+    linear = q @ swing.pull.by_swing.T + lengths @ swing.pull.by_lengths.T + small @ swing.pull.by_acceleration.T
+    seen = mass * (found - rest.tensions)
+    np.testing.assert_allclose(seen, mass * linear, atol=0.02 * np.abs(seen).max())
+
+
+def test_lengths_that_change_slowly_pull_as_other_rests_do(paper: Mechanism, rest):
+    swing, moved = swing_about(paper, paper.robot.nominal, rest), np.array([1e-4, -5e-5, 0.0, 8e-5])
+    there = pose_from_lengths(paper, paper.robot.nominal, rest.lengths + moved, rest.pose)
+    np.testing.assert_allclose(there.tensions - rest.tensions, swing.pull.by_lengths @ moved, rtol=0.02, atol=1e-5)

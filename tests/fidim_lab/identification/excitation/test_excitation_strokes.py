@@ -42,6 +42,23 @@ def test_response_is_that_of_a_damped_oscillator(pattern: Pattern, frequency: fl
     assert pattern.response(np.array([s]))[0] == pytest.approx(y, abs=1e-7 * pattern.acceleration)
 
 
+@given(PATTERNS, st.floats(1.0, 4.0), st.floats(0.0, 0.1))
+def test_offset_acceleration_and_response_on_the_way(pattern: Pattern, frequency: float, ratio: float):
+    s = 2 * np.pi * frequency * (-ratio + 1j * np.sqrt(1 - ratio**2))
+    t, offset, _, acceleration = moved(pattern)
+    found, bent = pattern.motion(t)
+    np.testing.assert_allclose(found, offset, atol=1e-5)
+    lasting = np.diff(t) > 1e-6  # edges are rounded to a nanosecond
+    np.testing.assert_allclose(pattern.motion((t[1:] + t[:-1]) / 2)[1][lasting], acceleration[lasting])
+    assert bent[0] == 0.0
+    np.testing.assert_allclose(pattern.motion(np.array([-1.0, pattern.seconds + 1.0])), 0.0, atol=1e-9)
+    steps = np.exp(s * np.diff(t))
+    y = np.zeros(len(t), dtype=complex)
+    for k, (a, step) in enumerate(zip(acceleration, steps, strict=True)):
+        y[k + 1] = y[k] * step + a * (step - 1) / s
+    np.testing.assert_allclose(pattern.responses(np.array([s]), t)[0], y, atol=1e-6 * pattern.acceleration)
+
+
 def test_a_chain_says_the_most_its_cables_do():
     chain = Chain(Pattern(0.3, 3, 0.9), np.array([0.01, -0.02]))
     assert chain.longest == 0.02
