@@ -88,7 +88,7 @@ def peers(options: argparse.Namespace) -> str:
     task = DesignTask(read_robot(PAPERS_ROBOT))
     mechanism = task.mechanism()
     drawn = pool.draw(mechanism, task, 60, np.random.default_rng([1, 0]), quiet)
-    z = pool.exchange(drawn, task.equilibria, pool.paper_criterion, np.random.default_rng(1))
+    z = drawn.z[pool.exchange(drawn, task.equilibria, pool.paper_criterion, np.random.default_rng(1))]
     refine(mechanism, task, z, most=2)  # loads compiled loops for both
     begin = process_time()
     ours = refine(mechanism, task, z, most=STEPS)

@@ -1,6 +1,7 @@
 """Winch-driven excitation on hidden true bodies: amplitude, tensions, accuracy.
 
     python -m benchmarks.excite swings --runs 1000      amplitude after one and two tries, tensions
+    python -m benchmarks.excite designed --runs 1000    the same for plans of `fidim design --by-winches`
     python -m benchmarks.excite gentle --runs 480       the same where parts of a hand's swing are wanted
     python -m benchmarks.excite possible --runs 480     of `gentle`, what winches could give were nothing hidden
     python -m benchmarks.excite learning --runs 60      sessions of six windows: what earlier ones teach, and tensions
@@ -13,6 +14,8 @@ on with what is missing.
 """
 
 import argparse
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
@@ -22,14 +25,17 @@ from typing import TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 
-from benchmarks.excite_runs import CLOSE, MOST_TRIES, Tries, Try, Window, carried, one, possible, window_of
+from benchmarks.excite_runs import CLOSE, MOST_TRIES, Tries, Try, Window, carried, one, possible, window_at, window_of
 from benchmarks.excite_session import session
 from benchmarks.excite_strokes import LIMITS, driven
 from benchmarks.excite_travel import travels
 from benchmarks.page import table, write_section
+from fidim_lab.data.plan_file import read_plan
+from fidim_lab.data.records import PlannedWindow
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.design import pool
 from fidim_lab.identification.design.task import DesignTask
+from fidim_lab.identification.excitation.place import Place
 from fidim_lab.model.mechanism import Mechanism
 
 WINDOWS = 30
@@ -37,6 +43,16 @@ SESSION = 6
 """windows"""
 PARTS_WANTED = (1.0, 0.7, 0.5, 0.35)
 """of the swing that a hand may give"""
+HIDDEN = (
+    f"winches up to {LIMITS.speed:g} m/s and {LIMITS.acceleration:g} m/s². Hidden: a body and a mass 5 % off CAD, "
+    "rotational drag or friction at the attachments that damps up to 8 %, set-points up to 4 ms late, 0.1 mm noise. "
+    "Each run is the first window of a session: nothing is known of the damping."
+)
+SEEDS, TWELVE = (1, 2, 3), 12
+"""of designs, and windows of each"""
+DESIGN = ("--by-winches", f"--winch-speed={LIMITS.speed:g}", f"--winch-acceleration={LIMITS.acceleration:g}")
+PLANS = Path("build/excite-by-winches")
+FIDIM = str(Path(sys.executable).parent / "fidim")
 T = TypeVar("T")
 
 
@@ -207,8 +223,50 @@ def learning(options: argparse.Namespace) -> str:
 
 
 def swings(options: argparse.Namespace) -> str:
-    """Amplitude after one and two tries, and tensions."""
-    robot, runs = read_robot(PAPERS_ROBOT), made(options, numbered, TypeAdapter(tuple[int, Tries]))
+    """Amplitude after one and two tries, and tensions, of windows that are a hand's."""
+    runs = made(options, numbered, TypeAdapter(tuple[int, Tries]))
+    return (
+        f"The paper's robot, {WINDOWS} windows that obey all limits when let go by hand; {HIDDEN} Wanted is the "
+        "swing that a hand may give with the same care: tensions of all bodies that CAD may mean, 5 % off in mass, "
+        "within the limits.\n\n" + _swung(runs)
+    )
+
+
+def designed(options: argparse.Namespace) -> str:
+    """The same of windows that are designed for winches."""
+    windows = [window for seed in SEEDS for window in planned_by_winches(seed)]  # before processes look for them
+    runs = made(options, designed_numbered, TypeAdapter(tuple[int, Tries]))
+    ways = [1e3 * float(np.linalg.norm(window.displacement)) for window in windows]
+    return (
+        f"The paper's robot, the {len(windows)} windows of {len(SEEDS)} plans of `fidim design {' '.join(DESIGN)} "
+        f"--seed N`, displacements of {min(ways):.0f} to {max(ways):.0f} mm; {HIDDEN} Wanted is what the plan says.\n\n"
+        + _swung(runs)
+    )
+
+
+def planned_by_winches(seed: int) -> tuple[PlannedWindow, ...]:
+    """The windows of a plan as a user makes it; kept in build/."""
+    folder = PLANS / f"seed-{seed}"
+    if not (folder / "plan.toml").exists():
+        subprocess.run([FIDIM, "design", *DESIGN, "--seed", str(seed), "--out", str(folder)], check=True)
+    return read_plan(folder / "plan.toml", read_robot(PAPERS_ROBOT).n).windows
+
+
+@cache
+def window_by_winches(number: int) -> Window:
+    """A window of all plans."""
+    windows = [window for seed in SEEDS for window in planned_by_winches(seed)]
+    window = windows[number % len(windows)]
+    return window_at(Place.at(_mechanism(), np.asarray(window.lengths)), np.asarray(window.displacement))
+
+
+def designed_numbered(run: int) -> Tries:
+    """The run of this number, always the same."""
+    return one(run, window_by_winches(run % (len(SEEDS) * TWELVE)))
+
+
+def _swung(runs: Sequence[Tries]) -> str:
+    robot = read_robot(PAPERS_ROBOT)
     done = [tries for tries in runs if not isinstance(tries, str)]
     low, high = robot.limits.tension
     every = [t for tries in done for t in tries]
@@ -239,14 +297,7 @@ def swings(options: argparse.Namespace) -> str:
         ("least and largest tension of all, N", f"{tensions[:, 0].min():.1f}, {tensions[:, 1].max():.1f}"),
         ("strokes take, median", f"{np.median([t.seconds for tries in done for t in tries]):.1f} s"),
     ]
-    return (
-        f"The paper's robot, {WINDOWS} windows that obey all limits when let go by hand; winches up to "
-        f"{LIMITS.speed:g} m/s and {LIMITS.acceleration:g} m/s². Hidden: a body and a mass 5 % off CAD, rotational "
-        "drag or friction at the attachments that damps up to 8 %, set-points up to 4 ms late, 0.1 mm noise. Wanted is "
-        "the swing that a hand may give with the same care: tensions of all bodies that CAD may mean, 5 % off in "
-        "mass, within the limits. Each run is the first window of a "
-        "session: nothing is known of the damping.\n\n" + table(["", ""], rows)
-    )
+    return table(["", ""], rows)
 
 
 def _good(tries: Sequence[Try]) -> np.ndarray:
@@ -275,6 +326,7 @@ PARTS = {
     "gentle": ("When less than a hand's swing is wanted", gentle),
     "possible": ("What winches could give", bound),
     "learning": ("What a session learns", learning),
+    "designed": ("The swing that plans for winches want", designed),
     "driven": ("What the strokes themselves tell", driven),
     "swings": ("The swing that winches give", swings),
     "session": ("Sessions by hand and by winches", session),

@@ -111,7 +111,12 @@ def window_of(mechanism: Mechanism, z: np.ndarray, part: float = 1.0) -> Window:
         else:
             beyond = care
     care = max(kept, LEAST_CARE)
-    wanted = wanted_amplitudes(there, part * care * z[n:])
+    return window_at(there, part * care * z[n:], care)
+
+
+def window_at(there: Place, displacement: np.ndarray, care: float = 1.0) -> Window:
+    """A window of a plan with this displacement (m)."""
+    wanted = wanted_amplitudes(there, displacement)
     try:
         first = planned(there, wanted, Knowledge.none(len(wanted)), LIMITS, Bodies.around(there.body).others)
     except InfeasibleError:

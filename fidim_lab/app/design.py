@@ -18,7 +18,8 @@ from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.design.limits import KINDS, worst_of_kinds
 from fidim_lab.identification.design.search import Design, design
-from fidim_lab.identification.design.task import Criterion, DesignTask
+from fidim_lab.identification.design.task import ByWinches, Criterion, DesignTask
+from fidim_lab.identification.excitation.place import WinchLimits
 from fidim_lab.model.free_motion import conditioning, marker_selector
 from fidim_lab.units import millimetres
 
@@ -43,6 +44,10 @@ class DesignOptions:
     processes: int | None
     scheduler: str | None
     study: bool = False
+    by_winches: bool = False
+    damping: float = 0.08
+    winch_speed: float = 0.5
+    winch_acceleration: float = 1.0
 
 
 def design_command(options: DesignOptions) -> int:
@@ -56,10 +61,15 @@ def design_command(options: DesignOptions) -> int:
         equilibria=options.equilibria,
         samples=options.samples,
         criterion=Criterion(options.criterion),
+        winches=ByWinches(WinchLimits(options.winch_speed, options.winch_acceleration), options.damping)
+        if options.by_winches
+        else None,
         bodies=_wrong_bodies(robot, options.robust, options.seed),
     )
     if options.robust and options.criterion == Criterion.C:
         raise SetupError("--robust averages A or D over bodies; C knows no body.", hint="Add --criterion A or D.")
+    if options.study and options.by_winches:
+        raise SetupError("--study asks what hands can do; --by-winches designs one plan.", hint="Give one of them.")
     if options.out is not None and options.out.exists() and any(options.out.iterdir()):
         raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
     if options.study:
@@ -92,7 +102,7 @@ def as_plan(found: Design) -> Plan:
     """What `fidim run` and `fidim simulate` take."""
     n = found.task.robot.n
     return Plan(
-        name=f"design-{found.task.criterion}",
+        name=f"design-{found.task.criterion}" + ("-by-winches" if found.task.winches else ""),
         windows=tuple(
             PlannedWindow(f"i{k:02d}", Role.IDENTIFY, z[:n], _aside(found, k - 1), rest)
             for k, (z, rest) in enumerate(zip(found.z, found.rests, strict=True), start=1)
@@ -193,9 +203,20 @@ def _lines(found: Design, options: DesignOptions) -> list[str]:
         "limits      " + ", ".join(f"{name}: {-100 * v:.1f} % to spare" for name, v in zip(KINDS, worst, strict=True)),
         "predicted sd  "
         + ", ".join(f"{name} {sd:.1e}" for name, sd in zip(PARAMETER_NAMES, found.predicted_sd, strict=True)),
+        *_by_winches(found),
         f"time        {found.seconds:.1f} s; {found.pool} random windows to begin from",
     ]
     if options.out is not None:
         lines.append(f"written     {options.out / 'plan.toml'}, design.json, equilibria.svg")
-        lines.append(f"next        fidim run {options.out / 'plan.toml'} --rig RIG.toml")
+        how = " --procedure excite --unattended" if options.by_winches else ""
+        lines.append(f"next        fidim run {options.out / 'plan.toml'} --rig RIG.toml{how}")
     return lines
+
+
+def _by_winches(found: Design) -> list[str]:
+    winches = found.task.winches
+    if winches is None:
+        return []
+    ways = [1e3 * float(np.linalg.norm(_aside(found, k))) for k in range(len(found.z))]
+    can = f"{winches.limits.speed:g} m/s and {winches.limits.acceleration:g} m/s², {100 * winches.damping:g} % damping"
+    return [f"winches     displacements of {min(ways):.0f} to {max(ways):.0f} mm in their reach: up to {can}"]

@@ -220,6 +220,28 @@ def benchmark_explain(**options: Any) -> None:
 @click.option("--json", "json_file", type=FILE, default=None, help="Write the design for programs (fidim-design/1).")
 @click.option("--processes", type=click.IntRange(1), default=None, help="Local processes; default one a core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Of a dask cluster, instead of local processes.")
+@click.option(
+    "--by-winches", is_flag=True, help="Displacements that winches can give, for fidim run --procedure excite."
+)
+@click.option(
+    "--damping", default=0.08, show_default=True, type=click.FloatRange(0, 0.2), help="Most there may be, --by-winches."
+)
+@click.option(
+    "--winch-speed",
+    default=0.5,
+    show_default=True,
+    type=click.FloatRange(0, min_open=True),
+    metavar="M/S",
+    help="Of any cable, --by-winches.",
+)
+@click.option(
+    "--winch-acceleration",
+    default=1.0,
+    show_default=True,
+    type=click.FloatRange(0, min_open=True),
+    metavar="M/S²",
+    help="Likewise.",
+)
 @click.option("--study", is_flag=True, help="C over 8–16 equilibria and 50–150 samples instead of one design.")
 @click.option(
     "--after", type=FILE, default=None, help="What to record next after an explanation.json or a result.json."

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design.limits import worst_of_kinds
@@ -90,14 +90,26 @@ def draw(
     return Pool(np.array([swing.z for swing, _ in chosen]), np.array([table for _, table in chosen]))
 
 
+def tabled(mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, "K z"]) -> Pool:
+    """The windows of these that obey all limits, with their tables."""
+    placed = [place(mechanism, task, one) for one in z]
+    tables, kept = list[np.ndarray](), list[bool]()
+    for first in range(0, len(placed), TOGETHER):
+        some = placed[first : first + TOGETHER]
+        found, beyond = _figures(simulate(mechanism, task, some + [some[0]] * (TOGETHER - len(some))))
+        tables.extend(found[: len(some)])
+        kept.extend(beyond[: len(some)].max(axis=1) <= 0)
+    return Pool(z[kept], np.array(tables)[kept])
+
+
 def paper_criterion(sums: Tables) -> Float[np.ndarray, " K"]:
     """C of K sums of W′ᵀW′."""
     values = np.linalg.eigvalsh(sums)
     return (np.sqrt(values[:, -1]) + 1) / np.sqrt(np.maximum(values[:, 1], 1e-300))
 
 
-def exchange(pool: Pool, count: int, judge: Judge, rng: np.random.Generator) -> Float[np.ndarray, "W z"]:
-    """From `count` random windows of the pool: each in turn is exchanged for the one that lowers the criterion most."""
+def exchange(pool: Pool, count: int, judge: Judge, rng: np.random.Generator) -> Int[np.ndarray, " W"]:
+    """Which windows: `count` random ones, each in turn exchanged for the one that lowers the criterion most."""
     chosen = rng.choice(len(pool.z), count, replace=False)
     best = float(judge(pool.tables[chosen].sum(axis=0)[np.newaxis])[0])
     for _ in range(PASSES):
@@ -109,7 +121,7 @@ def exchange(pool: Pool, count: int, judge: Judge, rng: np.random.Generator) -> 
             chosen[k], best = int(np.argmin(values)), float(values.min())
         if best > 0.999 * before:
             break
-    return pool.z[chosen]
+    return chosen
 
 
 def _drawn(mechanism: Mechanism, task: DesignTask, known: list[_Swing], rng: np.random.Generator) -> _Swing | None:

@@ -6,6 +6,7 @@ Starts are independent and seeded, so they run on any map (local processes, dask
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -17,11 +18,12 @@ from fidim_lab.identification.design.motions import Motions, simulate
 from fidim_lab.identification.design.refine import Objective, Refined, refine
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import Placed, place
+from fidim_lab.identification.design.within_reach import within_reach
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.say import Say
 
-FOR_EACH = 10
+FOR_EACH, FOR_EACH_BY_WINCHES = 10, 5
 """windows of the pool for each of the design's equilibria"""
 SHARE = 0.6
 """of the pool from which a start chooses: starts differ, and so do the optima they find"""
@@ -30,7 +32,7 @@ STEPS, MORE_STEPS = 10, 40
 POLISHED = 2
 """starts that are polished"""
 
-Map = Callable[[Callable[["Start"], "Found"], Iterable["Start"]], Iterable["Found"]]
+Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +83,12 @@ def design(task: DesignTask, starts: int, seed: int, run: Map, say: Say) -> Desi
     """The best of `starts` starts. Raises InfeasibleError where no design obeys the limits."""
     begin = perf_counter()
     mechanism = task.mechanism()
-    wanted = FOR_EACH * task.equilibria
+    wanted = (FOR_EACH if task.winches is None else FOR_EACH_BY_WINCHES) * task.equilibria
     drawn = pool.draw(
         mechanism, task, wanted, np.random.default_rng([seed, 0]), lambda k: say(f"{k} of {wanted} random windows")
     )
+    if task.winches is not None:
+        drawn = within_reach(mechanism, task, drawn, run, say)
     if task.criterion is not Criterion.C:
         placed = [place(mechanism, task, z) for z in drawn.z]
         drawn = replace(drawn, tables=information.information(mechanism, task, placed))
@@ -103,8 +107,11 @@ def begin_at(start: Start) -> Found:
     rng = np.random.default_rng(start.seed)
     some = rng.choice(len(start.pool.z), max(task.equilibria, round(SHARE * len(start.pool.z))), replace=False)
     chosen = pool.Pool(start.pool.z[some], start.pool.tables[some])
-    z = pool.exchange(chosen, task.equilibria, _judge(task), rng)
-    refined = _refined(task.mechanism(), task, z, STEPS)
+    picked = pool.exchange(chosen, task.equilibria, _judge(task), rng)
+    if task.winches is not None:  # what they reach has no gradient to descend by
+        value = float(_judge(task)(chosen.tables[picked].sum(axis=0)[np.newaxis])[0])
+        return Found(chosen.z[picked], value, perf_counter() - begin, 0)
+    refined = _refined(task.mechanism(), task, chosen.z[picked], STEPS)
     return Found(refined.z, refined.value, perf_counter() - begin, refined.evaluations)
 
 
@@ -127,7 +134,7 @@ def _polished(mechanism: Mechanism, task: DesignTask, found: list[Found], say: S
     """The best few starts followed to the end; limits are checked on a fine grid before one of all is chosen."""
     ended = sorted((one for one in found if np.isfinite(one.value)), key=lambda one: one.value)
     candidates = [(one.value, one.z) for one in ended]
-    for one in ended[:POLISHED]:
+    for one in ended[:POLISHED] if task.winches is None else ():
         say(f"polishing {task.criterion} = {one.value:.3g}")
         further = _refined(mechanism, task, one.z, MORE_STEPS)
         candidates.append((further.value, further.z))

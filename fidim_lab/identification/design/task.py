@@ -1,6 +1,6 @@
 """What is asked of a design, and what one evaluation of it gives."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -8,11 +8,21 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import SetupError
+from fidim_lab.identification.excitation.place import WinchLimits
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import Resolution
 
 SAMPLED = Resolution(intervals=6, block=0.2)
 """nodes every 0.02–0.05 s: derivatives good to 1e-3, enough to descend by; accepted designs are simulated anew"""
+
+
+@dataclass(frozen=True)
+class ByWinches:
+    """Winches that excite: displacements are then what they can give, whatever body hangs there."""
+
+    limits: WinchLimits = field(default_factory=WinchLimits)
+    damping: float = 0.08
+    """ζ, the most there may be: with less it swings farther by the same strokes"""
 
 
 class Criterion(StrEnum):
@@ -39,6 +49,8 @@ class DesignTask:
     conditioning: float = 25.0
     """largest condition number of Ξ over the dependent coordinates at any time; metres and radians as they are"""
     native: bool = True
+    winches: ByWinches | None = None
+    """what sets the platform swinging where no hand does"""
     bodies: tuple[np.ndarray, ...] = ()
     """further bodies (nine base parameters) for which A and D are averaged: a design robust to wrong CAD values"""
 

@@ -196,8 +196,8 @@ class _Program:
         pulls = [self._pulls(one) for one in hanging]
         chosen = np.vstack([self._aside(), *(self._at_rest(one) for one in hanging[:1])])
         bounds = [*np.concatenate([self._most(k) for k in range(len(self.patterns))]), AMPLE]
+        x = self._optimum(chosen, np.array(bounds))
         for _ in range(ROUNDS):
-            x = self._optimum(chosen, np.array(bounds))
             broken: list[np.ndarray] = []
             for rows in pulls:
                 used = rows @ x
@@ -207,6 +207,7 @@ class _Program:
             if not broken:
                 return x
             chosen = np.vstack([chosen, np.pad(broken, ((0, 0), (0, 1)), constant_values=1.0)])
+            x = self._optimum(chosen, np.array(bounds))
         return x
 
     def _optimum(self, rows: Float[np.ndarray, "K x+1"], most: Float[np.ndarray, " x"]) -> Float[np.ndarray, " x"]:
@@ -214,11 +215,11 @@ class _Program:
         aim = np.zeros(len(most))
         aim[-1] = -1.0
         swings = self._wanted_swings
-        equal = np.vstack([swings.real, swings.imag])
+        equal = np.vstack([np.real(swings), np.imag(swings)])
         equal[: len(self.modes), -1] = -self.wanted[list(self.modes)] / SIZE
-        least = np.append(-most[:-1], 0.0)
+        bounds = [*((-float(one), float(one)) for one in most[:-1]), (0.0, float(most[-1]))]
         found = optimize.linprog(
-            aim, rows[:, :-1], rows[:, -1], equal, np.zeros(len(equal)), np.column_stack([least, most]), method="highs"
+            aim, rows[:, :-1], rows[:, -1], equal, np.zeros(len(equal)), bounds=bounds, method="highs"
         )
         if found.x is None:
             raise OurBugError(f"Excitation: the linear program of its strokes ended with {found.message}")
@@ -248,7 +249,7 @@ class _Program:
         if not others:
             return np.zeros((0, width + 1))
         swings = self._swings(others)
-        rows = np.vstack([swings.real, -swings.real, swings.imag, -swings.imag])
+        rows = np.vstack([np.real(swings), -np.real(swings), np.imag(swings), -np.imag(swings)])
         rows[:, -1] = -SEEN * float(np.linalg.norm(self.wanted)) / SIZE
         return np.pad(rows, ((0, 0), (0, 1)))
 

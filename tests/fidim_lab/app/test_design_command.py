@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from fidim_lab.app.cli import fidim
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.errors import SetupError
+from fidim_lab.identification.design import search
 
 QUICK = ["--equilibria", "2", "--samples", "20", "--starts", "1", "--processes", "1"]
 
@@ -46,3 +47,22 @@ def test_a_folder_with_files_is_left_alone(designed: Path):
     done = CliRunner().invoke(fidim, ["design", *QUICK, "--out", str(designed / "d")])
     assert isinstance(done.exception, SetupError)
     assert "holds files already" in done.exception.message
+
+
+def test_a_plan_for_winches(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(search, "FOR_EACH_BY_WINCHES", 2)
+    out = tmp_path / "d"
+    given = ["--by-winches", "--winch-acceleration", "4", "--damping", "0.03", "--out", str(out)]
+    done = CliRunner().invoke(fidim, ["design", *QUICK, *given])
+    assert done.exit_code == 0, done.output
+    assert "mm in their reach" in done.output
+    assert "--procedure excite --unattended" in done.output
+    plan = read_plan(out / "plan.toml", 4)
+    assert plan.name == "design-C-by-winches"
+    assert all(0.001 < max(map(abs, window.displacement)) < 0.05 for window in plan.windows)
+
+
+def test_a_study_for_winches_is_refused(tmp_path: Path):
+    done = CliRunner().invoke(fidim, ["design", *QUICK, "--study", "--by-winches"])
+    assert isinstance(done.exception, SetupError)
+    assert "--by-winches designs one plan" in done.exception.message
