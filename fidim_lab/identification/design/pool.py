@@ -92,14 +92,9 @@ def draw(
 
 def tabled(mechanism: Mechanism, task: DesignTask, z: Float[np.ndarray, "K z"]) -> Pool:
     """The windows of these that obey all limits, with their tables."""
-    placed = [place(mechanism, task, one) for one in z]
-    tables, kept = list[np.ndarray](), list[bool]()
-    for first in range(0, len(placed), TOGETHER):
-        some = placed[first : first + TOGETHER]
-        found, beyond = _figures(simulate(mechanism, task, some + [some[0]] * (TOGETHER - len(some))))
-        tables.extend(found[: len(some)])
-        kept.extend(beyond[: len(some)].max(axis=1) <= 0)
-    return Pool(z[kept], np.array(tables)[kept])
+    tables, beyond = judged(mechanism, task, [place(mechanism, task, one) for one in z])
+    kept = beyond.max(axis=1) <= 0
+    return Pool(z[kept], tables[kept])
 
 
 def paper_criterion(sums: Tables) -> Float[np.ndarray, " K"]:
@@ -172,7 +167,7 @@ def _resting(
 
 def _largest(mechanism: Mechanism, task: DesignTask, swings: list[_Swing]) -> list[tuple[_Swing, np.ndarray]]:
     """Each that obeys the limits, displaced about as far as they allow, with its table."""
-    tables, beyond = _judged(mechanism, task, swings, TOGETHER)
+    tables, beyond = judged(mechanism, task, [swing.placed for swing in swings])
     found = [(swing, tables[k]) for k, swing in enumerate(swings) if beyond[k].max() <= 0]
     grown = [b - swing.resting for swing, b in zip(swings, beyond, strict=True)]
     allowed = [s.size * float((-s.resting / g.clip(1e-6)).min()) for s, g in zip(swings, grown, strict=True)]
@@ -181,7 +176,7 @@ def _largest(mechanism: Mechanism, task: DesignTask, swings: list[_Swing]) -> li
     for share in SHARES:
         tried = [(k, _enlarged(mechanism, task, found[k][0], share * allowed[k])) for k in left]
         possible = [(k, swing) for k, swing in tried if swing is not None]
-        tables, beyond = _judged(mechanism, task, [swing for _, swing in possible], FEW)
+        tables, beyond = judged(mechanism, task, [swing.placed for _, swing in possible], FEW)
         for (k, swing), table, b in zip(possible, tables, beyond, strict=True):
             if b.max() <= 0:
                 found[k] = (swing, table)
@@ -201,16 +196,16 @@ def _enlarged(mechanism: Mechanism, task: DesignTask, swing: _Swing, size: float
     return _Swing(swing.lengths, swing.direction, size, placed, swing.resting)
 
 
-def _judged(
-    mechanism: Mechanism, task: DesignTask, swings: list[_Swing], together: int
+def judged(
+    mechanism: Mechanism, task: DesignTask, placed: list[Placed], together: int = TOGETHER
 ) -> tuple[Float[np.ndarray, "K 10 10"], Float[np.ndarray, "K 4"]]:
     """W′ᵀW′ of each motion, and how far beyond its limits it goes (infinite where it breaks down)."""
-    tables, beyond = np.zeros((len(swings), 10, 10)), np.full((len(swings), 4), np.inf)
-    for first in range(0, len(swings), together):
-        some = slice(first, min(first + together, len(swings)))
-        placed = [swing.placed for swing in swings[some]]
-        motions = simulate(mechanism, task, placed + [placed[0]] * (together - len(placed)))
-        tables[some], beyond[some] = (values[: len(placed)] for values in _figures(motions))
+    tables, beyond = np.zeros((len(placed), 10, 10)), np.full((len(placed), 4), np.inf)
+    for first in range(0, len(placed), together):
+        some = placed[first : first + together]
+        figures = _figures(simulate(mechanism, task, some + [some[0]] * (together - len(some))))
+        here = slice(first, first + len(some))
+        tables[here], beyond[here] = (values[: len(some)] for values in figures)
     return tables, beyond
 
 

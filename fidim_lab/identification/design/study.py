@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.identification.design import pool
-from fidim_lab.identification.design.motions import simulate
 from fidim_lab.identification.design.search import FOR_EACH, Map, Start, begin_at
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
@@ -71,10 +70,5 @@ def study(
 
 def _resampled(mechanism: Mechanism, task: DesignTask, drawn: pool.Pool) -> pool.Pool:
     """The same windows with the tables of another number of samples."""
-    tables = []
-    for first in range(0, len(drawn.z), pool.TOGETHER):
-        some = [place(mechanism, task, z) for z in drawn.z[first : first + pool.TOGETHER]]
-        motions = simulate(mechanism, task, some + [some[0]] * (pool.TOGETHER - len(some)))
-        W = motions.regressors[: len(some), motions.sampled].reshape(len(some), -1, 10)
-        tables.append(np.swapaxes(W, 1, 2) @ W)
-    return pool.Pool(drawn.z, np.concatenate(tables))
+    tables, _ = pool.judged(mechanism, task, [place(mechanism, task, z) for z in drawn.z])
+    return pool.Pool(drawn.z, tables)
