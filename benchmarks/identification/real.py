@@ -67,7 +67,8 @@ def imported(recording: Path) -> Campaign:
         out = Path(folder) / "irma4u"
         fidim = Path(sys.executable).with_name("fidim")
         command = [str(fidim), "import", "irma4u", str(recording), "--out", str(out)]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        if subprocess.run(command, stdout=subprocess.DEVNULL).returncode:  # it has said why
+            raise SystemExit(2)
         return read_campaign(out)
 
 

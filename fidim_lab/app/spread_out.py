@@ -14,10 +14,10 @@ from types import FrameType
 from typing import Any, Protocol, TypeVar
 
 from fidim_lab.errors import SetupError
+from fidim_lab.mapping import Map
 
 T = TypeVar("T")
 R = TypeVar("R")
-Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 AHEAD = 16
 """tasks a worker that are under way: one that takes long keeps no other waiting"""
 

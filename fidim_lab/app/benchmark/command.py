@@ -24,10 +24,11 @@ from fidim_lab.app.benchmark.seal import SealTask, recipe_of, seal
 from fidim_lab.app.benchmark.tally import Judged, Tally, judged
 from fidim_lab.app.benchmark.words import page
 from fidim_lab.app.compose.sealed import Recipe, sealed_campaign
-from fidim_lab.app.spread_out import Map, workers
+from fidim_lab.app.spread_out import workers
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError, SetupError
+from fidim_lab.mapping import Map
 
 Action = Callable[[Campaign], Outcome]
 BENCHMARKS = {"explain": "names of physics that was left out, on sealed campaigns of the independent simulators"}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from fidim_lab.app.cli.completion import hide_option
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
@@ -268,6 +269,17 @@ def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
                 AfterOptions(after, campaign, criterion, options["seed"], options["out"], options["json_file"])
             )
         )
+    if not options["by_winches"]:
+        _only_with("--by-winches", "damping", "winch_speed", "winch_acceleration")
     from fidim_lab.app.design import DesignOptions, design_command
 
     sys.exit(design_command(DesignOptions(**options)))
+
+
+def _only_with(flag: str, *names: str) -> None:
+    """Refuse what was given but would be ignored without this flag."""
+    context = click.get_current_context()
+    for parameter in context.command.params:
+        given = context.get_parameter_source(parameter.name or "") is ParameterSource.COMMANDLINE
+        if given and parameter.name in names:
+            raise click.UsageError(f"{parameter.opts[0]} goes with {flag}.")

@@ -3,10 +3,8 @@
 Starts are independent and seeded, so they run on any map (local processes, dask) with the same results.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +17,7 @@ from fidim_lab.identification.design.refine import Objective, Refined, refine
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import Placed, place
 from fidim_lab.identification.design.within_reach import within_reach
+from fidim_lab.mapping import Map
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.say import Say
@@ -31,8 +30,6 @@ STEPS, MORE_STEPS = 10, 40
 """of a start, and of the polish"""
 POLISHED = 2
 """starts that are polished"""
-
-Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 
 @dataclass(frozen=True, eq=False)

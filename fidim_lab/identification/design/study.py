@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.identification.design import pool
-from fidim_lab.identification.design.search import FOR_EACH, Map, Start, begin_at
+from fidim_lab.identification.design.search import FOR_EACH, Start, begin_at
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
+from fidim_lab.mapping import Map
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import Say
 

@@ -5,9 +5,7 @@ plan that `fidim run --procedure excite` is to carry out wants no more than they
 says.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +17,7 @@ from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import SURE, Knowledge
 from fidim_lab.identification.excitation.place import Place, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import planned
+from fidim_lab.mapping import Map
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import Say
 
@@ -40,7 +39,7 @@ def within_reach(
     mechanism: Mechanism,
     task: DesignTask,
     drawn: pool.Pool,
-    run: Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]],
+    run: Map,
     say: Say,
 ) -> pool.Pool:
     """The same windows with displacements that winches reach, without those at which they reach next to nothing.

@@ -62,6 +62,13 @@ def test_a_plan_for_winches(tmp_path: Path, monkeypatch):
     assert all(0.001 < max(map(abs, window.displacement)) < 0.05 for window in plan.windows)
 
 
+@pytest.mark.parametrize("option", ["--damping=0.05", "--winch-speed=0.3", "--winch-acceleration=4"])
+def test_what_only_winches_ask_for_is_not_ignored(option: str):
+    done = CliRunner().invoke(fidim, ["design", *QUICK, option])
+    assert done.exit_code == 2
+    assert f"{option.split('=')[0]} goes with --by-winches" in done.output
+
+
 def test_a_study_for_winches_is_refused(tmp_path: Path):
     done = CliRunner().invoke(fidim, ["design", *QUICK, "--study", "--by-winches"])
     assert isinstance(done.exception, SetupError)
