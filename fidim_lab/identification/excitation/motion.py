@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import Positions, Series
-from fidim_lab.data.records import Body
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.candidates import SPARE, begins_of
 from fidim_lab.identification.excitation.place import Place
@@ -128,26 +127,24 @@ def solved(
 
 
 def within_tensions(
-    place: Place, chains: tuple[Chain, ...], gains: np.ndarray, bodies: Sequence[Body], tension: tuple[float, float]
+    place: Place, chains: tuple[Chain, ...], gains: np.ndarray, others: Sequence[Place], tension: tuple[float, float]
 ) -> tuple[float, tuple[float, float]]:
     """How large the chains may be for all bodies' tensions to keep their limits, and the extremes then (N).
 
-    Those at rest at the strokes' ends count, too: an emergency stop may leave the platform there.
+    Those at rest at the strokes' ends count, too: an emergency stop may leave the platform there. others: the same
+    lengths with other bodies, damped as `place` is.
     """
     line = line_of(chains, LOOK)
     # chains that were found to do less have been made larger for it: that they then do all of it is allowed for
     directions = np.array([gain * chain.direction for gain, chain in zip(gains, chains, strict=True)])
-    trials = [(place.body, place.equilibrium.pose)]
-    for body in bodies:
-        rest = pose_from_lengths(place.mechanism, body, place.equilibrium.lengths, place.equilibrium.pose)
-        trials.append((body, rest.pose))
     rest, damping = place.equilibrium.tensions_in_newton(place.robot.mass), place.swing.damping_matrix()
 
     def look(factor: float) -> tuple[float, tuple[float, float]]:
         accelerations = line.accelerations(factor * directions)[np.newaxis]
         low, high = at_rest(place, tuple(chain.scaled(factor) for chain in chains))
-        for body, pose in trials:  # one by one: a thread that plans lets others have their turn
-            found = driven_motions(place.mechanism, body, pose, accelerations, line.steps, damping).tensions
+        for one in (place, *others):  # one by one: a thread that plans lets others have their turn
+            pose = one.equilibrium.pose
+            found = driven_motions(place.mechanism, one.body, pose, accelerations, line.steps, damping).tensions
             low, high = wider((low, high), found * place.robot.mass)
         used = max(_used(rest.min(), low, tension[0]), _used(-rest.max(), -high, -tension[1]))
         return (1 + LATE) * used, (low, high)

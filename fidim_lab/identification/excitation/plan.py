@@ -85,7 +85,8 @@ def planned(
         )
     limits, knowledge = limits or WinchLimits(), knowledge or Knowledge.none(len(wanted))
     known = replace(place, swing=place.swing.damped(knowledge.damping))
-    trial = _Trial(known, wanted, knowledge, tuple(bodies), inside(tension or place.robot.limits.tension))
+    others = tuple(known.beside(body) for body in bodies)
+    trial = _Trial(known, wanted, knowledge, others, inside(tension or place.robot.limits.tension))
     best = trial.best(limits)
     chains, modes = best.chains, best.modes
     why = (
@@ -158,7 +159,8 @@ class _Trial:
     place: Place
     wanted: Float[np.ndarray, " modes"]
     knowledge: Knowledge
-    bodies: tuple[Body, ...]
+    others: tuple[Place, ...]
+    """the same lengths with other bodies"""
     tension: tuple[float, float]
 
     def best(self, limits: WinchLimits) -> _Planned:
@@ -178,7 +180,7 @@ class _Trial:
             return _Planned(chains, modes, np.zeros(len(aims)), 0.0, at_rest(self.place, chains), Less.WINCHES)
         chains = solved(self.place, in_step(self.place, chains, modes), modes, aims)
         loose = replace(self.place, swing=self.place.swing.damped(self.knowledge.least))
-        factor, extremes = within_tensions(loose, chains, gain[list(modes)], self.bodies, self.tension)
+        factor, extremes = within_tensions(loose, chains, gain[list(modes)], self.others, self.tension)
         chains = tuple(chain.scaled(factor) for chain in chains)
         reached = self.knowledge.gain * swings_after(self.place, chains, modes)
         part = float(np.linalg.norm(reached) / np.linalg.norm(self.wanted))
@@ -190,7 +192,7 @@ class _Trial:
         """The likely body and the first of the others, at the least damping."""
         mass = self.place.robot.mass
         found: list[Hanging] = []
-        for place in (self.place, *(self.place.beside(body) for body in self.bodies[:BESIDE])):
+        for place in (self.place, *self.others[:BESIDE]):
             rest = place.equilibrium.tensions
             room = np.array([rest - self.tension[0] / mass, self.tension[1] / mass - rest]) / (1 + LATE)
             swing = place.swing.damped(np.resize(self.knowledge.least, len(place.swing.frequencies)))
