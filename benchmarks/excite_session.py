@@ -8,12 +8,14 @@ winches have to take every swing away, and the model that is fitted is right.
 """
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from benchmarks.excite_strokes import LIMITS
+from benchmarks.excite_windows import DESIGN, SEEDS, planned_by_winches
 from benchmarks.page import table
 from fidim_lab.app import compose
 from fidim_lab.app.dry_run import SIMULATED_DAY, UNTOUCHED
@@ -30,13 +32,31 @@ from procedures.settings import ExciteSettings, MotionSettings, RecordSettings, 
 from procedures.steps import Ask, Reject
 
 SEED = 4
-SESSIONS = {
-    "by hand": ("identify", 10.0),
-    "by winches": ("excite", 10.0),
-    "by winches, windows of 20 s": ("excite", 20.0),
-}
-"""procedure, and s of each window"""
+STRONGER = ExciteSettings(speed=LIMITS.speed, acceleration=LIMITS.acceleration)
+"""what plans for winches are designed for"""
 NAMES = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of session."""
+
+    name: str
+    procedure: str
+    seconds: float
+    """of each window"""
+    excite: ExciteSettings = field(default=ExciteSettings())
+    designed: bool = False
+    """whether its plan is one for winches"""
+
+
+KINDS = (
+    Kind("by hand", "identify", 10.0),
+    Kind("by winches", "excite", 10.0),
+    Kind("by winches, windows of 20 s", "excite", 20.0),
+    Kind("by a plan for winches", "excite", 10.0, STRONGER, designed=True),
+    Kind("by a plan for winches, windows of 20 s", "excite", 20.0, STRONGER, designed=True),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +83,10 @@ class Session:
         return 3600 * self.windows / (self.seconds + self.waited)
 
 
-def held(procedure: str, robot: Robot, plan: Plan, folder: Path, seconds: float) -> Session:
-    """Carry a session with windows of so many seconds out, identify by maximum likelihood, compare with the truth."""
+def held(kind: Kind, robot: Robot, plan: Plan, folder: Path) -> Session:
+    """Carry a session of this kind out, identify by maximum likelihood, compare with the truth."""
     motion = MotionSettings(length_limits=compose.length_limits(plan))
-    settings = Settings(motion=motion, record=RecordSettings(seconds=seconds))
+    settings = Settings(motion=motion, record=RecordSettings(seconds=kind.seconds), excite=kind.excite)
     world = compose.simulated_world(robot, SEED, ())
     done: list[StepFinished] = []
 
@@ -76,7 +96,7 @@ def held(procedure: str, robot: Robot, plan: Plan, folder: Path, seconds: float)
 
     async def run() -> float:
         async with compose.simulated_rig(robot, plan, world, SEED) as simulated:
-            made = experiment(procedure, plan, robot, settings)
+            made = experiment(kind.procedure, plan, robot, settings)
             report = await run_procedure(
                 made, simulated.rig, folder, wall_time=lambda: SIMULATED_DAY, listeners=(listen,)
             )
@@ -106,16 +126,17 @@ def _far(window: Window) -> float:
 
 def session(options: argparse.Namespace) -> str:
     """All kinds of session."""
-    robot, excite = read_robot(PAPERS_ROBOT), ExciteSettings()
-    plan = random_plan(robot, "session", options.runs, 0, SEED, UNTOUCHED)
+    robot, usual = read_robot(PAPERS_ROBOT), ExciteSettings()
+    by_hand = random_plan(robot, "session", options.runs, 0, SEED, UNTOUCHED)
+    for_winches = Plan("session", planned_by_winches(SEEDS[0])[: options.runs])
     rows: list[list[object]] = []
     errors: list[list[object]] = []
-    for name, (procedure, seconds) in SESSIONS.items():
+    for kind in KINDS:
         with TemporaryDirectory() as folder:
-            one = held(procedure, robot, plan, Path(folder) / "run", seconds)
+            one = held(kind, robot, for_winches if kind.designed else by_hand, Path(folder) / "run")
         rows.append(
             [
-                name,
+                kind.name,
                 f"{one.windows} ({one.repeated} repeated)",
                 f"{one.seconds:.0f}",
                 f"{one.asked}: {one.waited:.0f}",
@@ -123,12 +144,13 @@ def session(options: argparse.Namespace) -> str:
                 f"{1e3 * one.swing:.0f}",
             ]
         )
-        errors.append([f"{name}: error", *(f"{value:+.1e}" for value in one.error)])
+        errors.append([f"{kind.name}: error", *(f"{value:+.1e}" for value in one.error)])
         errors.append(["… stated sd", *(f"{value:.1e}" for value in one.sd)])
     head = ["", "windows", "simulated s", "questions: s reckoned for them", "windows an hour", "swing, mm (median)"]
     text = (
         "The paper's robot, a plan whose swings keep all limits by hand, the same hidden body and places; winches go "
-        f"up to {excite.speed:g} m/s and {excite.acceleration:g} m/s². By the clock of simulated drives and cameras, "
+        f"up to {usual.speed:g} m/s and {usual.acceleration:g} m/s²; plans for winches are those of `fidim design "
+        f"{' '.join(DESIGN)} --seed {SEEDS[0]}`, with as much. By the clock of simulated drives and cameras, "
         "and 15 s for each question to a person. Nothing damps the platform: winches take every swing away, and the "
         "maximum-likelihood model is right.\n\n"
     )
