@@ -140,14 +140,17 @@ def missed(seen: Float[np.ndarray, " modes"], plan: Excitation, close: float) ->
 
 
 def falls_short(seen: Float[np.ndarray, " modes"], plan: Excitation, close: float) -> bool:
-    """Whether less was planned than was wanted, and it swung less: what it taught may allow more."""
-    return bool(plan.why_less) and float(np.linalg.norm(seen) / np.linalg.norm(plan.wanted)) < 1 - close
+    """Whether it swung less than wanted, be it as planned: what it taught may allow more."""
+    return float(np.linalg.norm(seen) / np.linalg.norm(plan.wanted)) < 1 - close
 
 
 def more_in_reach(seen: Float[np.ndarray, " modes"], again: Excitation, close: float) -> str:
-    """Why a swing that was as planned is done again, by the plan that knows of it; empty where that gains little."""
+    """Why a swing that was as planned, and less than wanted, is done again, by the plan that knows of it.
+
+    Empty where that gains little: neither all that is wanted, nor a third more.
+    """
     found, more = float(np.linalg.norm(seen)), float(np.linalg.norm(again.reached))
-    if more <= (1 + 2 * close) * found:
+    if again.why_less and more <= (1 + 2 * close) * found:
         return ""
     return f"it swung {1e3 * found:.1f} mm as planned; with what it taught {1e3 * more:.1f} mm can be reached"
 

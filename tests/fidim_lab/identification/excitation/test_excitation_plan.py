@@ -130,6 +130,10 @@ def test_a_swing_is_repeated_where_it_is_off_or_where_more_is_in_reach():
     assert missed(np.array([0.022]), cut, 0.15) != ""
     assert falls_short(np.array([0.016]), cut, 0.15)
     assert not falls_short(np.array([0.029]), cut, 0.15)
-    assert not falls_short(np.array([0.02]), plan(0.03, 0.03), 0.15), "nothing limits it"
-    assert "25.0 mm can be reached" in more_in_reach(np.array([0.016]), plan(0.03, 0.025), 0.15)
-    assert more_in_reach(np.array([0.016]), plan(0.03, 0.018), 0.15) == ""
+    assert "25.0 mm can be reached" in more_in_reach(np.array([0.016]), plan(0.03, 0.025, "83 %"), 0.15)
+    assert more_in_reach(np.array([0.016]), plan(0.03, 0.018, "60 %"), 0.15) == ""
+    nearly = plan(0.03, 0.029)
+    assert missed(np.array([0.025]), nearly, 0.15) == "", "as planned, if a little less than wanted"
+    assert falls_short(np.array([0.025]), nearly, 0.15)
+    assert "30.0 mm can be reached" in more_in_reach(np.array([0.025]), plan(0.03, 0.03), 0.15), "as wanted by now"
+    assert more_in_reach(np.array([0.025]), plan(0.03, 0.027, "90 %"), 0.15) == ""
