@@ -39,7 +39,7 @@ strict a judge alone: what acts in places that one window visits cannot be foret
 AS_EVIDENT = 0.98
 """of the log-evidence: what first order says of motions that the base misses by far is not surer"""
 NEARLY_ALL = 0.9
-"""of the excess of windows left out: what takes as much, and does not repeat, spares the families that take long"""
+"""of the excess, of windows left out, too: what takes as much, and does not repeat, spares families that take long"""
 LISTED = 10
 SECOND = 0.2
 """of the excess: where more is left, a second term is looked for"""
@@ -177,7 +177,7 @@ def _next_term(
     reach = Reach.of(answers, shared[:3])
     ranking = weigh_all(evidence, [Courses(one, mechanism, shared) for one in families(reach, mechanism.n)])
     first = ranking[0] if ranking else None
-    if late and (first is None or first.left_out_share < NEARLY_ALL or first.family.harmonics):
+    if late and (first is None or _share(first) < NEARLY_ALL or first.family.harmonics):
         last = weigh_all(evidence, [Courses(one, mechanism, shared) for one in last_families()])
         ranking = tuple(sorted([*ranking, *last], key=lambda one: -one.left_out))
     best = chosen(ranking)
@@ -186,6 +186,14 @@ def _next_term(
     latent = LatentForce.of(best)
     completed = fitted(base, simulation.point, latent, seconds)
     return (None if completed is None else (completed, latent, best)), ranking
+
+
+def _share(one: Weighed) -> float:
+    """What it takes away of the windows it was fitted to, and of those left out.
+
+    The latter alone says too much where the base misses windows left out by more than those it was fitted to.
+    """
+    return min(one.explained, one.left_out_share)
 
 
 def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
