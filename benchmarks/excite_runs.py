@@ -17,7 +17,7 @@ from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.identified import bodies_of
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import Place, inside, wanted_amplitudes
-from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, planned
+from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, nearer, planned
 from fidim_lab.identification.excitation.seen import Seen, seen_swing, taught
 from fidim_lab.identification.excitation.strokes import COARSE
 from fidim_lab.model.driven import driven_motions
@@ -293,8 +293,9 @@ def tried(
         well = not missed(seen.amplitudes, excitation, CLOSE)
         again = None
         if len(tries) < MOST_TRIES and not (well and not falls_short(seen.amplitudes, excitation, CLOSE)):
-            again = _planned(place, knowledge, bodies, wanted)
-        if again is None or (well and not more_in_reach(seen.amplitudes, again, CLOSE)):
+            again = _planned(place, knowledge, bodies, wanted, excitation)
+        gains = again is not None and nearer(seen.amplitudes, again)
+        if again is None or not gains or (well and not more_in_reach(seen.amplitudes, again, CLOSE)):
             return tuple(tries), Learnt(bodies, knowledge, learnt.recorded), found
         excitation = again
 
@@ -306,9 +307,11 @@ def _as_likely(window: Window, learnt: Learnt) -> Place:
     return Place.at(window.place.mechanism, window.place.equilibrium.lengths, learnt.bodies.likely)
 
 
-def _planned(place: Place, knowledge: Knowledge, bodies: Bodies, wanted: np.ndarray) -> Excitation | None:
+def _planned(
+    place: Place, knowledge: Knowledge, bodies: Bodies, wanted: np.ndarray, before: Excitation | None = None
+) -> Excitation | None:
     """None where it is refused."""
     try:
-        return planned(place, wanted, knowledge, LIMITS, bodies.others)
+        return planned(place, wanted, knowledge, LIMITS, bodies.others, before=before)
     except InfeasibleError:
         return None

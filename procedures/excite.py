@@ -18,7 +18,7 @@ from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
-from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, planned
+from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, nearer, planned
 from fidim_lab.identification.excitation.seen import taught
 from fidim_lab.identification.excitation.travel import travel
 from fidim_lab.model.mechanism import Mechanism
@@ -231,12 +231,14 @@ class ExciteProtocol(WindowProtocol):
         reason = missed(seen.amplitudes, plan, close)
         if another and (reason or falls_short(seen.amplitudes, plan, close)):
             try:
-                self._again = yield from self._planned(planned)
-                reason = reason or more_in_reach(seen.amplitudes, self._again, close)
+                self._again = yield from self._planned(planned, plan)
+                another = nearer(seen.amplitudes, self._again)
+                reason = reason or (more_in_reach(seen.amplitudes, self._again, close) if another else "")
             except InfeasibleError:  # then what there is is the best
                 another = False
-        if not reason:
+        if not (reason and another):
             self._again = None
+        if not reason:
             return verdict
         if another:
             return replace(verdict, outcome=Outcome.FAIL, reason=reason)
@@ -259,14 +261,15 @@ class ExciteProtocol(WindowProtocol):
         if self._knowledge is not None:
             self._knowledge = self._knowledge.by_identified_body()
 
-    def _planned(self, window: PlannedWindow) -> Generator[Step, Result, Excitation]:
+    def _planned(self, window: PlannedWindow, before: Excitation | None = None) -> Generator[Step, Result, Excitation]:
+        """before: what was carried out last, of a window that is done again."""
         place = self._place or self._at(tuple(float(length) for length in window.lengths))
         wanted = wanted_amplitudes(place, np.asarray(window.displacement))
         knowledge = (self._knowledge or Knowledge.none(len(wanted))).fitting(len(wanted))
         if not self._tries:
             sure = self._bodies.sure
             knowledge = knowledge.by_identified_body() if sure else self._calmer.told(place, knowledge.elsewhere())
-        job = partial(planned, place, wanted, knowledge, self._limits, self._bodies.others)
+        job = partial(planned, place, wanted, knowledge, self._limits, self._bodies.others, before=before)
         # what is the same in every reading of the procedure is planned once
         key = (window.id, self._tries, self._who, *np.concatenate([knowledge.gain, knowledge.ratio, knowledge.damping]))
         return (yield from self._think(window, "plan the strokes", job, key))

@@ -382,15 +382,18 @@ def test_a_run_that_goes_on_plans_with_the_body_that_its_windows_show(irma4: Rob
     assert (kinds.index(IdentifyBody) < kinds.index(Settle)) is (recorded > 0)
 
 
-@pytest.mark.parametrize("again", [True, False], ids=["planned again", "no second plan"])
+@pytest.mark.parametrize("again", ["planned again", "no second plan", "a worse one"])
 def test_a_swing_that_was_missed_is_kept_where_it_cannot_be_done_better(irma4: Robot, plan: Plan, monkeypatch, again):
     protocol, window = protocol_of(irma4, plan), plan.windows[0]
     first, plans = excite.planned, []
 
-    def planned(*arguments):
-        if plans and not again:
+    def planned(*arguments, before=None):
+        if plans and again == "no second plan":
             raise InfeasibleError("The winches cannot.")
-        plans.append(first(*arguments))
+        found = first(*arguments, before=before)
+        if plans and again == "a worse one":
+            return replace(found, reached=0.4 * plans[-1].reached)
+        plans.append(found)
         return plans[-1]
 
     monkeypatch.setattr(excite, "planned", planned)
@@ -404,5 +407,5 @@ def test_a_swing_that_was_missed_is_kept_where_it_cannot_be_done_better(irma4: R
     (accepted,) = [step for step in steps if isinstance(step, Accept)]
     assert accepted.outcome is Outcome.MARGINAL
     assert "were planned" in accepted.reason
-    assert sum(isinstance(step, Reject) for step in steps) == int(again)
+    assert sum(isinstance(step, Reject) for step in steps) == (again == "planned again")
     assert not [step for step in steps if isinstance(step, GiveUp)]

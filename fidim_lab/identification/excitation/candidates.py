@@ -130,6 +130,11 @@ def begins_of(chains: Sequence[Chain]) -> tuple[float, ...]:
     return _begins([chain.pattern for chain in chains])
 
 
+def half_periods(swing: Swing) -> Float[np.ndarray, " modes"]:
+    """s, damped."""
+    return 0.5 / (swing.frequencies * np.sqrt(1 - swing.damping**2))
+
+
 def _begins(patterns: Sequence[Pattern]) -> tuple[float, ...]:
     begins = [0.0]
     for pattern in patterns[:-1]:
@@ -151,7 +156,7 @@ def _programs(
 ) -> "list[_Program]":
     """One for each choice of turns for which there is time; the quickest of all in any case."""
     swing = place.swing
-    halves = 0.5 / (swing.frequencies * np.sqrt(1 - swing.damping**2))
+    halves = half_periods(swing)
     made: list[_Program] = []
     for turns in itertools.product(TURNS if len(modes) <= 2 else FEWER, repeat=len(modes)):
         patterns = tuple(Pattern(float(halves[j]), count, DUTY) for j, count in zip(modes, turns, strict=True))

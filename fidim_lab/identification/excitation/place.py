@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Body, Robot
+from fidim_lab.identification.excitation.strokes import Chain
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import Equilibrium
@@ -42,6 +43,12 @@ class WinchLimits:
         """How far (m) strokes may go to both sides of the lengths held, along a direction of largest entry 1."""
         moved = np.abs(direction) > 0
         return float((self.ways(held)[moved] / np.abs(direction[moved])).min(initial=self.offset))
+
+    def used(self, held: PerCable, chain: Chain, faster: float = 1.0) -> float:
+        """The part of what the winches may do that strokes use, of what they use most of. faster: than they say."""
+        ways = np.maximum(self.ways(held), 1e-9)
+        far = float((np.abs(chain.direction) / ways).max())
+        return max(far, chain.speed * faster / self.speed, chain.acceleration * faster**2 / self.acceleration)
 
 
 @dataclass(frozen=True, eq=False)

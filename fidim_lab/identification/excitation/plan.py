@@ -16,7 +16,14 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import Body
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.excitation.candidates import Candidate, Hanging, begins_of, candidates
+from fidim_lab.identification.excitation.candidates import (
+    SPARE,
+    Candidate,
+    Hanging,
+    begins_of,
+    candidates,
+    half_periods,
+)
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.motion import (
     LATE,
@@ -38,6 +45,10 @@ LEAST = 0.1
 """part of the wanted swing under which a place is refused"""
 ENOUGH = 0.97
 """part of the wanted swing that is said to be all of it"""
+NEARLY = 0.9
+"""part of the wanted swing at which strokes like those before are not given up for others"""
+SMALL = 1e-6
+"""m"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +83,13 @@ def planned(
     limits: WinchLimits | None = None,
     bodies: Sequence[Body] = (),
     tension: tuple[float, float] | None = None,
+    before: Excitation | None = None,
 ) -> Excitation:
     """The excitation after which the marker swings `wanted` (m) in each mode.
 
     knowledge: what earlier recordings taught. bodies: others than the place's that CAD may have meant
-    (`Bodies.others`). tension: N at all times; the robot's limits unless given. Where limits allow less, all modes get
+    (`Bodies.others`). tension: N at all times; the robot's limits unless given. before: what was carried out
+    here last; what knowledge says of its strokes need not hold for others. Where limits allow less, all modes get
     less alike; raises InfeasibleError where nothing is left (a tenth), or nothing is wanted.
     """
     if not np.linalg.norm(wanted) > 0:
@@ -87,7 +100,7 @@ def planned(
     known = replace(place, swing=place.swing.damped(knowledge.damping))
     others = tuple(known.beside(body) for body in bodies)
     trial = _Trial(known, wanted, knowledge, others, inside(tension or place.robot.limits.tension))
-    best = trial.best(limits)
+    best = trial.best(limits, before)
     chains, modes = best.chains, best.modes
     why = (
         "" if best.why is Less.NOTHING else f"{100 * best.part:.0f} % of the wanted swing: {best.words(trial.tension)}"
@@ -155,6 +168,12 @@ def more_in_reach(seen: Float[np.ndarray, " modes"], again: Excitation, close: f
     return f"it swung {1e3 * found:.1f} mm as planned; with what it taught {1e3 * more:.1f} mm can be reached"
 
 
+def nearer(seen: Float[np.ndarray, " modes"], again: Excitation) -> bool:
+    """Whether a plan would bring the swing nearer to the wanted one than it was seen (m) to be."""
+    found, more, wanted = (float(np.linalg.norm(values)) for values in (seen, again.reached, again.wanted))
+    return abs(more - wanted) < abs(found - wanted)
+
+
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """What a plan is made for; the place's swing has the damping that is known."""
@@ -166,26 +185,58 @@ class _Trial:
     """the same lengths with other bodies"""
     tension: tuple[float, float]
 
-    def best(self, limits: WinchLimits) -> _Planned:
-        """Of all candidates within these limits, the one that reaches most by the nonlinear model."""
-        aims, gain = self.wanted / self.knowledge.gain, np.maximum(self.knowledge.gain, 1.0)
-        tried: list[_Planned] = []
-        for candidate in candidates(self.place, aims, self.knowledge.ratio, gain, limits, self._hanging()):
-            tried.append(self._carried_out(candidate, candidate.share * aims, gain))
+    def best(self, limits: WinchLimits, before: Excitation | None) -> _Planned:
+        """Of all candidates within these limits, the one that reaches most by the nonlinear model.
+
+        Strokes as those before are taken if they reach nearly all. Of others the model says more than their gain: that
+        comes of a body which CAD has wrong, and is another one in another direction.
+        """
+        knowledge, tried = self.knowledge, list[_Planned]()
+        gain = knowledge.gain
+        if before is not None:
+            tried.append(self._carried_out(self._as_before(before, limits), gain))
+            if tried[-1].part >= NEARLY:
+                return tried[-1]
+            gain = np.ones_like(gain)
+        aims = self.wanted / gain
+        for candidate in candidates(self.place, aims, knowledge.ratio, self._at_most, limits, self._hanging()):
+            tried.append(self._carried_out(candidate, gain))
             if tried[-1].why is not Less.TENSION:
                 break
         return max(tried, key=lambda one: one.part)
 
-    def _carried_out(self, candidate: Candidate, aims: np.ndarray, gain: np.ndarray) -> _Planned:
-        """By the nonlinear model, as large as tensions allow."""
-        chains, modes = candidate.chains, candidate.modes
+    @property
+    def _at_most(self) -> Float[np.ndarray, " modes"]:
+        """Gains with which tensions are looked at."""
+        return np.maximum(self.knowledge.gain, 1.0)
+
+    def _as_before(self, before: Excitation, limits: WinchLimits) -> Candidate:
+        """The same directions and turns, timed anew and as large as is wanted: it is known what they do."""
+        halves, ratio, aims = half_periods(self.place.swing), self.knowledge.ratio, self.wanted / self.knowledge.gain
+        chains = tuple(
+            replace(chain, pattern=replace(chain.pattern, half=float(halves[mode])))
+            for chain, mode in zip(before.chains, before.modes, strict=True)
+        )
+        reached = swings_after(self.place, chains, before.modes)
+        factors = [float(aims[mode] / max(reached[mode], SMALL)) for mode in before.modes]
+        chains = tuple(chain.scaled(factor) for chain, factor in zip(chains, factors, strict=True))
+        held = self.place.equilibrium.lengths
+        used = max(
+            limits.used(held, chain, float(ratio[mode])) for chain, mode in zip(chains, before.modes, strict=True)
+        )
+        share = min(1.0, SPARE / used)
+        return Candidate(share, tuple(chain.scaled(share) for chain in chains), before.modes, share)
+
+    def _carried_out(self, candidate: Candidate, gain: np.ndarray) -> _Planned:
+        """By the nonlinear model times a gain, as large as tensions allow."""
+        chains, modes, aims = candidate.chains, candidate.modes, candidate.share * self.wanted / gain
         if not candidate.share > 0:
             return _Planned(chains, modes, np.zeros(len(aims)), 0.0, at_rest(self.place, chains), Less.WINCHES)
         chains = solved(self.place, in_step(self.place, chains, modes), modes, aims)
         loose = replace(self.place, swing=self.place.swing.damped(self.knowledge.least))
-        factor, extremes = within_tensions(loose, chains, gain[list(modes)], self.others, self.tension)
+        factor, extremes = within_tensions(loose, chains, self._at_most[list(modes)], self.others, self.tension)
         chains = tuple(chain.scaled(factor) for chain in chains)
-        reached = self.knowledge.gain * swings_after(self.place, chains, modes)
+        reached = gain * swings_after(self.place, chains, modes)
         part = float(np.linalg.norm(reached) / np.linalg.norm(self.wanted))
         tense = factor < 1.0 or candidate.share < ENOUGH * candidate.by_winches
         less = Less.NOTHING if part > ENOUGH else Less.TENSION if tense else Less.WINCHES

@@ -9,7 +9,7 @@ from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.calm import calmed
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
-from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, planned
+from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, nearer, planned
 from fidim_lab.identification.excitation.seen import learnt, seen_swing
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -99,6 +99,27 @@ def test_what_winches_cannot_do_is_refused_in_words(place: Place):
         planned(place, np.array([0.08, 0.08]), none_known(0.1), WinchLimits(0.02, 0.02))
 
 
+def test_a_second_try_repeats_its_strokes_larger(place: Place):
+    """What was seen of strokes tells what the same ones do; what others do, the model tells."""
+    wanted = wanted_amplitudes(place, np.array([0.01, 0.005]))
+    first = planned(place, wanted, none_known(0.02), LIMITS)
+    weak = Knowledge(np.full(2, 0.02), np.ones(2), np.full(2, 0.8), np.full(2, 0.02))
+    second = planned(place, wanted, weak, LIMITS, before=first)
+    assert second.modes == first.modes
+    assert second.reached == pytest.approx(wanted, rel=0.03)
+    for before, now in zip(first.chains, second.chains, strict=True):
+        assert now.pattern.turns == before.pattern.turns
+        ratio = now.direction / before.direction
+        assert ratio == pytest.approx(1 / 0.8, rel=0.1)
+    # strokes that cannot be made so large give way to others, and these are not said to be weak
+    deaf = Knowledge(np.full(2, 0.02), np.ones(2), np.full(2, 0.5), np.full(2, 0.02))
+    hardly = WinchLimits(speed=0.5, acceleration=1.3 * max(chain.acceleration for chain in first.chains))
+    other = planned(place, wanted, deaf, hardly, before=first)
+    alone = planned(place, wanted, none_known(0.02), hardly)
+    assert other.reached == pytest.approx(alone.reached, rel=0.05)
+    assert all(chain.acceleration <= hardly.acceleration for chain in other.chains)
+
+
 def test_winches_take_a_swing_away(irma4: Robot, place: Place):
     wanted = wanted_amplitudes(place, np.array([0.01, 0.008]))
     excitation = planned(place, wanted, none_known(0.0), LIMITS)
@@ -137,3 +158,6 @@ def test_a_swing_is_repeated_where_it_is_off_or_where_more_is_in_reach():
     assert falls_short(np.array([0.025]), nearly, 0.15)
     assert "30.0 mm can be reached" in more_in_reach(np.array([0.025]), plan(0.03, 0.03), 0.15), "as wanted by now"
     assert more_in_reach(np.array([0.025]), plan(0.03, 0.027, "90 %"), 0.15) == ""
+    assert nearer(np.array([0.02]), plan(0.03, 0.025))
+    assert nearer(np.array([0.045]), plan(0.03, 0.02))
+    assert not nearer(np.array([0.025]), plan(0.03, 0.018)), "it is better as it is"
