@@ -177,7 +177,7 @@ def _next_term(
     reach = Reach.of(answers, shared[:3])
     ranking = weigh_all(evidence, [Courses(one, mechanism, shared) for one in families(reach, mechanism.n)])
     first = ranking[0] if ranking else None
-    if late and (first is None or _share(first) < NEARLY_ALL or first.family.harmonics):
+    if late and not conclusive(first):
         last = weigh_all(evidence, [Courses(one, mechanism, shared) for one in last_families()])
         ranking = tuple(sorted([*ranking, *last], key=lambda one: -one.left_out))
     best = chosen(ranking)
@@ -188,12 +188,15 @@ def _next_term(
     return (None if completed is None else (completed, latent, best)), ranking
 
 
-def _share(one: Weighed) -> float:
-    """What it takes away of the windows it was fitted to, and of those left out.
+def conclusive(first: Weighed | None) -> bool:
+    """Whether what foretells windows left out best does nearly all, and the families that take long are spared.
 
-    The latter alone says too much where the base misses windows left out by more than those it was fitted to.
+    Of the windows that it is fitted to as well: where the base misses those left out by far more than these, a plain
+    force foretells much of that, and yet leaves most of what is there unexplained.
     """
-    return min(one.explained, one.left_out_share)
+    if first is None or first.family.harmonics:
+        return False
+    return min(first.explained, first.left_out_share) >= NEARLY_ALL
 
 
 def chosen(ranking: Sequence[Weighed]) -> Weighed | None:

@@ -18,7 +18,7 @@ from fidim_lab.mismatch.generic.joint import fitted
 from fidim_lab.mismatch.generic.latent import LatentForce
 from fidim_lab.mismatch.generic.reach import Reach, centres_of
 from fidim_lab.mismatch.generic.responses import Responses, responses, splines
-from fidim_lab.mismatch.generic.unknown import chosen
+from fidim_lab.mismatch.generic.unknown import chosen, conclusive
 from fidim_lab.mismatch.generic.words import words
 from fidim_lab.mismatch.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.model.mechanism import Mechanism
@@ -147,6 +147,21 @@ def test_a_plainer_family_as_good_to_first_order_is_preferred(
     rich = replace(weighed, log_evidence=100.0, left_out=50.0, effective=11.0)
     plain = replace(weighed, log_evidence=evidence, left_out=left_out, effective=effective)
     assert chosen([rich, plain]) is (plain if plainer else rich)
+
+
+@pytest.mark.parametrize(
+    ("gain", "left_out", "enough"),
+    [(95.0, 92.0, True), (58.0, 266.0, False), (95.0, 60.0, False)],
+    ids=["nearly all", "foretells much, explains half", "does not foretell"],
+)
+def test_families_that_take_long_are_spared_where_nearly_all_is_done(
+    base: Fit, answers: Responses, gain: float, left_out: float, enough: bool
+) -> None:
+    evidence = Evidence(answers, base.prior.rows(base.values))
+    weighed = evidence.weigh(_named(base, answers, "drag ~ speed^2"), np.zeros(0))
+    first = replace(weighed, gain=gain, left_out=left_out, excess=100.0)
+    assert conclusive(first) is enough
+    assert not conclusive(None)
 
 
 def test_the_joint_fit_explains_and_its_field_is_what_was_fitted(base: Fit, answers: Responses) -> None:
