@@ -95,7 +95,8 @@ def held(kind: Kind, robot: Robot, plan: Plan, folder: Path) -> Session:
             done.append(event)
 
     async def run() -> float:
-        async with compose.simulated_rig(robot, plan, world, SEED) as simulated:
+        able = kind.excite.acceleration
+        async with compose.simulated_rig(robot, plan, world, SEED, acceleration=able) as simulated:
             made = experiment(kind.procedure, plan, robot, settings)
             report = await run_procedure(
                 made, simulated.rig, folder, wall_time=lambda: SIMULATED_DAY, listeners=(listen,)

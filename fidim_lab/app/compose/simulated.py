@@ -108,18 +108,20 @@ async def simulated_rig(
     real_time: bool = False,
     operator: Operator | None = None,
     faults: Faults | None = None,
+    acceleration: float = 1.0,
 ) -> AsyncGenerator[SimulatedRig]:
     """The drivers on simulated devices, running, until the context ends.
 
     In process on the running loop's clock; with `real_time` over a python-can bus and a UDP socket. The robot rests at
-    the plan's first lengths. Raises SetupError or InfeasibleError where such a laboratory cannot be.
+    the plan's first lengths. acceleration: m/s² that a winch may do at most. Raises SetupError or
+    InfeasibleError where such a laboratory cannot be.
     """
     clock = LoopClock()
     now: Callable[[], float] = time.monotonic if real_time else clock.now
     start = _start(plan)
     grain = GRAIN if real_time else 0.0
     laboratory = Laboratory(robot, world, start, np.random.default_rng([seed, 1]), now, grain=grain)
-    configs = _winch_configs(robot, plan, laboratory)
+    configs = _winch_configs(robot, plan, laboratory, acceleration)
     drives = laboratory.drives(configs[0].eds)
     names = tuple(f"marker{k}" for k in range(1, len(robot.markers) + 1))
     server = laboratory.mocap_server(ViconEncoder(names), MARKER_RATE, faults)
@@ -163,7 +165,7 @@ def _start(plan: Plan) -> PerCable:
     return plan.windows[0].lengths
 
 
-def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory) -> tuple[WinchConfig, ...]:
+def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory, acceleration: float) -> tuple[WinchConfig, ...]:
     """What a rig file would say of the simulated winches."""
     winches = robot.winches or ()
     return tuple(
@@ -175,7 +177,7 @@ def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory) -> tuple[Wi
             rated_current=RATED_CURRENT,
             current_limit=1.5 * robot.limits.tension[1] / winch.newton_per_ampere,
             max_speed=0.5,
-            max_acceleration=1.0,
+            max_acceleration=acceleration,
             length_limits=reach,
             direction=drum.direction,
             home_length=drum.home_length,
