@@ -13,11 +13,12 @@ from benchmarks.excite_strokes import LIMITS
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Role
 from fidim_lab.data.records import Window as Recording
 from fidim_lab.errors import InfeasibleError, RefusedError
+from fidim_lab.identification.excitation.again import may_gain, why_again
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.identified import bodies_of
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import Place, inside, wanted_amplitudes
-from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, nearer, planned
+from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.identification.excitation.seen import Seen, seen_swing, taught
 from fidim_lab.identification.excitation.strokes import COARSE
 from fidim_lab.model.driven import driven_motions
@@ -290,12 +291,10 @@ def tried(
         tries.append(Try(reached, amplitudes, found.tension, *prediction, aim))
         lesson = taught(place, bodies, excitation, seen, knowledge)
         place, bodies, knowledge = lesson.place, lesson.bodies, lesson.knowledge
-        well = not missed(seen.amplitudes, excitation, CLOSE)
         again = None
-        if len(tries) < MOST_TRIES and not (well and not falls_short(seen.amplitudes, excitation, CLOSE)):
+        if len(tries) < MOST_TRIES and may_gain(seen.amplitudes, excitation, CLOSE):
             again = _planned(place, knowledge, bodies, wanted, excitation)
-        gains = again is not None and nearer(seen.amplitudes, again)
-        if again is None or not gains or (well and not more_in_reach(seen.amplitudes, again, CLOSE)):
+        if again is None or not why_again(seen.amplitudes, excitation, again, CLOSE):
             return tuple(tries), Learnt(bodies, knowledge, learnt.recorded), found
         excitation = again
 

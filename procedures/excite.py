@@ -15,10 +15,11 @@ import numpy as np
 
 from fidim_lab.data.records import Body, PlannedWindow
 from fidim_lab.errors import InfeasibleError, OurBugError
+from fidim_lab.identification.excitation.again import may_gain, missed, why_again
 from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
-from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, nearer, planned
+from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.identification.excitation.seen import taught
 from fidim_lab.identification.excitation.travel import travel
 from fidim_lab.model.mechanism import Mechanism
@@ -227,23 +228,17 @@ class ExciteProtocol(WindowProtocol):
         job = partial(taught, place, self._bodies, plan, seen, before)
         lesson = yield from self._think(planned, "learn from how it swung", job)
         self._place, self._bodies, self._knowledge = lesson.place, lesson.bodies, lesson.knowledge
-        close, another = self.settings.excite.close, self._tries < self.settings.excite.tries
-        reason = missed(seen.amplitudes, plan, close)
-        if another and (reason or falls_short(seen.amplitudes, plan, close)):
-            try:
-                self._again = yield from self._planned(planned, plan)
-                another = nearer(seen.amplitudes, self._again)
-                reason = reason or (more_in_reach(seen.amplitudes, self._again, close) if another else "")
-            except InfeasibleError:  # then what there is is the best
-                another = False
-        if not (reason and another):
-            self._again = None
-        if not reason:
+        close = self.settings.excite.close
+        if self._tries < self.settings.excite.tries and may_gain(seen.amplitudes, plan, close):
+            again = yield from self._planned_again(planned, plan)
+            reason = why_again(seen.amplitudes, plan, again, close)
+            if reason:
+                self._again = again
+                return replace(verdict, outcome=Outcome.FAIL, reason=reason)
+        amiss = missed(seen.amplitudes, plan, close)
+        if not amiss:
             return verdict
-        if another:
-            return replace(verdict, outcome=Outcome.FAIL, reason=reason)
-        reason = "; ".join(filter(None, (verdict.reason, reason)))
-        return replace(verdict, outcome=Outcome.MARGINAL, reason=reason)
+        return replace(verdict, outcome=Outcome.MARGINAL, reason="; ".join(filter(None, (verdict.reason, amiss))))
 
     def _identified(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
         """Plan with the body that the recordings show, until it is known well; the first ones tell nearly all of it."""
@@ -273,6 +268,13 @@ class ExciteProtocol(WindowProtocol):
         # what is the same in every reading of the procedure is planned once
         key = (window.id, self._tries, self._who, *np.concatenate([knowledge.gain, knowledge.ratio, knowledge.damping]))
         return (yield from self._think(window, "plan the strokes", job, key))
+
+    def _planned_again(self, window: PlannedWindow, before: Excitation) -> Generator[Step, Result, Excitation | None]:
+        """None where nothing can be planned: then what there is is the best."""
+        try:
+            return (yield from self._planned(window, before))
+        except InfeasibleError:
+            return None
 
     def _calm(self, window: PlannedWindow, enough: float = 0.0) -> Generator[Step, Result, None]:
         if self._place is not None:

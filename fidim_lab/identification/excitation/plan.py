@@ -141,39 +141,6 @@ class _Planned:
         return f"{self.why.value}, then {low:.0f} to {high:.0f} N within {tension[0]:.0f} to {tension[1]:.0f} N"
 
 
-def missed(seen: Float[np.ndarray, " modes"], plan: Excitation, close: float) -> str:
-    """What is amiss with a swing, as a sentence without its full stop; empty where it is as wanted, or as planned.
-
-    seen: how far the marker swung in each mode, m. close: part of a swing by which it may be off.
-    """
-    found, aim, wanted = (float(np.linalg.norm(values)) for values in (seen, plan.reached, plan.wanted))
-    if min(abs(found / wanted - 1), abs(found / aim - 1)) <= close:
-        return ""
-    return f"it swung {1e3 * found:.1f} mm, {1e3 * aim:.1f} mm were planned"
-
-
-def falls_short(seen: Float[np.ndarray, " modes"], plan: Excitation, close: float) -> bool:
-    """Whether it swung less than wanted, be it as planned: what it taught may allow more."""
-    return float(np.linalg.norm(seen) / np.linalg.norm(plan.wanted)) < 1 - close
-
-
-def more_in_reach(seen: Float[np.ndarray, " modes"], again: Excitation, close: float) -> str:
-    """Why a swing that was as planned, and less than wanted, is done again, by the plan that knows of it.
-
-    Empty where that gains little: neither all that is wanted, nor a third more.
-    """
-    found, more = float(np.linalg.norm(seen)), float(np.linalg.norm(again.reached))
-    if again.why_less and more <= (1 + 2 * close) * found:
-        return ""
-    return f"it swung {1e3 * found:.1f} mm as planned; with what it taught {1e3 * more:.1f} mm can be reached"
-
-
-def nearer(seen: Float[np.ndarray, " modes"], again: Excitation) -> bool:
-    """Whether a plan would bring the swing nearer to the wanted one than it was seen (m) to be."""
-    found, more, wanted = (float(np.linalg.norm(values)) for values in (seen, again.reached, again.wanted))
-    return abs(more - wanted) < abs(found - wanted)
-
-
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """What a plan is made for; the place's swing has the damping that is known."""

@@ -9,7 +9,7 @@ from fidim_lab.identification.excitation.bodies import Bodies
 from fidim_lab.identification.excitation.calm import calmed
 from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
-from fidim_lab.identification.excitation.plan import Excitation, falls_short, missed, more_in_reach, nearer, planned
+from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.identification.excitation.seen import learnt, seen_swing
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -137,27 +137,3 @@ def test_winches_take_a_swing_away(irma4: Robot, place: Place):
         pieces = [(calming.chain.pattern.pieces(), calming.chain.direction, calming.begin - now)]
         found = carry_out(plant, held, pieces, 4.0)
     assert np.ptp(found.markers[-150:, 0], axis=0).max() < 0.05 * before
-
-
-def test_a_swing_is_repeated_where_it_is_off_or_where_more_is_in_reach():
-    def plan(wanted: float, reached: float, why: str = "") -> Excitation:
-        return Excitation((), (), np.array([wanted]), np.array([reached]), (30.0, 100.0), (0,), why)
-
-    cut = plan(0.03, 0.015, "50 % of the wanted swing: what tensions allow")
-    assert missed(np.array([0.031]), plan(0.03, 0.03), 0.15) == ""
-    assert "40.0 mm, 30.0 mm were planned" in missed(np.array([0.04]), plan(0.03, 0.03), 0.15)
-    assert missed(np.array([0.029]), cut, 0.15) == "", "as wanted, though less was planned"
-    assert missed(np.array([0.016]), cut, 0.15) == "", "as planned"
-    assert missed(np.array([0.022]), cut, 0.15) != ""
-    assert falls_short(np.array([0.016]), cut, 0.15)
-    assert not falls_short(np.array([0.029]), cut, 0.15)
-    assert "25.0 mm can be reached" in more_in_reach(np.array([0.016]), plan(0.03, 0.025, "83 %"), 0.15)
-    assert more_in_reach(np.array([0.016]), plan(0.03, 0.018, "60 %"), 0.15) == ""
-    nearly = plan(0.03, 0.029)
-    assert missed(np.array([0.025]), nearly, 0.15) == "", "as planned, if a little less than wanted"
-    assert falls_short(np.array([0.025]), nearly, 0.15)
-    assert "30.0 mm can be reached" in more_in_reach(np.array([0.025]), plan(0.03, 0.03), 0.15), "as wanted by now"
-    assert more_in_reach(np.array([0.025]), plan(0.03, 0.027, "90 %"), 0.15) == ""
-    assert nearer(np.array([0.02]), plan(0.03, 0.025))
-    assert nearer(np.array([0.045]), plan(0.03, 0.02))
-    assert not nearer(np.array([0.025]), plan(0.03, 0.018)), "it is better as it is"
