@@ -1,6 +1,6 @@
 """A whole session by hand and by winches, in the same world, by the same plan: windows an hour, and accuracy.
 
-    python -m benchmarks.excite session --runs 6        so many windows to identify from; 20 CPU seconds a window
+    python -m benchmarks.excite session --runs 6        so many windows to identify from; two CPU minutes a session
 
 Simulated drives and cameras through their real bytes, on a clock that jumps. The simulated person needs no time, so
 what the procedure reckons with for one (`prompt_estimate`) is added for each question. Nothing damps the platform: the
@@ -8,6 +8,9 @@ winches have to take every swing away, and the model that is fitted is right.
 """
 
 import argparse
+import itertools
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,7 +34,7 @@ from procedures.run import run_procedure
 from procedures.settings import ExciteSettings, MotionSettings, RecordSettings, Settings
 from procedures.steps import Ask, Reject
 
-SEED = 4
+WORLDS = (4, 5, 6)
 STRONGER = ExciteSettings(speed=LIMITS.speed, acceleration=LIMITS.acceleration)
 """what plans for winches are designed for"""
 NAMES = ("s_x", "s_y", "s_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
@@ -83,11 +86,16 @@ class Session:
         return 3600 * self.windows / (self.seconds + self.waited)
 
 
-def held(kind: Kind, robot: Robot, plan: Plan, folder: Path) -> Session:
-    """Carry a session of this kind out, identify by maximum likelihood, compare with the truth."""
+def held(kind: Kind, robot: Robot, plan: Plan, seed: int) -> Session:
+    """Carry a session of this kind out in this world, identify by maximum likelihood, compare with the truth."""
+    with TemporaryDirectory() as folder:
+        return _held_in(kind, robot, plan, seed, Path(folder) / "run")
+
+
+def _held_in(kind: Kind, robot: Robot, plan: Plan, seed: int, folder: Path) -> Session:
     motion = MotionSettings(length_limits=compose.length_limits(plan))
     settings = Settings(motion=motion, record=RecordSettings(seconds=kind.seconds), excite=kind.excite)
-    world = compose.simulated_world(robot, SEED, ())
+    world = compose.simulated_world(robot, seed, ())
     done: list[StepFinished] = []
 
     def listen(event: Event) -> None:
@@ -96,7 +104,7 @@ def held(kind: Kind, robot: Robot, plan: Plan, folder: Path) -> Session:
 
     async def run() -> float:
         able = kind.excite.acceleration
-        async with compose.simulated_rig(robot, plan, world, SEED, acceleration=able) as simulated:
+        async with compose.simulated_rig(robot, plan, world, seed, acceleration=able) as simulated:
             made = experiment(kind.procedure, plan, robot, settings)
             report = await run_procedure(
                 made, simulated.rig, folder, wall_time=lambda: SIMULATED_DAY, listeners=(listen,)
@@ -126,33 +134,63 @@ def _far(window: Window) -> float:
 
 
 def session(options: argparse.Namespace) -> str:
-    """All kinds of session."""
+    """All kinds of session, in several worlds."""
     robot, usual = read_robot(PAPERS_ROBOT), ExciteSettings()
-    by_hand = random_plan(robot, "session", options.runs, 0, SEED, UNTOUCHED)
+    by_hand = random_plan(robot, "session", options.runs, 0, WORLDS[0], UNTOUCHED)
     for_winches = Plan("session", planned_by_winches(SEEDS[0])[: options.runs])
-    rows: list[list[object]] = []
-    errors: list[list[object]] = []
-    for kind in KINDS:
-        with TemporaryDirectory() as folder:
-            one = held(kind, robot, for_winches if kind.designed else by_hand, Path(folder) / "run")
-        rows.append(
-            [
-                kind.name,
-                f"{one.windows} ({one.repeated} repeated)",
-                f"{one.seconds:.0f}",
-                f"{one.asked}: {one.waited:.0f}",
-                f"{one.rate:.0f}",
-                f"{1e3 * one.swing:.0f}",
-            ]
-        )
-        errors.append([f"{kind.name}: error", *(f"{value:+.1e}" for value in one.error)])
-        errors.append(["… stated sd", *(f"{value:.1e}" for value in one.sd)])
-    head = ["", "windows", "simulated s", "questions: s reckoned for them", "windows an hour", "swing, mm (median)"]
+    cases = [(kind, robot, for_winches if kind.designed else by_hand, seed) for kind in KINDS for seed in WORLDS]
+    with ProcessPoolExecutor(options.jobs) as processes:
+        every = iter(list(processes.map(held, *zip(*cases, strict=True))))
+    of_kind = {kind.name: list(itertools.islice(every, len(WORLDS))) for kind in KINDS}
     text = (
-        "The paper's robot, a plan whose swings keep all limits by hand, the same hidden body and places; winches go "
-        f"up to {usual.speed:g} m/s and {usual.acceleration:g} m/s²; plans for winches are those of `fidim design "
-        f"{' '.join(DESIGN)} --seed {SEEDS[0]}`, with as much. By the clock of simulated drives and cameras, "
-        "and 15 s for each question to a person. Nothing damps the platform: winches take every swing away, and the "
-        "maximum-likelihood model is right.\n\n"
+        f"The paper's robot, {len(WORLDS)} worlds (hidden bodies), {options.runs} windows in each session; a plan "
+        f"whose swings keep all limits by hand, winches up to {usual.speed:g} m/s and {usual.acceleration:g} m/s²; "
+        f"plans for winches are those of `fidim design {' '.join(DESIGN)} --seed {SEEDS[0]}`, with as much. By the "
+        "clock of simulated drives and cameras, and 15 s for each question to a person. Nothing damps the platform: "
+        "winches take every swing away, and the maximum-likelihood model is right. Means are arithmetic, of standard "
+        "deviations geometric.\n\n"
     )
-    return text + table(head, rows) + "\n\n" + table(["m, m²", *NAMES], errors)
+    return text + _times(of_kind) + "\n\n" + _accuracies(of_kind)
+
+
+def _times(of_kind: dict[str, list[Session]]) -> str:
+    """How long sessions of each kind take."""
+
+    def mean(values: Iterable[float]) -> str:
+        return f"{np.mean(list(values)):.0f}"
+
+    rows = [
+        [
+            name,
+            sum(one.windows for one in sessions),
+            sum(one.repeated for one in sessions),
+            mean(one.seconds for one in sessions),
+            f"{mean(one.asked for one in sessions)}: {mean(one.waited for one in sessions)}",
+            mean(one.rate for one in sessions),
+            mean(1e3 * one.swing for one in sessions),
+        ]
+        for name, sessions in of_kind.items()
+    ]
+    head = [
+        "",
+        "windows",
+        "repeated",
+        "simulated s of a session",
+        "questions: s reckoned for them",
+        "windows an hour",
+        "swing, mm (median)",
+    ]
+    return table(head, rows)
+
+
+def _accuracies(of_kind: dict[str, list[Session]]) -> str:
+    """What sessions of each kind tell of the body, beside those of the first kind."""
+    hand = of_kind[KINDS[0].name]
+    sd = np.exp(np.mean([np.log(one.sd) for one in hand], axis=0))
+    rows: list[list[object]] = [[f"{KINDS[0].name}: stated sd, m or m²", *(f"{value:.1e}" for value in sd), ""]]
+    for name, sessions in of_kind.items():
+        over = np.exp(np.mean([np.log(one.sd / by.sd) for one, by in zip(sessions, hand, strict=True)], axis=0))
+        off = np.sqrt(np.mean([(one.error / one.sd) ** 2 for one in sessions], axis=0))
+        rows.append([f"{name}: sd over a hand's", *(f"{value:.2f}" for value in (*over, np.exp(np.log(over).mean())))])
+        rows.append(["… error over sd, rms", *(f"{value:.1f}" for value in (*off, np.sqrt((off**2).mean())))])
+    return table(["", *NAMES, "all"], rows)

@@ -46,7 +46,10 @@ LEAST = 0.1
 ENOUGH = 0.97
 """part of the wanted swing that is said to be all of it"""
 NEARLY = 0.9
-"""part of the wanted swing at which strokes like those before are not given up for others"""
+"""part of what others reach, or of the wanted swing, at which strokes like those before are not given up for others"""
+ALIKE = 0.75
+"""power of a gain learnt of strokes in one direction, that is believed of others: of 120 windows 92 % swing as planned
+or wanted after two tries, 91 % with 0.5, 83 % with 0"""
 SMALL = 1e-6
 """m"""
 
@@ -155,22 +158,22 @@ class _Trial:
     def best(self, limits: WinchLimits, before: Excitation | None) -> _Planned:
         """Of all candidates within these limits, the one that reaches most by the nonlinear model.
 
-        Strokes as those before are taken if they reach nearly all. Of others the model says more than their gain: that
-        comes of a body which CAD has wrong, and is another one in another direction.
+        Strokes as those before are taken if they reach nearly all, or nearly what others do: what they did tells what
+        they do, and less of what others do (`ALIKE`).
         """
-        knowledge, tried = self.knowledge, list[_Planned]()
-        gain = knowledge.gain
+        knowledge, gain, known = self.knowledge, self.knowledge.gain, None
         if before is not None:
-            tried.append(self._carried_out(self._as_before(before, limits), gain))
-            if tried[-1].part >= NEARLY:
-                return tried[-1]
-            gain = np.ones_like(gain)
-        aims = self.wanted / gain
+            known = self._carried_out(self._as_before(before, limits), gain)
+            if known.part >= NEARLY:
+                return known
+            gain = gain**ALIKE
+        aims, tried = self.wanted / gain, list[_Planned]()
         for candidate in candidates(self.place, aims, knowledge.ratio, self._at_most, limits, self._hanging()):
             tried.append(self._carried_out(candidate, gain))
             if tried[-1].why is not Less.TENSION:
                 break
-        return max(tried, key=lambda one: one.part)
+        most = max(tried, key=lambda one: one.part)
+        return most if known is None or known.part < NEARLY * most.part else known
 
     @property
     def _at_most(self) -> Float[np.ndarray, " modes"]:
