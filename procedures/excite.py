@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fidim_lab.data.records import Body, PlannedWindow
+from fidim_lab.data.records import PARAMETER_NAMES, Body, PlannedWindow
 from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.identification.excitation.again import may_gain, missed, why_again
 from fidim_lab.identification.excitation.bodies import Bodies
@@ -251,8 +251,8 @@ class ExciteProtocol(WindowProtocol):
         result = yield IdentifyBody(window=planned.id)
         if not result.values:
             return
-        values, spread = np.array(result.values).reshape(2, -1)
-        self._bodies = Bodies.within(Body.from_vector(values), spread)
+        body, *off = np.array(result.values).reshape(-1, len(PARAMETER_NAMES))
+        self._bodies = Bodies.within(Body.from_vector(body), np.array(off))
         if self._knowledge is not None:
             self._knowledge = self._knowledge.by_identified_body()
 

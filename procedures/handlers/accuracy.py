@@ -37,13 +37,13 @@ def _known(folder: Path) -> tuple[int, float, float, str]:
 
 async def identify_body(stand: Stand, _step: IdentifyBody) -> Result:
     """What hangs there, for the next plan; no reason to stop anything where that cannot be told."""
-    values, spread, problem = await apart(_identified, stand.folder.path) or ((), (), DIED)
+    values, problem = await apart(_identified, stand.folder.path) or ((), DIED)
     if problem:
         return Result(Outcome.UNSET, f"the body is planned with as before: {problem}")
-    return Result(values=(*values, *spread))
+    return Result(values=values)
 
 
-def _identified(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...], str]:
+def _identified(folder: Path) -> tuple[tuple[float, ...], str]:
     from fidim_lab.data.campaign import read_campaign
     from fidim_lab.errors import FidimError
     from fidim_lab.identification.excitation.identified import bodies_of
@@ -51,8 +51,8 @@ def _identified(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...], str
     try:
         found = bodies_of(read_campaign(folder))
     except FidimError as refusal:
-        return (), (), refusal.message
+        return (), refusal.message
     except (ArithmeticError, ValueError, RuntimeError, OSError) as error:  # LinAlgError is a ValueError
-        return (), (), f"{type(error).__name__}: {error}"
-    values, spread = tuple(map(float, found.likely.vector)), tuple(map(float, found.spread))
-    return (values, spread, "") if all(map(isfinite, (*values, *spread))) else ((), (), "what is found is not finite")
+        return (), f"{type(error).__name__}: {error}"
+    values = (*map(float, found.likely.vector), *map(float, found.off.ravel()))
+    return (values, "") if all(map(isfinite, values)) else ((), "what is found is not finite")

@@ -117,7 +117,8 @@ class SeeRecordedSwing(Step):
 class IdentifyBody(Step):
     """Identify the body from the windows so far, in a process of its own, to plan with.
 
-    Values: nine parameters and by how much each may be off, m and m²; none where nothing can be told.
+    Values: nine parameters and the ways in which they may be off (9 × 9, row by row, a column each), m and m²; none
+    where nothing can be told.
     """
 
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED

@@ -352,7 +352,7 @@ def test_the_body_is_identified_from_the_first_windows_until_it_is_known(irma4: 
         if isinstance(step, IdentifyBody):
             part = (0.04, 1e-4)[len(told)]
             told.append(step)
-            return Result(values=(*body, *(part * sizes(irma4.nominal))))
+            return Result(values=(*body, *np.diag(part * sizes(irma4.nominal)).ravel()))
         return None
 
     protocol, player = protocol_of(irma4, plan), Player(answer)
@@ -370,7 +370,7 @@ def test_a_run_that_goes_on_plans_with_the_body_that_its_windows_show(irma4: Rob
 
     def answer(step):
         if isinstance(step, IdentifyBody):
-            return Result(values=(*body, *(1e-4 * sizes(irma4.nominal))))
+            return Result(values=(*body, *np.diag(1e-4 * sizes(irma4.nominal)).ravel()))
         return swung(step, np.array([0.03, 0.02])) if isinstance(step, SeeRecordedSwing) else None
 
     protocol, player = protocol_of(irma4, plan, recorded), Player(answer)

@@ -39,8 +39,8 @@ class Bodies:
     likely: Body
     others: tuple[Body, ...]
     """whose tensions are looked at too"""
-    spread: Float[np.ndarray, "9"]
-    """m, m²: by how much each parameter may be off"""
+    off: Float[np.ndarray, "9 9"]
+    """m, m²: ways in which the parameters may be off, each in a column, independent of each other"""
 
     @classmethod
     def around(cls, body: Body, off: float = OFF) -> Self:
@@ -49,15 +49,20 @@ class Bodies:
         Any two parameters of the eight are off in all four ways: higher and lower centres of mass with more and with
         less inertia swing at frequencies far apart. The others fill what is between, more of them near the sides.
         """
-        return cls.within(body, off * sizes(body))
+        return cls.within(body, np.diag(off * sizes(body)))
 
     @classmethod
-    def within(cls, body: Body, spread: Float[np.ndarray, "9"]) -> Self:
-        """The same, with what each parameter (m, m²) may be off."""
+    def within(cls, body: Body, off: Float[np.ndarray, "9 9"]) -> Self:
+        """The same, with ways (m, m²; a column each) in which the parameters may be off; the last three go together."""
         corners = hadamard(8)[:, [1, 2, 3, 4, 5, 6, 7, 7, 7]]
-        parts = np.vstack([corners, _between(INSIDE)]) * spread
+        parts = np.vstack([corners, _between(INSIDE)]) @ off.T
         found = [Body.from_vector(body.vector + part) for part in parts]
-        return cls(body, tuple(one for one in found if _possible(one)), spread)
+        return cls(body, tuple(one for one in found if _possible(one)), off)
+
+    @property
+    def spread(self) -> Float[np.ndarray, "9"]:
+        """By how much each parameter may be off, m and m²."""
+        return np.sqrt(np.sum(self.off**2, axis=1))
 
     @property
     def sure(self) -> bool:
@@ -72,14 +77,14 @@ class Bodies:
         """
         modes = list(seen)
         try:
-            slopes = _slopes(place, self.likely, self.spread, modes)
-            likely = _tuned(place, self.likely, frequencies, modes, slopes, self.spread)
+            slopes = _slopes(place, self.likely, self.off, modes)
+            likely = _tuned(place, self.likely, frequencies, modes, slopes, self.off)
         except (InfeasibleError, np.linalg.LinAlgError):
             return self
         others: list[Body] = []
         for other in self.others:
             try:
-                others.append(_tuned(place, other, frequencies, modes, slopes, self.spread))
+                others.append(_tuned(place, other, frequencies, modes, slopes, self.off))
             except (InfeasibleError, np.linalg.LinAlgError):
                 continue
         return replace(self, likely=likely, others=tuple(others))
@@ -114,20 +119,18 @@ def _frequencies(place: Place, body: Body, modes: list[int]) -> Float[np.ndarray
     return found[modes]
 
 
-def _slopes(place: Place, body: Body, spread: Float[np.ndarray, "9"], modes: list[int]) -> Float[np.ndarray, "seen 9"]:
-    """Of the frequencies, relative, by the parameters in units of their spread."""
+def _slopes(place: Place, body: Body, off: Float[np.ndarray, "9 9"], modes: list[int]) -> Float[np.ndarray, "seen 9"]:
+    """Of the frequencies, relative, by the ways in which the body may be off."""
     here = _frequencies(place, body, modes)
-    moved = [_frequencies(place, Body.from_vector(body.vector + STEP * unit), modes) for unit in np.diag(spread)]
+    moved = [_frequencies(place, Body.from_vector(body.vector + STEP * unit), modes) for unit in off.T]
     return (np.array(moved) / here - 1).T / STEP
 
 
-def _tuned(
-    place: Place, body: Body, wanted: np.ndarray, modes: list[int], slopes: np.ndarray, spread: np.ndarray
-) -> Body:
-    """The nearest body with these frequencies, in units of the spread: as far as frequencies are known."""
+def _tuned(place: Place, body: Body, wanted: np.ndarray, modes: list[int], slopes: np.ndarray, off: np.ndarray) -> Body:
+    """The nearest body with these frequencies, by the ways in which it may be off: as far as frequencies are known."""
     gain = slopes.T @ np.linalg.inv(slopes @ slopes.T + KNOWN**2 * np.eye(len(modes)))
     for _ in range(ROUNDS):
         miss = wanted[modes] / _frequencies(place, body, modes) - 1
-        body = Body.from_vector(body.vector + spread * (gain @ miss))
+        body = Body.from_vector(body.vector + off @ (gain @ miss))
     _frequencies(place, body, modes)
     return body

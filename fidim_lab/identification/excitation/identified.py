@@ -1,7 +1,8 @@
 """What hangs there by the windows recorded so far: for planning the next ones, not a result to report.
 
 One window tells most of it, three all (to parts in a thousand): from then on strokes need no allowance for what CAD may
-have wrong. Drag of the rotation is fitted beside the body, since every real platform has some. What the recordings
+have wrong. What one leaves open are ways in which several parameters are off together, and which hardly change a swing:
+bodies off in these ways are planned with, not each parameter by itself. Drag of the rotation is fitted beside the body, since every real platform has some. What the recordings
 leave open, CAD says.
 """
 
@@ -44,8 +45,10 @@ def bodies_of(campaign: Campaign) -> Bodies:
     gain = np.linalg.solve((cad + seen).T, cad.T).T
     nominal = robot.nominal.vector
     values = nominal + gain @ (found.values[:BODY] - nominal)
-    sd = np.sqrt(np.diag(cad - gain @ cad))
     body = Body.from_vector(values)
     if not np.linalg.eigvalsh(body.inertia_about_com)[0] > 0:
         raise RefusedError("The body that fits best cannot exist.")
-    return Bodies.within(body, CERTAIN * sd)
+    left = (cad - gain @ cad) / np.outer(size, size)
+    share, axes = np.linalg.eigh((left + left.T) / 2)
+    most = np.minimum(CERTAIN * np.sqrt(np.maximum(share, 0.0)), OFF)
+    return Bodies.within(body, (size[:, np.newaxis] * axes * most)[:, ::-1])

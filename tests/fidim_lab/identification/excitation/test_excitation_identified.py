@@ -9,6 +9,8 @@ from fidim_lab.data.records import Body, Campaign, Robot
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.excitation.bodies import Bodies, sizes
 from fidim_lab.identification.excitation.identified import CERTAIN, bodies_of
+from fidim_lab.identification.excitation.place import Place
+from fidim_lab.model.mechanism import Mechanism
 
 
 def first(campaign: Campaign, count: int) -> Campaign:
@@ -32,6 +34,22 @@ def test_a_few_windows_tell_the_body_and_say_how_well(irma4: Robot, recorded, tr
     assert not one.sure
 
 
+def test_what_one_window_leaves_open_leaves_no_frequency_open(irma4: Robot, recorded):
+    """Parameters that may be off by percents are so together: all bodies swing as was recorded."""
+    campaign = first(recorded(noise=1e-4), 1)
+    bodies, mechanism, lengths = bodies_of(campaign), Mechanism(irma4, native=True), campaign.windows[0].lengths
+    assert lengths is not None
+    rest = lengths.mean(axis=0)
+
+    def frequencies(others: tuple[Body, ...]) -> np.ndarray:
+        return np.array([Place.at(mechanism, rest, body).swing.frequencies for body in others])
+
+    seen = frequencies((bodies.likely,))
+    assert np.abs(frequencies(bodies.others) / seen - 1).max() < 0.015
+    alone = Bodies.within(bodies.likely, np.diag(bodies.spread))
+    assert np.abs(frequencies(alone.others) / seen - 1).max() > 0.03, "were each off by itself"
+
+
 def test_recordings_of_something_else_say_nothing(irma4: Robot, recorded):
     campaign = first(recorded(noise=1e-4), 2)
     lengths = [
@@ -44,7 +62,7 @@ def test_recordings_of_something_else_say_nothing(irma4: Robot, recorded):
 
 def test_bodies_within_what_is_known_lie_close(irma4: Robot):
     spread = 0.002 * sizes(irma4.nominal)
-    bodies = Bodies.within(irma4.nominal, spread)
+    bodies = Bodies.within(irma4.nominal, np.diag(spread))
     assert bodies.sure
     assert len(bodies.others) == 40
     away = np.array([body.vector for body in bodies.others]) - irma4.nominal.vector
