@@ -2,8 +2,8 @@
 
 One window tells most of it, three all (to parts in a thousand): from then on strokes need no allowance for what CAD may
 have wrong. What one leaves open are ways in which several parameters are off together, and which hardly change a swing:
-bodies off in these ways are planned with, not each parameter by itself. Drag of the rotation is fitted beside the body, since every real platform has some. What the recordings
-leave open, CAD says.
+bodies off in these ways are planned with, not each parameter by itself. Drag of the rotation is fitted beside the body,
+since every real platform has some. What the recordings leave open, CAD says.
 """
 
 import numpy as np
