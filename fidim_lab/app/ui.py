@@ -1,5 +1,7 @@
 """`fidim ui`: attach the terminal UI to a service. The service owns the robot; this only looks, and asks."""
 
+import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,13 +25,17 @@ class UiOptions:
 
 
 def ui_command(options: UiOptions) -> int:
-    """Attach until the person leaves; returns 0. Raises SetupError for a folder that is none, FileError for a rig."""
+    """Attach until the person leaves; returns 0.
+
+    Raises SetupError for a folder that is none and where there is no terminal, FileError for a rig.
+    """
     finder = finder_for(options.folder, options.rig)
     if options.web:
         from fidim_lab.app.tui.web import serve
 
         serve(options.folder, options.rig, options.port, light=options.light)
         return 0
+    need_terminal("fidim ui --web")
     run_ui(finder, options.folder, light=options.light)
     return 0
 
@@ -41,6 +47,16 @@ def finder_for(folder: Path | None, rig: Path | None) -> Finder:
     if folder is not None and not folder.is_dir():
         raise SetupError(f"{folder}: is no folder; a run folder is expected, or --rig RIG.toml.")
     return Finder(rig=None if rig is None else read_rig(rig), folder=folder)
+
+
+def need_terminal(instead: str) -> None:
+    """Raise SetupError where nobody could see the UI or press a key; a browser's driver has pipes of its own.
+
+    instead: the command that needs no terminal.
+    """
+    if "TEXTUAL_DRIVER" in os.environ or (sys.stdin.isatty() and sys.stderr.isatty()):  # it draws on stderr
+        return
+    raise SetupError("The UI needs a terminal, and its input or its output is none.", hint=f"Use {instead} here.")
 
 
 def run_ui(finder: Finder, folder: Path | None, *, light: bool = False) -> None:

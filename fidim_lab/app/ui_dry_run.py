@@ -22,7 +22,7 @@ from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import Place, holder, in_use, place_of
 from fidim_lab.app.service.spec import RunSpec
 from fidim_lab.app.tui.find import Finder
-from fidim_lab.app.ui import run_ui
+from fidim_lab.app.ui import need_terminal, run_ui
 from fidim_lab.app.working import Working
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Robot
@@ -57,6 +57,7 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
             "planning: equilibria where the robot can rest and swing", options.equilibria + options.validation
         ):
             spec = make_spec(options, folder, Path(papers))
+            need_terminal("fidim dry-run without --ui")
             work = prepare(spec)
         place = place_of(work.file, embedded=True)
         if (other := holder(place)) is not None:

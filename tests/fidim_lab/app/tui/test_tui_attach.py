@@ -125,6 +125,16 @@ def test_an_effect_that_nobody_knows_is_said_before_anything_starts(runtime, tmp
     assert list(runtime.iterdir()) == []
 
 
+@pytest.mark.parametrize(("command", "instead"), [("ui", "fidim ui --web"), ("dry-run --ui", "fidim dry-run without")])
+def test_without_a_terminal_it_is_said_what_to_use_instead(command, instead, runtime, tmp_path, capsys):
+    few = ["--equilibria", "1", "--validate", "0", "--out", str(tmp_path / "run")] if "dry-run" in command else []
+    assert run([*command.split(), *few]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "needs a terminal" in said
+    assert f"Use {instead}" in said
+    assert list(runtime.iterdir()) == []
+
+
 @pytest.mark.parametrize(("excite", "procedure"), [(False, "identify"), (True, "excite")])
 def test_a_rehearsal_by_keys_runs_the_procedure_that_was_asked_for(excite, procedure, tmp_path):
     options = DryRunOptions(None, 1, None, 1, 0, (), True, None, ui=True, excite=excite)
