@@ -1,7 +1,7 @@
 """What a run tells while it goes on: frozen events, and how they reach listeners that must not disturb it.
 
-A listener is a quick callback; one that raises is dropped. Whoever is slow (a terminal, a socket) reads from a
-`Mailbox`, which is bounded and forgets the oldest events first.
+A listener is a quick callback; what one raises is kept for the report. Whoever is slow (a terminal, a socket) reads
+from a `Mailbox`, which is bounded and forgets the oldest events first.
 """
 
 import asyncio
@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from drivers.ports import Prompt
+from fidim_lab.data.records import Role
 from procedures.guards import Trip
 from procedures.outcomes import Outcome
 from procedures.report import RunReport
@@ -75,7 +76,7 @@ class StepFinished:
 
 @dataclass(frozen=True)
 class WindowFinished:
-    """The verdict on one planned window: accepted, skipped or given up."""
+    """The verdict on one window, of the plan or added by the procedure: accepted, skipped or given up."""
 
     t: float
     window: str
@@ -84,6 +85,9 @@ class WindowFinished:
     done: int
     """windows that have their verdict"""
     of: int
+    role: Role = Role.IDENTIFY
+    attempts: int = 0
+    """recordings made, rejected ones included"""
 
 
 @dataclass(frozen=True)
@@ -145,21 +149,22 @@ Listener = Callable[[Event], None]
 
 
 class Publisher:
-    """Tells every listener; drops those that raise."""
+    """Tells every listener, whatever others make of it."""
 
     def __init__(self, listeners: Sequence[Listener] = ()) -> None:
         self._listeners = list(listeners)
-        self.dropped: list[str] = []
-        """why listeners were dropped"""
+        self.failed: list[str] = []
+        """what listeners raised, each once; they are told what comes next all the same: the end must reach them"""
 
     def __call__(self, event: Event) -> None:
         """Hand one event to every listener, in order."""
-        for listener in tuple(self._listeners):
+        for listener in self._listeners:
             try:
                 listener(event)
             except Exception as error:  # whatever a listener does wrong must not reach the robot
-                self._listeners.remove(listener)
-                self.dropped.append(f"{type(error).__name__}: {error}")
+                what = f"{type(error).__name__} at {type(event).__name__}: {error}"
+                if what not in self.failed:
+                    self.failed.append(what)
 
 
 class Mailbox:

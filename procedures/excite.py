@@ -37,6 +37,7 @@ from procedures.thinking import think
 T = TypeVar("T")
 
 
+REST = "Let it come to rest, or bring it to rest by hand once the winches hold, then go on with fidim resume."
 TELLING = 4
 """windows from which the body to plan with is identified"""
 
@@ -77,9 +78,11 @@ class ExciteProtocol(WindowProtocol):
     def window(
         self, planned: PlannedWindow, at: Lengths, swinging: bool
     ) -> Generator[Step, Result, tuple[Lengths, bool]]:
-        """Planned with the body that the windows of an earlier process show."""
+        """With the body that the windows of an earlier process show; calmed first where it swings as the run begins."""
         if self._new:
             yield from self._see_body(planned)
+        if swinging and self._place is None:
+            yield from self._see_modes(planned, at)
         return (yield from super().window(planned, at, swinging))
 
     def pace(
@@ -139,7 +142,7 @@ class ExciteProtocol(WindowProtocol):
         yield from self._calm(planned, enough=small)
         result = yield from self._rest(planned, 2 * small, small)
         if not result.outcome.usable:
-            reason = f"No move while the platform swings so, and the winches cannot calm it. {result.reason}"
+            reason = f"No move while the platform swings so, and the winches cannot calm it. {result.reason} {REST}"
             yield Stop(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return "done"
 
@@ -147,9 +150,7 @@ class ExciteProtocol(WindowProtocol):
         """Also the modes there, for the next move to begin calmly."""
         at = yield from super().held(planned)
         self._place = None
-        if at:
-            with suppress(InfeasibleError):
-                self._place = yield from self._think(planned, "find the modes here", lambda: self._at(at))
+        yield from self._see_modes(planned, at)
         return at
 
     def go(self, planned: PlannedWindow, at: Lengths) -> Generator[Step, Result, Lengths]:
@@ -295,6 +296,12 @@ class ExciteProtocol(WindowProtocol):
         if self._place is None or self._plan is None:
             raise OurBugError(f"Window {window.id}: strokes before their plan.")
         return self._place, self._plan
+
+    def _see_modes(self, window: PlannedWindow, at: Lengths) -> Generator[Step, Result, None]:
+        """Wherever the winches hold; nothing is calmed where no rest is known."""
+        if at:
+            with suppress(InfeasibleError):
+                self._place = yield from self._think(window, "find the modes here", lambda: self._at(at))
 
     def _think(
         self, window: PlannedWindow, what: str, job: Callable[[], T], key: object = None

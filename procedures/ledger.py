@@ -44,7 +44,8 @@ class Ledger:
         """Account for one finished step; the verdict event when it decides about a window."""
         row = self._rows.get(step.window)
         if row is None and isinstance(step, Accept | GiveUp):  # one that the procedure has added to the plan's
-            row = WindowRow(step.window, step.role if isinstance(step, Accept) else Role.IDENTIFY)
+            known = (step.role, step.attempt) if isinstance(step, Accept) else (Role.IDENTIFY, 0)
+            row = WindowRow(step.window, known[0], attempts=known[1])
         if row is None:
             return None
         match step:
@@ -64,4 +65,5 @@ class Ledger:
         if not isinstance(step, Accept | GiveUp):
             return None
         done = sum(known.outcome is not Outcome.UNSET for known in self.rows)
-        return WindowFinished(t, row.id, result.outcome, result.reason, done, len(self._rows))
+        row = self._rows[row.id]
+        return WindowFinished(t, row.id, result.outcome, result.reason, done, len(self._rows), row.role, row.attempts)

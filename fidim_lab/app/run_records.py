@@ -49,7 +49,7 @@ class RunRecords:
             self._logs.open()
             write_devices(self._folder, devices_of(self._rig))
             self._papers()
-        except (OSError, FidimError) as error:  # a listener that raises would be dropped, and nothing logged
+        except (OSError, FidimError) as error:  # said by a guard: a listener that raises is a bug
             self._unwritten = str(error)
 
     def error(self) -> str | None:

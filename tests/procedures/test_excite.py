@@ -329,6 +329,20 @@ def test_nothing_between_a_recording_and_its_verdict_is_interrupted(irma4: Robot
     assert {step.after_pause for step in between} == {AfterPause.NOT_INTERRUPTED}
 
 
+def test_a_run_that_begins_on_a_swinging_platform_calms_it_before_the_first_move(irma4: Robot, plan: Plan):
+    def answer(step):
+        if isinstance(step, WatchSwing):
+            return swung(step, np.full(2, 0.001 if player.of(Strokes) else 0.02))
+        return None
+
+    protocol, player = protocol_of(irma4, plan, 3), Player(answer)
+    player.play(protocol.window(plan.windows[0], tuple(map(float, plan.windows[1].lengths)), swinging=True))
+    kinds = [type(step) for step in player.steps]
+    assert kinds.index(WatchSwing) < kinds.index(Strokes) < kinds.index(MoveTo)
+    calming_ = player.of(Strokes)[0]
+    np.testing.assert_allclose(calming_.lengths, plan.windows[1].lengths, atol=1e-9)
+
+
 def test_strokes_that_would_break_tensions_are_not_made(irma4: Robot, plan: Plan, monkeypatch):
     protocol, window = protocol_of(irma4, plan), plan.windows[0]
 

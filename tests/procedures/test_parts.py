@@ -97,6 +97,21 @@ def test_a_mailbox_forgets_the_oldest_and_never_waits():
     assert run(main()) == [2.0, 3.0, 4.0]
 
 
+def test_a_listener_that_fails_is_told_the_rest_and_what_it_raised_is_kept_once():
+    heard: list[float] = []
+
+    def listener(event: Prompted) -> None:
+        heard.append(event.t)
+        if event.t < 2.0:
+            raise KeyError("more1")
+
+    publish = Publisher([listener])
+    for t in range(4):
+        publish(Prompted(float(t), "i01", PROMPT))
+    assert heard == [0.0, 1.0, 2.0, 3.0]
+    assert publish.failed == ["KeyError at Prompted: 'more1'"]
+
+
 def test_a_script_answers_by_kind_or_says_what_it_lacks():
     operator = ScriptedOperator({PromptKind.CONFIRM: "done", PromptKind.STEADY: "perhaps"})
     assert run(operator.answer(PROMPT)) == "done"

@@ -77,7 +77,8 @@ class Watcher:
             case StepFinished():
                 self._finished(event)
             case WindowFinished():
-                row = self._rows[event.window]
+                added = _Row(WindowRow(event.window, event.role), event.attempts)  # the procedure may add windows
+                row = self._rows.get(event.window, added)
                 known = replace(row.row, outcome=event.outcome, reason=event.reason)
                 self._rows[event.window] = replace(row, row=known)
             case Tripped(trip=trip):
