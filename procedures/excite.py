@@ -29,6 +29,7 @@ from procedures.displacing import free
 from procedures.enough import windows_of
 from procedures.experiment import Lab
 from procedures.identify import WindowProtocol
+from procedures.limits import check_displacements
 from procedures.outcomes import Outcome
 from procedures.steps import CheckWindow, Enable, GiveUp, Lengths, Note, Result, Settle, Step, Steps, Stop
 from procedures.steps.excitation import IdentifyBody, SeenSwing, SeeRecordedSwing, Strokes
@@ -56,6 +57,7 @@ class ExciteProtocol(WindowProtocol):
     attended: bool = False
 
     def __init__(self, lab: Lab) -> None:
+        check_displacements(lab.plan, lab.robot)
         super().__init__(lab.robot, lab.settings, lab.route, lab.attempts)
         self._memory = lab.memory
         self._mechanism = self._memory.once("mechanism", lambda: Mechanism(lab.robot, native=True))

@@ -112,11 +112,29 @@ def check_moves(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> No
     """Refuse a procedure that leaves the workspace anywhere. Raises InfeasibleError naming all steps that do."""
     found = [f"{name}: {wrong.says}" for name, wrong in _wrong_steps(steps, robot, workspace)]
     if found:
-        more = f" (and {len(found) - 4} more)" if len(found) > 4 else ""
-        raise InfeasibleError(
-            "The plan leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
-            hint="Nothing was moved. Change these windows in the plan.",
-        )
+        raise _beyond(found)
+
+
+def check_displacements(plan: Plan, robot: Robot) -> None:
+    """Refuse a plan that wants the platform farther aside than the robot file allows. Raises InfeasibleError.
+
+    For a procedure whose steps are planned for what can be reached, so that they do not show what was wanted.
+    """
+    found = [
+        f"window {window.id}, {wrong.says}"
+        for window in plan.windows
+        for wrong in _too_far(tuple(map(float, window.displacement)), robot)
+    ]
+    if found:
+        raise _beyond(found)
+
+
+def _beyond(found: Sequence[str]) -> InfeasibleError:
+    more = f" (and {len(found) - 4} more)" if len(found) > 4 else ""
+    return InfeasibleError(
+        "The plan leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
+        hint="Nothing was moved. Change these windows in the plan.",
+    )
 
 
 def _wrong_steps(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> Iterable[tuple[str, Violation]]:
@@ -138,7 +156,7 @@ def _wrong_steps(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> I
         yield from ((name, one) for one in wrong if one is not None)
 
 
-def _too_far(displacement: Sequence[float], robot: Robot) -> list[Violation | None]:
+def _too_far(displacement: Sequence[float], robot: Robot) -> list[Violation]:
     return [
         Violation(f"displacement {axis} is {wanted:.3f} m, at most {allowed:.3f} m is allowed")
         for axis, wanted, allowed in zip("xy", displacement, robot.limits.free_displacement, strict=False)

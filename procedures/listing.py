@@ -6,7 +6,8 @@ Every step is answered by what it expects, so what is read is the run in which e
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
-from procedures.steps import Procedure, Step
+from procedures.outcomes import Outcome
+from procedures.steps import GiveUp, Procedure, Step
 
 
 def planned_steps(procedure: Procedure) -> Iterator[Step]:
@@ -48,8 +49,17 @@ class Outline:
             where = f"[{step.window}] " if step.window else ""
             lines.append(f"{number:4d}  {_clock(passed)}  {where}{step.text}")
             passed += step.seconds
-        lines.append(f"      {_clock(passed)}  end: {len(self.windows)} windows, all winches held")
+        lines.append(f"      {_clock(passed)}  end: {self._reached()}, all winches held")
         return "\n".join(lines) + "\n"
+
+    def _reached(self) -> str:
+        """How many windows the run comes to; those that are known to be given up are named."""
+        lost = dict.fromkeys(
+            step.window for step in self.steps if isinstance(step, GiveUp) and step.outcome is not Outcome.PASS
+        )
+        if not lost:
+            return f"{len(self.windows)} windows"
+        return f"{len(self.windows) - len(lost)} of {len(self.windows)} windows, without {', '.join(lost)} (see there)"
 
 
 def _clock(seconds: float) -> str:

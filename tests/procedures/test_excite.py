@@ -104,6 +104,23 @@ def test_every_step_is_known_before_and_none_asks(irma4: Robot, plan: Plan):
     assert not never_asks("identify")
 
 
+def with_displacement(plan: Plan, aside: float) -> Plan:
+    """Of the first window, to x, m."""
+    first = replace(plan.windows[0], displacement=np.array([aside, 0.0]))
+    return replace(plan, windows=(first, *plan.windows[1:]))
+
+
+def test_a_displacement_beyond_the_robot_file_is_refused_before_anything_moves(irma4: Robot, plan: Plan):
+    with pytest.raises(InfeasibleError, match=r"window i01, displacement x is 0\.500 m, at most 0\.100 m is allowed"):
+        experiment("excite", with_displacement(plan, 0.5), irma4)
+
+
+def test_a_window_that_will_be_given_up_is_named_in_the_last_line_of_the_list(irma4: Robot, plan: Plan):
+    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+    text = Outline(experiment("excite", with_displacement(plan, 0.0), irma4, settings).procedure).text()
+    assert text.splitlines()[-1].endswith("end: 1 of 2 windows, without i01 (see there), all winches held")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("hide", [(), ("rotational-drag:c=0.06",)], ids=["undamped", "damped"])
 def test_windows_are_recorded_without_a_hand(irma4: Robot, plan: Plan, tmp_path: Path, hide: tuple[str, ...]):
