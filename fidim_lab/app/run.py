@@ -4,6 +4,7 @@ The service is a process of its own: this one may be killed or its terminal clos
 aborts the run (a second one, too, only asks); the robot is held before the service ends.
 """
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -164,9 +165,12 @@ def _answer(text: str) -> tuple[PromptKind, AnswerSpec]:
 def _setting(text: str) -> tuple[str, float]:
     key, _, value = text.partition("=")
     try:
-        return key, float(value)
+        number = float(value)
     except ValueError:
-        raise SetupError(f"--set {text}: TABLE.KEY=NUMBER is expected, as record.seconds=8.") from None
+        number = math.nan
+    if not math.isfinite(number):
+        raise SetupError(f"--set {text}: TABLE.KEY=NUMBER is expected, as record.seconds=8.")
+    return key, number
 
 
 def _free_folder(plan: Path) -> Path:

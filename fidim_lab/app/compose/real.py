@@ -29,7 +29,15 @@ from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devic
 from fidim_lab.data.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
 from fidim_lab.data.rig_serial import Loading, ReleaseEntry
 from fidim_lab.errors import SetupError
-from procedures.settings import GuardSettings, Reaction, ReleaseSettings, Settings, TensionBand, TensionSettings
+from procedures.settings import (
+    LONGEST_TOGETHER,
+    GuardSettings,
+    Reaction,
+    ReleaseSettings,
+    Settings,
+    TensionBand,
+    TensionSettings,
+)
 
 REACTIONS = {
     GuardReaction.HOLD: Reaction.HOLD,
@@ -37,8 +45,6 @@ REACTIONS = {
     GuardReaction.REJECT_WINDOW: Reaction.REJECT_WINDOW,
     GuardReaction.WARN: Reaction.WARN,
 }
-LONGEST_TOGETHER = 0.5
-"""s; at the usual acceleration a winch that went alone would be 25 mm ahead by then"""
 SHORTEST_LISTEN, LONGEST_LISTEN = 0.1, 1.0
 """s of listening for another master, at any heartbeat"""
 MODES = {"profile-position": Mode.PROFILE_POSITION, "cyclic-position": Mode.CYCLIC_POSITION}
@@ -237,7 +243,10 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
 
 
 def require_what_winches_do(file: RigFile, settings: Settings) -> None:
-    """Raise SetupError for a speed or an acceleration that a drive would refuse: now, not in the middle of a run."""
+    """Raise SetupError for what a drive would refuse or not wait for: now, not in the middle of a run.
+
+    Speeds, accelerations, and the guard of the following error.
+    """
     speed, acceleration = _highest(file)
     for table, one in (("motion", settings.motion), ("excite", settings.excite), ("align", settings.align)):
         for name, value, most, unit in (
@@ -249,6 +258,13 @@ def require_what_winches_do(file: RigFile, settings: Settings) -> None:
                     f"{table}.{name} is {value:g} {unit}; {file.path} allows its winches up to {most:g} {unit}.",
                     hint="Set less (above 0), or allow the drives more in the rig file if they can do it.",
                 )
+    window = min(winch.following_error for winch in file.winches)
+    if settings.guard.following_error > window:
+        raise SetupError(
+            f"guard.following_error is {settings.guard.following_error:g} m; by {file.path} a drive gives up at "
+            f"{window:g} m by itself, before this guard would see it.",
+            hint="Set less, or widen following_error of the winches in the rig file.",
+        )
 
 
 def _highest(file: RigFile) -> tuple[float, float]:
