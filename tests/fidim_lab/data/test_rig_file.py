@@ -127,9 +127,23 @@ WRONG = {
         '"fidim-rig/9"',
         "rig.toml: format: is 'fidim-rig/9'; this version reads \"fidim-rig/1\"",
     ),
-    "unknown key": ("interface =", "baud = 1\ninterface =", "bus, baud: unknown key"),
-    "unknown key for all": ("gear_ratio =", "gears =", "winch 1, gears: unknown key"),
-    "missing": ("drum_radius = 0.03 ", "", "winch 4, drum_radius: is missing"),
+    "unknown key": (
+        "interface =",
+        "baud = 1\ninterface =",
+        "bus, baud: unknown key; allowed are interface, channel, bitrate, sync_rate, heartbeat, host_id, options",
+    ),
+    "unknown key for all": (
+        "gear_ratio =",
+        "gear_ration =",
+        "winch 1, gear_ration: unknown key; the nearest is gear_ratio (the same in 3 more)",
+    ),
+    "unknown table": (HAND, f"[relase]\nport = 'x'\n{HAND}", "relase: unknown key; the nearest is release"),
+    "unknown key of a cell": (
+        HAND,
+        CELLS.replace("unit =", "units =") + HAND,
+        "units: unknown key; the nearest is unit",
+    ),
+    "missing for all": ("drum_radius = 0.03 ", "", "winch 1, drum_radius: is missing (the same in 3 more)"),
     "range": ("sync_rate = 100.0", "sync_rate = 1000.0", "bus, sync_rate: Input should be less than or equal to 500"),
     "order": (
         "[0.3, 3.5]",
@@ -162,7 +176,7 @@ WRONG = {
         "stop = { connection_lost = 0 }\ngear_ratio =",
         "winch 1, stop, connection_lost: Input should be 3",
     ),
-    "guard": ("slack = 0.1", "slak = 0.1", "guards, tension, slak: unknown key"),
+    "guard": ("slack = 0.1", "slak = 0.1", "guards, tension, slak: unknown key; the nearest is slack"),
     "reaction": (
         'reaction = "quick-stop"\nslack',
         'reaction = "warn"\nslack',
