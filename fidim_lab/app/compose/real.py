@@ -73,8 +73,9 @@ async def real_rig(
     operator: whoever answers prompts; may be left out where the rig file has a simulated hand. takes_over: drives that
     an earlier host has left holding the load are not refused. homing: stored zeros are made anew, none is checked.
     To be run on a loop that waits (`run_loop(..., real_time=True)`).
-    Raises SetupError where the bus or socket cannot be opened, the bus would be too full or nobody answers prompts;
-    BusError where another master is heard; DeviceError where a motion-capture server does not answer.
+    Raises SetupError where a socket cannot be opened, the bus would be too full or nobody answers prompts; BusError
+    where the bus cannot be reached or another master is heard; DeviceError where a motion-capture server does not
+    answer.
     """
     clock = LoopClock()
     async with contextlib.AsyncExitStack() as stack:
@@ -101,7 +102,7 @@ async def real_rig(
 
 
 def open_bus(file: RigFile) -> PythonCanTransport:
-    """The rig's CAN bus. Raises SetupError where it cannot be opened."""
+    """The rig's CAN bus. Raises SetupError where what the file says of it is wrong, BusError where it is not there."""
     bus = file.bus
     return PythonCanTransport(bus.interface, bus.channel, bitrate=bus.bitrate, **dict(bus.options))
 
