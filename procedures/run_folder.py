@@ -1,13 +1,13 @@
 """The folder of one run: a valid campaign from the first accepted window on, with the journal and what was rejected."""
 
 import errno
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from fidim_lab.data.campaign import INDEX, ROBOT, IndexEntry, write_index
+from fidim_lab.data.plan_file import WINDOW_ID
 from fidim_lab.data.records import Robot, Role
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.errors import SetupError
@@ -15,7 +15,6 @@ from procedures.disk import disk_error, sync
 from procedures.journal import NAME as JOURNAL
 
 DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
-_FILE_NAME = re.compile(r"\w[\w.-]*")
 
 
 class RunFolder:
@@ -77,7 +76,7 @@ def require_new(path: Path) -> None:
 def check_window_ids(ids: Sequence[str]) -> None:
     """Windows become file names. Raises SetupError for an id that cannot, or is there twice."""
     for number, id_ in enumerate(ids, start=1):
-        if not _FILE_NAME.fullmatch(id_):
+        if not WINDOW_ID.fullmatch(id_):
             raise SetupError(f"Window {number}: {id_!r} cannot be a file name; use letters, digits, _ . and -.")
         if id_ in ids[: number - 1]:
             raise SetupError(f"Window {number}: the id {id_!r} is there twice.")

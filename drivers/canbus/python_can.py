@@ -103,14 +103,20 @@ class PythonCanTransport:
     """A bus opened by python-can. Frames arrive on python-can's thread, SDO exchanges run on one thread a node."""
 
     def __init__(self, interface: str, channel: str, *, bitrate: int = 1_000_000, **options: Any) -> None:
-        """`interface`, `channel`, `options` as python-can names them. Raises SetupError where it cannot be opened."""
+        """`interface`, `channel`, `options` as python-can names them.
+
+        Raises SetupError where they are wrong, BusError where the bus cannot be reached.
+        """
         self._label = f"{interface} {channel}"
         try:
             self._bus = _open(interface, channel, bitrate=bitrate, **options)
         except Exception as error:  # each interface has its own
-            raise SetupError(
+            wrong = isinstance(error, can.CanInterfaceNotImplementedError | ImportError | TypeError | ValueError)
+            raise (SetupError if wrong else BusError)(
                 f"The CAN bus {self._label} cannot be opened: {error}.",
-                hint="Is the interface name right, the adapter plugged in, and no other program using it?",
+                hint="Are interface, channel and options right, and its library installed?"
+                if wrong
+                else "Is the adapter plugged in, the channel right, and no other program using it?",
             ) from error
         _send_small_packets_at_once(self._bus)
         self._receiver = _Receiver(self._label)

@@ -1,16 +1,19 @@
 """docs/file-keys.md, made from the models that check files: `python -m fidim_lab.app.file_keys > docs/file-keys.md`."""
 
 import sys
+from dataclasses import fields
 from typing import Any
 
 from pydantic import BaseModel
 
 from fidim_lab.app.schema_words import default_words, one_line, range_words, type_words
+from fidim_lab.app.service.spec import number_type, number_words, numbers
 from fidim_lab.data.campaign import CampaignTable
 from fidim_lab.data.plan_file import PlanTable
 from fidim_lab.data.rig_tables import RigTable
 from fidim_lab.data.robot_file import RobotTable
 from fidim_lab.identification.result_file import ResultTable
+from procedures.settings import ReleaseSettings, Settings
 
 INTRODUCTION = """# Keys of files
 
@@ -25,6 +28,11 @@ FILES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("Campaign, `fidim-campaign/1` (TOML)", CampaignTable),
     ("Result, `fidim-result/1` (JSON)", ResultTable),
 )
+SETTINGS = """## Settings of a procedure (`fidim run --set TABLE.KEY=NUMBER`)
+
+SI units. What the rig file says comes before these defaults, and `--set` before both: guards go as far as a rig file
+may set them, speeds and accelerations as far as its winches may. What each means: `procedures/settings.py`.
+"""
 
 
 def file_keys_page() -> str:
@@ -36,7 +44,19 @@ def file_keys_page() -> str:
         for name, inner in schema.get("$defs", {}).items():
             if "properties" in inner:
                 parts += [f"### {_title(name, inner)}\n", *_table(inner)]
-    return "\n".join(parts)
+    return "\n".join([*parts, SETTINGS, *_settings()])
+
+
+def _settings() -> list[str]:
+    """A row for each number that can be set."""
+    rows: list[str] = []
+    settings = Settings(release=ReleaseSettings())
+    for field in fields(settings):
+        part = getattr(settings, field.name)
+        for name, value in numbers(part).items():
+            words = number_words(number_type(type(part), name).json_schema())
+            rows.append(f"| `{field.name}.{name}` | {words} | `{value:g}` |")
+    return ["| setting | allowed | default |", "|---|---|---|", *rows, ""]
 
 
 def _title(name: str, schema: dict[str, Any]) -> str:

@@ -34,7 +34,8 @@ class PowerOffOptions:
 def power_off_command(options: PowerOffOptions) -> int:
     """Do it, drive by drive; returns 3 where one kept its power, its fault or its silence.
 
-    Raises SetupError while a service has the rig, BusError where another master is heard: that one holds the load.
+    Raises SetupError while a service has the rig; BusError where the bus cannot be reached, and where another master is
+    heard: that one holds the load.
     """
     file = read_rig(options.rig)
     if (other := holder(place_of(file, embedded=False))) is not None:

@@ -21,7 +21,7 @@ from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
 from fidim_lab.app.mocap_doctor import check_motion_capture
 from fidim_lab.app.serial_doctor import check_serial
 from fidim_lab.data.rig import GuardEntry, RigFile
-from fidim_lab.errors import DeviceError, FidimError, HardwareError, SetupError
+from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, SetupError
 
 LISTEN = 1.0
 """s; ten heartbeats of a drive that another master has set up"""
@@ -54,7 +54,7 @@ async def _check_hardware(file: RigFile) -> list[Check]:
 async def _check_bus(file: RigFile, clock: Clock) -> list[Check]:
     try:
         transport = open_bus(file)
-    except SetupError as error:
+    except (SetupError, BusError) as error:
         return [Check("CAN bus", Verdict.UNREACHABLE, error.message, error.hint, file.bus.name)]
     checks = [Check("CAN bus", Verdict.OK, "open", wanted=file.bus.name)]
     try:

@@ -4,6 +4,8 @@ The service is a process of its own: this one may be killed or its terminal clos
 aborts the run (a second one, too, only asks); the robot is held before the service ends.
 """
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,7 +57,9 @@ def run_command(options: RunOptions) -> int:
     """Check, start, watch; returns the run's exit code. Raises FidimError before anything has moved."""
     spec = make_spec(options)
     if options.listing:
-        outline = Outline(prepare(spec).experiment.procedure)
+        work = prepare(spec)
+        _refuse_answers(work, _asked(work))
+        outline = Outline(work.experiment.procedure)
         console.out.print(outline.text(), end="", markup=False)
         write_answer(options.json_file, LISTING, _listed(outline))
         return 0
@@ -107,28 +111,47 @@ def make_spec(options: RunOptions) -> RunSpec:
 
 
 def require_answers(work: Work) -> None:
-    """Left alone, a run must have an answer to each kind of prompt. Raises SetupError naming those without."""
-    if not work.spec.alone:
-        return
-    answers = work.spec.unattended.answers if work.spec.unattended else {}
-    steps = Outline(work.experiment.procedure).steps
-    asked = {step.prompt.kind: step.prompt for step in steps if isinstance(step, Ask)}
-    if any(step.window for step in steps) and not never_asks(
-        work.spec.procedure
-    ):  # a platform that does not come to rest is asked to be steadied
-        asked.setdefault(PromptKind.STEADY, Prompt(PromptKind.STEADY, "Bring the platform to rest."))
+    """An answer must be to a prompt that may come; left alone, a run must have one to each kind. Raises SetupError."""
+    asked = _asked(work)
+    _refuse_answers(work, asked)
+    answers = _answers(work)
     missing = [kind.value for kind in asked if kind not in answers]
-    if missing:
+    if work.spec.alone and missing:
         raise SetupError(
             f"Unattended, but nobody would answer these prompts: {', '.join(missing)}.",
             hint="State an answer to each, or do not leave it alone: "
-            + "; ".join(f"--answer {kind}={' or '.join(asked[PromptKind(kind)].choices)}" for kind in missing)
+            + "; ".join(f"--answer {kind}={' or '.join(asked[PromptKind(kind)])}" for kind in missing)
             + ". KIND=CHOICE@S answers after S s. excite and compare-by-winches need nobody.",
         )
-    for kind, answer in answers.items():
-        prompt = asked.get(kind)
-        if prompt is not None and answer.choice not in prompt.choices:
-            raise SetupError(f"--answer {kind}={answer.choice}: the choices are {', '.join(prompt.choices)}.")
+
+
+def _answers(work: Work) -> Mapping[PromptKind, AnswerSpec]:
+    return work.spec.unattended.answers if work.spec.unattended else {}
+
+
+def _asked(work: Work) -> dict[PromptKind, tuple[str, ...]]:
+    """Kinds of prompts that may come, each with all that may be answered."""
+    steps = Outline(work.experiment.procedure).steps
+    prompts = [step.prompt for step in steps if isinstance(step, Ask)]
+    if any(step.window for step in steps) and not never_asks(
+        work.spec.procedure
+    ):  # a platform that does not come to rest is asked to be steadied
+        prompts.append(Prompt(PromptKind.STEADY, "Bring the platform to rest."))
+    asked: dict[PromptKind, tuple[str, ...]] = {}
+    for prompt in prompts:
+        asked[prompt.kind] = tuple(dict.fromkeys((*asked.get(prompt.kind, ()), *prompt.choices)))
+    return asked
+
+
+def _refuse_answers(work: Work, asked: Mapping[PromptKind, tuple[str, ...]]) -> None:
+    """Raise SetupError for one that no prompt offers. A procedure of one's own may ask what its list does not show."""
+    for kind, answer in _answers(work).items():
+        choices = asked.get(kind)
+        if choices is None and not work.spec.procedure.endswith(".py"):
+            what = f"it asks {', '.join(asked)}" if asked else "it asks nothing"
+            raise SetupError(f"--answer {kind}={answer.choice}: {work.spec.procedure} does not ask this; {what}.")
+        if choices is not None and answer.choice not in choices:
+            raise SetupError(f"--answer {kind}={answer.choice}: the choices are {', '.join(choices)}.")
 
 
 def _procedure(name: str) -> str:
@@ -164,9 +187,12 @@ def _answer(text: str) -> tuple[PromptKind, AnswerSpec]:
 def _setting(text: str) -> tuple[str, float]:
     key, _, value = text.partition("=")
     try:
-        return key, float(value)
+        number = float(value)
     except ValueError:
-        raise SetupError(f"--set {text}: TABLE.KEY=NUMBER is expected, as record.seconds=8.") from None
+        number = math.nan
+    if not math.isfinite(number):
+        raise SetupError(f"--set {text}: TABLE.KEY=NUMBER is expected, as record.seconds=8.")
+    return key, number
 
 
 def _free_folder(plan: Path) -> Path:

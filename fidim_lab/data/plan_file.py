@@ -1,5 +1,6 @@
 """Plan files: the windows of an experiment, as TOML ("fidim-plan/1")."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,6 +13,8 @@ from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-plan/1"
+WINDOW_ID = re.compile(r"\w[\w.-]*")
+"""it becomes the name of a file"""
 
 
 class PoseTable(Table):
@@ -59,6 +62,10 @@ def read_plan(path: Path, cables: int) -> Plan:
             )
     ids = [w.id for w in table.window]
     for number, id_ in enumerate(ids, start=1):
+        if not WINDOW_ID.fullmatch(id_):
+            raise FileError(
+                path, f"window {number}, id", f"{id_!r} cannot be a file name; use letters, digits, _ . and -."
+            )
         if id_ in ids[: number - 1]:
             raise FileError(path, f"window {number}, id", f"{id_!r} is there twice")
     return Plan(

@@ -23,7 +23,7 @@ from fidim_lab.data.rig_guard_tables import GuardsTable
 from fidim_lab.data.rig_serial_tables import gauge_entries, release_entry
 from fidim_lab.data.rig_tables import STANDARD_PORTS, UNITS, MocapTable, RigTable, WinchTable
 from fidim_lab.data.robot_file import read_robot, robot_path
-from fidim_lab.data.toml_file import read_toml
+from fidim_lab.data.toml_file import nearest, read_toml
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-rig/1"
@@ -39,6 +39,7 @@ def read_rig(path: Path) -> RigFile:
     Raises FileError naming file, table, key, what was found and what is allowed; all mistakes of one kind at once.
     """
     table = read_toml(path, RigTable, FORMAT)
+    _check_interface(path, table.bus.interface)
     robot_file = robot_path(table.robot, path.parent)
     robot = read_robot(robot_file)
     _check_cables(path, table, robot)
@@ -75,6 +76,17 @@ def _with_gain(winch: Winch, tension: TensionEntry) -> Winch:
     if tension.gain is None:
         return winch
     return replace(winch, torque_constant=winch.torque_constant * tension.gain / winch.newton_per_ampere)
+
+
+def _check_interface(path: Path, name: str) -> None:
+    """By what python-can and its plug-ins list; none of them is loaded."""
+    from can.interfaces import BACKENDS  # 0.1 s, for nobody who reads no rig file
+
+    if name not in BACKENDS:
+        near = nearest(name, BACKENDS)
+        meant = f"; the nearest is {near!r}" if near else ""
+        known = ", ".join(sorted(BACKENDS))
+        raise FileError(path, "bus, interface", f"{name!r} is no interface of python-can{meant}. It has {known}.")
 
 
 def _check_cables(path: Path, table: RigTable, robot: Robot) -> None:

@@ -1,4 +1,8 @@
-"""`[guards]` of a rig file, as pydantic checks it: what each guard does when it trips, and when that is."""
+"""`[guards]` of a rig file, as pydantic checks it: what each guard does when it trips, and when that is.
+
+A threshold's type says how far it may be set; `procedures.settings` has the same types, so that no other way of setting
+a guard is wider.
+"""
 
 from typing import Annotated, Literal
 
@@ -8,6 +12,26 @@ from fidim_lab.data.toml_file import Table
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+SampleAge = Annotated[float, Field(gt=0, le=2)]
+"""s"""
+Slack = Annotated[float, Field(ge=0, lt=1)]
+"""part of the robot's lower tension limit"""
+Overload = Annotated[float, Field(ge=1, le=3)]
+"""part of the upper one"""
+TensionFor = Annotated[float, Field(ge=0, le=5)]
+"""s"""
+MarkerFor = Annotated[float, Field(gt=0, le=60)]
+"""s"""
+FollowingErrorFor = Annotated[float, Field(ge=0, le=10)]
+"""s"""
+DriveTemperature = Annotated[float, Field(gt=0, le=150)]
+"""°C"""
+TemperatureAge = Annotated[float, Field(gt=0, le=600)]
+"""s"""
+BusLost = Annotated[int, Field(ge=0, le=500)]
+"""bus cycles in a second"""
+LoopLate = Annotated[float, Field(gt=0, le=10)]
+"""s"""
 
 
 class DriveGuardTable(Table):
@@ -20,24 +44,24 @@ class StaleGuardTable(Table):
     """`[guards.stale_winch]`."""
 
     reaction: Literal["hold", "quick-stop"] = "quick-stop"
-    age: Annotated[float, Field(gt=0, le=2)] = 0.2
+    age: SampleAge = 0.2
 
 
 class TensionGuardTable(Table):
     """`[guards.tension]`."""
 
     reaction: Literal["hold", "quick-stop"] = "quick-stop"
-    slack: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    overload: Annotated[float, Field(ge=1, le=3)] = 1.25
+    slack: Slack = 0.1
+    overload: Overload = 1.25
     hysteresis: NotNegative = 2.0
-    lasting: Annotated[float, Field(ge=0, le=5)] = 0.1
+    lasting: TensionFor = 0.1
 
 
 class MarkerGuardTable(Table):
     """`[guards.marker]`."""
 
     reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
-    lasting: Annotated[float, Field(gt=0, le=60)] = 3.0
+    lasting: MarkerFor = 3.0
 
 
 class SlipGuardTable(Table):
@@ -52,30 +76,30 @@ class FollowingErrorGuardTable(Table):
 
     reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
     part: Annotated[float, Field(gt=0, le=1)] = 0.75
-    lasting: Annotated[float, Field(ge=0, le=10)] = 1.0
+    lasting: FollowingErrorFor = 1.0
 
 
 class TemperatureGuardTable(Table):
     """`[guards.temperature]` of the drives, °C, where they tell it."""
 
     reaction: Literal["hold", "warn"] = "hold"
-    limit: Annotated[float, Field(gt=0, le=150)] = 75.0
+    limit: DriveTemperature = 75.0
     hysteresis: NotNegative = 5.0
-    age: Annotated[float, Field(gt=0, le=600)] = 30.0
+    age: TemperatureAge = 30.0
 
 
 class BusErrorsGuardTable(Table):
     """`[guards.bus_errors]`: bus cycles in a second that brought no whole sample of a winch."""
 
     reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "warn"
-    lost: Annotated[int, Field(ge=0, le=500)] = 25
+    lost: BusLost = 25
 
 
 class HostLoopGuardTable(Table):
     """`[guards.host_loop]`: this computer came late."""
 
     reaction: Literal["hold", "quick-stop", "warn"] = "hold"
-    late: Annotated[float, Field(gt=0, le=10)] = 0.25
+    late: LoopLate = 0.25
 
 
 class DiskGuardTable(Table):

@@ -1,6 +1,8 @@
 """Reading TOML files with manners: every error names the file, the table and the key, all mistakes at once."""
 
 import tomllib
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -52,26 +54,83 @@ def validated(path: Path, table: dict[str, Any], schema: type[Schema], wanted_fo
     try:
         return schema.model_validate(table)
     except ValidationError as error:
-        raise FileError(path, "", "; ".join(_sentence(e) for e in error.errors())) from None
+        raise FileError(path, "", "; ".join(_sentences(error.errors(), schema))) from None
 
 
-def _sentence(error: Any) -> str:
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The one of the known names that was probably meant; empty where none is near."""
+    return next(iter(get_close_matches(name, list(known), 1)), "")
+
+
+def _sentences(errors: Iterable[Any], schema: type[BaseModel]) -> list[str]:
+    """Each mistake once, at the first of its places: what `[every_winch]` says is wrong in every winch."""
+    places: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    keys = schema.model_json_schema()
+    for error in errors:
+        place, problem = _problem(error, keys)
+        names = tuple(part for part in error["loc"] if isinstance(part, str))
+        places.setdefault((names, problem), []).append(place)
+    return [
+        f"{first}: {problem}" + (f" (the same in {len(others)} more)" if others else "")
+        for (_, problem), (first, *others) in places.items()
+    ]
+
+
+def _problem(error: Any, keys: dict[str, Any]) -> tuple[str, str]:
+    """Where, and what is wrong there. keys: the JSON schema of the whole file."""
     place = _place(error["loc"])
     found = error["input"]
     match error["type"]:
         case "extra_forbidden":
-            return f"{place}: unknown key"
+            return place, f"unknown key; {_meant(str(error['loc'][-1]), _inside(keys, error['loc'][:-1]))}"
         case "missing" if isinstance(found, list):  # a tuple that ended too early
-            return f"{_place(error['loc'][:-1])}: {len(found)} numbers are too few"
+            wanted = [one["minItems"] for one in _at(keys, error["loc"][:-1]) if "minItems" in one]
+            says = f", {wanted[0]} are wanted" if wanted else ""
+            few = "1 number is" if len(found) == 1 else f"{len(found)} numbers are"
+            return _place(error["loc"][:-1]), f"{few} too few{says}"
         case "missing":
-            return f"{place}: is missing"
+            return place, "is missing"
         case "too_long":
-            return f"{place}: {error['ctx']['actual_length']} values, at most {error['ctx']['max_length']} are allowed"
+            allowed = error["ctx"]["max_length"]
+            return place, f"{error['ctx']['actual_length']} values, at most {allowed} are allowed"
         case "value_error":
-            return f"{place}: {error['ctx']['error']}"
+            return place, f"{error['ctx']['error']}"
         case _:
             shown = repr(found)
-            return f"{place}: {error['msg']}, found {shown if len(shown) < 60 else shown[:57] + '...'}"
+            return place, f"{error['msg']}, found {shown if len(shown) < 60 else shown[:57] + '...'}"
+
+
+def _meant(name: str, known: list[str]) -> str:
+    near = nearest(name, known)
+    return f"the nearest is {near}" if near else f"allowed are {', '.join(known)}"
+
+
+def _inside(keys: dict[str, Any], location: tuple[int | str, ...]) -> list[str]:
+    """The keys that the table at this place may have."""
+    return list(dict.fromkeys(name for one in _at(keys, location) for name in one.get("properties", ())))
+
+
+def _at(keys: dict[str, Any], location: tuple[int | str, ...]) -> list[dict[str, Any]]:
+    """The parts of a JSON schema that a place stands for: several where there is a choice."""
+    here = _choices(keys, keys)
+    for part in location:
+        below = [one for before in here for one in _below(before, part)]
+        here = [one for found in below for one in _choices(found, keys)] or here  # else the name of a choice
+    return here
+
+
+def _below(schema: dict[str, Any], part: int | str) -> list[dict[str, Any]]:
+    if isinstance(part, int):
+        return [*schema.get("prefixItems", ())[part : part + 1], *([schema["items"]] if "items" in schema else [])]
+    return [schema["properties"][part]] if part in schema.get("properties", {}) else []
+
+
+def _choices(schema: dict[str, Any], keys: dict[str, Any]) -> list[dict[str, Any]]:
+    """What a part of a schema may be, references followed."""
+    if "$ref" in schema:
+        return _choices(keys["$defs"][schema["$ref"].rpartition("/")[2]], keys)
+    inner = [one for word in ("anyOf", "oneOf", "allOf") for one in schema.get(word, ())]
+    return [found for one in inner for found in _choices(one, keys)] or [schema]
 
 
 def _place(location: tuple[int | str, ...]) -> str:

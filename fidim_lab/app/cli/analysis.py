@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
 from fidim_lab.app.cli.completion import hide_option
-from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
+from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim, not_with, only_with
 from fidim_lab.mismatch.patience import PATIENCE
 
 
@@ -128,6 +127,8 @@ def reproduce(**options: Any) -> None:
 @example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
 def simulate(**options: Any) -> None:
     """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""
+    if options["plan"] is not None:
+        not_with("--plan", "equilibria", "validation")
     from fidim_lab.app.simulate import SimulateOptions, simulate_command
 
     sys.exit(simulate_command(SimulateOptions(**options)))
@@ -270,16 +271,7 @@ def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
             )
         )
     if not options["by_winches"]:
-        _only_with("--by-winches", "damping", "winch_speed", "winch_acceleration")
+        only_with("--by-winches", "damping", "winch_speed", "winch_acceleration")
     from fidim_lab.app.design import DesignOptions, design_command
 
     sys.exit(design_command(DesignOptions(**options)))
-
-
-def _only_with(flag: str, *names: str) -> None:
-    """Refuse what was given but would be ignored without this flag."""
-    context = click.get_current_context()
-    for parameter in context.command.params:
-        given = context.get_parameter_source(parameter.name or "") is ParameterSource.COMMANDLINE
-        if given and parameter.name in names:
-            raise click.UsageError(f"{parameter.opts[0]} goes with {flag}.")

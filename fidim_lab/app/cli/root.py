@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 FOLDER = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -31,6 +32,27 @@ def example(text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         return command
 
     return add
+
+
+def only_with(flag: str, *names: str) -> None:
+    """Refuse options that were given but would be ignored without this flag, which is not. Raises UsageError."""
+    for option in _given(names):
+        raise click.UsageError(f"{option} goes with {flag}.")
+
+
+def not_with(flag: str, *names: str) -> None:
+    """Refuse options that were given but would be ignored with this flag, which is there. Raises UsageError."""
+    for option in _given(names):
+        raise click.UsageError(f"{option} does not go with {flag}.")
+
+
+def _given(names: tuple[str, ...]) -> list[str]:
+    context = click.get_current_context()
+    return [
+        parameter.opts[0]
+        for parameter in context.command.params
+        if parameter.name in names and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
+    ]
 
 
 HEADINGS = {

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from fidim_lab.app.cli.completion import hide_option
-from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
+from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim, not_with, only_with
 
 
 @fidim.command("dry-run")
@@ -34,6 +34,10 @@ from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
 @example("fidim dry-run --seed 7 --hide air-drag-linear:c=0.4")
 def dry_run(**options: Any) -> None:
     """Rehearse the whole experiment on the embedded simulators, through the drivers' real bytes."""
+    if options["ui"]:
+        not_with("--ui", "json_file")
+    else:
+        only_with("--ui", "light")
     from fidim_lab.app.dry_run import DryRunOptions, run_dry_run
 
     sys.exit(run_dry_run(DryRunOptions(**options)))
@@ -66,6 +70,8 @@ def run_(**options: Any) -> None:
 
     Ctrl-C aborts, with the robot held. The terminal may be closed: the run goes on, and prompts wait for a client.
     """
+    if not options["embedded"]:  # only simulated devices hide something
+        only_with("--embedded", "hide", "seed")
     from fidim_lab.app.run import RunOptions, run_command
 
     sys.exit(run_command(RunOptions(**options)))
@@ -83,6 +89,8 @@ def ui(**options: Any) -> None:
 
     It may be closed and attached again at any time; the run goes on. F12 is the emergency stop, on every screen.
     """
+    if not options["web"]:
+        only_with("--web", "port")
     from fidim_lab.app.ui import UiOptions, ui_command
 
     sys.exit(ui_command(UiOptions(**options)))

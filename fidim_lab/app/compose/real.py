@@ -29,7 +29,15 @@ from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devic
 from fidim_lab.data.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
 from fidim_lab.data.rig_serial import Loading, ReleaseEntry
 from fidim_lab.errors import SetupError
-from procedures.settings import GuardSettings, Reaction, ReleaseSettings, Settings, TensionBand, TensionSettings
+from procedures.settings import (
+    LONGEST_TOGETHER,
+    GuardSettings,
+    Reaction,
+    ReleaseSettings,
+    Settings,
+    TensionBand,
+    TensionSettings,
+)
 
 REACTIONS = {
     GuardReaction.HOLD: Reaction.HOLD,
@@ -37,8 +45,6 @@ REACTIONS = {
     GuardReaction.REJECT_WINDOW: Reaction.REJECT_WINDOW,
     GuardReaction.WARN: Reaction.WARN,
 }
-LONGEST_TOGETHER = 0.5
-"""s; at the usual acceleration a winch that went alone would be 25 mm ahead by then"""
 SHORTEST_LISTEN, LONGEST_LISTEN = 0.1, 1.0
 """s of listening for another master, at any heartbeat"""
 MODES = {"profile-position": Mode.PROFILE_POSITION, "cyclic-position": Mode.CYCLIC_POSITION}
@@ -67,8 +73,9 @@ async def real_rig(
     operator: whoever answers prompts; may be left out where the rig file has a simulated hand. takes_over: drives that
     an earlier host has left holding the load are not refused. homing: stored zeros are made anew, none is checked.
     To be run on a loop that waits (`run_loop(..., real_time=True)`).
-    Raises SetupError where the bus or socket cannot be opened, the bus would be too full or nobody answers prompts;
-    BusError where another master is heard; DeviceError where a motion-capture server does not answer.
+    Raises SetupError where a socket cannot be opened, the bus would be too full or nobody answers prompts; BusError
+    where the bus cannot be reached or another master is heard; DeviceError where a motion-capture server does not
+    answer.
     """
     clock = LoopClock()
     async with contextlib.AsyncExitStack() as stack:
@@ -95,7 +102,7 @@ async def real_rig(
 
 
 def open_bus(file: RigFile) -> PythonCanTransport:
-    """The rig's CAN bus. Raises SetupError where it cannot be opened."""
+    """The rig's CAN bus. Raises SetupError where what the file says of it is wrong, BusError where it is not there."""
     bus = file.bus
     return PythonCanTransport(bus.interface, bus.channel, bitrate=bus.bitrate, **dict(bus.options))
 
@@ -237,7 +244,10 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
 
 
 def require_what_winches_do(file: RigFile, settings: Settings) -> None:
-    """Raise SetupError for a speed or an acceleration that a drive would refuse: now, not in the middle of a run."""
+    """Raise SetupError for what a drive would refuse or not wait for: now, not in the middle of a run.
+
+    Speeds, accelerations, and the guard of the following error.
+    """
     speed, acceleration = _highest(file)
     for table, one in (("motion", settings.motion), ("excite", settings.excite), ("align", settings.align)):
         for name, value, most, unit in (
@@ -249,6 +259,13 @@ def require_what_winches_do(file: RigFile, settings: Settings) -> None:
                     f"{table}.{name} is {value:g} {unit}; {file.path} allows its winches up to {most:g} {unit}.",
                     hint="Set less (above 0), or allow the drives more in the rig file if they can do it.",
                 )
+    window = min(winch.following_error for winch in file.winches)
+    if settings.guard.following_error > window:
+        raise SetupError(
+            f"guard.following_error is {settings.guard.following_error:g} m; by {file.path} a drive gives up at "
+            f"{window:g} m by itself, before this guard would see it.",
+            hint="Set less, or widen following_error of the winches in the rig file.",
+        )
 
 
 def _highest(file: RigFile) -> tuple[float, float]:

@@ -4,14 +4,16 @@
 """
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from drivers.ports import PromptKind
+from fidim_lab.app.schema_words import range_words
 from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import FileError, SetupError
 from procedures.settings import Settings
@@ -112,17 +114,43 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
 
 def overridden(settings: Settings, values: Mapping[str, float]) -> Settings:
-    """Settings with some numbers changed. Raises SetupError naming what there is to change."""
+    """Settings with some numbers changed. Raises SetupError naming what there is to change, or what it may be."""
     tables: dict[str, Any] = {name: part for name, part in vars(settings).items() if is_dataclass(part)}
     for key, value in values.items():
         table, _, name = key.partition(".")
-        known = _numbers(tables[table]) if table in tables else {}
+        known = numbers(tables.get(table))
         if name not in known:
             what = ", ".join(sorted(known or tables))
             raise SetupError(f"--set {key}: no such number; there are {what}.")
-        tables[table] = replace(tables[table], **{name: type(known[name])(value)})
+        tables[table] = replace(tables[table], **{name: _allowed(key, value, number_type(type(tables[table]), name))})
     return replace(settings, **tables)
 
 
-def _numbers(part: object) -> dict[str, float]:
-    return {name: value for name, value in vars(part).items() if isinstance(value, int | float)}
+def numbers(part: object) -> dict[str, float]:
+    """The numbers of a table of settings that can be set; none where it is no table."""
+    inside = vars(part) if is_dataclass(part) else {}
+    return {name: value for name, value in inside.items() if isinstance(value, int | float)}
+
+
+def number_type(table: type[object], name: str) -> TypeAdapter[float]:
+    """What a number of a table of settings may be."""
+    return TypeAdapter(get_type_hints(table, include_extras=True)[name])
+
+
+def _allowed(key: str, value: float, wanted: TypeAdapter[float]) -> float:
+    """The number as the setting's type has it. Raises SetupError."""
+    try:
+        if math.isfinite(value):
+            return wanted.validate_python(value)
+    except ValidationError:
+        pass
+    raise SetupError(
+        f"--set {key}={value:g}: {number_words(wanted.json_schema())} is allowed.",
+        hint="SI units; docs/file-keys.md lists all settings. Guards may be set as far as a rig file may set them.",
+    )
+
+
+def number_words(schema: dict[str, Any]) -> str:
+    """What a setting's schema allows, e.g. "a whole number ≥ 1, ≤ 20"."""
+    kind = {"boolean": "0 or 1", "integer": "a whole number"}.get(schema["type"], "a number")
+    return f"{kind} {range_words(schema)}".strip()

@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import can
 import pytest
@@ -185,8 +186,15 @@ def test_closing_twice(channel: str) -> None:
 
 
 def test_an_interface_that_is_not_there() -> None:
-    with pytest.raises(SetupError, match="The CAN bus nosuch x cannot be opened"):
+    with pytest.raises(SetupError, match="The CAN bus nosuch x cannot be opened"):  # whoever wrote the name can mend it
         PythonCanTransport("nosuch", "x")
+
+
+def test_a_bus_that_is_not_there_is_hardware(tmp_path: Path) -> None:
+    for channel in (str(tmp_path / "ttyACM0"), "socket://127.0.0.1:1"):
+        with pytest.raises(BusError, match=f"The CAN bus slcan {channel} cannot be opened: .*") as caught:
+            PythonCanTransport("slcan", channel)
+        assert "Is the adapter plugged in" in caught.value.hint
 
 
 def test_slcan_over_tcp_sends_at_once() -> None:

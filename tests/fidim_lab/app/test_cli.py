@@ -38,6 +38,16 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
         (["dry-run", "--equilibria", "0"], "0 is not in the range"),
         (["dry-run", "--robot", "none.toml"], "none.toml: no such file"),
         (["dry-run", "--hide", "gremlins"], "no effect is called 'gremlins'"),
+        (["dry-run", "--light"], "--light goes with --ui."),
+        (["dry-run", "--ui", "--json", "a.json"], "--json does not go with --ui."),
+        (["run", "a.toml", "--rig", "b.toml", "--hide", "air-drag-linear"], "--hide goes with --embedded."),
+        (["run", "a.toml", "--rig", "b.toml", "--seed", "2"], "--seed goes with --embedded."),
+        (
+            ["simulate", "--robot", "irma4", "--out", "out", "--plan", "a.toml", "--equilibria", "3"],
+            "not go with --pla",
+        ),
+        (["simulate", "--robot", "irma4", "--out", "out", "--plan", "a.toml", "--validate", "3"], "not go with --plan"),
+        (["ui", "--port", "8421"], "--port goes with --web."),
         (["fly"], "No such command 'fly'"),
         (["import", "vhs", "tape", "--out", "out"], "vhs"),
         (["report", "nowhere"], "nowhere"),
@@ -93,3 +103,14 @@ def test_help_is_quick() -> None:
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ})
     assert found.stdout.strip() == "[]"
+
+
+def test_power_off_without_a_bus_is_hardware(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    example = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
+    rig = tmp_path / "rig.toml"
+    rig.write_text(example.read_text(encoding="utf-8").replace("socket://127.0.0.1:20100", "socket://127.0.0.1:1"))
+    assert cli.run(["power-off", str(rig), "--yes"]) == 3
+    assert "The CAN bus slcan socket://127.0.0.1:1 cannot be opened" in capsys.readouterr().err

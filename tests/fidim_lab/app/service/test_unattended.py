@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fidim_lab.app.run import RunOptions, make_spec, require_answers
+from fidim_lab.app.run import RunOptions, make_spec, require_answers, run_command
 from fidim_lab.app.run_process import said_at_end
 from fidim_lab.app.service.main import prepare, write_papers
 from fidim_lab.app.service.spec import RunSpec, overridden, read_spec, write_spec
@@ -70,6 +70,28 @@ def test_a_prompt_without_a_stated_answer_refuses_to_start(tmp_path):
         require_answers(prepare(make_spec(options(tmp_path, answers=(BOTH[0], "steady=perhaps")))))
 
 
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"answers": ("steady=perhaps",), "unattended": False}, "the choices are done, skip, abort"),
+        ({"answers": ("confirm=done",), "unattended": False}, "identify does not ask this; it asks displace-and-re"),
+        ({"answers": ("hang-in=done", *BOTH)}, "--answer hang-in=done: identify does not ask this"),
+        ({"answers": BOTH, "procedure": "align"}, "align does not ask this; it asks nothing"),
+    ],
+)
+def test_an_answer_that_no_prompt_offers_is_refused_attended_and_listed_too(more, says, tmp_path):
+    with pytest.raises(SetupError, match=says):
+        require_answers(prepare(make_spec(options(tmp_path, **more))))
+    with pytest.raises(SetupError, match=says):
+        run_command(options(tmp_path, **more, listing=True))
+
+
+def test_a_procedure_of_ones_own_may_ask_what_its_list_does_not_show(tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text("from procedures.steps import Enable\n\n\ndef procedure(lab):\n    yield Enable()\n")
+    require_answers(prepare(make_spec(options(tmp_path, answers=("confirm=done",), procedure=str(own)))))
+
+
 def test_what_align_has_measured_with_this_rig_goes_with_the_run(tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(RIG.read_text())
@@ -93,6 +115,9 @@ def test_what_align_has_measured_with_this_rig_goes_with_the_run(tmp_path):
         ({"answers": ("dance=done",)}, "kinds are displace-and-release"),
         ({"answers": ("steady=done@soon",)}, "KIND=CHOICE@SECONDS"),
         ({"settings": ("record.seconds=long",)}, "TABLE.KEY=NUMBER"),
+        ({"settings": ("record.seconds=nan",)}, "TABLE.KEY=NUMBER"),
+        ({"settings": ("guard.slip=inf",)}, "TABLE.KEY=NUMBER"),
+        ({"settings": ("guard.slip=1e999",)}, "TABLE.KEY=NUMBER"),
         ({"quiet_hours": "ten to six"}, "HH:MM-HH:MM"),
         ({"quiet_hours": "25:00-06:00"}, "from 00:00 to 23:59"),
         ({"quiet_hours": "22:00-22:00"}, "end when they begin"),
