@@ -87,15 +87,20 @@ def design_command(options: DesignOptions) -> int:
         workers(options.processes, options.scheduler) as run,
     ):
         found = design(task, options.starts, options.seed, run, lambda text: shown.update(f"designing: {text}"))
-    if options.json_file is not None:
-        options.json_file.write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
+    _write(found, options)
+    _print(found, options)
+    return 0
+
+
+def _write(found: Design, options: DesignOptions) -> None:
+    told = json.dumps(as_json(found), indent=1) + "\n"
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
         write_plan(options.out / "plan.toml", as_plan(found))
-        (options.out / "design.json").write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
+        (options.out / "design.json").write_text(told, encoding="utf-8")
         write_picture(found, options.out / "equilibria.svg")
-    _print(found, options)
-    return 0
+    if options.json_file is not None:  # may lie in the folder
+        options.json_file.write_text(told, encoding="utf-8")
 
 
 def as_plan(found: Design) -> Plan:

@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from fidim_lab.app.cli.completion import hide_option
+from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FILE_DEEP, OUT_FOLDER, Writing
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
 from fidim_lab.mismatch.patience import PATIENCE
 
@@ -32,8 +33,8 @@ from fidim_lab.mismatch.patience import PATIENCE
     show_default=True,
     help="Markers; lengths, swivel angles s1… and inclination incl_x…; or all of them, weighted.",
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-result/1".')
-@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML report.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-result/1".')
+@click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML report.")
 @example(
     "fidim identify runs/dry-run-1 --json result.json\n"
     "      fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05"
@@ -72,7 +73,7 @@ def identify(
 @click.option(
     "--limit", type=click.FloatRange(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof."
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-validation/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-validation/1".')
 @example("fidim validate runs/dry-run-2 --parameters result.json")
 def validate(**options: Any) -> None:
     """Check whether identified parameters predict the held-out windows of CAMPAIGN; exit 1 where they do not.
@@ -98,7 +99,7 @@ def validate(**options: Any) -> None:
 @click.option(
     "--validate", "validation", default=22, show_default=True, type=click.IntRange(1, 60), help="Windows of Fig. 3."
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-reproduction/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-reproduction/1".')
 @example("fidim reproduce --json reproduction.json")
 def reproduce(**options: Any) -> None:
     """Simulate the paper's experiment and set its equations 46, 47, 49 and figure 3 beside ours, with the reasons."""
@@ -109,7 +110,7 @@ def reproduce(**options: Any) -> None:
 
 @fidim.command()
 @click.option("--robot", type=ROBOT, required=True, help="Robot file, or irma4: the paper's.")
-@click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
+@click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
 @hide_option("Hide physics in the simulated world.")
 @click.option("--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True)
 @click.option(
@@ -124,7 +125,7 @@ def reproduce(**options: Any) -> None:
 @click.option(
     "--own-sensors", is_flag=True, help="Record swivel encoders s1… and an inclinometer incl_x… too, for --pose-from."
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-simulation/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-simulation/1".')
 @example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
 def simulate(**options: Any) -> None:
     """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""
@@ -135,9 +136,11 @@ def simulate(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-explanation/1".')
-@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page with the proof.")
-@click.option("--pictures", type=FOLDER, default=None, help="With --report: also every picture as an SVG file, here.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-explanation/1".')
+@click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML page with the proof.")
+@click.option(
+    "--pictures", type=OUT_FOLDER, default=None, help="With --report: also every picture as an SVG file, here."
+)
 @click.option(
     "--patience",
     type=click.FloatRange(min=0),
@@ -175,11 +178,11 @@ def benchmark(context: click.Context) -> None:
             console.out.print(f"{name}    {says}", markup=False)
 
 
-@benchmark.command("explain")
+@benchmark.command("explain", cls=Writing)
 @click.option("--campaigns", default=12, show_default=True, type=click.IntRange(1), help="How many to seal.")
 @click.option("--only", multiple=True, type=click.IntRange(1), help="Only the campaigns with these numbers.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of everything that is drawn.")
-@click.option("--out", type=FOLDER, required=True, help="Folder of the benchmark; one that was cut off goes on.")
+@click.option("--out", type=OUT_FOLDER, required=True, help="Folder of the benchmark; one that was cut off goes on.")
 @click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
 @click.option(
     "--validate", "validation", default=6, show_default=True, type=click.IntRange(1, 60), help="Held-out windows."
@@ -187,8 +190,8 @@ def benchmark(context: click.Context) -> None:
 @click.option("--cap", default=600.0, show_default=True, type=click.FloatRange(1), help="CPU seconds for a campaign.")
 @click.option("--processes", default=None, type=click.IntRange(1), help="Default: one for each core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Explain on a dask cluster instead.")
-@click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
-@click.option("--page", type=FILE, default=None, help="Write the result as a page of docs.")
+@click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result for programs.")
+@click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a page of docs.")
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
 def benchmark_explain(**options: Any) -> None:
     """Seal campaigns with secrets of random size in random robots, explain them blind, open and score them."""
@@ -217,8 +220,10 @@ def benchmark_explain(**options: Any) -> None:
     help="Bodies 5 % off CAD to average A or D over.",
 )
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
-@click.option("--out", type=FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
-@click.option("--json", "json_file", type=FILE, default=None, help="Write the design for programs (fidim-design/1).")
+@click.option("--out", type=OUT_FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
+@click.option(
+    "--json", "json_file", type=OUT_FILE, default=None, help="Write the design for programs (fidim-design/1)."
+)
 @click.option("--processes", type=click.IntRange(1), default=None, help="Local processes; default one a core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Of a dask cluster, instead of local processes.")
 @click.option(

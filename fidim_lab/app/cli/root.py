@@ -6,6 +6,8 @@ from typing import Any
 
 import click
 
+from fidim_lab.app.cli.outputs import Writing
+
 FOLDER = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -44,6 +46,8 @@ WIDEST = 200
 
 class Sections(click.Group):
     """Commands listed under the heading of their module."""
+
+    command_class = Writing
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """As click does it, in sections."""
