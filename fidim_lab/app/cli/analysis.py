@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from fidim_lab.app.cli.completion import hide_option
 from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FILE_DEEP, OUT_FOLDER, Writing
-from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
+from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim
 from fidim_lab.mismatch.patience import PATIENCE
 
 
@@ -21,10 +21,10 @@ from fidim_lab.mismatch.patience import PATIENCE
 @click.option("--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where it cannot work.")
 @click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")
 @click.option("--payload", type=FOLDER, default=None, help="Second campaign, with a known payload: finds the mass.")
-@click.option("--mass", type=float, default=None, metavar="KG", help="Of the payload.")
-@click.option("--mass-sd", type=click.FloatRange(0), default=0.0, metavar="KG", help="Its standard deviation.")
+@click.option("--mass", type=Number(0, min_open=True), default=None, metavar="KG", help="Of the payload.")
+@click.option("--mass-sd", type=Number(0), default=0.0, metavar="KG", help="Its standard deviation.")
 @click.option("--at", default=None, metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
-@click.option("--at-sd", type=click.FloatRange(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
+@click.option("--at-sd", type=Number(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
 @click.option(
     "--pose-from",
     "poses",
@@ -70,9 +70,7 @@ def identify(
 @click.option("--parameters", type=FILE, required=True, help='A "fidim-result/1" file, as identify --json writes it.')
 @click.option("--all", "everything", is_flag=True, help="Judge the windows of role 'identify' too.")
 @click.option("--paper", is_flag=True, help="The σ_W in the result file is that of identify --paper.")
-@click.option(
-    "--limit", type=click.FloatRange(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof."
-)
+@click.option("--limit", type=Number(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-validation/1".')
 @example("fidim validate runs/dry-run-2 --parameters result.json")
 def validate(**options: Any) -> None:
@@ -90,7 +88,7 @@ def validate(**options: Any) -> None:
 @click.option("--seed", default=1, show_default=True, help="Of places and noise.")
 @click.option(
     "--noise",
-    type=click.FloatRange(0, min_open=True),
+    type=Number(0, min_open=True),
     default=1e-4,
     show_default=True,
     metavar="M",
@@ -113,9 +111,7 @@ def reproduce(**options: Any) -> None:
 @click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
 @hide_option("Hide physics in the simulated world.")
 @click.option("--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True)
-@click.option(
-    "--noise", type=click.FloatRange(0), default=None, help="Marker noise, m; default that of the robot file."
-)
+@click.option("--noise", type=Number(0), default=None, help="Marker noise, m; default that of the robot file.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
 @click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
 @click.option(
@@ -143,7 +139,7 @@ def simulate(**options: Any) -> None:
 )
 @click.option(
     "--patience",
-    type=click.FloatRange(min=0),
+    type=Number(min=0),
     default=PATIENCE,
     show_default=True,
     metavar="S",
@@ -187,7 +183,7 @@ def benchmark(context: click.Context) -> None:
 @click.option(
     "--validate", "validation", default=6, show_default=True, type=click.IntRange(1, 60), help="Held-out windows."
 )
-@click.option("--cap", default=600.0, show_default=True, type=click.FloatRange(1), help="CPU seconds for a campaign.")
+@click.option("--cap", default=600.0, show_default=True, type=Number(1), help="CPU seconds for a campaign.")
 @click.option("--processes", default=None, type=click.IntRange(1), help="Default: one for each core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Explain on a dask cluster instead.")
 @click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result for programs.")
@@ -230,13 +226,13 @@ def benchmark_explain(**options: Any) -> None:
     "--by-winches", is_flag=True, help="Displacements that winches can give, for fidim run --procedure excite."
 )
 @click.option(
-    "--damping", default=0.08, show_default=True, type=click.FloatRange(0, 0.2), help="Most there may be, --by-winches."
+    "--damping", default=0.08, show_default=True, type=Number(0, 0.2), help="Most there may be, --by-winches."
 )
 @click.option(
     "--winch-speed",
     default=0.5,
     show_default=True,
-    type=click.FloatRange(0, min_open=True),
+    type=Number(0, min_open=True),
     metavar="M/S",
     help="Of any cable, --by-winches.",
 )
@@ -244,7 +240,7 @@ def benchmark_explain(**options: Any) -> None:
     "--winch-acceleration",
     default=1.0,
     show_default=True,
-    type=click.FloatRange(0, min_open=True),
+    type=Number(0, min_open=True),
     metavar="M/S²",
     help="Likewise.",
 )

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from fidim_lab.app.cli.outputs import OUT_EITHER, OUT_FILE, OUT_FOLDER
-from fidim_lab.app.cli.root import FOLDER, example, fidim
+from fidim_lab.app.cli.root import FOLDER, Number, example, fidim
 
 
 @fidim.command("import")
@@ -81,7 +81,7 @@ def verify(folder: Path, json_file: Path | None) -> None:
     help="csv, parquet, mat, mcap for a campaign; urdf, mjcf, python, toml for a result.",
 )
 @click.option("--out", type=OUT_EITHER, default=None, help="File or folder to write; it must not exist yet.")
-@click.option("--mass", type=click.FloatRange(0, min_open=True), default=None, metavar="KG", help="urdf, mjcf need it.")
+@click.option("--mass", type=Number(0, min_open=True), default=None, metavar="KG", help="urdf, mjcf need it.")
 @click.option("--unfinished", is_flag=True, help="Also what is left of broken-off windows, in a folder of its own.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-export/1".')
 @example("fidim export runs/dry-run-1 --to parquet\n      fidim export result.json --to mjcf --mass 11.98")
@@ -96,7 +96,7 @@ def export(
 
 @fidim.command()
 @click.argument("folder", type=FOLDER)
-@click.option("--speed", type=click.FloatRange(0), default=0.0, metavar="X", help="Times real time; 0: at once.")
+@click.option("--speed", type=Number(0), default=0.0, metavar="X", help="Times real time; 0: at once.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-replay/1".')
 @example("fidim replay runs/dry-run-1")
 def replay(folder: Path, speed: float, json_file: Path | None) -> None:

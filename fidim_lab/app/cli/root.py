@@ -1,5 +1,6 @@
 """The `fidim` group itself, and what all its commands share."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,17 @@ class _RobotFile(click.Path):
         from fidim_lab.data.robot_file import robot_path
 
         return super().convert(robot_path(str(value)), param, ctx)
+
+
+class Number(click.FloatRange):
+    """A finite number in a range: click takes nan for inside of any, and inf for above any."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """As click does it."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is no finite number.", param, ctx)
+        return number
 
 
 ROBOT = _RobotFile(path_type=Path, dir_okay=False)

@@ -11,7 +11,7 @@ import click
 
 from fidim_lab.app.cli.completion import hide_option
 from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FOLDER
-from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim
+from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim
 
 
 @fidim.command("dry-run")
@@ -56,7 +56,7 @@ def dry_run(**options: Any) -> None:
 @click.option(
     "--answer", "answers", multiple=True, metavar="KIND=CHOICE[@S]", help="Answer a kind of prompt, after S s."
 )
-@click.option("--max-hours", type=click.FloatRange(0, min_open=True), default=None, help="End, held, after so long.")
+@click.option("--max-hours", type=Number(0, min_open=True), default=None, help="End, held, after so long.")
 @click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="No window begins between them.")
 @click.option("--on-finish", default="", metavar="COMMAND", help="Run after a run that ended well.")
 @click.option("--on-fault", default="", metavar="COMMAND", help="Run after a run that did not.")
