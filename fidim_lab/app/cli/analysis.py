@@ -256,20 +256,22 @@ def benchmark_explain(**options: Any) -> None:
 def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
     """Find the equilibria and displacements whose free motion tells most about the body.
 
-    With --after: those that tell effects apart that the recordings could not, with the odds; exit 1 where none does.
-    After a result, or where nothing is in question, the window that tells most about the body.
+    With --after: those that tell effects apart that the recordings could not, with the odds; exit 1, and no plan, where
+    none does. After a result, or where nothing is in question, the window that tells most about the body, by
+    --criterion A (unless given) or D. Of the other options it takes --campaign, --seed, --out and --json.
     """
     if after is not None:
+        _nothing_but("--after", "after", "campaign", "criterion", "seed", "out", "json_file")
         from fidim_lab.app.design_after import AfterOptions, after_command
         from fidim_lab.identification.design.task import Criterion
 
-        given = options["criterion"]
-        criterion = Criterion.A if given == Criterion.C else Criterion(given)
+        criterion = Criterion(options["criterion"]) if _given("criterion") else None
         sys.exit(
             after_command(
                 AfterOptions(after, campaign, criterion, options["seed"], options["out"], options["json_file"])
             )
         )
+    _only_with("--after", "campaign")
     if not options["by_winches"]:
         _only_with("--by-winches", "damping", "winch_speed", "winch_acceleration")
     from fidim_lab.app.design import DesignOptions, design_command
@@ -279,8 +281,25 @@ def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
 
 def _only_with(flag: str, *names: str) -> None:
     """Refuse what was given but would be ignored without this flag."""
-    context = click.get_current_context()
-    for parameter in context.command.params:
-        given = context.get_parameter_source(parameter.name or "") is ParameterSource.COMMANDLINE
-        if given and parameter.name in names:
-            raise click.UsageError(f"{parameter.opts[0]} goes with {flag}.")
+    for name, option in _options().items():
+        if name in names and _given(name):
+            raise click.UsageError(f"{option} goes with {flag}.")
+
+
+def _nothing_but(flag: str, *names: str) -> None:
+    """Refuse what was given but would be ignored with this flag."""
+    options = _options()
+    ignored = [option for name, option in options.items() if name not in names and _given(name)]
+    if ignored:
+        allowed = ", ".join(options[name] for name in names if options[name] != flag)
+        raise click.UsageError(f"{', '.join(ignored)}: not with {flag}, which takes no more than {allowed}.")
+
+
+def _options() -> dict[str, str]:
+    """Those of the present command, by the names of its arguments."""
+    return {parameter.name or "": parameter.opts[0] for parameter in click.get_current_context().command.params}
+
+
+def _given(name: str) -> bool:
+    """Whether this option stands on the command line."""
+    return click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE

@@ -73,3 +73,14 @@ def test_a_study_for_winches_is_refused(tmp_path: Path):
     done = CliRunner().invoke(fidim, ["design", *QUICK, "--study", "--by-winches"])
     assert isinstance(done.exception, SetupError)
     assert "--by-winches designs one plan" in done.exception.message
+
+
+def test_what_means_nothing_after_a_session_is_not_ignored(tmp_path: Path):
+    (tmp_path / "explanation.json").write_text("{}")
+    given = ["--after", str(tmp_path / "explanation.json"), "--seed", "2", "--by-winches", "--starts", "3", "--study"]
+    done = CliRunner().invoke(fidim, ["design", *given])
+    assert done.exit_code == 2
+    assert "--starts, --by-winches, --study: not with --after, which takes no more than --campaign, " in done.output
+    done = CliRunner().invoke(fidim, ["design", "--campaign", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "--campaign goes with --after" in done.output
