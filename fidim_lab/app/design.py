@@ -9,6 +9,7 @@ from rich.table import Table
 
 from fidim_lab.app import console
 from fidim_lab.app.design_picture import write_picture
+from fidim_lab.app.design_robot import doubting, require_possible
 from fidim_lab.app.design_study import study_command
 from fidim_lab.app.spread_out import workers
 from fidim_lab.app.working import Working
@@ -53,9 +54,12 @@ class DesignOptions:
 def design_command(options: DesignOptions) -> int:
     """Design, write and print; returns the exit code.
 
-    Raises SetupError for what cannot be designed, InfeasibleError where no design obeys the limits.
+    Raises FileError for a robot file that cannot be meant, SetupError for what cannot be designed, InfeasibleError
+    where no design obeys the limits.
     """
-    robot = read_robot(options.robot or PAPERS_ROBOT)
+    path = options.robot or PAPERS_ROBOT
+    robot = read_robot(path)
+    require_possible(path, robot)
     task = DesignTask(
         robot,
         equilibria=options.equilibria,
@@ -72,16 +76,23 @@ def design_command(options: DesignOptions) -> int:
         raise SetupError("--study asks what hands can do; --by-winches designs one plan.", hint="Give one of them.")
     if options.out is not None and options.out.exists() and any(options.out.iterdir()):
         raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
-    if options.study:
-        return study_command(
-            task,
-            starts=options.starts,
-            seed=options.seed,
-            out=options.out,
-            json_file=options.json_file,
-            processes=options.processes,
-            scheduler=options.scheduler,
-        )
+    with doubting(path, robot):
+        return _studied(task, options) if options.study else _designed(task, options)
+
+
+def _studied(task: DesignTask, options: DesignOptions) -> int:
+    return study_command(
+        task,
+        starts=options.starts,
+        seed=options.seed,
+        out=options.out,
+        json_file=options.json_file,
+        processes=options.processes,
+        scheduler=options.scheduler,
+    )
+
+
+def _designed(task: DesignTask, options: DesignOptions) -> int:
     with (
         Working("designing", options.starts * options.equilibria) as shown,
         workers(options.processes, options.scheduler) as run,
