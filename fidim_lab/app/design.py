@@ -9,6 +9,7 @@ from rich.table import Table
 
 from fidim_lab.app import console
 from fidim_lab.app.design_picture import write_picture
+from fidim_lab.app.design_robot import doubting, require_possible
 from fidim_lab.app.design_study import study_command
 from fidim_lab.app.spread_out import workers
 from fidim_lab.app.working import Working
@@ -53,9 +54,12 @@ class DesignOptions:
 def design_command(options: DesignOptions) -> int:
     """Design, write and print; returns the exit code.
 
-    Raises SetupError for what cannot be designed, InfeasibleError where no design obeys the limits.
+    Raises FileError for a robot file that cannot be meant, SetupError for what cannot be designed, InfeasibleError
+    where no design obeys the limits.
     """
-    robot = read_robot(options.robot or PAPERS_ROBOT)
+    path = options.robot or PAPERS_ROBOT
+    robot = read_robot(path)
+    require_possible(path, robot)
     task = DesignTask(
         robot,
         equilibria=options.equilibria,
@@ -72,30 +76,42 @@ def design_command(options: DesignOptions) -> int:
         raise SetupError("--study asks what hands can do; --by-winches designs one plan.", hint="Give one of them.")
     if options.out is not None and options.out.exists() and any(options.out.iterdir()):
         raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
-    if options.study:
-        return study_command(
-            task,
-            starts=options.starts,
-            seed=options.seed,
-            out=options.out,
-            json_file=options.json_file,
-            processes=options.processes,
-            scheduler=options.scheduler,
-        )
+    with doubting(path, robot):
+        return _studied(task, options) if options.study else _designed(task, options)
+
+
+def _studied(task: DesignTask, options: DesignOptions) -> int:
+    return study_command(
+        task,
+        starts=options.starts,
+        seed=options.seed,
+        out=options.out,
+        json_file=options.json_file,
+        processes=options.processes,
+        scheduler=options.scheduler,
+    )
+
+
+def _designed(task: DesignTask, options: DesignOptions) -> int:
     with (
         Working("designing", options.starts * options.equilibria) as shown,
         workers(options.processes, options.scheduler) as run,
     ):
         found = design(task, options.starts, options.seed, run, lambda text: shown.update(f"designing: {text}"))
-    if options.json_file is not None:
-        options.json_file.write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
+    _write(found, options)
+    _print(found, options)
+    return 0
+
+
+def _write(found: Design, options: DesignOptions) -> None:
+    told = json.dumps(as_json(found), indent=1) + "\n"
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
         write_plan(options.out / "plan.toml", as_plan(found))
-        (options.out / "design.json").write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
+        (options.out / "design.json").write_text(told, encoding="utf-8")
         write_picture(found, options.out / "equilibria.svg")
-    _print(found, options)
-    return 0
+    if options.json_file is not None:  # may lie in the folder
+        options.json_file.write_text(told, encoding="utf-8")
 
 
 def as_plan(found: Design) -> Plan:

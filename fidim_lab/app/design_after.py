@@ -1,12 +1,15 @@
 """`fidim design --after FILE`: what to record next, after an explanation or a result."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from fidim_lab.app import console
+from fidim_lab.app.design_after_words import ANSWER, PLAN, closing, windows_table
 from fidim_lab.app.report.explanation_file import ExplanationTable, read_explanation
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.plan_file import write_plan
@@ -32,16 +35,31 @@ class AfterOptions:
     """explanation.json or result.json"""
     campaign: Path | None
     """its folder; that of the file unless given"""
-    criterion: Criterion
+    criterion: Criterion | None
+    """A unless given"""
     seed: int
     out: Path | None
     json_file: Path | None
 
 
+@dataclass(frozen=True, eq=False)
+class _Next:
+    """What to record next, and what to say of it."""
+
+    windows: tuple[np.ndarray, ...]
+    """[lengths; displacement], m, of those worth recording"""
+    notes: tuple[tuple[str, ...], ...]
+    """for each window, as `windows_table` shows them"""
+    table: dict[str, object]
+    lines: tuple[str, ...]
+    code: int = 0
+
+
 def after_command(options: AfterOptions) -> int:
     """Propose, write, print. 1 where nothing that can be recorded separates what is in question.
 
-    Raises FileError for what is neither file, SetupError without a campaign, or as the design does.
+    Raises FileError for what is neither file, SetupError without a campaign, for that of another file or for a
+    criterion that has no meaning here, or as the design does.
     """
     folder = options.campaign or options.after.parent
     if not (folder / "campaign.toml").exists():
@@ -51,24 +69,70 @@ def after_command(options: AfterOptions) -> int:
     if options.out is not None and options.out.is_dir() and any(options.out.iterdir()):
         raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
     campaign = read_campaign(folder)
-    explained, body = _known_so_far(options.after)
-    claims = [] if explained is None else claims_of(explained)
+    known = _known_so_far(options.after)
+    _require_its_campaign(options.after, known.campaign, folder, campaign)
+    claims = [] if known.explained is None else claims_of(known.explained)
+    _require_criterion(options, claims)
     with console.err.status("looking at windows that could be recorded"):
-        if explained is None or not claims:
-            known = to_know(campaign, body, criterion=options.criterion, seed=options.seed)
-            plan, table, code = _plan(campaign, [known.z]), _known_table(known), 0
-            lines = [*_question(explained), *_known_lines(known)]
+        if known.explained is None or not claims:
+            found = _for_the_body(campaign, known, options)
         else:
-            noise = float(np.sqrt(max(1.0, explained.held_out.chi2_per_dof.after or 1.0)))
-            found = to_separate(campaign, claims, body, noise=noise, seed=options.seed)
-            windows = [np.concatenate([w.lengths, w.displacement]) for one in found for w in one.windows]
-            plan, table = _plan(campaign, windows), {"claims": [_claim_table(one) for one in found]}
-            lines, code = [one.says for one in found], int(not any(one.separates for one in found))
-            by_hand = explained.next_experiment if any(one.beyond or not one.separates for one in found) else None
-            lines += [by_hand] if by_hand else []
-    _write(options, plan, {"format": FORMAT, "campaign": campaign.name, **table})
-    console.out.print("\n".join(lines), markup=False)
-    return code
+            found = _for_claims(campaign, known.explained, claims, known.body, options.seed)
+    plan = _plan(campaign, found.windows)
+    _write(options, plan, {"format": FORMAT, "campaign": campaign.name, **found.table})
+    _print(found, plan, options)
+    return found.code
+
+
+def _require_its_campaign(file: Path, name: str, folder: Path, campaign: Campaign) -> None:
+    """Odds of one campaign say nothing about another, whose robot and windows may be others."""
+    if name != campaign.name:
+        raise SetupError(
+            f"{file} is about the campaign '{name}', and {folder} is '{campaign.name}'.",
+            hint="Give the folder of the campaign that it was made from: --campaign FOLDER.",
+        )
+
+
+def _require_criterion(options: AfterOptions, claims: list[Claim]) -> None:
+    if options.criterion is Criterion.C:
+        raise SetupError(
+            "--criterion C knows no body, and --after asks what is still unknown of one.",
+            hint="Give A or D, or leave it out (A).",
+        )
+    if options.criterion is not None and claims:
+        which = ", ".join(sorted({claim.id for claim in claims}))
+        raise SetupError(
+            f"--criterion chooses a window for the body, and {options.after} leaves effects in question ({which}), "
+            "for which the odds choose.",
+            hint="Leave --criterion out.",
+        )
+
+
+def _for_the_body(campaign: Campaign, known: "_Known", options: AfterOptions) -> _Next:
+    found = to_know(campaign, known.body, criterion=options.criterion or Criterion.A, seed=options.seed)
+    lines = (*_question(known.explained), *_known_lines(found))
+    return _Next((found.z,), ((),), _known_table(found), lines)
+
+
+def _for_claims(
+    campaign: Campaign, explained: ExplanationTable, claims: list[Claim], body: np.ndarray, seed: int
+) -> _Next:
+    noise = float(np.sqrt(max(1.0, explained.held_out.chi2_per_dof.after or 1.0)))
+    found = to_separate(campaign, claims, body, noise=noise, seed=seed)
+    rows = [
+        (np.concatenate([window.lengths, window.displacement]), (one.claim.id, f"{100 * odds.probability:.0f} %"))
+        for one in found
+        if one.separates  # the others would cost a session for next to nothing
+        for window, odds in zip(one.windows, one.after, strict=True)
+    ]
+    by_hand = explained.next_experiment if any(one.beyond or not one.separates for one in found) else None
+    return _Next(
+        tuple(z for z, _ in rows),
+        tuple(note for _, note in rows),
+        {"claims": [_claim_table(one) for one in found]},
+        (*(one.says for one in found), *([by_hand] if by_hand else [])),
+        int(not any(one.separates for one in found)),
+    )
 
 
 def claims_of(explained: ExplanationTable) -> list[Claim]:
@@ -80,16 +144,27 @@ def claims_of(explained: ExplanationTable) -> list[Claim]:
     ]
 
 
-def _known_so_far(path: Path) -> tuple[ExplanationTable | None, np.ndarray]:
-    """An explanation (None: the file is a result), and the nine base parameters as identified."""
+class _Known(NamedTuple):
+    """What the file says."""
+
+    campaign: str
+    explained: ExplanationTable | None
+    """None: the file is a result"""
+    body: np.ndarray
+    """nine base parameters as identified"""
+
+
+def _known_so_far(path: Path) -> _Known:
     try:
         format_ = json.loads(read_text(path)).get("format")
     except (ValueError, AttributeError):
         raise FileError(path, "", "is no JSON object", hint="An explanation or a result is expected.") from None
     if format_ == "fidim-explanation/1":
         explained = read_explanation(path)
-        return explained, np.array([explained.parameters[name].value for name in PARAMETER_NAMES])
-    return None, read_result(path).body.vector
+        body = np.array([explained.parameters[name].value for name in PARAMETER_NAMES])
+        return _Known(explained.campaign, explained, body)
+    result = read_result(path)
+    return _Known(result.campaign, None, result.body.vector)
 
 
 def _question(explained: ExplanationTable | None) -> list[str]:
@@ -100,7 +175,7 @@ def _question(explained: ExplanationTable | None) -> list[str]:
     return [said, *([explained.next_experiment] if explained.next_experiment else [])]
 
 
-def _plan(campaign: Campaign, windows: list[np.ndarray]) -> Plan:
+def _plan(campaign: Campaign, windows: Sequence[np.ndarray]) -> Plan:
     robot = campaign.robot
     task = DesignTask(robot, equilibria=1)
     mechanism, planned = task.mechanism(), list[PlannedWindow]()
@@ -111,12 +186,22 @@ def _plan(campaign: Campaign, windows: list[np.ndarray]) -> Plan:
 
 
 def _write(options: AfterOptions, plan: Plan, table: dict[str, object]) -> None:
-    if options.json_file is not None:
-        options.json_file.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
-    if options.out is not None and plan.windows:
+    told = json.dumps(table, indent=1) + "\n"
+    if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
-        write_plan(options.out / "plan.toml", plan)
-        (options.out / "next.json").write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+        (options.out / ANSWER).write_text(told, encoding="utf-8")
+        if plan.windows:
+            write_plan(options.out / PLAN, plan)
+    if options.json_file is not None:  # may lie in the folder
+        options.json_file.write_text(told, encoding="utf-8")
+
+
+def _print(found: _Next, plan: Plan, options: AfterOptions) -> None:
+    console.out.print("\n".join(found.lines), markup=False)
+    if plan.windows:
+        console.out.print(windows_table(plan, found.notes))
+    for line in closing(plan, options.out):
+        console.out.print(line, markup=False)
 
 
 def _claim_table(found: Proposal) -> dict[str, object]:

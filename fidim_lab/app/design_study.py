@@ -30,12 +30,12 @@ def study_command(
     with Working("study", starts) as shown, workers(processes, scheduler) as run:
         cells = study(task, starts, seed, run, lambda text: shown.update(f"study: {text}"))
     told = json.dumps(_as_json(cells), indent=1) + "\n"
-    if json_file is not None:
-        json_file.write_text(told, encoding="utf-8")
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "study.json").write_text(told, encoding="utf-8")
         write_study(cells, out / PICTURE)
+    if json_file is not None:  # may lie in the folder
+        json_file.write_text(told, encoding="utf-8")
     console.out.print(_table(cells))
     console.out.print(f"{starts} starts each, not polished; {np.median([c.seconds for c in cells]):.2f} s a start")
     return 0

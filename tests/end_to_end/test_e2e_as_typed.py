@@ -31,11 +31,15 @@ WRONG = {
     "wrong key": (["--robot", "bad.toml"], 2, "platform, masss: unknown key"),
     "no text": (["--robot", "binary.toml"], 2, "fidim: binary.toml: byte 0: is not UTF-8 text"),
     "taken folder": (["--out", "taken"], 2, "fidim: taken: there is something already."),
-    "file as folder": (["--out", "taken/notes.txt"], 2, "fidim: taken/notes.txt: there is something already."),
+    "file as folder": (
+        ["--out", "taken/notes.txt"],
+        2,
+        "fidim: --out taken/notes.txt exists already, and is a file; nothing in it was touched.",
+    ),
     "impossible folder": (
         ["--out", "taken/notes.txt/run", "--equilibria", "1", "--validate", "0"],
         2,
-        "fidim: taken/notes.txt/run: the run folder cannot be made: Not a directory.",
+        "fidim: --out taken/notes.txt/run: cannot be written: Not a directory.",
     ),
     "effect": (["--hide", "gremlins"], 2, "fidim: --hide gremlins: no effect is called 'gremlins'. Known: "),
     "effect's value": (["--hide", "air-drag-linear:c=x"], 2, "c is 'x', which is not a finite number"),

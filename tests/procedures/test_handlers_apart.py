@@ -43,6 +43,6 @@ def test_whatever_fails_in_it_is_told_and_ends_no_run(monkeypatch: pytest.Monkey
         raise error
 
     monkeypatch.setattr("fidim_lab.data.campaign.read_campaign", read)
-    values, spread, problem = accuracy._identified(Path("run"))
-    assert (values, spread) == ((), ())
+    values, problem = accuracy._identified(Path("run"))
+    assert values == ()
     assert str(error) in problem

@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from fidim_lab.app.cli.completion import hide_option
-from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim, not_with, only_with
+from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FILE_DEEP, OUT_FOLDER, Writing
+from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, given, not_with, nothing_but, only_with
 from fidim_lab.mismatch.patience import PATIENCE
 
 
@@ -19,10 +20,10 @@ from fidim_lab.mismatch.patience import PATIENCE
 @click.option("--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where it cannot work.")
 @click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")
 @click.option("--payload", type=FOLDER, default=None, help="Second campaign, with a known payload: finds the mass.")
-@click.option("--mass", type=float, default=None, metavar="KG", help="Of the payload.")
-@click.option("--mass-sd", type=click.FloatRange(0), default=0.0, metavar="KG", help="Its standard deviation.")
+@click.option("--mass", type=Number(0, min_open=True), default=None, metavar="KG", help="Of the payload.")
+@click.option("--mass-sd", type=Number(0), default=0.0, metavar="KG", help="Its standard deviation.")
 @click.option("--at", default=None, metavar="X,Y,Z", help="The payload's centre of mass in the body frame, m.")
-@click.option("--at-sd", type=click.FloatRange(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
+@click.option("--at-sd", type=Number(0), default=0.0, metavar="M", help="Standard deviation of each of them.")
 @click.option(
     "--pose-from",
     "poses",
@@ -31,8 +32,8 @@ from fidim_lab.mismatch.patience import PATIENCE
     show_default=True,
     help="Markers; lengths, swivel angles s1… and inclination incl_x…; or all of them, weighted.",
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-result/1".')
-@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML report.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-result/1".')
+@click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML report.")
 @example(
     "fidim identify runs/dry-run-1 --json result.json\n"
     "      fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05"
@@ -68,10 +69,8 @@ def identify(
 @click.option("--parameters", type=FILE, required=True, help='A "fidim-result/1" file, as identify --json writes it.')
 @click.option("--all", "everything", is_flag=True, help="Judge the windows of role 'identify' too.")
 @click.option("--paper", is_flag=True, help="The σ_W in the result file is that of identify --paper.")
-@click.option(
-    "--limit", type=click.FloatRange(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof."
-)
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-validation/1".')
+@click.option("--limit", type=Number(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-validation/1".')
 @example("fidim validate runs/dry-run-2 --parameters result.json")
 def validate(**options: Any) -> None:
     """Check whether identified parameters predict the held-out windows of CAMPAIGN; exit 1 where they do not.
@@ -88,7 +87,7 @@ def validate(**options: Any) -> None:
 @click.option("--seed", default=1, show_default=True, help="Of places and noise.")
 @click.option(
     "--noise",
-    type=click.FloatRange(0, min_open=True),
+    type=Number(0, min_open=True),
     default=1e-4,
     show_default=True,
     metavar="M",
@@ -97,7 +96,7 @@ def validate(**options: Any) -> None:
 @click.option(
     "--validate", "validation", default=22, show_default=True, type=click.IntRange(1, 60), help="Windows of Fig. 3."
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-reproduction/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-reproduction/1".')
 @example("fidim reproduce --json reproduction.json")
 def reproduce(**options: Any) -> None:
     """Simulate the paper's experiment and set its equations 46, 47, 49 and figure 3 beside ours, with the reasons."""
@@ -108,12 +107,10 @@ def reproduce(**options: Any) -> None:
 
 @fidim.command()
 @click.option("--robot", type=ROBOT, required=True, help="Robot file, or irma4: the paper's.")
-@click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
+@click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
 @hide_option("Hide physics in the simulated world.")
 @click.option("--backend", type=click.Choice(["native", "mujoco"]), default="native", show_default=True)
-@click.option(
-    "--noise", type=click.FloatRange(0), default=None, help="Marker noise, m; default that of the robot file."
-)
+@click.option("--noise", type=Number(0), default=None, help="Marker noise, m; default that of the robot file.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
 @click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
 @click.option(
@@ -123,7 +120,7 @@ def reproduce(**options: Any) -> None:
 @click.option(
     "--own-sensors", is_flag=True, help="Record swivel encoders s1… and an inclinometer incl_x… too, for --pose-from."
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-simulation/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-simulation/1".')
 @example("fidim simulate --robot robot.toml --out swivels --hide swivel-friction")
 def simulate(**options: Any) -> None:
     """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""
@@ -136,12 +133,14 @@ def simulate(**options: Any) -> None:
 
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-explanation/1".')
-@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page with the proof.")
-@click.option("--pictures", type=FOLDER, default=None, help="With --report: also every picture as an SVG file, here.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-explanation/1".')
+@click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML page with the proof.")
+@click.option(
+    "--pictures", type=OUT_FOLDER, default=None, help="With --report: also every picture as an SVG file, here."
+)
 @click.option(
     "--patience",
-    type=click.FloatRange(min=0),
+    type=Number(min=0),
     default=PATIENCE,
     show_default=True,
     metavar="S",
@@ -176,20 +175,20 @@ def benchmark(context: click.Context) -> None:
             console.out.print(f"{name}    {says}", markup=False)
 
 
-@benchmark.command("explain")
+@benchmark.command("explain", cls=Writing)
 @click.option("--campaigns", default=12, show_default=True, type=click.IntRange(1), help="How many to seal.")
 @click.option("--only", multiple=True, type=click.IntRange(1), help="Only the campaigns with these numbers.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of everything that is drawn.")
-@click.option("--out", type=FOLDER, required=True, help="Folder of the benchmark; one that was cut off goes on.")
+@click.option("--out", type=OUT_FOLDER, required=True, help="Folder of the benchmark; one that was cut off goes on.")
 @click.option("--equilibria", default=12, show_default=True, type=click.IntRange(1, 60))
 @click.option(
     "--validate", "validation", default=6, show_default=True, type=click.IntRange(1, 60), help="Held-out windows."
 )
-@click.option("--cap", default=600.0, show_default=True, type=click.FloatRange(1), help="CPU seconds for a campaign.")
+@click.option("--cap", default=600.0, show_default=True, type=Number(1), help="CPU seconds for a campaign.")
 @click.option("--processes", default=None, type=click.IntRange(1), help="Default: one for each core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Explain on a dask cluster instead.")
-@click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
-@click.option("--page", type=FILE, default=None, help="Write the result as a page of docs.")
+@click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result for programs.")
+@click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a page of docs.")
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
 def benchmark_explain(**options: Any) -> None:
     """Seal campaigns with secrets of random size in random robots, explain them blind, open and score them."""
@@ -218,21 +217,23 @@ def benchmark_explain(**options: Any) -> None:
     help="Bodies 5 % off CAD to average A or D over.",
 )
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0))
-@click.option("--out", type=FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
-@click.option("--json", "json_file", type=FILE, default=None, help="Write the design for programs (fidim-design/1).")
+@click.option("--out", type=OUT_FOLDER, default=None, help="Folder for plan.toml, design.json and equilibria.svg.")
+@click.option(
+    "--json", "json_file", type=OUT_FILE, default=None, help="Write the design for programs (fidim-design/1)."
+)
 @click.option("--processes", type=click.IntRange(1), default=None, help="Local processes; default one a core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Of a dask cluster, instead of local processes.")
 @click.option(
     "--by-winches", is_flag=True, help="Displacements that winches can give, for fidim run --procedure excite."
 )
 @click.option(
-    "--damping", default=0.08, show_default=True, type=click.FloatRange(0, 0.2), help="Most there may be, --by-winches."
+    "--damping", default=0.08, show_default=True, type=Number(0, 0.2), help="Most there may be, --by-winches."
 )
 @click.option(
     "--winch-speed",
     default=0.5,
     show_default=True,
-    type=click.FloatRange(0, min_open=True),
+    type=Number(0, min_open=True),
     metavar="M/S",
     help="Of any cable, --by-winches.",
 )
@@ -240,7 +241,7 @@ def benchmark_explain(**options: Any) -> None:
     "--winch-acceleration",
     default=1.0,
     show_default=True,
-    type=click.FloatRange(0, min_open=True),
+    type=Number(0, min_open=True),
     metavar="M/S²",
     help="Likewise.",
 )
@@ -256,20 +257,22 @@ def benchmark_explain(**options: Any) -> None:
 def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
     """Find the equilibria and displacements whose free motion tells most about the body.
 
-    With --after: those that tell effects apart that the recordings could not, with the odds; exit 1 where none does.
-    After a result, or where nothing is in question, the window that tells most about the body.
+    With --after: those that tell effects apart that the recordings could not, with the odds; exit 1, and no plan, where
+    none does. After a result, or where nothing is in question, the window that tells most about the body, by
+    --criterion A (unless given) or D. Of the other options it takes --campaign, --seed, --out and --json.
     """
     if after is not None:
+        nothing_but("--after", "after", "campaign", "criterion", "seed", "out", "json_file")
         from fidim_lab.app.design_after import AfterOptions, after_command
         from fidim_lab.identification.design.task import Criterion
 
-        given = options["criterion"]
-        criterion = Criterion.A if given == Criterion.C else Criterion(given)
+        criterion = Criterion(options["criterion"]) if given(["criterion"]) else None
         sys.exit(
             after_command(
                 AfterOptions(after, campaign, criterion, options["seed"], options["out"], options["json_file"])
             )
         )
+    only_with("--after", "campaign")
     if not options["by_winches"]:
         only_with("--by-winches", "damping", "winch_speed", "winch_acceleration")
     from fidim_lab.app.design import DesignOptions, design_command

@@ -8,14 +8,15 @@ from pathlib import Path
 
 import click
 
-from fidim_lab.app.cli.root import FILE, FOLDER, example, fidim
+from fidim_lab.app.cli.outputs import OUT_EITHER, OUT_FILE, OUT_FOLDER
+from fidim_lab.app.cli.root import FOLDER, Number, example, fidim
 
 
 @fidim.command("import")
 @click.argument("kind")
 @click.argument("sources", nargs=-1, required=True, type=FOLDER)
-@click.option("--out", type=FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
-@click.option("--json", "json_file", type=FILE, default=None, help="Write what was found for programs.")
+@click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write what was found for programs.")
 @example("fidim import irma4u recordings/irma4u --out real")
 def import_(kind: str, sources: tuple[Path, ...], out: Path, json_file: Path | None) -> None:
     """Turn another lab's recording of KIND into a campaign folder."""
@@ -26,9 +27,11 @@ def import_(kind: str, sources: tuple[Path, ...], out: Path, json_file: Path | N
 
 @fidim.command()
 @click.argument("folder", type=FOLDER)
-@click.option("--out", type=FILE, default=None, help="HTML file; default FOLDER/report.html.")
-@click.option("--pictures", type=FOLDER, default=None, help="Also write every picture as an SVG file into this folder.")
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-report/1".')
+@click.option("--out", type=OUT_FILE, default=None, help="HTML file; default FOLDER/report.html.")
+@click.option(
+    "--pictures", type=OUT_FOLDER, default=None, help="Also write every picture as an SVG file into this folder."
+)
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-report/1".')
 @example("fidim report runs/dry-run-1 --pictures runs/dry-run-1/export/pictures")
 def report(folder: Path, out: Path | None, pictures: Path | None, json_file: Path | None) -> None:
     """Write the HTML report of a run or campaign FOLDER: one file that opens offline.
@@ -43,8 +46,8 @@ def report(folder: Path, out: Path | None, pictures: Path | None, json_file: Pat
 @fidim.command()
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-comparison/1".')
-@click.option("--report", type=FILE, default=None, help="Write a self-contained HTML page.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-comparison/1".')
+@click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML page.")
 @example("fidim compare runs/monday runs/tuesday --report compare.html")
 def compare(first: Path, second: Path, json_file: Path | None, report: Path | None) -> None:
     """Set two sessions side by side: run or campaign folders, or "fidim-result/1" files.
@@ -59,7 +62,7 @@ def compare(first: Path, second: Path, json_file: Path | None, report: Path | No
 
 @fidim.command()
 @click.argument("folder", type=FOLDER)
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-verification/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-verification/1".')
 @example("fidim verify runs/dry-run-1")
 def verify(folder: Path, json_file: Path | None) -> None:
     """Check every file of a run FOLDER against its manifest: exit 1 where one is changed, missing or extra."""
@@ -77,10 +80,10 @@ def verify(folder: Path, json_file: Path | None) -> None:
     type=click.Choice(["csv", "parquet", "mat", "mcap", "urdf", "mjcf", "python", "toml"]),
     help="csv, parquet, mat, mcap for a campaign; urdf, mjcf, python, toml for a result.",
 )
-@click.option("--out", type=FOLDER, default=None, help="File or folder to write; it must not exist yet.")
-@click.option("--mass", type=click.FloatRange(0, min_open=True), default=None, metavar="KG", help="urdf, mjcf need it.")
+@click.option("--out", type=OUT_EITHER, default=None, help="File or folder to write; it must not exist yet.")
+@click.option("--mass", type=Number(0, min_open=True), default=None, metavar="KG", help="urdf, mjcf need it.")
 @click.option("--unfinished", is_flag=True, help="Also what is left of broken-off windows, in a folder of its own.")
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-export/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-export/1".')
 @example("fidim export runs/dry-run-1 --to parquet\n      fidim export result.json --to mjcf --mass 11.98")
 def export(
     source: Path, kind: str, out: Path | None, mass: float | None, unfinished: bool, json_file: Path | None
@@ -93,8 +96,8 @@ def export(
 
 @fidim.command()
 @click.argument("folder", type=FOLDER)
-@click.option("--speed", type=click.FloatRange(0), default=0.0, metavar="X", help="Times real time; 0: at once.")
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-replay/1".')
+@click.option("--speed", type=Number(0), default=0.0, metavar="X", help="Times real time; 0: at once.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-replay/1".')
 @example("fidim replay runs/dry-run-1")
 def replay(folder: Path, speed: float, json_file: Path | None) -> None:
     """Play the raw bytes of a run FOLDER back through the drivers, and compare with what was recorded.

@@ -1,11 +1,14 @@
 """The `fidim` group itself, and what all its commands share."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
+
+from fidim_lab.app.cli.outputs import Writing
 
 FOLDER = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -19,6 +22,17 @@ class _RobotFile(click.Path):
         from fidim_lab.data.robot_file import robot_path
 
         return super().convert(robot_path(str(value)), param, ctx)
+
+
+class Number(click.FloatRange):
+    """A finite number in a range: click takes nan for inside of any, and inf for above any."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """As click does it."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is no finite number.", param, ctx)
+        return number
 
 
 ROBOT = _RobotFile(path_type=Path, dir_okay=False)
@@ -36,23 +50,34 @@ def example(text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
 def only_with(flag: str, *names: str) -> None:
     """Refuse options that were given but would be ignored without this flag, which is not. Raises UsageError."""
-    for option in _given(names):
+    for option in given(names):
         raise click.UsageError(f"{option} goes with {flag}.")
 
 
 def not_with(flag: str, *names: str) -> None:
     """Refuse options that were given but would be ignored with this flag, which is there. Raises UsageError."""
-    for option in _given(names):
+    for option in given(names):
         raise click.UsageError(f"{option} does not go with {flag}.")
 
 
-def _given(names: tuple[str, ...]) -> list[str]:
-    context = click.get_current_context()
-    return [
-        parameter.opts[0]
-        for parameter in context.command.params
-        if parameter.name in names and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
-    ]
+def nothing_but(flag: str, *names: str) -> None:
+    """Refuse what was given but would be ignored with this flag, which is there. Raises UsageError."""
+    options = _options()
+    ignored = given([name for name in options if name not in names])
+    if ignored:
+        allowed = ", ".join(options[name] for name in names if options[name] != flag)
+        raise click.UsageError(f"{', '.join(ignored)}: not with {flag}, which takes no more than {allowed}.")
+
+
+def given(names: Sequence[str]) -> list[str]:
+    """Those of these options that stand on the command line."""
+    source, options = click.get_current_context().get_parameter_source, _options()
+    return [options[name] for name in options if name in names and source(name) is ParameterSource.COMMANDLINE]
+
+
+def _options() -> dict[str, str]:
+    """Those of the present command, by the names of its arguments."""
+    return {parameter.name or "": parameter.opts[0] for parameter in click.get_current_context().command.params}
 
 
 HEADINGS = {
@@ -66,6 +91,8 @@ WIDEST = 200
 
 class Sections(click.Group):
     """Commands listed under the heading of their module."""
+
+    command_class = Writing
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """As click does it, in sections."""

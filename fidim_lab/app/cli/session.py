@@ -10,11 +10,14 @@ from typing import Any
 import click
 
 from fidim_lab.app.cli.completion import hide_option
-from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim, not_with, only_with
+from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FOLDER
+from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, not_with, only_with
 
 
 @fidim.command("dry-run")
-@click.option("--out", type=FOLDER, default=None, help="Run folder; default runs/dry-run-SEED, numbered if it exists.")
+@click.option(
+    "--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/dry-run-SEED, numbered if it exists."
+)
 @click.option(
     "--seed", default=1, show_default=True, type=click.IntRange(0), help="Same seed, same windows, byte for byte."
 )
@@ -30,7 +33,7 @@ from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, example, fidim, not_with
 @click.option("--real-time", is_flag=True, help="Real python-can bus, real UDP sockets, real seconds.")
 @click.option("--ui", is_flag=True, help="In real time, from the terminal UI: started, answered, stopped by keys.")
 @click.option("--light", is_flag=True, help="The UI dark on light.")
-@click.option("--json", "json_file", type=FILE, default=None, help="Write the result for programs.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write the result for programs.")
 @example("fidim dry-run --seed 7 --hide air-drag-linear:c=0.4")
 def dry_run(**options: Any) -> None:
     """Rehearse the whole experiment on the embedded simulators, through the drivers' real bytes."""
@@ -46,7 +49,7 @@ def dry_run(**options: Any) -> None:
 @fidim.command("run")
 @click.argument("plan", type=FILE)
 @click.option("--rig", type=FILE, required=True, help="Rig file.")
-@click.option("--out", type=FOLDER, default=None, help="Run folder; default runs/PLAN, numbered if it exists.")
+@click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/PLAN, numbered if it exists.")
 @click.option("--procedure", default="identify", show_default=True, help="Built-in procedure for a plan.")
 @click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
 @click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
@@ -57,13 +60,13 @@ def dry_run(**options: Any) -> None:
 @click.option(
     "--answer", "answers", multiple=True, metavar="KIND=CHOICE[@S]", help="Answer a kind of prompt, after S s."
 )
-@click.option("--max-hours", type=click.FloatRange(0, min_open=True), default=None, help="End, held, after so long.")
+@click.option("--max-hours", type=Number(0, min_open=True), default=None, help="End, held, after so long.")
 @click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="No window begins between them.")
 @click.option("--on-finish", default="", metavar="COMMAND", help="Run after a run that ended well.")
 @click.option("--on-fault", default="", metavar="COMMAND", help="Run after a run that did not.")
 @click.option("--stay", is_flag=True, help="The service goes on after the run, for other clients.")
 @click.option("--tcp", type=click.IntRange(0, 65535), default=None, help="Also listen at 127.0.0.1, with a token.")
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-summary/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')
 @example("fidim run plan.toml --rig examples/rigs/simulated.toml --embedded")
 def run_(**options: Any) -> None:
     """Run PLAN on a rig: a service in its own process owns the robot, this terminal watches and answers prompts.
@@ -99,7 +102,7 @@ def ui(**options: Any) -> None:
 @fidim.command()
 @click.argument("folder", type=FOLDER)
 @click.option("--accept-place", is_flag=True, help="Go on from wherever the robot is: you have looked, or homed it.")
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-summary/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')
 @example("fidim resume runs/plan")
 def resume(folder: Path, accept_place: bool, json_file: Path | None) -> None:
     """Go on with the run in FOLDER after a crash, a kill, a power cut or an abort.
@@ -115,7 +118,7 @@ def resume(folder: Path, accept_place: bool, json_file: Path | None) -> None:
 @fidim.command()
 @click.option("--rig", type=FILE, default=None, help="Only the service of this rig; default all of yours.")
 @click.option("--reason", default="", help="For the journal.")
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-stop/1".')
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-stop/1".')  # a stop waits for no path
 @example("fidim stop")
 def stop(rig: Path | None, reason: str, json_file: Path | None) -> None:
     """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button."""
@@ -149,7 +152,7 @@ def simulators(**options: Any) -> None:
 @click.option(
     "--acknowledge", "acknowledged_by", default=None, metavar="NAME", help="Reset faults; NAME saw the cause."
 )
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-power-off/1".')
+@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-power-off/1".')  # likewise
 @example("fidim power-off rig.toml")
 def power_off(**options: Any) -> None:
     """Take the power from all drives of the RIG file, as after a run whose program has ended.
@@ -164,7 +167,7 @@ def power_off(**options: Any) -> None:
 @fidim.command()
 @click.option("--robot", type=ROBOT, default=None, help="Also check this robot file for plausibility.")
 @click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-doctor/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-doctor/1".')
 @example("fidim doctor --rig rig.toml")
 def doctor(robot: Path | None, rig: Path | None, json_file: Path | None) -> None:
     """Check installation, buses, sockets, clock and disk, and say what to do where one fails.
@@ -179,7 +182,7 @@ def doctor(robot: Path | None, rig: Path | None, json_file: Path | None) -> None
 
 @fidim.command("tension-calibrate")
 @click.argument("campaign", type=FOLDER)
-@click.option("--json", "json_file", type=FILE, default=None, help='Write "fidim-tension-calibration/1".')
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-tension-calibration/1".')
 @example("fidim tension-calibrate runs/poses")
 def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
     """Gain, offset and friction band of each winch from the rests of CAMPAIGN, as lines for the rig file.

@@ -84,7 +84,8 @@ def draw(
     if len(found) < task.equilibria:
         raise InfeasibleError(
             f"Of {drawn} random places {len(found)} allow a swing within the limits; {task.equilibria} are needed.",
-            hint="Widen the limits in the robot file, or ask for fewer equilibria.",
+            hint="Check the robot file first (units, mass, body, geometry): fidim doctor --robot FILE. Where it finds "
+            "nothing, ask for fewer equilibria, or widen the limits as far as the machine itself allows.",
         )
     chosen = found[:wanted]
     return Pool(np.array([swing.z for swing, _ in chosen]), np.array([table for _, table in chosen]))

@@ -141,7 +141,8 @@ def _polished(mechanism: Mechanism, task: DesignTask, found: list[Found], say: S
             return z
     raise InfeasibleError(
         "No start ended within all limits.",
-        hint="Widen the tension or displacement limits in the robot file, take more --starts, or fewer --equilibria.",
+        hint="Take more --starts or fewer --equilibria. Limits in the robot file are to be widened only as far as the "
+        "machine itself allows, and once fidim doctor --robot FILE finds nothing wrong with it.",
     )
 
 

@@ -64,6 +64,27 @@ def test_wrong_use_is_two_and_a_sentence(
     assert list(tmp_path.iterdir()) == []
 
 
+def _numbers():
+    for name, command in sorted(cli.fidim.commands.items()):
+        inner = command.commands.items() if isinstance(command, click.Group) else [("", command)]
+        for below, one in inner:
+            for parameter in one.params:
+                if isinstance(parameter.type, click.FloatRange | click.types.FloatParamType):
+                    yield pytest.param(parameter, id=f"{name} {below} {parameter.opts[0]}")
+
+
+@pytest.mark.parametrize("parameter", list(_numbers()))
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
+def test_numbers_are_finite(parameter: click.Parameter, number: str) -> None:
+    with pytest.raises(click.BadParameter, match=r"no finite number|not in the range"):
+        parameter.type.convert(number, parameter, None)
+
+
+def test_a_number_that_is_none_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["design", "--by-winches", "--winch-speed", "nan"]) == 2
+    assert "Invalid value for '--winch-speed': nan is no finite number." in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("problem", "code"),
     [

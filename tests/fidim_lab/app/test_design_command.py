@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from fidim_lab.app.cli import fidim
+from fidim_lab.app.cli import fidim, run
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.design import search
@@ -73,3 +73,43 @@ def test_a_study_for_winches_is_refused(tmp_path: Path):
     done = CliRunner().invoke(fidim, ["design", *QUICK, "--study", "--by-winches"])
     assert isinstance(done.exception, SetupError)
     assert "--by-winches designs one plan" in done.exception.message
+
+
+def test_what_means_nothing_after_a_session_is_not_ignored(tmp_path: Path):
+    (tmp_path / "explanation.json").write_text("{}")
+    given = ["--after", str(tmp_path / "explanation.json"), "--seed", "2", "--by-winches", "--starts", "3", "--study"]
+    done = CliRunner().invoke(fidim, ["design", *given])
+    assert done.exit_code == 2
+    assert "--starts, --by-winches, --study: not with --after, which takes no more than --campaign, " in done.output
+    done = CliRunner().invoke(fidim, ["design", "--campaign", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "--campaign goes with --after" in done.output
+
+
+WRONG_ROBOTS = {
+    "millimetres": ("marker = [0.0, 0.0, 0.0]", "marker = [0.0, 0.0, 190.0]", 2, "units: Platform, marker holds 190"),
+    "pulleys": ("radius = 0.025", "radius = 0.9", 2, "units: Cable 1, radius is 0.9 m."),
+    "body": ("[0.051, 0.069, 0.037,", "[0.051, 0.069, 0.9,", 2, "body: No body has these parameters"),
+    "grams": ("mass = 11.0", "mass = 1100.0", 2, "weight: 1100 kg weigh 10791.0 N"),
+    "limits": ("[20.0, 200.0]", "[46.0, 48.0]", 1, "before its limits are changed. rest: At none of 8 depths"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_ROBOTS)
+def test_a_wrong_robot_file_is_blamed_before_its_limits(irma4_file: Path, tmp_path: Path, capsys, case: str):
+    right, wrong, code, says = WRONG_ROBOTS[case]
+    assert right in irma4_file.read_text()
+    (tmp_path / "robot.toml").write_text(irma4_file.read_text().replace(right, wrong))
+    assert run(["design", "--robot", str(tmp_path / "robot.toml"), *QUICK]) == code
+    said = capsys.readouterr().err
+    assert "robot.toml" in said
+    assert says in said
+    assert "Widen" not in said
+
+
+def test_an_unusual_robot_is_designed_for_with_a_warning(irma4_file: Path, tmp_path: Path, capsys):
+    text = irma4_file.read_text().replace("[0.051, 0.069, 0.037,", "[0.561, 0.759, 0.407,")
+    (tmp_path / "robot.toml").write_text(text)
+    assert run(["design", "--robot", str(tmp_path / "robot.toml"), *QUICK]) == 0
+    said = capsys.readouterr()
+    assert "divide kg m² by the mass" in " ".join((said.out + said.err).split())

@@ -82,7 +82,7 @@ def test_without_payload_a_result_has_no_key_more(pair: Pair, tmp_path: Path) ->
     [
         (["--mass", "1"], 2, "--mass: only with --payload"),
         (["--payload", "EMPTY"], 2, "needs --mass KG and --at"),
-        (["--payload", "EMPTY", "--mass", "0", "--at", "0,0,1"], 2, "positive number of kilograms"),
+        (["--payload", "EMPTY", "--mass", "0", "--at", "0,0,1"], 2, "0.0 is not in the range x>0"),
         (["--payload", "EMPTY", "--mass", "1", "--at", "0,0"], 2, "three numbers X,Y,Z"),
         (["--payload", "EMPTY", "--mass", "1", "--at", "0,zero,1"], 2, "three numbers X,Y,Z"),
         (["--payload", "EMPTY", "--mass", "1", "--at", "120,-150,50"], 2, "metres are expected"),

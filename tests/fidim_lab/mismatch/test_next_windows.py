@@ -13,7 +13,7 @@ from fidim_lab.app.design_after import AfterOptions, after_command, claims_of
 from fidim_lab.app.report.explanation_file import ExplanationTable
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.plan_file import read_plan
-from fidim_lab.data.records import Campaign, Robot, Role, Window
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Window
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.identification.design import pool
@@ -155,28 +155,89 @@ def test_command_writes_a_plan_that_runs(
     }
     (tmp_path / "explanation.json").write_text(json.dumps(explanation))
     assert claims_of(ExplanationTable.model_validate(explanation))[0].theta == (5e-3,)
-    options = AfterOptions(tmp_path / "explanation.json", None, Criterion.A, 1, tmp_path / "next", tmp_path / "n.json")
-    after_command(options)
+    options = AfterOptions(tmp_path / "explanation.json", None, None, 1, tmp_path / "next", tmp_path / "n.json")
+    assert after_command(options) == 0
     table = json.loads((tmp_path / "n.json").read_text())
     assert table["format"] == "fidim-next/1"
     assert table["claims"][0]["windows"]
     plan = read_plan(tmp_path / "next" / "plan.toml", irma4.n)
     assert len(plan.windows) == len(table["claims"][0]["windows"])
+    said = capsys.readouterr().out
+    for window, row in zip(plan.windows, table["claims"][0]["windows"], strict=True):
+        shown = next(line for line in said.splitlines() if f" {window.id} " in line)
+        assert all(f"{length:.3f}" in shown for length in row["lengths"])
+        assert f"{100 * row['odds']:.0f} %" in shown
+    assert "plan.toml --rig RIG.toml" in said
     with pytest.raises(SetupError, match="holds files already"):
         after_command(options)
     unknown = explanation | {"verdict": "unknown-physics", "effects": [], "next_experiment": "Look at the winches."}
     (tmp_path / "explanation.json").write_text(json.dumps(unknown))
-    assert after_command(replace(options, out=None)) == 0
+    assert after_command(replace(options, out=None, criterion=Criterion.D)) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "The verdict is unknown-physics" in said
     assert "Look at the winches." in said
     assert "Nothing is in question" not in said
+    assert " next01 " in said
+    assert "--out FOLDER makes plan.toml" in said
+
+
+@pytest.fixture
+def explained(irma4: Robot, trials: list[Trial], tmp_path: Path) -> AfterOptions:
+    """A campaign, and an explanation that leaves a tilt in question."""
+    write_robot(tmp_path / "robot.toml", irma4)
+    write_campaign(tmp_path, campaign_of(irma4, trials[:2]))
+    nominal = zip(PARAMETER_NAMES, irma4.nominal.vector.tolist(), strict=True)
+    parameters = {name: {"value": v, "sd": 1e-5, "nominal": v} for name, v in nominal}
+    table = {
+        "format": "fidim-explanation/1",
+        "campaign": "c",
+        "verdict": "explained",
+        "effects": [
+            {
+                "id": "gravity-tilt",
+                "equivalent_to": ["constant-force"],
+                "parameters": {"roll": {"value": 5e-3}, "pitch": {"value": 1e-3}},
+            }
+        ],
+        "where": [],
+        "held_out": {"chi2_per_dof": {"before": 9.0, "after": 1.0}, "rms_mm": {"before": 1.0, "after": 0.1}},
+        "ranking": [],
+        "parameters": parameters,
+        "parameters_before": parameters,
+        "next_experiment": "Use a spirit level.",
+        "message": "m",
+        "seconds": 1.0,
+    }
+    (tmp_path / "explanation.json").write_text(json.dumps(table))
+    return AfterOptions(tmp_path / "explanation.json", None, None, 1, tmp_path / "next", None)
+
+
+def test_windows_that_hardly_tell_are_no_plan(explained: AfterOptions, capsys: pytest.CaptureFixture[str]):
+    assert after_command(explained) == 1
+    assert explained.out is not None
+    assert [one.name for one in explained.out.iterdir()] == ["next.json"]
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Use a spirit level." in said
+    assert "no plan.toml: no window" in said
+    assert "fidim run" not in said
+
+
+def test_an_explanation_of_another_campaign_is_refused(explained: AfterOptions):
+    explained.after.write_text(explained.after.read_text().replace('"c"', '"anchor moved"'))
+    with pytest.raises(SetupError, match=r"is about the campaign 'anchor moved', and .* is 'c'"):
+        after_command(explained)
+
+
+@pytest.mark.parametrize(("criterion", "says"), [(Criterion.C, "knows no body"), (Criterion.D, "effects in question")])
+def test_a_criterion_without_a_meaning_is_refused(explained: AfterOptions, criterion: Criterion, says: str):
+    with pytest.raises(SetupError, match=says):
+        after_command(replace(explained, criterion=criterion))
 
 
 def test_without_a_campaign_it_says_so(tmp_path: Path):
     (tmp_path / "explanation.json").write_text("{}")
     with pytest.raises(SetupError, match="--campaign"):
-        after_command(AfterOptions(tmp_path / "explanation.json", None, Criterion.A, 1, None, None))
+        after_command(AfterOptions(tmp_path / "explanation.json", None, None, 1, None, None))
 
 
 def test_odds_know_what_is_clear():
