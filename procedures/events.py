@@ -162,7 +162,7 @@ class Publisher:
             try:
                 listener(event)
             except Exception as error:  # whatever a listener does wrong must not reach the robot
-                what = f"{type(error).__name__} at {type(event).__name__}: {error}"
+                what = f"{type(error).__name__}: {error}"
                 if what not in self.failed:
                     self.failed.append(what)
 

@@ -109,7 +109,7 @@ def test_a_listener_that_fails_is_told_the_rest_and_what_it_raised_is_kept_once(
     for t in range(4):
         publish(Prompted(float(t), "i01", PROMPT))
     assert heard == [0.0, 1.0, 2.0, 3.0]
-    assert publish.failed == ["KeyError at Prompted: 'more1'"]
+    assert publish.failed == ["KeyError: 'more1'"]
 
 
 def test_a_script_answers_by_kind_or_says_what_it_lacks():
