@@ -43,9 +43,8 @@ class Ledger:
     def take(self, step: Step, result: Result, t: float) -> WindowFinished | None:
         """Account for one finished step; the verdict event when it decides about a window."""
         row = self._rows.get(step.window)
-        if row is None and isinstance(step, Accept | GiveUp):  # one that the procedure has added to the plan's
-            known = (step.role, step.attempt) if isinstance(step, Accept) else (Role.IDENTIFY, 0)
-            row = WindowRow(step.window, known[0], attempts=known[1])
+        if row is None:
+            row = _added(step)
         if row is None:
             return None
         match step:
@@ -67,3 +66,14 @@ class Ledger:
         done = sum(known.outcome is not Outcome.UNSET for known in self.rows)
         row = self._rows[row.id]
         return WindowFinished(t, row.id, result.outcome, result.reason, done, len(self._rows), row.role, row.attempts)
+
+
+def _added(step: Step) -> WindowRow | None:
+    """The row of a window that the procedure has added to the plan's, where the step decides about one."""
+    match step:
+        case Accept():
+            return WindowRow(step.window, step.role, attempts=step.attempt)
+        case GiveUp():
+            return WindowRow(step.window, Role.IDENTIFY)
+        case _:
+            return None

@@ -110,9 +110,7 @@ class Workspace:
 
 def check_moves(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> None:
     """Refuse a procedure that leaves the workspace anywhere. Raises InfeasibleError naming all steps that do."""
-    found = [f"{name}: {wrong.says}" for name, wrong in _wrong_steps(steps, robot, workspace)]
-    if found:
-        raise _beyond(found)
+    _refuse([f"{name}: {wrong.says}" for name, wrong in _wrong_steps(steps, robot, workspace)])
 
 
 def check_displacements(plan: Plan, robot: Robot) -> None:
@@ -120,18 +118,21 @@ def check_displacements(plan: Plan, robot: Robot) -> None:
 
     For a procedure whose steps are planned for what can be reached, so that they do not show what was wanted.
     """
-    found = [
-        f"window {window.id}, {wrong.says}"
-        for window in plan.windows
-        for wrong in _too_far(tuple(map(float, window.displacement)), robot)
-    ]
-    if found:
-        raise _beyond(found)
+    _refuse(
+        [
+            f"window {window.id}, {wrong.says}"
+            for window in plan.windows
+            for wrong in _too_far(tuple(map(float, window.displacement)), robot)
+        ]
+    )
 
 
-def _beyond(found: Sequence[str]) -> InfeasibleError:
+def _refuse(found: Sequence[str]) -> None:
+    """Raise InfeasibleError where anything is."""
+    if not found:
+        return
     more = f" (and {len(found) - 4} more)" if len(found) > 4 else ""
-    return InfeasibleError(
+    raise InfeasibleError(
         "The plan leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
         hint="Nothing was moved. Change these windows in the plan.",
     )

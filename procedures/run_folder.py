@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.data.campaign import INDEX, ROBOT, IndexEntry, write_index
-from fidim_lab.data.plan_file import WINDOW_ID
+from fidim_lab.data.plan_file import wrong_id
 from fidim_lab.data.records import Robot, Role
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.errors import SetupError
@@ -75,8 +75,7 @@ def require_new(path: Path) -> None:
 
 def check_window_ids(ids: Sequence[str]) -> None:
     """Windows become file names. Raises SetupError for an id that cannot, or is there twice."""
-    for number, id_ in enumerate(ids, start=1):
-        if not WINDOW_ID.fullmatch(id_):
-            raise SetupError(f"Window {number}: {id_!r} cannot be a file name; use letters, digits, _ . and -.")
-        if id_ in ids[: number - 1]:
-            raise SetupError(f"Window {number}: the id {id_!r} is there twice.")
+    wrong = wrong_id(ids)
+    if wrong is not None:
+        number, problem = wrong
+        raise SetupError(f"Window {number}: the id {problem.removesuffix('.')}.")

@@ -19,14 +19,13 @@ from fidim_lab.data.rig_guard_tables import (
     FollowingErrorFor,
     LoopLate,
     MarkerFor,
-    NotNegative,
     Overload,
-    Positive,
     SampleAge,
     Slack,
     TemperatureAge,
     TensionFor,
 )
+from fidim_lab.data.toml_file import NotNegative, Positive
 
 LONGEST_TOGETHER = 0.5
 """s; at the usual acceleration a winch that went alone would be 25 mm ahead by then"""

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.table import Table
 
 from fidim_lab.app import console
 from fidim_lab.app.design_picture import write_picture
 from fidim_lab.app.design_robot import doubting, require_possible
 from fidim_lab.app.design_study import study_command
 from fidim_lab.app.spread_out import workers
+from fidim_lab.app.windows_table import windows_table
 from fidim_lab.app.working import Working
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import PARAMETER_NAMES, Plan, PlannedWindow, Robot, Role
@@ -22,7 +22,6 @@ from fidim_lab.identification.design.search import Design, design
 from fidim_lab.identification.design.task import ByWinches, Criterion, DesignTask
 from fidim_lab.identification.excitation.place import WinchLimits
 from fidim_lab.model.free_motion import conditioning, marker_selector
-from fidim_lab.units import millimetres
 
 WRONG = 0.05
 """relative size of the wrong CAD values against which --robust designs"""
@@ -186,20 +185,13 @@ def _finite(value: float) -> float | None:
 
 
 def _print(found: Design, options: DesignOptions) -> None:
-    n, bad, tensions = found.task.robot.n, _conditionings(found), found.motions.tensions
-    table = Table(title=f"{found.task.equilibria} equilibria, {found.task.samples} samples each")
-    for name in ("k", *(f"l_{i + 1}, m" for i in range(n)), "Δx, Δy, mm", "marker at rest, m", "tension, N", "cond."):
-        table.add_column(name, justify="right")
-    for k, z in enumerate(found.z):
-        aside, rest = _aside(found, k), found.rests[k]
-        table.add_row(
-            str(k + 1),
-            *(f"{v:.3f}" for v in z[:n]),
-            ", ".join(f"{millimetres(v):.1f}" for v in aside),
-            ", ".join(f"{v:.3f}" for v in rest),
-            f"{tensions[k].min():.1f} – {tensions[k].max():.1f}",
-            f"{bad[k]:.1f}",
-        )
+    title = f"{found.task.equilibria} equilibria, {found.task.samples} samples each"
+    numbers = [str(k) for k in range(1, len(found.z) + 1)]
+    notes = [
+        (f"{tensions.min():.1f} – {tensions.max():.1f}", f"{conditioning_:.1f}")
+        for tensions, conditioning_ in zip(found.motions.tensions, _conditionings(found), strict=True)
+    ]
+    table = windows_table(title, numbers, as_plan(found).windows, notes, ("k", "tension, N", "cond."))
     console.out.print(table)
     for line in _lines(found, options):
         console.out.print(line, markup=False)

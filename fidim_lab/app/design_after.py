@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fidim_lab.app import console
-from fidim_lab.app.design_after_words import ANSWER, PLAN, closing, windows_table
+from fidim_lab.app.design_after_words import ANSWER, PLAN, closing, proposed_table
 from fidim_lab.app.report.explanation_file import ExplanationTable, read_explanation
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.plan_file import write_plan
@@ -49,7 +49,7 @@ class _Next:
     windows: tuple[np.ndarray, ...]
     """[lengths; displacement], m, of those worth recording"""
     notes: tuple[tuple[str, ...], ...]
-    """for each window, as `windows_table` shows them"""
+    """for each window, as `proposed_table` shows them"""
     table: dict[str, object]
     lines: tuple[str, ...]
     code: int = 0
@@ -199,7 +199,7 @@ def _write(options: AfterOptions, plan: Plan, table: dict[str, object]) -> None:
 def _print(found: _Next, plan: Plan, options: AfterOptions) -> None:
     console.out.print("\n".join(found.lines), markup=False)
     if plan.windows:
-        console.out.print(windows_table(plan, found.notes))
+        console.out.print(proposed_table(plan, found.notes))
     for line in closing(plan, options.out):
         console.out.print(line, markup=False)
 

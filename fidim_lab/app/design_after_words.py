@@ -5,30 +5,19 @@ from pathlib import Path
 
 from rich.table import Table
 
+from fidim_lab.app.windows_table import windows_table
 from fidim_lab.data.records import Plan
-from fidim_lab.units import millimetres
 
 PLAN, ANSWER = "plan.toml", "next.json"
 
 
-def windows_table(plan: Plan, notes: Sequence[tuple[str, ...]]) -> Table:
-    """The windows as `fidim design` shows them, with their notes.
+def proposed_table(plan: Plan, notes: Sequence[tuple[str, ...]]) -> Table:
+    """The windows with their notes.
 
     notes: for each window the effect that it is for, and the odds once it and those before it are recorded; or nothing.
     """
-    table = Table(title="To record next")
-    lengths = (f"l_{i + 1}, m" for i in range(len(plan.windows[0].lengths)))
-    for name in ("window", *lengths, "Δx, Δy, mm", "marker at rest, m", *(("for", "odds") if notes[0] else ())):
-        table.add_column(name, justify="right")
-    for window, note in zip(plan.windows, notes, strict=True):
-        table.add_row(
-            window.id,
-            *(f"{v:.3f}" for v in window.lengths),
-            ", ".join(f"{millimetres(v):.1f}" for v in window.displacement),
-            ", ".join(f"{v:.3f}" for v in window.position),
-            *note,
-        )
-    return table
+    heads = ("window", *(("for", "odds") if notes[0] else ()))
+    return windows_table("To record next", [window.id for window in plan.windows], plan.windows, notes, heads)
 
 
 def closing(plan: Plan, out: Path | None) -> list[str]:

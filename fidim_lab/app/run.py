@@ -5,7 +5,7 @@ aborts the run (a second one, too, only asks); the robot is held before the serv
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from fidim_lab.errors import SetupError
 from procedures.catalogue import never_asks
 from procedures.listing import Outline
 from procedures.run_folder import require_new
-from procedures.steps import Ask
+from procedures.steps import Ask, Step
 
 LISTING = "fidim-listing/1"
 
@@ -58,8 +58,8 @@ def run_command(options: RunOptions) -> int:
     spec = make_spec(options)
     if options.listing:
         work = prepare(spec)
-        _refuse_answers(work, _asked(work))
         outline = Outline(work.experiment.procedure)
+        _refuse_answers(work, _asked(work, outline.steps))
         console.out.print(outline.text(), end="", markup=False)
         write_answer(options.json_file, LISTING, _listed(outline))
         return 0
@@ -112,7 +112,7 @@ def make_spec(options: RunOptions) -> RunSpec:
 
 def require_answers(work: Work) -> None:
     """An answer must be to a prompt that may come; left alone, a run must have one to each kind. Raises SetupError."""
-    asked = _asked(work)
+    asked = _asked(work, Outline(work.experiment.procedure).steps)
     _refuse_answers(work, asked)
     answers = _answers(work)
     missing = [kind.value for kind in asked if kind not in answers]
@@ -129,9 +129,8 @@ def _answers(work: Work) -> Mapping[PromptKind, AnswerSpec]:
     return work.spec.unattended.answers if work.spec.unattended else {}
 
 
-def _asked(work: Work) -> dict[PromptKind, tuple[str, ...]]:
-    """Kinds of prompts that may come, each with all that may be answered."""
-    steps = Outline(work.experiment.procedure).steps
+def _asked(work: Work, steps: Sequence[Step]) -> dict[PromptKind, tuple[str, ...]]:
+    """Kinds of prompts that may come with these steps, each with all that may be answered."""
     prompts = [step.prompt for step in steps if isinstance(step, Ask)]
     if any(step.window for step in steps) and not never_asks(
         work.spec.procedure

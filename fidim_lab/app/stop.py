@@ -37,7 +37,7 @@ def stop_command(rig: Path | None, reason: str, json_file: Path | None = None) -
 
 def _places(rig: Path | None) -> list[Place]:
     if rig is not None:
-        file = read_rig(rig)
+        file = read_rig(rig, opened=False)
         return [place_of(file, embedded=embedded) for embedded in (False, True)]
     folder = runtime_folder()
     return [Place(folder, path.stem) for path in sorted(folder.glob("*.lock"))]

@@ -1,6 +1,7 @@
 """Plan files: the windows of an experiment, as TOML ("fidim-plan/1")."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -52,6 +53,16 @@ class PlanTable(Table):
     window: Annotated[list[PlannedWindowTable], Field(min_length=1)]
 
 
+def wrong_id(ids: Sequence[str]) -> tuple[int, str] | None:
+    """The first window, counted from 1, whose id cannot be a file's name or is there twice, and why; None if none."""
+    for number, id_ in enumerate(ids, start=1):
+        if not WINDOW_ID.fullmatch(id_):
+            return number, f"{id_!r} cannot be a file name; use letters, digits, _ . and -."
+        if id_ in ids[: number - 1]:
+            return number, f"{id_!r} is there twice"
+    return None
+
+
 def read_plan(path: Path, cables: int) -> Plan:
     """Read a plan for a robot of so many cables. Raises FileError naming every wrong key."""
     table = read_toml(path, PlanTable, FORMAT)
@@ -60,14 +71,10 @@ def read_plan(path: Path, cables: int) -> Plan:
             raise FileError(
                 path, f"window {number}, lengths", f"{len(window.lengths)} values for a robot of {cables} cables"
             )
-    ids = [w.id for w in table.window]
-    for number, id_ in enumerate(ids, start=1):
-        if not WINDOW_ID.fullmatch(id_):
-            raise FileError(
-                path, f"window {number}, id", f"{id_!r} cannot be a file name; use letters, digits, _ . and -."
-            )
-        if id_ in ids[: number - 1]:
-            raise FileError(path, f"window {number}, id", f"{id_!r} is there twice")
+    wrong = wrong_id([window.id for window in table.window])
+    if wrong is not None:
+        number, problem = wrong
+        raise FileError(path, f"window {number}, id", problem)
     return Plan(
         name=table.name,
         windows=tuple(

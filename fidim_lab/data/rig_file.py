@@ -33,13 +33,16 @@ SAME_DRUM = 0.01
 """by how much of it a drum radius may differ between rig and robot file"""
 
 
-def read_rig(path: Path) -> RigFile:
+def read_rig(path: Path, *, opened: bool = True) -> RigFile:
     """Read and check a rig file and the robot file it names.
 
+    opened: False where its bus will not be: then python-can is not asked for the interface, and an emergency stop does
+    not wait until it is imported.
     Raises FileError naming file, table, key, what was found and what is allowed; all mistakes of one kind at once.
     """
     table = read_toml(path, RigTable, FORMAT)
-    _check_interface(path, table.bus.interface)
+    if opened:
+        _check_interface(path, table.bus.interface)
     robot_file = robot_path(table.robot, path.parent)
     robot = read_robot(robot_file)
     _check_cables(path, table, robot)

@@ -8,10 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from fidim_lab.data.toml_file import Table
+from fidim_lab.data.toml_file import NotNegative, Positive, Table
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 SampleAge = Annotated[float, Field(gt=0, le=2)]
 """s"""
 Slack = Annotated[float, Field(ge=0, lt=1)]

@@ -8,10 +8,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from fidim_lab.data.rig import MocapKind
 from fidim_lab.data.rig_guard_tables import GuardsTable
 from fidim_lab.data.rig_serial_tables import InclinometerTable, LoadCellsTable, ReleaseTable, SeveralLoadCells
-from fidim_lab.data.toml_file import Table
+from fidim_lab.data.toml_file import NotNegative, Positive, Table
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
 Port = Annotated[int, Field(ge=1, le=65535)]
 

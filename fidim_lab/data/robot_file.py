@@ -9,7 +9,7 @@ import tomli_w
 from pydantic import Field, model_validator
 
 from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Winch
-from fidim_lab.data.toml_file import Table, read_toml
+from fidim_lab.data.toml_file import NotNegative, Positive, Table, read_toml
 
 FORMAT = "fidim-robot/1"
 PAPERS_ROBOT = Path(__file__).parent / "robots" / "irma4.toml"
@@ -18,8 +18,6 @@ BUILT_IN_ROBOTS = MappingProxyType({"irma4": PAPERS_ROBOT})
 """robots that are called by name instead of a file"""
 
 Vector = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 
 AXIS_TOLERANCE = 1e-6
 """how far x, y, z of a swivel may be from a right-handed orthonormal triad"""

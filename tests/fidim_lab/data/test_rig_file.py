@@ -229,6 +229,10 @@ def test_a_mistake_is_named(changed, case):
         assert "rig.toml" in str(caught.value)
 
 
+def test_python_can_is_not_asked_where_the_bus_will_not_be_opened(changed):
+    assert read_rig(changed('"slcan"', '"?"'), opened=False).bus.interface == "?"
+
+
 def test_all_mistakes_at_once(changed, tmp_path):
     path = changed("gear_ratio = 10.0", "gear_ratio = -1.0")
     path.write_text(path.read_text().replace("rate = 100.0    ", "rate = 0.0    "))
