@@ -17,6 +17,7 @@ from fidim_lab.app import console
 from fidim_lab.app.service.place import Place, holder, in_use
 from fidim_lab.app.service.spec import HOOK_TIMEOUT, RunSpec
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
+from fidim_lab.say import printable
 
 READY_WITHIN = 60.0
 """s for the service to open its rig"""
@@ -46,7 +47,7 @@ def said_at_end(place: Place) -> list[str]:
     """What the service has left to say when the run is over: a hook that failed."""
     with suppress(OSError):
         lines = place.log.read_text(encoding="utf-8", errors="replace").splitlines()
-        return [line.removeprefix(SAYS) for line in lines if line.startswith(SAYS)]
+        return [printable(line.removeprefix(SAYS)) for line in lines if line.startswith(SAYS)]
     return []
 
 
@@ -105,4 +106,5 @@ def _did_not_begin(place: Place, code: int) -> SetupError | HardwareError | Refu
     """What the service said, as the error that has its exit code."""
     said = place.log.read_text(encoding="utf-8", errors="replace").strip().removeprefix("fidim: ")
     kinds = {kind.exit_code: kind for kind in (SetupError, RefusedError)}
-    return kinds.get(code, HardwareError)(said or f"The service ended with exit code {code} before it began.")
+    silent = f"The service ended with exit code {code} before it began."
+    return kinds.get(code, HardwareError)(printable(said) or silent)

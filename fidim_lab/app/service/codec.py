@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from fidim_lab.app.service.commands import Message
+from fidim_lab.say import printable
 
 LINE_LIMIT = 1 << 20
 """bytes: a history of thousands of events, and no more"""
@@ -63,7 +64,7 @@ class LineDecoder(Generic[M]):
     def _break(self, says: str) -> Malformed:
         self._broken = True
         self._rest.clear()
-        return Malformed(says)
+        return Malformed(printable(says))
 
 
 def _sentence(place: tuple[int | str, ...], problem: str) -> str:

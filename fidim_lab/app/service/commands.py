@@ -1,20 +1,35 @@
 """What a client may say to a service: hello, then commands. `messages` has what the service says."""
 
-from typing import Annotated, Literal
+from functools import partial
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, field_validator
+
+from fidim_lab.say import printable
 
 PROTOCOL = "fidim-service/1"
-TEXT = 2000
-"""characters of a reason or name at most"""
+REASON = 300
+"""characters of a reason; a longer one is cut, for a stop is never refused over its words"""
+NAME = 40
+"""characters of a client's name, on a line with what it did"""
 
-Text = Annotated[str, Field(max_length=TEXT)]
+Text = Annotated[str, AfterValidator(partial(printable, longest=REASON))]
+Name = Annotated[str, AfterValidator(partial(printable, longest=NAME))]
 
 
 class Message(BaseModel):
-    """Frozen, and nothing but its own keys."""
+    """Frozen, and nothing but its own keys. All its texts are printable, in both directions: it ends on terminals."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @field_validator("*")
+    @classmethod
+    def _printable(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            return printable(value)
+        if isinstance(value, tuple) and value and isinstance(value[0], str):
+            return tuple(map(printable, value))
+        return value
 
 
 class TakeLease(Message):
@@ -54,7 +69,7 @@ class Skip(Message):
     """Go on without the present window."""
 
     name: Literal["skip"] = "skip"
-    reason: Annotated[str, Field(min_length=1, max_length=TEXT)]
+    reason: Annotated[Text, Field(min_length=1)]
 
 
 class Retry(Message):
@@ -68,7 +83,7 @@ class Abort(Message):
     """End the run here; the robot is held."""
 
     name: Literal["abort"] = "abort"
-    reason: Annotated[str, Field(min_length=1, max_length=TEXT)]
+    reason: Annotated[Text, Field(min_length=1)]
 
 
 class EmergencyStop(Message):
@@ -121,7 +136,7 @@ class Hello(Message):
 
     type: Literal["hello"] = "hello"
     protocol: Text = PROTOCOL
-    client: Text = ""
+    client: Name = ""
     """a name for journals and other people's screens: "fidim run", "tui", "lab script" """
     token: Text = ""
     """needed on TCP; as in the file that the service names when it starts"""

@@ -18,6 +18,9 @@ a token. Both sides send JSON objects, UTF-8, one a line. A client says `hello` 
 second, and may send commands; each has one `answer` with its number. A line that is no message of this page gets a
 `refusal`, and the connection is closed; nothing else changes. A client that does not read is dropped after some 2 MB.
 
+All texts end on terminals, so both sides make them printable when they arrive: line ends and tabs become spaces, other
+control characters and direction marks their codes (`\\x1b`). A client's name is cut to 40 characters, a reason to 300.
+
 Any number may watch, one may command (`take-lease`); `e-stop` and the answers to prompts are anybody's. The emergency
 stop is latched when a service begins, and reset in two steps. Numbers are SI. Keys without a default must be there;
 unknown keys are an error. A new key or message is a new version of the protocol.

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from fidim_lab.app.service.codec import LINE_LIMIT, LineDecoder, Malformed, encode
 from fidim_lab.app.service.commands import (
+    REASON,
     TO_SERVICE,
     Abort,
     AnswerPrompt,
@@ -22,7 +23,7 @@ from fidim_lab.app.service.commands import (
     TakeLease,
 )
 from fidim_lab.app.service.latch import CODE_LIFE, Latch
-from fidim_lab.app.service.messages import TO_CLIENT, Refusal
+from fidim_lab.app.service.messages import TO_CLIENT, Bye, Happening, History, Question, Refusal, Welcome
 from fidim_lab.app.service.reference import messages_page
 from fidim_lab.app.service.session import Lease, ServerSession, Stage
 
@@ -55,6 +56,54 @@ def test_the_wire_is_what_the_page_says(wire, message):
     assert session.receive(wire) == [message]
     assert session.stage is Stage.TALKING
     assert session.name == "me #1"
+
+
+HOSTILE = "\x1b[2J\x1b]0;OWNED\x07\u202eX\nFAKE LINE" + "A" * 3000
+
+
+def test_texts_of_a_client_are_printable_and_a_stop_is_never_refused_over_its_words():
+    session = ServerSession(1)
+    hello = json.dumps({"type": "hello", "client": HOSTILE}).encode() + b"\n"
+    stop = {"type": "command", "id": 1, "command": {"name": "e-stop", "reason": HOSTILE}}
+    _, request = session.receive(hello + json.dumps(stop).encode() + b"\n")
+    assert session.name == "\\x1b[2J\\x1b]0;OWNED\\x07\\u202eX FAKE LIN… #1"
+    assert isinstance(request, Request)
+    assert isinstance(request.command, EmergencyStop)
+    assert request.command.reason.isprintable()
+    assert len(request.command.reason) == REASON
+
+
+def texts(value):
+    if isinstance(value, str):
+        return [value]
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    return [text for part in parts for text in texts(part)]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Bye(says="@", exit_code=0),
+        Refusal(says="@"),
+        Welcome(you=1, run="@", folder="f", rig="@", windows=("i01", "@"), winches=("@",)),
+        Question(number=1, kind="steady", window="@", text="@", choices=("@", "b")),
+        History(events=(Happening(number=1, t=0.0, wall="", kind="e-stop", text="@", reason="@"),)),
+    ],
+    ids=lambda message: message.type,
+)
+def test_texts_of_a_service_are_printable_too(message):
+    """Names of drives and markers come from other devices."""
+    wire = encode(message).replace(b"@", json.dumps(HOSTILE)[1:-1].encode())
+    (taken,) = LineDecoder(TO_CLIENT).receive(wire)
+    assert "\\x1b[2J" in str(texts(taken.model_dump()))
+    assert all(text.isprintable() for text in texts(taken.model_dump()))
+
+
+def test_what_is_wrong_with_a_line_is_said_in_printable_words():
+    line = json.dumps({"type": "hello", "\x1b[2J": 1}).encode() + b"\n"
+    (taken,) = LineDecoder(TO_SERVICE).receive(line)
+    assert isinstance(taken, Malformed)
+    assert taken.says.isprintable()
 
 
 REFUSED = [
