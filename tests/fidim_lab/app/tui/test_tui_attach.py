@@ -6,6 +6,7 @@ import socket
 
 import pytest
 import tomli_w
+from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
 
 from fidim_lab.app.cli import run
@@ -13,7 +14,7 @@ from fidim_lab.app.dry_run import DryRunOptions
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import Place, held
 from fidim_lab.app.tui.find import Finder
-from fidim_lab.app.tui.web import COOKIE, TokenServer, command_line, serve
+from fidim_lab.app.tui.web import TokenServer, command_line, serve
 from fidim_lab.app.ui import finder_for
 from fidim_lab.app.ui_dry_run import make_spec, rig_table, with_winches
 from fidim_lab.data.rig_file import read_rig
@@ -57,43 +58,102 @@ def test_a_dry_run_has_a_rig_file_for_any_robot(irma4, cable_ring, ring, tmp_pat
     assert len(read_rig(tmp_path / "rig.toml").winches) == robot.n
 
 
-def _browse(*steps):
-    """Requests to the web UI, one after another; answers each with status and text."""
+HERE = {"Host": "127.0.0.1:8420", "Origin": "http://127.0.0.1:8420"}
+"""as the UI's own page asks"""
+
+
+def _browse(*steps, command="true"):
+    """Requests to the web UI, one after another; answers each with status, text and headers."""
 
     async def main():
-        server = TokenServer("true", 8420, TOKEN)
+        server = TokenServer(command, 8420, TOKEN)
         found = []
-        app = await server.make_app()
-        async with TestClient(TestServer(app)) as client:
+        async with TestClient(TestServer(await server.make_app())) as client:
             for path, headers in steps:
                 headers = {"Host": "127.0.0.1:8420", **headers}
                 async with client.get(path, headers=headers, allow_redirects=False) as answer:
-                    found.append((answer.status, await answer.text(), answer.headers.get("Set-Cookie", "")))
+                    found.append((answer.status, await answer.text(), answer.headers))
         return found
 
     return asyncio.run(main())
 
 
-def test_without_the_token_nothing_is_served():
-    paths = ["/", "/ws", "/static/js/textual.js", "/?token=wrong", "/download/x"]
-    wrong = {"Cookie": f"{COOKIE}=wrong"}
-    assert [status for status, *_ in _browse(*((path, {}) for path in paths))] == [403] * len(paths)
-    assert [status for status, *_ in _browse(*((path, wrong) for path in paths))] == [403] * len(paths)
+@pytest.fixture
+def reached(monkeypatch):
+    """Whether who asks like this would get a UI of its own."""
+
+    async def started(self, request):
+        return web.Response(status=200)
+
+    monkeypatch.setattr("textual_serve.server.Server.handle_websocket", started)
+
+    def reached(path, headers):
+        [(status, *_)] = _browse((path, headers))
+        assert status in (200, 403, 404)
+        return status == 200
+
+    return reached
 
 
-def test_with_the_token_a_cookie_is_given_that_other_sites_cannot_use():
-    [(status, _, cookie)] = _browse((f"/?token={TOKEN}", {}))
-    assert status == 302
-    assert re.search("HttpOnly", cookie)
-    assert re.search("SameSite=Strict", cookie)
-    [(status, text, _)] = _browse(("/", {"Cookie": f"{COOKIE}={TOKEN}"}))
-    assert status == 200
-    assert "textual" in text
+def test_the_socket_opens_for_the_page_that_knows_the_token_by_both_names_of_this_computer(reached):
+    assert reached(f"/ws/{TOKEN}?width=80&height=24", HERE)
+    assert reached(f"/ws/{TOKEN}", {"Host": "localhost:8420", "Origin": "http://localhost:8420"})
 
 
-def test_another_host_name_is_refused_even_with_the_token():
-    [(status, *_)] = _browse((f"/?token={TOKEN}", {"Host": "evil.example:8420"}))
-    assert status == 403
+@pytest.mark.parametrize("path", ["/ws", "/ws/", "/ws/wrong", "/ws/%ED%A0%80", f"/ws?token={TOKEN}", f"/ws/{TOKEN}/x"])
+def test_without_the_token_the_socket_stays_closed_whatever_cookie_comes(path, reached):
+    assert not reached(path, {**HERE, "Cookie": f"fidim-ui={TOKEN}; token={TOKEN}"})
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "http://127.0.0.1:9999",  # another user's server on this computer
+        "http://127.0.0.1",
+        "https://127.0.0.1:8420",
+        "http://localhost:8420",  # a page asks by the name that it has itself
+        "http://evil.example:8420",
+        "null",
+        "",
+    ],
+)
+def test_no_other_page_opens_the_socket_even_with_the_token(origin, reached):
+    assert not reached(f"/ws/{TOKEN}", {**HERE, "Origin": origin})
+    assert _browse(("/", {"Origin": origin}), ("/static/js/textual.js", {"Origin": origin}))[0][0] == 403
+
+
+def test_the_socket_wants_to_know_which_page_asks(reached):
+    assert not reached(f"/ws/{TOKEN}", {"Host": "127.0.0.1:8420"})
+
+
+@pytest.mark.parametrize("host", ["evil.example:8420", "127.0.0.1:9999", "127.0.0.1", "[::1]:8420", "127.0.0.1.:8420"])
+def test_a_name_that_was_rebound_to_this_computer_is_refused_on_every_route(host, reached):
+    assert not reached(f"/ws/{TOKEN}", {"Host": host, "Origin": f"http://{host}"})
+    paths = ("/", "/static/js/textual.js")
+    assert [status for status, *_ in _browse(*((path, {"Host": host}) for path in paths))] == [403, 403]
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_another_page_gets_no_part_of_this_one_but_a_link_may_lead_here(site):
+    about = {"Sec-Fetch-Site": site}
+    script, framed, followed = _browse(
+        ("/static/js/textual.js", {**about, "Sec-Fetch-Dest": "script"}),
+        ("/", {**about, "Sec-Fetch-Dest": "iframe"}),
+        ("/", {**about, "Sec-Fetch-Dest": "document"}),
+    )
+    assert [script[0], framed[0], followed[0]] == [403, 403, 200]
+
+
+def test_no_cookie_is_given_and_the_page_holds_no_token():
+    for _, text, headers in _browse(("/", {}), (f"/?token={TOKEN}", {}), ("/static/js/textual.js", {})):
+        assert "Set-Cookie" not in headers
+        assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        assert TOKEN not in text
+
+
+def test_what_textual_serve_has_besides_is_not_there():
+    assert [status for status, *_ in _browse(("/download/x", {}), ("/static/", {}))] == [404, 403]
 
 
 def test_the_browser_runs_the_same_ui(tmp_path):
@@ -108,14 +168,10 @@ def test_a_port_that_is_taken_is_said(tmp_path):
             serve(tmp_path, None, taken.getsockname()[1])
 
 
-def test_the_page_asks_no_other_computer_and_keeps_to_the_name_it_was_asked_by():
-    cookie = {"Cookie": f"{COOKIE}={TOKEN}"}
-    [(_, text, _)] = _browse(("/", {**cookie, "Host": "localhost:8420"}))
-    assert 'data-session-websocket-url="ws://localhost:8420/ws"' in text
+def test_the_page_asks_no_other_computer():
+    [(status, text, _)] = _browse(("/", {}))
+    assert status == 200
     assert re.findall(r"https?://", text) == []
-    [(_, large, _), (_, wrong, _)] = _browse(("/?fontsize=32", cookie), ("/?fontsize=9999", cookie))
-    assert 'data-font-size="32"' in large
-    assert 'data-font-size="16"' in wrong
 
 
 def test_an_effect_that_nobody_knows_is_said_before_anything_starts(runtime, tmp_path, capsys):

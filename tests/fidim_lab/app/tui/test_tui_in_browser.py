@@ -64,10 +64,12 @@ def test_the_ui_in_a_browser_takes_keys_and_needs_the_token(fake, tmp_path, brow
 
 
 async def _refused(page, address):
-    await page.go(address.partition("?")[0])
-    assert "token is missing or wrong" in await page.evaluate("document.body.innerText")
-    await page.go(address[:-3] + "xyz")
-    assert "token is missing or wrong" in await page.evaluate("document.body.innerText")
+    for wrong in (address.partition("#")[0], address[:-3] + "xyz"):
+        await page.go("about:blank")
+        await page.go(wrong)
+        await page.until("document.body.innerText.includes('token is missing or wrong')", "a refusal")
+        await page.evaluate("sessionStorage.clear()")
+    await page.go("about:blank")
     page.asked.clear()
     page.refused.clear()
 
@@ -75,6 +77,7 @@ async def _refused(page, address):
 async def _used(page, address, fake):
     await page.go(address)
     assert "token" not in await page.evaluate("location.href")
+    assert not await page.evaluate("document.cookie")
     await page.tell("Emulation.setFocusEmulationEnabled", enabled=True)
     await page.wait(lambda: "● live" in page.frames, "the session")
     fake.ask()
