@@ -52,7 +52,7 @@ class Bench:
     def environment(self) -> dict[str, str]:
         """As of an installed program: with its bytecode, which some build machines are told not to write."""
         inherited = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-        return {**inherited, "XDG_RUNTIME_DIR": str(self.folder / "runtime"), "OPENBLAS_NUM_THREADS": "1"}
+        return {**inherited, "FIDIM_RUNTIME_DIR": str(self.folder / "runtime"), "OPENBLAS_NUM_THREADS": "1"}
 
     def make(self, windows: int) -> None:
         """Rig and plan."""

@@ -20,6 +20,7 @@ from termios import TIOCSWINSZ
 
 from drivers.clock import LoopClock
 from fidim_lab.app.service.hub import Hub
+from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.messages import (
     BusState,
     EquilibriumState,
@@ -32,7 +33,7 @@ from fidim_lab.app.service.messages import (
     Welcome,
     WinchState,
 )
-from fidim_lab.app.service.place import Place, held
+from fidim_lab.app.service.place import Place
 
 TICK = os.sysconf("SC_CLK_TCK")
 ROWS, COLUMNS = 24, 80
@@ -106,9 +107,8 @@ async def measure(seconds: float) -> None:
     """Print a line for each screen."""
     clock = LoopClock()
     with tempfile.TemporaryDirectory(prefix="fu") as base:
-        os.environ["XDG_RUNTIME_DIR"] = base
-        (Path(base) / "fidim").mkdir(mode=0o700)
-        place, folder = Place(Path(base) / "fidim", "x"), Path(base) / "run"
+        os.environ["FIDIM_RUNTIME_DIR"] = base
+        place, folder = Place(Path(base), "x"), Path(base) / "run"
         folder.mkdir()
         greeting = Welcome(
             you=1, run="twelve windows", folder=str(folder), rig="rig", windows=WINDOWS, winches=("winch 1",)

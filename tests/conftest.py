@@ -1,7 +1,10 @@
 """What all tests share: where recordings lie beside the checkout, and a robot to work on."""
 
+import os
+import shutil
 import signal
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +26,15 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "fault(area, fault, …): a row of docs/faults.md, which the test asserts")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in a shell's background: tests press Ctrl-C
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_services() -> Iterator[None]:
+    """Services of tests lie apart: `fidim stop` stops all of a user's, and somebody may be at a robot."""
+    folder = tempfile.mkdtemp(prefix="ft")
+    os.environ["FIDIM_RUNTIME_DIR"] = folder
+    yield
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 @pytest.fixture(scope="session")

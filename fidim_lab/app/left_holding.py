@@ -8,7 +8,8 @@ import shlex
 from pathlib import Path
 
 from drivers.cia402.bringup import HAS_POWER
-from fidim_lab.app.service.place import Place, left_behind
+from fidim_lab.app.service.lock import left_behind
+from fidim_lab.app.service.place import Place
 from fidim_lab.app.service.spec import read_summary
 
 

@@ -20,10 +20,7 @@ def check_permissions() -> Check:
     try:
         folder = runtime_folder()
     except FidimError as error:
-        return Check(NAME, Verdict.FAILED, error.message, error.hint or "set XDG_RUNTIME_DIR to a folder of your own")
-    except OSError as error:
-        advice = "set XDG_RUNTIME_DIR to a folder of your own"
-        return Check(NAME, Verdict.FAILED, f"no folder for sockets: {error.filename}: {error.strerror}", advice)
+        return Check(NAME, Verdict.FAILED, error.message, error.hint)
     ports = [Path(port.device) for port in comports()]
     closed = [port for port in ports if not os.access(port, os.R_OK | os.W_OK)]
     if closed:

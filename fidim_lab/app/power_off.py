@@ -13,7 +13,8 @@ from drivers.ports import DriveState
 from fidim_lab.app import compose, console
 from fidim_lab.app.answer_file import write_answer
 from fidim_lab.app.compose.real import listening_time, make_master, open_bus, winch_configs
-from fidim_lab.app.service.place import holder, in_use, place_of
+from fidim_lab.app.service.lock import holder, in_use
+from fidim_lab.app.service.place import place_of
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import DeviceError, HardwareError, SetupError

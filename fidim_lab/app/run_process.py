@@ -14,7 +14,8 @@ from contextlib import contextmanager, suppress
 
 from drivers.clock import LoopClock
 from fidim_lab.app import console
-from fidim_lab.app.service.place import Place, holder, in_use
+from fidim_lab.app.service.lock import holder, in_use
+from fidim_lab.app.service.place import Place
 from fidim_lab.app.service.spec import HOOK_TIMEOUT, RunSpec
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
 from fidim_lab.say import printable

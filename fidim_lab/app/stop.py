@@ -2,7 +2,9 @@
 
 import asyncio
 import os
+import pwd
 import signal
+from contextlib import suppress
 from pathlib import Path
 
 from drivers.clock import LoopClock
@@ -10,24 +12,31 @@ from fidim_lab.app import console
 from fidim_lab.app.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import EmergencyStop
-from fidim_lab.app.service.place import Holder, Place, holder, place_of, runtime_folder
+from fidim_lab.app.service.lock import Holder, holder
+from fidim_lab.app.service.place import Place, all_places, places_of
 from fidim_lab.data.rig_file import read_rig
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import RefusedError, SetupError
+from fidim_lab.say import printable
 from procedures.timing import within
 
 FORMAT = "fidim-stop/1"
 ANSWER_WITHIN = 2.0
 """s; a service that does not answer is terminated"""
+END_WITHIN = 1.0
+"""s; one that does not end then, either, is killed"""
+LOOK = 0.05
+"""s"""
 
 
 def stop_command(rig: Path | None, reason: str, json_file: Path | None = None) -> int:
     """Stop it; returns the exit code: 0 stopped, 1 nothing was running, 3 a service did not answer."""
-    found = [(place, who) for place in _places(rig) if (who := holder(place)) is not None]
+    places = all_places() if rig is None else places_of(read_rig(rig, opened=False))
+    found = [(place, who) for place in places if (who := holder(place)) is not None]
     if not found:
         console.out.print("No service is running.", markup=False)
         write_answer(json_file, FORMAT, {"exit_code": 1, "services": []})
         return 1
-    codes = [asyncio.run(_stop(place, who, reason)) for place, who in found]
+    codes = asyncio.run(_stop_all(found, reason))
     told = [
         {"folder": who.folder, "pid": who.pid, "stopped": not code} for code, (_, who) in zip(codes, found, strict=True)
     ]
@@ -35,29 +44,51 @@ def stop_command(rig: Path | None, reason: str, json_file: Path | None = None) -
     return max(codes)
 
 
-def _places(rig: Path | None) -> list[Place]:
-    if rig is not None:
-        file = read_rig(rig, opened=False)
-        return [place_of(file, embedded=embedded) for embedded in (False, True)]
-    folder = runtime_folder()
-    return [Place(folder, path.stem) for path in sorted(folder.glob("*.lock"))]
+async def _stop_all(found: list[tuple[Place, Holder]], reason: str) -> list[int]:
+    """At the same time: a service that hangs keeps no other one running."""
+    return await asyncio.gather(*(_stop(place, who, reason) for place, who in found))
 
 
 async def _stop(place: Place, who: Holder, reason: str) -> int:
+    folder = printable(who.folder)
     try:
         says = await within(LoopClock(), ANSWER_WITHIN, _press(place, reason))
-    except (SetupError, ServiceGoneError, TimeoutError):
-        os.kill(who.pid, signal.SIGTERM)
+    except (SetupError, ServiceGoneError, RefusedError, TimeoutError):
+        did = await _end(place, who.pid)
         console.err.print(
-            f"Process {who.pid} (run {who.folder}) does not answer; it was told to end. "
-            "PRESS THE HARDWARE EMERGENCY STOP if the robot moves.",
+            f"The service of run {folder} does not answer. {did} PRESS THE HARDWARE EMERGENCY STOP if the robot moves.",
             markup=False,
         )
         return 3
-    console.out.print(f"{who.folder}: {says}", markup=False)
+    console.out.print(f"{folder}: {says}", markup=False)
     return 0
 
 
 async def _press(place: Place, reason: str) -> str:
-    async with connect(place.socket, name="fidim stop", samples=False) as service:
+    async with connect(place.socket, name=f"fidim stop ({user()})", samples=False) as service:
         return (await service.command(EmergencyStop(reason=reason))).says
+
+
+async def _end(place: Place, pid: int) -> str:
+    """End a process that holds the rig and does not answer: its drives miss its heartbeat then, and stop."""
+    if not pid:
+        return "Which process it is cannot be told, so none was ended."
+    clock = LoopClock()
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        with suppress(ProcessLookupError):
+            os.kill(pid, number)
+        end = clock.now() + END_WITHIN
+        while clock.now() < end:
+            if (now := holder(place)) is None or now.pid != pid:
+                return f"Its process {pid} was ended ({number.name})."
+            await clock.sleep(LOOK)
+    return f"Its process {pid} does not end."
+
+
+def user() -> str:
+    """Whoever types this, also behind sudo."""
+    name = os.environ.get("SUDO_USER")
+    if not name:
+        with suppress(KeyError):
+            name = pwd.getpwuid(os.getuid()).pw_name
+    return name or str(os.getuid())

@@ -18,8 +18,9 @@ from fidim_lab.app.dry_run import UNTOUCHED, DryRunOptions
 from fidim_lab.app.run_process import service_process, until_it_listens
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown, TakeLease
+from fidim_lab.app.service.lock import holder, in_use
 from fidim_lab.app.service.main import prepare
-from fidim_lab.app.service.place import Place, holder, in_use, place_of
+from fidim_lab.app.service.place import Place, place_of
 from fidim_lab.app.service.spec import RunSpec
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.ui import need_terminal, run_ui

@@ -77,7 +77,7 @@ class Bench:
 
     def service(self) -> int:
         """Its process."""
-        (lock,) = (self.folder / "runtime" / "fidim").glob("*.lock")
+        (lock,) = (self.folder / "runtime").glob("*.lock")
         return int(json.loads(lock.read_text())["pid"])
 
 
@@ -109,7 +109,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
     (tmp_path / "runtime").mkdir(mode=0o700)
-    environment = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path / "runtime"), "OPENBLAS_NUM_THREADS": "1"}
+    environment = {**os.environ, "FIDIM_RUNTIME_DIR": str(tmp_path / "runtime"), "OPENBLAS_NUM_THREADS": "1"}
     made = Bench(tmp_path, tmp_path / "rig.toml", tmp_path / "plan.toml", environment)
     simulators = made.start("simulators", made.rig, "--plan", made.plan)
     until(simulators, "ready")

@@ -49,7 +49,7 @@ def terminal(tmp_path):
 
     def open_terminal(*words):
         command = " ".join(
-            [f"XDG_RUNTIME_DIR={tmp_path}", "TERM=tmux-256color", sys.executable, "-c", f"'{FIDIM}'", *words]
+            [f"FIDIM_RUNTIME_DIR={tmp_path}", "TERM=tmux-256color", sys.executable, "-c", f"'{FIDIM}'", *words]
         )
         folder = tmp_path / f"t{len(opened)}"
         folder.mkdir()

@@ -20,8 +20,9 @@ from fidim_lab.app.run_records import RunRecords
 from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.broadcast import wall_time
 from fidim_lab.app.service.judging import explain_step
+from fidim_lab.app.service.lock import Lock, held
 from fidim_lab.app.service.opening import Opened, open_rig
-from fidim_lab.app.service.place import Lock, Place, held, place_of
+from fidim_lab.app.service.place import Place, place_of
 from fidim_lab.app.service.service import Identity, Service, new_token
 from fidim_lab.app.service.spec import NAME as SPEC
 from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, overridden, write_spec

@@ -1,21 +1,24 @@
-"""Where a service of a rig is found: its lock, its socket, its log, all under the user's own runtime folder.
+"""Where a service of a rig is found: its lock, its socket, its log, in one folder for each user of this computer.
 
-The lock is the operating system's (flock): it ends with the process that holds it, however that ended, so a lock left
-by a killed service is no obstacle. The file tells who holds it.
+The folder depends on the user alone, not on the session, the shell or TMPDIR: a stop from cron, ssh or sudo must find
+what runs, and a service outlives the session that began it. It belongs to its user (0700), and what lies in it counts
+only where it does, too. `lock` says who has a rig.
 """
 
-import fcntl
 import hashlib
-import json
 import os
-import tempfile
-from collections.abc import Generator
-from contextlib import contextmanager
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 
 from fidim_lab.data.rig import RigFile
 from fidim_lab.errors import SetupError
+
+CHOSEN = "FIDIM_RUNTIME_DIR"
+"""names another folder, for services that are to be apart from the user's others, as in tests"""
+SHARED = Path("/tmp")
+ROOT = 0
+"""user id"""
 
 
 @dataclass(frozen=True)
@@ -46,102 +49,53 @@ class Place:
         return self.folder / f"{self.key}.token"
 
 
-@dataclass(frozen=True)
-class Holder:
-    """Who has a rig."""
-
-    pid: int
-    folder: str
-    """of its run"""
-    port: int = 0
-    """on TCP; 0: none"""
-
-
 def place_of(file: RigFile, *, embedded: bool) -> Place:
     """By the bus, which only one service may have; an embedded rig by its file."""
-    name = f"embedded {file.path.resolve()}" if embedded else file.bus.name
-    return Place(runtime_folder(), hashlib.sha256(name.encode()).hexdigest()[:12])
+    return Place(runtime_folder(), _key(file, embedded=embedded))
+
+
+def places_of(file: RigFile) -> list[Place]:
+    """All at which a service of this rig may be, for a stop: root's reaches the users' too."""
+    return [Place(folder, _key(file, embedded=embedded)) for folder in _folders() for embedded in (False, True)]
+
+
+def all_places() -> list[Place]:
+    """All at which this user has, or had, a service; root sees everybody's."""
+    return [Place(folder, path.stem) for folder in _folders() for path in sorted(folder.glob("*.lock"))]
 
 
 def runtime_folder() -> Path:
     """The user's own folder for sockets (mode 0700). Raises SetupError where it belongs to somebody else."""
-    base = os.environ.get("XDG_RUNTIME_DIR")
-    folder = Path(base) / "fidim" if base else Path(tempfile.gettempdir()) / f"fidim-{os.getuid()}"
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = folder.stat()
-    if found.st_uid != os.getuid() or found.st_mode & 0o077:
-        raise SetupError(f"{folder}: must belong to you alone (mode 0700); somebody else made it, or opened it.")
+    chosen = os.environ.get(CHOSEN)
+    folder = Path(chosen) if chosen else SHARED / f"fidim-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise SetupError(f"{folder}: no folder for sockets: {error.strerror}.", hint=ELSEWHERE) from error
+    if not _belongs_to(folder, os.getuid()):
+        what = f"{folder}: must belong to you alone (mode 0700); somebody else made it, or opened it."
+        raise SetupError(what, hint=ELSEWHERE)
     return folder
 
 
-def holder(place: Place) -> Holder | None:
-    """Who has the rig now; None where nobody does, whatever a killed service has left."""
-    return _read(place.lock) if _is_held(place) else None
+ELSEWHERE = f"Have it removed, or set {CHOSEN} to a folder of your own, in every shell that is to stop your runs."
 
 
-def left_behind(place: Place) -> Holder | None:
-    """Whose service was killed while it had this rig; None where somebody has it, or the last one ended by itself."""
-    told = _read(place.lock)
-    return told if _is_held(place) is False and told.pid else None
+def _folders() -> list[Path]:
+    """The user's own; for root, who may stop anybody's robot, those of all users."""
+    own = runtime_folder()
+    if os.getuid() != ROOT or CHOSEN in os.environ:
+        return [own]
+    users = {path: path.name.partition("-")[2] for path in sorted(SHARED.glob("fidim-*")) if path != own}
+    return [own, *(path for path, user in users.items() if user.isdecimal() and _belongs_to(path, int(user)))]
 
 
-def _is_held(place: Place) -> bool | None:
-    """Whether a service has the rig; None where none ever had."""
-    try:
-        descriptor = os.open(place.lock, os.O_RDONLY)
-    except FileNotFoundError:
-        return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False
+def _belongs_to(folder: Path, user: int) -> bool:
+    """Whether it is a folder, no link to one, that nobody else can look into."""
+    found = folder.lstat()
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == user and not found.st_mode & 0o077
 
 
-@contextmanager
-def held(place: Place, folder: Path) -> Generator["Lock"]:
-    """Hold the rig. Raises SetupError naming who else does."""
-    descriptor = os.open(place.lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise SetupError(in_use(_read(place.lock))) from None
-        lock = Lock(descriptor, Holder(os.getpid(), str(folder)))
-        lock.tell()
-        yield lock
-        os.ftruncate(descriptor, 0)
-        place.socket.unlink(missing_ok=True)
-    finally:
-        os.close(descriptor)
-
-
-class Lock:
-    """A rig that is held by this process."""
-
-    def __init__(self, descriptor: int, who: Holder) -> None:
-        self._descriptor = descriptor
-        self._who = who
-
-    def tell(self, port: int = 0) -> None:
-        """Write down who holds it."""
-        who = Holder(self._who.pid, self._who.folder, port)
-        os.ftruncate(self._descriptor, 0)
-        os.pwrite(self._descriptor, json.dumps(vars(who)).encode(), 0)
-
-
-def in_use(who: Holder) -> str:
-    """A sentence."""
-    return (
-        f"Another service has this rig: process {who.pid}, run {who.folder}. "
-        "Stop it (fidim stop), or attach another client to it."
-    )
-
-
-def _read(path: Path) -> Holder:
-    try:
-        return Holder(**json.loads(path.read_bytes()))
-    except (OSError, ValueError, TypeError):
-        return Holder(0, "(not told yet)")
+def _key(file: RigFile, *, embedded: bool) -> str:
+    name = f"embedded {file.path.resolve()}" if embedded else file.bus.name
+    return hashlib.sha256(name.encode()).hexdigest()[:12]

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from fidim_lab.app.service.place import Place, holder, place_of, runtime_folder
+from fidim_lab.app.service.lock import holder
+from fidim_lab.app.service.place import Place, all_places, places_of
 from fidim_lab.data.rig import RigFile
 
 
@@ -29,10 +30,10 @@ class Finder:
         if self.socket is not None:
             return Found(self.socket)
         if self.rig is not None:
-            places = [place_of(self.rig, embedded=embedded) for embedded in (False, True)]
-            return _one(places, f"{self.rig.path}: no service has this rig. fidim run PLAN --rig … starts one")
-        folder = runtime_folder()
-        places = [Place(folder, path.stem) for path in sorted(folder.glob("*.lock"))]
+            return _one(
+                places_of(self.rig), f"{self.rig.path}: no service has this rig. fidim run PLAN --rig … starts one"
+            )
+        places = all_places()
         if self.folder is not None:
             wanted = self.folder.resolve()
             places = [p for p in places if (who := holder(p)) is not None and Path(who.folder).resolve() == wanted]

@@ -70,7 +70,7 @@ def test_a_missing_library_is_named(monkeypatch):
 def _port(tmp_path, monkeypatch, *, open_: bool, group: str):
     port = tmp_path / "ttyUSB0"
     port.touch()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(permissions_doctor, "comports", lambda: [SimpleNamespace(device=str(port))])
     monkeypatch.setattr(permissions_doctor.os, "access", lambda path, mode: open_)
     monkeypatch.setattr(Path, "group", lambda self: group)
@@ -97,16 +97,16 @@ def test_an_open_port_is_named(tmp_path, monkeypatch):
 
 
 def test_a_folder_for_sockets_that_is_open_to_others_or_impossible_fails(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    (tmp_path / "fidim").mkdir(mode=0o755)
+    monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path / "runtime"))
+    (tmp_path / "runtime").mkdir(mode=0o755)
     open_to_all = permissions_doctor.check_permissions()
     assert open_to_all.verdict is Verdict.FAILED
     assert "must belong to you alone" in open_to_all.found
     (tmp_path / "file").touch()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "file"))
+    monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path / "file" / "runtime"))
     impossible = permissions_doctor.check_permissions()
     assert impossible.verdict is Verdict.FAILED
-    assert "XDG_RUNTIME_DIR" in impossible.advice
+    assert "FIDIM_RUNTIME_DIR" in impossible.advice
 
 
 def test_a_full_disk_is_seen(monkeypatch):

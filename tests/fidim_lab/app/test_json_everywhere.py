@@ -32,7 +32,7 @@ def test_every_command_with_an_answer_has_json(name, command):
 
 
 def test_a_stop_tells_programs_that_nothing_was_running(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path))
     assert run(["stop", "--json", str(tmp_path / "a.json")]) == 1
     assert json.loads((tmp_path / "a.json").read_text()) == {"format": "fidim-stop/1", "exit_code": 1, "services": []}
 

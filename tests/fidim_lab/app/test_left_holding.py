@@ -7,7 +7,8 @@ import pytest
 
 from drivers.cia402.bringup import HAS_POWER
 from fidim_lab.app.left_holding import left_by, power_advice
-from fidim_lab.app.service.place import Place, held
+from fidim_lab.app.service.lock import held
+from fidim_lab.app.service.place import Place
 
 
 @pytest.fixture

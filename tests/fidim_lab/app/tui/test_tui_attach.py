@@ -11,8 +11,9 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from fidim_lab.app.cli import run
 from fidim_lab.app.dry_run import DryRunOptions
+from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.main import prepare
-from fidim_lab.app.service.place import Place, held
+from fidim_lab.app.service.place import Place
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.web import TokenServer, command_line, serve
 from fidim_lab.app.ui import finder_for
@@ -26,9 +27,8 @@ TOKEN = "the-token"
 
 @pytest.fixture
 def runtime(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    (tmp_path / "fidim").mkdir(mode=0o700)
-    return tmp_path / "fidim"
+    monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path))
+    return tmp_path
 
 
 def test_the_only_service_is_found_and_of_several_the_one_of_a_folder(runtime, tmp_path):

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
-from fidim_lab.app.service.place import Place, held
+from fidim_lab.app.service.lock import held
+from fidim_lab.app.service.place import Place
 from fidim_lab.app.tui.keys import SETTLE
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
@@ -41,10 +42,10 @@ async def _served(port, folder, environment):
 
 def test_the_ui_in_a_browser_takes_keys_and_needs_the_token(fake, tmp_path, browser, port):
     runtime = tmp_path / "rt"
-    (runtime / "fidim").mkdir(parents=True, mode=0o700)
-    place = Place(runtime / "fidim", "x")
+    runtime.mkdir(mode=0o700)
+    place = Place(runtime, "x")
     fake.socket = place.socket
-    environment = {**os.environ, "XDG_RUNTIME_DIR": str(runtime)}
+    environment = {**os.environ, "FIDIM_RUNTIME_DIR": str(runtime)}
 
     async def look():
         with held(place, fake.folder):

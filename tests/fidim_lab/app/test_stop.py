@@ -1,0 +1,135 @@
+"""`fidim stop` as it is typed: it finds what runs from any shell, and signals nobody but what holds a rig."""
+
+import asyncio
+import fcntl
+import json
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+
+from fidim_lab.app.service.place import Place
+
+FIDIM = [sys.executable, "-c", "import sys; from fidim_lab.app.cli import run; sys.exit(run(sys.argv[1:]))"]
+
+
+@pytest.fixture
+def place(tmp_path):
+    folder = tmp_path / "rt"
+    folder.mkdir(mode=0o700)
+    return Place(folder, "abcdefabcdef")
+
+
+def stop(place, *more, **changed):
+    """In a process group of its own, with a bystander in it that a signal to the group would end."""
+    environment = {key: value for key, value in os.environ.items() if key not in ("XDG_RUNTIME_DIR", "TMPDIR")}
+    environment |= {"FIDIM_RUNTIME_DIR": str(place.folder), **changed}
+    command = [*FIDIM, "stop", "--json", str(place.folder / "said.json"), *more]
+    shell = 'sleep 100 & "$@"; code=$?; kill -0 $! && echo "the bystander lives"; kill $!; exit $code'
+    done = subprocess.run(
+        ["bash", "-c", shell, "bash", *command],
+        env=environment,
+        start_new_session=True,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    said = json.loads((place.folder / "said.json").read_text())
+    assert done.returncode == said["exit_code"]
+    assert "the bystander lives" in done.stdout
+    return done, said
+
+
+@contextmanager
+def service(place, told, *, listens, deaf=False):
+    """A process that holds the rig and answers nothing; its id in `told` is replaced."""
+    ready = multiprocessing.Event()
+
+    def hold():
+        os.setsid()
+        signal.signal(signal.SIGTERM, signal.SIG_IGN if deaf else signal.SIG_DFL)
+        descriptor = os.open(place.lock, os.O_RDWR | os.O_CREAT, 0o600)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        os.write(descriptor, told.replace("PID", str(os.getpid())).encode())
+        if listens:
+            listener = socket.socket(socket.AF_UNIX)
+            listener.bind(str(place.socket))
+            listener.listen()
+        ready.set()
+        signal.pause()
+
+    process = multiprocessing.get_context("fork").Process(target=hold)
+    process.start()
+    assert ready.wait(60.0)
+    yield process
+    process.kill()
+    process.join()
+
+
+def test_where_nothing_runs_it_says_so(place):
+    done, said = stop(place)
+    assert (said["exit_code"], said["services"]) == (1, [])
+    assert "No service is running." in done.stdout
+
+
+@pytest.mark.parametrize("told", ["", '{"pid":0,"folder":"r"}', '{"pid":-1,"folder":"r"}', '{"pid":PID,"folder":"r"}'])
+def test_a_service_without_a_socket_is_ended_and_nobody_else(place, told):
+    """A lock that tells nothing yet had `kill 0` end the caller's own group."""
+    with service(place, told, listens=False) as process:
+        done, said = stop(place)
+        process.join(10.0)
+        assert process.exitcode == -signal.SIGTERM
+    assert said["exit_code"] == 3
+    assert "PRESS THE HARDWARE EMERGENCY STOP" in done.stderr
+
+
+def test_a_service_that_hangs_and_ignores_a_polite_signal_is_killed(place):
+    with service(place, '{"pid":PID,"folder":"\\u001b[2Jr"}', listens=True, deaf=True) as process:
+        done, _ = stop(place)
+        process.join(10.0)
+        assert process.exitcode == -signal.SIGKILL
+    assert f"Its process {process.pid} was ended (SIGKILL)" in done.stderr
+    assert "\x1b" not in done.stderr
+
+
+@pytest.mark.parametrize("changed", [{}, {"XDG_RUNTIME_DIR": "/nowhere"}, {"TMPDIR": "/nowhere", "HOME": "/nowhere"}])
+def test_it_finds_a_service_from_any_shell_and_says_who_stopped_it(place, tmp_path, changed):
+    heard = []
+
+    async def serve(reader, writer):
+        while line := await reader.readline():
+            message = json.loads(line)
+            heard.append(message)
+            greeting = {
+                "type": "welcome",
+                "you": 1,
+                "run": "r",
+                "folder": "r",
+                "rig": "r",
+                "windows": [],
+                "winches": [],
+            }
+            answer = {"type": "answer", "id": message.get("id", 0), "ok": True, "says": "All winches were stopped."}
+            writer.write(json.dumps(greeting if message["type"] == "hello" else answer).encode() + b"\n")
+        writer.close()
+
+    async def main():
+        descriptor = os.open(place.lock, os.O_RDWR | os.O_CREAT, 0o600)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        os.write(descriptor, json.dumps({"pid": os.getpid(), "folder": str(tmp_path / "run")}).encode())
+        async with await asyncio.start_unix_server(serve, place.socket):
+            more = ("--reason", "a cable is slack")
+            return await asyncio.to_thread(stop, place, *more, SUDO_USER="ann", **changed)
+
+    done, said = asyncio.run(main())
+    assert said["exit_code"] == 0
+    assert said["services"] == [{"folder": str(tmp_path / "run"), "pid": os.getpid(), "stopped": True}]
+    assert f"{tmp_path / 'run'}: All winches were stopped." in done.stdout
+    assert heard[0]["client"] == "fidim stop (ann)"
+    assert heard[1]["command"] == {"name": "e-stop", "reason": "a cable is slack"}
