@@ -86,6 +86,11 @@ class Laboratory:
         self.plant.settle(np.asarray(start, dtype=float), t=0.0)
         self._read_currents()
 
+    @property
+    def began(self) -> float:
+        """Host time at plant time 0, s."""
+        return self._origin
+
     def drives(self, eds: Path) -> tuple[SimulatedDrive, ...]:
         """One drive node for each cable, node ids from 1, with the object dictionary of this EDS file."""
         return tuple(

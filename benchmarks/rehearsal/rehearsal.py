@@ -19,6 +19,7 @@ from fidim_lab.app import compose
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError
 from procedures import catalogue
+from procedures.control import Control
 from procedures.events import Event, StepStarted
 from procedures.experiment import Experiment
 from procedures.robot_guards import LogGuard
@@ -40,6 +41,8 @@ class Rehearsal:
         self.seed = 1
         self.settings = short()
         self.real_time = False
+        self.deadline: float | None = None
+        """s after which a run that goes on is cancelled; `run` then raises TimeoutError"""
         self.listeners: tuple[Callable[[Event], None], ...] = ()
         """after our own"""
         self._mocap = MocapFaults(faults)
@@ -70,7 +73,7 @@ class Rehearsal:
             _following(rig, seen.markers),
         ):
             self._mocap.now, self._mocap.begin = rig.rig.clock.now, rig.rig.clock.now()
-            stage = Stage(rig, self.robot, rig.rig.clock.now, self._mocap)
+            stage = Stage(rig, self.robot, rig.rig.clock.now, self._mocap, Control())
             rig.transport.tap(seen.frames.append)
             self._plant("", 1, stage, seen)
             await rig.rig.clock.sleep(0.0)
@@ -95,14 +98,20 @@ class Rehearsal:
                 seen.begun.setdefault(name, []).append(stage.now())
                 self._plant(name, len(seen.begun[name]), stage, seen)
 
-        rest = {"wall_time": lambda: "2000-01-01T00:00:00Z", "listeners": (hear, *self.listeners), **more}
+        rest = {
+            "wall_time": lambda: "2000-01-01T00:00:00Z",
+            "listeners": (hear, *self.listeners),
+            "write": stage.disk.write,
+            "control": stage.control,
+            **more,
+        }
         guard = LogGuard(lambda: logs[0].error if logs else None)
         try:
             guards = (guard, *rest.pop("guards", ()))
-            await run_procedure(experiment, stage.rig.rig, self.folder, guards=guards, **rest)
+            async with asyncio.timeout(self.deadline):
+                await run_procedure(experiment, stage.rig.rig, self.folder, guards=guards, **rest)
         finally:
-            for task in stage.tasks:
-                task.cancel()
+            await uninterrupted(_ended(stage.tasks))
             for log in logs:
                 log.close()
 
@@ -115,6 +124,15 @@ class Rehearsal:
         for step, nth, after, fault in self._plants:
             if (step, nth) == (name, number):
                 stage.tasks.append(asyncio.ensure_future(later(after, fault)))
+
+
+async def _ended(tasks: list[asyncio.Future[Any]]) -> None:
+    """End what faults still do. Raises what went wrong in one: a fault that was not planted must not pass for one."""
+    for task in tasks:
+        task.cancel()
+    for came in await asyncio.gather(*tasks, return_exceptions=True):
+        if isinstance(came, Exception) and not isinstance(came, FidimError):
+            raise came
 
 
 @asynccontextmanager

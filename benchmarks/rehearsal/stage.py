@@ -1,13 +1,16 @@
 """What a fault may break while a run goes on."""
 
 import asyncio
-from collections.abc import Callable
+import os
+import struct
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks.rehearsal.plans import RATE
 from fidim_lab.app import compose
 from fidim_lab.data.records import Robot
+from procedures.control import Control
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.mocap.faults import During, Faults, Freeze, Jump, Occlusion
 
@@ -33,6 +36,19 @@ def _itself(during: During) -> During:
     return during
 
 
+@dataclass
+class Disk:
+    """Where recordings are written; it may refuse from some time on."""
+
+    refuses: int | None = None
+    """errno"""
+
+    def write(self, descriptor: int, data: bytes) -> int:
+        if self.refuses is not None:
+            raise OSError(self.refuses, os.strerror(self.refuses))
+        return os.write(descriptor, data)
+
+
 @dataclass(frozen=True, eq=False)
 class Stage:
     """What a fault may break."""
@@ -41,6 +57,9 @@ class Stage:
     robot: Robot
     now: Callable[[], float]
     mocap: MocapFaults
+    control: Control
+    """what people may say to the run"""
+    disk: Disk = field(default_factory=Disk)
     tasks: "list[asyncio.Future[Any]]" = field(default_factory=list)
     """of faults that take their time; ended with the run"""
 
@@ -57,6 +76,39 @@ class Stage:
         assert winches is not None
         pull = -self.rig.laboratory.drums[cable - 1].direction
         self.drive(cable).faults.offset_current(pull * newton / winches[cable - 1].newton_per_ampere)
+
+    def counts(self, cable: int, metres: float) -> int:
+        """So much more cable, in counts of the drive."""
+        drum = self.rig.laboratory.drums[cable - 1]
+        return round(drum.direction * metres / drum.metres_per_count)
+
+    def place(self, cable: int) -> int:
+        """Where the shaft is now, counts."""
+        return round(self.rig.laboratory.shafts[cable - 1].motion(self.now()).position)
+
+    def write_pdo(self, cable: int, **values: int) -> None:
+        """Somebody else's RPDO to a drive, in whatever order the drive has its objects mapped; 0 where not given.
+
+        values: controlword, mode, target.
+        """
+        names, codes = {0x6040: "controlword", 0x6060: "mode", 0x607A: "target"}, {8: "b", 16: "H", 32: "i"}
+        od = self.drive(cable).od
+        mapped = [od.number(0x1600, k) for k in range(1, od.number(0x1600, 0) + 1)]
+        data = b"".join(
+            struct.pack("<" + codes[entry & 0xFF], values.get(names.get(entry >> 16, ""), 0)) for entry in mapped
+        )
+        self.bus.inject(0x200 + cable, data)
+
+    def write_sdo(self, cable: int, index: int, value: int, subindex: int = 0) -> None:
+        """Somebody else's SDO download of four bytes."""
+        self.bus.inject(0x600 + cable, struct.pack("<BHBi", 0x23, index, subindex, value))
+
+    def spawn(self, work: Coroutine[Any, Any, Any]) -> None:
+        """Let a fault take its time; it ends with the run."""
+        self.tasks.append(asyncio.ensure_future(work))
+
+    async def sleep(self, seconds: float) -> None:
+        await self.rig.rig.clock.sleep(seconds)
 
     def end_task(self, name: str) -> None:
         """End a background task of the host by the name of its coroutine."""

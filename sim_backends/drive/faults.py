@@ -41,9 +41,9 @@ class DriveFaults:
         """The ammeter reads `ampere` too much."""
         self._axis.feedback.current_offset = ampere
 
-    def stick_current(self) -> None:
-        """The ammeter shows what it shows now, for ever."""
-        self._axis.feedback.stuck_current = self._axis.feedback.current()
+    def stick_current(self, shown: int | None = None) -> None:
+        """The ammeter shows what it shows now, or `shown` (per mille of 6075), for ever."""
+        self._axis.feedback.stuck_current = self._axis.feedback.current() if shown is None else shown
 
     def miss_host(self) -> None:
         """The host's heartbeat has been missed while nobody could hear the drive say so: its computer was asleep."""

@@ -1,0 +1,5 @@
+"""The catalogue of faults, by area. Importing it registers all kinds (`kinds.KINDS`)."""
+
+from benchmarks.safety.faults import bus, drives, machine, markers, people, strangers
+
+__all__ = ["bus", "drives", "machine", "markers", "people", "strangers"]
