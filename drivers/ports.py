@@ -222,6 +222,20 @@ class Gauge(Protocol):
         ...
 
 
+class Bus(Protocol):
+    """The bus of the winches, as somebody who listens to it knows it."""
+
+    @property
+    def strangers(self) -> str:
+        """Who else commands the drives, or answers for one of them, in words; latched, empty where nobody does."""
+        ...
+
+    @property
+    def remark(self) -> str:
+        """What went wrong so far and was passed over, with its cure, in words; empty where nothing did."""
+        ...
+
+
 class PromptKind(StrEnum):
     """What is asked of whoever stands at the robot."""
 
@@ -261,3 +275,5 @@ class Rig:
     operator: Operator
     release: Release | None = None
     gauges: tuple[Gauge, ...] = ()
+    bus: Bus | None = None
+    """None: the winches share none"""

@@ -41,6 +41,8 @@ class InProcessBus:
         self._passing = False
         self.fault: str | None = None
         """why the master's adapter is out of order; a rehearsal sets it ("bus-off", "adapter unplugged")"""
+        self.remark = ""
+        """what a rehearsal's adapter warns of"""
         self.cut = False
         """the cable to the master is cut: silence both ways, which its adapter does not notice"""
         self.rules: list[FrameRule] = []

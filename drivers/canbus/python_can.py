@@ -1,11 +1,14 @@
 """`PythonCanTransport`: the CanTransport port on any python-can interface, in real time.
 
 python-can's receive thread dies silently of the first exception of `recv` unless a listener has `on_error`; this one
-has, tells a garbled line (counted) from a dead bus (latched), and says so in `fault`.
+has, and sorts what goes wrong: a garbled line, an adapter's warning and a full send queue are counted, passed over and
+told in `remark`; a dead bus is latched in `fault`.
 """
 
 import asyncio
 import contextlib
+import errno
+import re
 import socket
 import threading
 import time
@@ -25,6 +28,21 @@ T = TypeVar("T")
 _POLL_S = 0.2
 _CLOSE_S = 2.0
 _GARBLED_IN_A_ROW = 20
+_FAILED_IN_A_ROW = 3
+"""reads without a frame between them, after which a bus is dead; one that only warned goes on bringing frames"""
+_FAILED_PAUSE_S = 0.01
+_RETRY_S = 2e-4
+"""between two tries of a frame for which the queue had no room: about the time of one frame at 1 Mbit/s"""
+SEND_PATIENCE_S = 4e-3
+"""s for which a full queue is waited for, unless the bus's SYNC period is given: the same cycle at 250 Hz"""
+_QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
+_QUEUE_FULL_WORDS = re.compile(
+    r"no buffer space|(?:transmit|tx|send|queue)[\w ]{0,12}(?:full|overflow)|QXMTFULL|TXBUFOFL", re.I
+)
+"""of interfaces that give no errno: socketcan's own time-out, PCAN, Kvaser, IXXAT"""
+QUEUE_CURE = "make its queue longer: ip link set {channel} txqueuelen 1000"
+_PAUSE = threading.Event()
+"""never set: a thread's own short wait, where real time passes"""
 _RECEIVE_FAILED = "reading from it failed"
 
 
@@ -38,6 +56,10 @@ class BusCounters:
     foreign: int = 0
     """remote frames and extended identifiers, which CANopen does not use here"""
     error_frames: int = 0
+    warnings: int = 0
+    """what the interface raised once, and went on"""
+    queue_full: int = 0
+    """frames that had to wait for room in the send queue; written by the sending threads"""
 
 
 class _Receiver(can.Listener):
@@ -50,8 +72,11 @@ class _Receiver(can.Listener):
         self.observers: tuple[Callable[[CanFrame], None], ...] = ()
         self.notifier: can.Notifier | None = None
         self.tolerated: Exception | None = None
+        self.warned = ""
+        """the newest warning, in the interface's words"""
         self._interface = interface
         self._garbled_in_a_row = 0
+        self._failed_in_a_row = 0
         self._ended = False
 
     def latch(self, reason: str) -> None:
@@ -64,6 +89,9 @@ class _Receiver(can.Listener):
         if self._ended:
             return
         counters = self.counters
+        self._failed_in_a_row = 0
+        if not msg.is_rx:  # our own, from an interface that is told to echo
+            return
         if msg.is_error_frame:
             counters.error_frames += 1
             return
@@ -80,17 +108,33 @@ class _Receiver(can.Listener):
             self.latch(f"a receiver of frame 0x{frame.id:03X} failed ({type(error).__name__}: {error}), our bug")
 
     def on_error(self, exc: Exception) -> None:
-        """`recv` raised: go on after a garbled line, end after anything else."""
+        """`recv` raised: go on after a garbled line or a warning, end where reading fails again and again."""
+        self.tolerated = exc
         if isinstance(exc, ValueError):  # what slcan raises for a line that is none
             self.counters.garbled += 1
             self._garbled_in_a_row += 1
-            self.tolerated = exc
             if self._garbled_in_a_row < _GARBLED_IN_A_ROW:
                 return
             self.latch(f"{self._garbled_in_a_row} unreadable lines in a row; is the bit rate right?")
+        elif self._only_warns(exc):
+            _PAUSE.wait(_FAILED_PAUSE_S)  # no tight loop; the interface keeps what arrives meanwhile
+            return
         self.latch(f"{_RECEIVE_FAILED} ({type(exc).__name__}: {exc}); is the adapter plugged in?")
         self._ended = True
         self.attach(self.notifier)
+
+    def _only_warns(self, exc: Exception) -> bool:
+        """Whether reading may go on: the text says so, or it has not failed again and again."""
+        if "warning" in str(exc).lower():  # "error warning limit": the controller counts errors, and works
+            self.counters.warnings += 1
+            self.warned = str(exc)
+            return True
+        self._failed_in_a_row += 1
+        if isinstance(exc, OSError) or self._failed_in_a_row >= _FAILED_IN_A_ROW:  # the system's own: it is gone
+            return False
+        self.counters.warnings += 1
+        self.warned = f"{type(exc).__name__}: {exc}"
+        return True
 
     def attach(self, notifier: can.Notifier | None) -> None:
         """Know whom to stop: receiving may have failed before the notifier was even made."""
@@ -102,12 +146,24 @@ class _Receiver(can.Listener):
 class PythonCanTransport:
     """A bus opened by python-can. Frames arrive on python-can's thread, SDO exchanges run on one thread a node."""
 
-    def __init__(self, interface: str, channel: str, *, bitrate: int = 1_000_000, **options: Any) -> None:
+    def __init__(
+        self,
+        interface: str,
+        channel: str,
+        *,
+        bitrate: int = 1_000_000,
+        send_patience: float = SEND_PATIENCE_S,
+        **options: Any,
+    ) -> None:
         """`interface`, `channel`, `options` as python-can names them.
+
+        send_patience: s for which a frame waits for room in the send queue, at most one SYNC period.
 
         Raises SetupError where they are wrong, BusError where the bus cannot be reached.
         """
         self._label = f"{interface} {channel}"
+        self._queue_cure = QUEUE_CURE.format(channel=channel) if interface == "socketcan" else "lower the SYNC rate"
+        self._send_patience = send_patience
         try:
             self._bus = _open(interface, channel, bitrate=bitrate, **options)
         except Exception as error:  # each interface has its own
@@ -139,8 +195,27 @@ class PythonCanTransport:
             self._receiver.latch(f"{_RECEIVE_FAILED} ({type(died_of).__name__}: {died_of})")
         return self._receiver.fault
 
+    @property
+    def remark(self) -> str:
+        """What went wrong so far and was passed over, in words; empty where nothing did."""
+        counts, words = self._receiver.counters, []
+        if counts.garbled:
+            words.append(f"{counts.garbled} unreadable lines were passed over: look at the serial line")
+        if counts.warnings:
+            words.append(
+                f"{counts.warnings} warnings, the last: {self._receiver.warned}: look at cable and termination"
+            )
+        if counts.error_frames:
+            words.append(f"{counts.error_frames} error frames: look at cable, termination and bit rate")
+        if counts.queue_full:
+            words.append(f"{counts.queue_full} frames found the send queue full: {self._queue_cure}")
+        return f"{self._label}: {'; '.join(words)}" if words else ""
+
     def send(self, frame_id: int, data: bytes) -> None:
-        """Put one frame on the bus. Raises BusError where that is impossible."""
+        """Put one frame on the bus; a full send queue is waited for within the cycle.
+
+        Raises BusError where that is impossible.
+        """
         if self._closed:
             raise BusError(f"The CAN bus {self._label} is closed.")
         message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=False)
@@ -150,10 +225,27 @@ class PythonCanTransport:
             for observer in self._receiver.observers:  # first, so that no answer stands before it in the log
                 observer(frame)
             try:
-                self._bus.send(message)
+                self._send_when_there_is_room(message)
             except Exception as error:  # each interface has its own
                 self._receiver.latch(f"sending failed ({type(error).__name__}: {error})")
-                raise BusError(f"The CAN bus {self._label} does not take frames: {error}.") from error
+                hint = f"Is any other node there to acknowledge? Then {self._queue_cure}." if _is_full(error) else ""
+                raise BusError(f"The CAN bus {self._label} does not take frames: {error}.", hint=hint) from error
+
+    def _send_when_there_is_room(self, message: can.Message) -> None:
+        """Raises what the interface raises, and for a full queue only once the patience is used up."""
+        patience = 0.0 if self._receiver.fault else self._send_patience  # a stop on a dead bus is tried once
+        deadline, waited = time.monotonic() + patience, False
+        while True:
+            try:
+                self._bus.send(message)
+            except Exception as error:
+                if not _is_full(error) or time.monotonic() >= deadline:
+                    raise
+                self._receiver.counters.queue_full += not waited
+                waited = True
+                _PAUSE.wait(_RETRY_S)
+            else:
+                return
 
     def subscribe(self, receiver: Callable[[CanFrame], None]) -> None:
         """Call `receiver` for each frame from the other nodes, on the receiving thread."""
@@ -182,6 +274,12 @@ class PythonCanTransport:
         except Exception as error:  # each interface has its own; one that died cannot be told that it may go
             self._receiver.latch(f"closing it failed ({type(error).__name__}: {error})")
             _free_port(self._bus)
+
+
+def _is_full(error: Exception) -> bool:
+    """Whether an interface says that its send queue has no room now."""
+    code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return code in _QUEUE_FULL or (code is None and _QUEUE_FULL_WORDS.search(str(error)) is not None)
 
 
 def _open(interface: str, channel: str, **options: Any) -> can.BusABC:

@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from can import Message
 from can.exceptions import CanOperationError, error_check
 from can.interfaces.slcan import slcanBus
 
@@ -22,6 +23,10 @@ _CHUNK = 1 << 16
 """bytes"""
 _LINE = re.compile(rb"[^\r\a]*[\r\a]")
 """a line ends with a carriage return, or with BELL where the adapter refuses a command"""
+_FRAME = re.compile(r"(?:[tr][0-7][0-9A-Fa-f]{2}|[TRx][01][0-9A-Fa-f]{7})(?P<length>[0-8])(?P<rest>[0-9A-Fa-f]*)\r")
+"""a classic frame: letter, identifier, length, data, and a time stamp of 4 or 8 digits where the adapter adds one"""
+_FRAME_LETTERS = "tTrRxdDbB"
+_STAMPS = (0, 4, 8)
 _LONGEST = 256
 """bytes without an end of line that are still waited for; the longest frame (CAN FD) has 138"""
 
@@ -47,7 +52,14 @@ class SlcanBus(slcanBus):
             self._cut(data)
             if not data and not left:
                 return None
-        return self._lines.popleft()
+        return _checked(self._lines.popleft())
+
+    def _recv_internal(self, timeout: float | None) -> tuple[Message | None, bool]:
+        """As python-can's. Raises ValueError for a line that is no frame, whatever python-can raises for it."""
+        try:
+            return super()._recv_internal(timeout)
+        except (LookupError, TypeError) as error:  # of CAN FD lines, which `_checked` does not take apart
+            raise ValueError(f"a line that is no frame: {error}") from error
 
     def _write(self, string: str) -> None:
         """Hand one line to the port.
@@ -86,6 +98,27 @@ class SlcanBus(slcanBus):
             return _arrived(descriptor, lambda: os.read(descriptor, _CHUNK), timeout)
         port.timeout = timeout  # loop://, Windows: no descriptor to wait at
         return bytes(port.read(1)) + bytes(port.read(port.in_waiting))
+
+
+def _checked(line: str) -> str:
+    """The line. Raises ValueError for a frame that lost or changed characters on its way over the serial line.
+
+    python-can takes "t18" for an index error and "t-12…" for an identifier, and keeps a frame with less data than its
+    length says. Answers of the adapter (z, F00, V1013, an empty line) are no frames and pass.
+    """
+    if line[0] not in _FRAME_LETTERS:
+        if line[0].isascii() and (line[0].isalpha() or line[0] in "\r\a"):
+            return line
+        raise ValueError(f"a line that is neither frame nor answer: {line[:30]!r}")
+    if line[0] in "dDbB":
+        return line
+    found = _FRAME.fullmatch(line)
+    if found is None:
+        raise ValueError(f"a line that is no frame: {line[:30]!r}")
+    data = 0 if line[0] in "rR" else 2 * int(found["length"])
+    if len(found["rest"]) - data not in _STAMPS:
+        raise ValueError(f"a frame whose data are not as long as it says: {line[:30]!r}")
+    return line
 
 
 def _arrived(descriptor: int, read: Callable[[], bytes], timeout: float | None) -> bytes:

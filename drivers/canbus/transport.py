@@ -30,6 +30,11 @@ class CanTransport(Protocol):
         """Why the bus cannot be trusted any more (latched), or None."""
         ...
 
+    @property
+    def remark(self) -> str:
+        """What went wrong with it so far and was passed over, with its cure, in words; empty where nothing did."""
+        ...
+
     def send(self, frame_id: int, data: bytes) -> None:
         """Put one frame on the bus. Raises BusError where that is impossible."""
         ...

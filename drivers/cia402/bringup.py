@@ -198,4 +198,10 @@ async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchCon
             f"{decoder.malformed} of a wrong length).",
             hint="Is SYNC running (CanopenMaster.run), and does the drive send its TPDOs on SYNC?",
         )
+    if link.twins.says:
+        raise DeviceError(
+            config.device,
+            f"two nodes answer with id {config.node_id} ({link.twins.says}); neither may have power.",
+            hint="Unplug one, or give it an id of its own (its DIP switches, LSS or the vendor's tool).",
+        )
     link.brought_up = True

@@ -6,7 +6,7 @@ heartbeat comes from the same loop: where that hangs or ends, the drives miss it
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import cast
 
@@ -21,6 +21,7 @@ from drivers.cia402.nmt import heartbeat_frame
 from drivers.cia402.node import NodeLink
 from drivers.cia402.pdo import RPDO, TPDOS
 from drivers.cia402.sdo import SdoChannel
+from drivers.cia402.strangers import SDO_REQUEST, Strangers
 from drivers.cia402.sync import SyncTimes
 from drivers.cia402.words import controlword
 from drivers.ports import Clock
@@ -37,11 +38,15 @@ mode that meets the next SYNC too soon is still on its way, and is asked for the
 class _TransportBus:
     """What `canopen.Network` sends on: just enough of a python-can bus."""
 
-    def __init__(self, transport: CanTransport) -> None:
+    def __init__(self, transport: CanTransport, links: Mapping[int, NodeLink]) -> None:
         self._transport = transport
+        self._links = links
 
     def send(self, message: can.Message, timeout: float | None = None) -> None:
         """Pass a frame on; the transport has its own time-outs."""
+        link = self._links.get(message.arbitration_id - SDO_REQUEST)
+        if link is not None:
+            link.twins.asked()
         self._transport.send(message.arbitration_id, bytes(message.data))
 
 
@@ -81,10 +86,11 @@ class CanopenMaster:
         self._heartbeat_period = heartbeat_period
         self._heartbeat_due = float("-inf")
         self._links: dict[int, NodeLink] = {}
+        self._strangers = Strangers(host_id, ())
         self._heartbeats: list[float] = []
         self._before_sync: list[Callable[[], None]] = []
         self._receivers: dict[int, Callable[[CanFrame], None]] = {}
-        self._network = canopen.Network(cast(can.BusABC, _TransportBus(transport)))
+        self._network = canopen.Network(cast(can.BusABC, _TransportBus(transport, self._links)))
         transport.subscribe(self._on_frame)
 
     def add_node(self, config: WinchConfig) -> NodeLink:
@@ -102,6 +108,7 @@ class CanopenMaster:
         sdo = SdoChannel(node, self.transport, self.clock, device=config.device, timeout=config.sdo_timeout)
         link = NodeLink(config.node_id, self.transport, sdo, self.sync, config.heartbeat)
         self._links[config.node_id] = link
+        self._strangers.add(config.node_id)
         self._heartbeats.append(config.heartbeat)
         for part, pdo in enumerate(TPDOS):
             self._receivers[pdo.cob_id(config.node_id)] = partial(link.on_tpdo, part)
@@ -114,6 +121,21 @@ class CanopenMaster:
     def load(self) -> float:
         """Worst-case share of the bus that SYNC, PDOs (one RPDO a cycle) and heartbeats take."""
         return self._load_with(self._heartbeats)
+
+    @property
+    def strangers(self) -> str:
+        """Who else commands the drives, or answers for one of them, in words; latched, empty where nobody does."""
+        found = [f"another master is on this bus: {self._strangers.says}"] if self._strangers.says else []
+        twins = ((node_id, link.twins.says) for node_id, link in self._links.items())
+        found += [f"two nodes answer with id {node_id}: {says}" for node_id, says in twins if says]
+        return "; ".join(found)
+
+    @property
+    def remark(self) -> str:
+        """What went wrong on the bus and was passed over, in words; empty where nothing was."""
+        withdrawn = ((node_id, link.withdrawn) for node_id, link in self._links.items())
+        found = [f"node {node_id} has withdrawn its {emergency}" for node_id, emergency in withdrawn if emergency]
+        return "; ".join(filter(None, (self.transport.remark, *found)))
 
     async def run(self, on_cycle: Callable[[float], None] | None = None) -> None:
         """The control loop; never returns. `on_cycle` (guards) is called with each SYNC's time.
@@ -168,8 +190,14 @@ class CanopenMaster:
         receiver = self._receivers.get(frame.id)
         if receiver is not None:
             receiver(frame)
+            return
+        self._strangers.hear(frame)
+        link = self._links.get(frame.id - SDO_REQUEST)
+        if link is not None:
+            link.twins.asked()  # by somebody else: that answer, too, will come here
 
     def _on_sdo(self, link: NodeLink, frame: CanFrame) -> None:
+        link.twins.answered()
         if len(frame.data) != 8:
             link.counters.malformed += 1
         elif not link.answers_controlword(frame):

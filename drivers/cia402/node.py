@@ -13,6 +13,7 @@ from drivers.cia402.last_motion import LastMotion
 from drivers.cia402.nmt import Heartbeat, NmtCommand, NmtState, decode_heartbeat, nmt_frame
 from drivers.cia402.pdo import RPDO, TARGET_RPDO, TPDOS, DriveValues, SampleDecoder
 from drivers.cia402.sdo import SdoChannel
+from drivers.cia402.strangers import TwinWatch
 from drivers.cia402.sync import SyncAnswers, SyncTimes
 from drivers.cia402.words import Mode
 
@@ -50,7 +51,11 @@ class NodeLink:
         self.emergencies: deque[Emergency] = deque(maxlen=_KEPT_EMERGENCIES)
         self.latched: Emergency | None = None
         """the first emergency since somebody acknowledged"""
+        self.withdrawn: Emergency | None = None
+        """the newest that the drive itself has withdrawn (emergency 0000)"""
         self.counters = NodeCounters()
+        self.twins = TwinWatch()
+        """whether another node has the same id"""
         self.decoder = SampleDecoder(TPDOS)
         self.motion: LastMotion | None = None
         """which way the drum turned last, where somebody wants to know"""
@@ -76,6 +81,7 @@ class NodeLink:
             self.counters.unasked += 1
             return
         values = self.decoder.feed(part, frame.data, t)
+        self.twins.sampled(t, self.decoder.doubled)
         if values is not None:
             self.values = values
             if self.motion is not None:
@@ -92,15 +98,17 @@ class NodeLink:
         self.heartbeat = heartbeat
 
     def on_emergency(self, frame: CanFrame) -> None:
-        """An EMCY frame; the first error is latched until somebody acknowledges."""
+        """An EMCY frame; the first error is latched until somebody acknowledges, or the drive withdraws all of them."""
         emergency = decode_emergency(frame.data, frame.t)
         if emergency is None:
             self.counters.malformed += 1
             return
         self.emergencies.append(emergency)
         self.counters.emergencies += 1
-        if not emergency.cleared and self.latched is None:
-            self.latched = emergency
+        if not emergency.cleared:
+            self.latched = self.latched or emergency
+        elif self.latched is not None and not emergency.register:  # with a register, other errors are still there
+            self.withdrawn, self.latched = self.latched, None
 
     def answers_controlword(self, frame: CanFrame) -> bool:
         """Whether an SDO answer belongs to a controlword that was sent without waiting, and not to the SDO queue."""
@@ -127,6 +135,7 @@ class NodeLink:
             self._transport.send(RPDO.cob_id(self.node_id), self._rpdo.pack(word, self.mode, target))
         else:
             data = bytes((_WRITE_TWO_BYTES,)) + _CONTROLWORD_MULTIPLEXER + struct.pack("<Hxx", word)
+            self.twins.asked()
             self._transport.send(0x600 + self.node_id, data)
 
     def send_target(self, target: int) -> None:
@@ -145,7 +154,8 @@ class NodeLink:
         """Before a bring-up: what was latched belongs to the past; the history stays."""
         self.brought_up = False
         self._restarted = False
-        self.latched = None
+        self.latched = self.withdrawn = None
+        self.twins.forget()
         self.values = None
         self.answers.restart()
 
@@ -161,6 +171,8 @@ class NodeLink:
         found: list[str] = []
         if self.latched is not None:
             found.append(str(self.latched))
+        if self.twins.says:
+            found.append(f"two nodes answer with id {self.node_id}: {self.twins.says}")
         if self.brought_up:
             found.extend(self._network_faults(now))
         if self._transport.fault is not None:

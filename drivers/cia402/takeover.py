@@ -7,7 +7,7 @@ is refused: that takes a person, who secures the load and takes the power away (
 `take_over` stands for `bring_up` when a run goes on; `refuse_other_master` comes before either.
 """
 
-from collections import Counter
+from collections.abc import Iterable
 
 from drivers.canbus.transport import CanFrame, CanTransport
 from drivers.cia402.bringup import bring_up, start_sampling
@@ -17,6 +17,7 @@ from drivers.cia402.machine import Command, state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.node import NodeLink
 from drivers.cia402.settings import Check, interpolation
+from drivers.cia402.strangers import ALL_NODES, END_IT, Strangers
 from drivers.cia402.words import controlword, mode_name
 from drivers.ports import Clock, DriveState
 from fidim_lab.errors import BusError, DeviceError
@@ -89,26 +90,24 @@ def _check(found: Inspected) -> Check:
     return Check(found.object, found.meaning, found.wanted, found.found, ok=written or found.standing is Standing.HOLDS)
 
 
-async def refuse_other_master(transport: CanTransport, clock: Clock, host_id: int, seconds: float) -> None:
+async def refuse_other_master(
+    transport: CanTransport, clock: Clock, host_id: int, seconds: float, nodes: Iterable[int] = ALL_NODES
+) -> None:
     """Listen for `seconds`, before a word of our own, for somebody who drives this bus already.
 
-    Raises BusError where SYNC, NMT commands or the host's own heartbeat are heard: two masters undo each other's
-    stops, and each keeps the other's drives from missing its heartbeat.
+    nodes: ids of the drives. Raises BusError where SYNC, NMT or LSS commands, the host's own heartbeat, or commands
+    and questions to one of the drives are heard: two masters undo each other's stops, and each keeps the other's
+    drives from missing its heartbeat.
     """
-    names = {0x000: "NMT commands", 0x080: "SYNC", 0x700 + host_id: f"heartbeats of node {host_id}, the host's"}
-    heard: Counter[str] = Counter()
+    strangers = Strangers(host_id, nodes)
 
     def hear(frame: CanFrame) -> None:
-        if listening and frame.id in names:
-            heard[names[frame.id]] += 1
+        if listening:
+            strangers.hear(frame)
 
     listening = True
     transport.subscribe(hear)
     await clock.sleep(seconds)
     listening = False
-    if heard:
-        said = ", ".join(f"{count} {what}" for what, count in heard.items())
-        raise BusError(
-            f"Another master is on this bus: {said} within {seconds:g} s.",
-            hint="Stop the other program (fidim stop, on the computer where it runs), or unplug it.",
-        )
+    if strangers.says:
+        raise BusError(f"Another master is on this bus: {strangers.says} within {seconds:g} s.", hint=END_IT)

@@ -54,7 +54,8 @@ async def _power_off(file: RigFile, acknowledged_by: str | None, told: list[dict
     transport = open_bus(file)
     failed = False
     try:
-        await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file))
+        nodes = [entry.node_id for entry in file.winches]
+        await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file), nodes)
         master = make_master(file, transport, clock)
         for winch in [Cia402Winch(config, master) for config in winch_configs(file)]:
             link, device = winch.link, winch.config.device

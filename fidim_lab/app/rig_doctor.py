@@ -12,6 +12,7 @@ from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.inspection import Inspected, Standing, inspect
 from drivers.cia402.master import CanopenMaster
+from drivers.cia402.strangers import Strangers
 from drivers.cia402.winch import Cia402Winch
 from drivers.clock import LoopClock
 from drivers.ports import Clock
@@ -25,7 +26,7 @@ from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, S
 
 LISTEN = 1.0
 """s; ten heartbeats of a drive that another master has set up"""
-SYNC, HEARTBEAT = 0x080, 0x700
+HEARTBEAT = 0x700
 STANDINGS = {
     Standing.HOLDS: Verdict.OK,
     Standing.TO_BE_WRITTEN: Verdict.WRITTEN,
@@ -61,7 +62,11 @@ async def _check_bus(file: RigFile, clock: Clock) -> list[Check]:
         master = make_master(file, transport, clock)
         winches = [Cia402Winch(config, master) for config in winch_configs(file)]
         checks.append(_check_load(master))
-        checks += await _listen(file, transport, clock)
+        others = await _listen(file, transport, clock)
+        checks += others
+        if any(check.verdict is Verdict.FAILED for check in others):
+            advice = "end the other master first: questions of ours would mix with its own"
+            return [*checks, Check("drives", Verdict.FAILED, "not asked, another master is at work", advice)]
         for number, winch in enumerate(winches):
             checks += await _check_drive(file, winch)
             if transport.fault is not None:
@@ -85,22 +90,25 @@ def _check_load(master: CanopenMaster) -> Check:
 async def _listen(file: RigFile, transport: PythonCanTransport, clock: Clock) -> list[Check]:
     """Who talks before anybody was asked: another master would fight with ours."""
     heard: Counter[int] = Counter()
+    strangers = Strangers(file.bus.host_id, [entry.node_id for entry in file.winches])
 
     def hear(frame: CanFrame) -> None:
-        heard[frame.id] += 1
+        if listening:
+            heard[frame.id] += 1
+            strangers.hear(frame)
 
+    listening = True
     transport.subscribe(hear)
     await clock.sleep(LISTEN)
-    advice = "end the other master: two on one bus fight over the drives"
-    checks: list[Check] = []
-    for identifier, what in ((SYNC, "SYNC"), (HEARTBEAT + file.bus.host_id, "a host's heartbeat")):
-        count = heard[identifier]
-        verdict, found = (Verdict.FAILED, f"{count} frames in {LISTEN:g} s") if count else (Verdict.OK, "nobody")
-        checks.append(Check(f"others sending {what}", verdict, found, advice if count else "", "nobody"))
+    listening = False
+    says = strangers.says
+    advice = "end the other master: two on one bus fight over the drives" if says else ""
+    found = f"{says} in {LISTEN:g} s" if says else "nobody"
+    checks = [Check("other masters", Verdict.FAILED if says else Verdict.OK, found, advice, "nobody")]
     nodes = {identifier - HEARTBEAT for identifier in heard if 0 < identifier - HEARTBEAT < 127}
-    strangers = sorted(nodes - {entry.node_id for entry in file.winches})
-    if strangers:
-        found, advice = f"node {', '.join(map(str, strangers))}", "not in the rig file; their frames add to the load"
+    others = sorted(nodes - {entry.node_id for entry in file.winches} - {file.bus.host_id})
+    if others:
+        found, advice = f"node {', '.join(map(str, others))}", "not in the rig file; their frames add to the load"
         checks.append(Check("other nodes", Verdict.WARNING, found, advice))
     return checks
 
@@ -112,7 +120,10 @@ async def _check_drive(file: RigFile, winch: Cia402Winch) -> list[Check]:
         advice = error.hint or "check its power, its node id, the bit rate and the bus's termination"
         found = error.message.removeprefix(f"{winch.config.device}: ")
         return [Check("drive", Verdict.UNREACHABLE, found, advice, f"node {winch.config.node_id}", winch.name)]
-    return [_as_check(item, winch.name) for item in inspected]
+    says = winch.link.twins.says
+    advice = "unplug one, or give it an id of its own" if says else ""
+    alone = Check("nodes of this id", Verdict.FAILED if says else Verdict.OK, says or "one", advice, "one", winch.name)
+    return [alone, *(_as_check(item, winch.name) for item in inspected)]
 
 
 def _as_check(item: Inspected, device: str) -> Check:

@@ -93,6 +93,12 @@ class BusErrorsGuardTable(Table):
     lost: BusLost = 25
 
 
+class OtherMasterGuardTable(Table):
+    """`[guards.other_master]`: somebody else's SYNC, NMT, LSS, RPDO or SDO requests, or two nodes of one id."""
+
+    reaction: Literal["hold", "quick-stop"] = "quick-stop"
+
+
 class HostLoopGuardTable(Table):
     """`[guards.host_loop]`: this computer came late."""
 
@@ -139,6 +145,7 @@ class GuardsTable(Table):
     following_error: FollowingErrorGuardTable = FollowingErrorGuardTable()
     temperature: TemperatureGuardTable = TemperatureGuardTable()
     bus_errors: BusErrorsGuardTable = BusErrorsGuardTable()
+    other_master: OtherMasterGuardTable = OtherMasterGuardTable()
     host_loop: HostLoopGuardTable = HostLoopGuardTable()
     disk: DiskGuardTable = DiskGuardTable()
     clock_step: ClockStepGuardTable = ClockStepGuardTable()

@@ -7,7 +7,7 @@ import numpy as np
 from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.errors import DeviceError
 from fidim_lab.model.mechanism import Mechanism
-from procedures.handlers.motion import command_all
+from procedures.handlers.motion import command_all, require_alone
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.stand import Stand
 from procedures.steps import Configure, MeasurePose, Result, SetLengths
@@ -24,6 +24,7 @@ async def configure(stand: Stand, step: Configure) -> Result:
     if not await wait_until(stand.rig.clock, step.timeout, lambda: all(winch.latest() for winch in winches)):
         silent = ", ".join(winch.name for winch in winches if winch.latest() is None)
         raise DeviceError(silent, f"no sample within {step.timeout:g} s of configuring", hint="Check power and bus.")
+    require_alone(stand)
     return Result(values=stand.lengths())
 
 

@@ -4,7 +4,7 @@ import asyncio
 import math
 from collections.abc import Coroutine, Sequence
 
-from fidim_lab.errors import DeviceError, FidimError
+from fidim_lab.errors import BusError, DeviceError, FidimError
 from procedures.outcomes import Outcome
 from procedures.stand import Stand
 from procedures.steps import Enable, Hold, Lengths, MoveTo, Result, longest_way, travel_time
@@ -30,9 +30,20 @@ async def enable(stand: Stand, step: Enable) -> Result:
         raise DeviceError(
             "Motion capture", f"no frame within {step.timeout:g} s", hint="Check that it streams, and the port."
         )
+    require_alone(stand)
     _require_place(stand)
     await command_all([winch.enable() for winch in winches])
     return Result(values=stand.lengths())
+
+
+def require_alone(stand: Stand) -> None:
+    """Raise BusError where somebody else commands the drives, or answers for one of them."""
+    bus = stand.rig.bus
+    if bus is not None and bus.strangers:
+        raise BusError(
+            f"The winches may not have power: {bus.strangers}.",
+            hint="Stop the other program, or unplug the other node, before anything gets power.",
+        )
 
 
 def _require_place(stand: Stand) -> None:

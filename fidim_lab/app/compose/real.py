@@ -88,7 +88,8 @@ async def real_rig(
         markers = marker_source(file, clock)
         serial = serial_devices(file, clock)
         answering = operator or await _hand(file, stack)
-        await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file))
+        nodes = [entry.node_id for entry in file.winches]
+        await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file), nodes)
         await running(stack, master.run())
         if file.keeps_homes:
             await running(stack, HomeKeeper(file, winches, clock).run())
@@ -97,14 +98,15 @@ async def real_rig(
         stack.push_async_callback(markers.close)
         await markers.start()
         await run_serial_devices(stack, serial)
-        rig = Rig(clock, winches, markers, answering, serial.release, serial.gauges)
+        rig = Rig(clock, winches, markers, answering, serial.release, serial.gauges, master)
         yield RealRig(rig, transport, master, winches, markers, serial)
 
 
 def open_bus(file: RigFile) -> PythonCanTransport:
     """The rig's CAN bus. Raises SetupError where what the file says of it is wrong, BusError where it is not there."""
     bus = file.bus
-    return PythonCanTransport(bus.interface, bus.channel, bitrate=bus.bitrate, **dict(bus.options))
+    options = {"send_patience": 1.0 / bus.sync_rate, **bus.options}
+    return PythonCanTransport(bus.interface, bus.channel, bitrate=bus.bitrate, **options)
 
 
 def listening_time(file: RigFile) -> float:

@@ -150,7 +150,7 @@ async def simulated_rig(
             sender = UdpSender(server, clock, feed.port)
             await sender.start()
             stack.push_async_callback(sender.close)
-        rig = Rig(clock, winches, markers, operator or laboratory.hand(clock))
+        rig = Rig(clock, winches, markers, operator or laboratory.hand(clock), bus=master)
         yield SimulatedRig(rig, transport, laboratory, drives)
 
 

@@ -142,6 +142,56 @@ def test_an_unplugged_adapter_is_a_latched_fault(failing: Callable[..., PythonCa
     assert transport.fault == fault
 
 
+def test_an_adapters_warning_is_a_warning(failing: Callable[..., PythonCanTransport]) -> None:
+    warning, odd = can.CanOperationError("Error warning limit"), can.CanOperationError("an overrun")
+    transport = failing(FRAME, warning, warning, warning, warning, FRAME, odd, odd, FRAME)
+    assert eventually(lambda: transport.counters.received == 3)
+    assert transport.fault is None
+    assert "6 warnings, the last: CanOperationError: an overrun" in transport.remark
+
+
+def test_a_bus_that_fails_again_and_again_is_dead(failing: Callable[..., PythonCanTransport]) -> None:
+    transport = failing(FRAME, *[can.CanOperationError("bus off")] * 3, FRAME)
+    assert eventually(lambda: transport.fault)
+    assert "reading from it failed (CanOperationError: bus off)" in str(transport.fault)
+
+
+class FullBus(FailingBus):
+    """A bus whose send queue is full for some tries."""
+
+    full: "list[Exception]" = []  # noqa: RUF012 - replaced by each test
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.full:
+            raise self.full.pop(0)
+
+
+FULL = [
+    can.CanOperationError("Failed to transmit: No buffer space available", 105),
+    can.CanOperationError("Transmit buffer full"),
+    can.CanOperationError("The transmit queue is full"),
+]
+
+
+@pytest.mark.parametrize("error", FULL, ids=str)
+def test_a_full_send_queue_is_waited_for_within_the_cycle(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    monkeypatch.setattr(python_can, "_open", lambda *_, **__: FullBus())
+    transport = PythonCanTransport("socketcan", "can1", send_patience=0.5)
+    monkeypatch.setattr(FullBus, "full", [error] * 3)
+    transport.send(0x80, b"")
+    transport.send(0x80, b"")
+    assert transport.fault is None
+    assert transport.counters.queue_full == 1
+    assert "1 frames found the send queue full: make its queue longer: ip link set can1 txqueuelen" in transport.remark
+    monkeypatch.setattr(FullBus, "full", [error] * 100_000)
+    begin = time.monotonic()
+    with pytest.raises(BusError, match="txqueuelen 1000"):
+        transport.send(0x80, b"")
+    assert 0.5 <= time.monotonic() - begin < 2.0
+    assert "sending failed" in str(transport.fault)
+    transport.close()
+
+
 def test_a_send_that_fails_is_a_fault(failing: Callable[..., PythonCanTransport]) -> None:
     transport = failing()
     with pytest.raises(BusError, match=r"slcan /dev/ttyX does not take frames: no buffer space"):

@@ -77,9 +77,41 @@ def test_a_line_that_is_no_text_is_a_value_error_and_the_next_is_read(line: tupl
     end, path = line
     with SlcanBus(path, sleep_after_open=0.0) as bus:
         os.write(end, b"t18\xff1AA\rt1811BB\r")
-        with pytest.raises(ValueError, match="invalid literal"):
+        with pytest.raises(ValueError, match="no frame"):
             bus.recv(1.0)
         assert heard(bus, 1) == [(0x181, "bb")]
+
+
+SPOILT = [
+    "tZZZ2AABB",
+    "t181",
+    "t18",
+    "t",
+    "r18",
+    "T0000018",
+    "d181",
+    "t-122AABB",
+    "t1812AA",
+    "t1819AABB",
+    "t18\xff2AABB",
+]
+
+
+@pytest.mark.parametrize("spoilt", [*SPOILT, "t1812AABBC", "tF812AABB", "t1812AABBt1812AABB"])
+def test_a_line_that_lost_characters_is_a_value_error_and_nothing_else(line: tuple[int, str], spoilt: str) -> None:
+    end, path = line
+    with SlcanBus(path, sleep_after_open=0.0) as bus:
+        os.write(end, spoilt.encode("latin1") + b"\rt1812CCDD\r")
+        with pytest.raises(ValueError, match=r"frame|literal"):
+            bus.recv(1.0)
+        assert heard(bus, 1) == [(0x181, "ccdd")]
+
+
+def test_answers_of_the_adapter_and_time_stamps_pass(line: tuple[int, str]) -> None:
+    end, path = line
+    with SlcanBus(path, sleep_after_open=0.0) as bus:
+        os.write(end, b"z\r\r\aF00\rV1013\rNA123\rt1812AABB1234\rt1811CC00C0FFEE\r")
+        assert heard(bus, 2) == [(0x181, "aabb"), (0x181, "cc")]
 
 
 def test_a_server_that_hangs_up_is_an_error_not_silence() -> None:

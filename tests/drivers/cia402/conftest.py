@@ -192,6 +192,7 @@ class InProcessBus:
     def __init__(self, drives: list[PlainDrive]) -> None:
         self.drives = drives
         self.fault: str | None = None
+        self.remark = ""
         self.sent: list[tuple[int, bytes]] = []
         self.unplugged = False
         self._receivers: list[Callable[[CanFrame], None]] = []

@@ -150,7 +150,15 @@ def test_a_drive_without_power_is_brought_up_as_ever(on_bench, config):
 
 
 @pytest.mark.parametrize(
-    ("frame", "name"), [((0x080, b""), "SYNC"), ((0x77F, b"\x05"), "node 127"), ((0x000, b"\x80\x03"), "NMT")]
+    ("frame", "name"),
+    [
+        ((0x080, b""), "SYNC"),
+        ((0x77F, b"\x05"), "node 127"),
+        ((0x000, b"\x80\x03"), "NMT"),
+        ((0x7E5, bytes(8)), "LSS"),
+        ((0x603, bytes(8)), "SDO requests to node 3"),
+        ((0x403, bytes(4)), "RPDO. to node 3"),
+    ],
 )
 def test_a_second_master_is_heard_before_a_word_is_said(on_bench, frame, name):
     async def script(bench: Any) -> None:

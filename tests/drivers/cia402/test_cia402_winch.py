@@ -279,10 +279,22 @@ def test_an_emergency_without_fault_still_holds_but_does_not_move(on_bench: OnBe
         with pytest.raises(DeviceError, match="temperature of the drive"):
             await bench.winch.move_to(1.5, 0.1, 0.5)
         await bench.winch.hold()
-        bench.bus.deliver(0x83, bytes(8))
-        assert "temperature" in bench.winch.latest().fault, "latched until somebody acknowledges"
+        bench.bus.deliver(0x83, bytes.fromhex("0000080000000000"))
+        assert "temperature" in bench.winch.latest().fault, "one of several errors has gone, its register says"
         await bench.winch.reset_fault("A. Person")
         assert bench.winch.latest().fault == ""
+
+    on_bench(script)
+
+
+def test_an_emergency_that_the_drive_withdraws_ends_what_it_began(on_bench: OnBench) -> None:
+    async def script(bench: Any) -> None:
+        await bench.enabled()
+        bench.bus.deliver(0x83, bytes.fromhex("1042090000000000"))
+        assert "temperature" in bench.winch.latest().fault
+        bench.bus.deliver(0x83, bytes(8))
+        assert bench.winch.latest().fault == ""
+        assert "node 3 has withdrawn its emergency 0x4210 (temperature of the drive)" in bench.master.remark
 
     on_bench(script)
 

@@ -1,0 +1,95 @@
+"""Who else commands the drives on this bus: frames that only a master sends, and that are not ours.
+
+A bus delivers to a node only what others have sent, so every SYNC, NMT command, receive PDO, SDO request or heartbeat
+of the host that arrives here is somebody else's: two masters undo each other's stops. Two drives with one node id both
+take every command; they show by more answers than questions, and by TPDOs that come twice in every cycle.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from threading import Lock
+
+from drivers.canbus.transport import CanFrame
+
+SDO_REQUEST = 0x600
+_RPDOS = (0x200, 0x300, 0x400, 0x500)
+_LSS_REQUEST = 0x7E5
+ALL_NODES = range(1, 128)
+END_IT = "Stop the other program (fidim stop, on the computer where it runs), or unplug it."
+
+
+class Strangers:
+    """Counts the frames of other masters; fed by the receiving thread with what others have sent."""
+
+    def __init__(self, host_id: int, nodes: Iterable[int] = ALL_NODES) -> None:
+        """nodes: ids of the drives (any, where they are not known)."""
+        self._names = {
+            0x000: "NMT commands",
+            0x080: "SYNC",
+            _LSS_REQUEST: "LSS commands",
+            0x700 + host_id: f"heartbeats of node {host_id}, the host's",
+        }
+        self.heard: Counter[str] = Counter()
+        for node in nodes:
+            self.add(node)
+
+    def add(self, node: int) -> None:
+        """One more drive: who asks or commands it is a master."""
+        self._names |= {function + node: f"commands (RPDO) to node {node}" for function in _RPDOS}
+        self._names[SDO_REQUEST + node] = f"SDO requests to node {node}"
+
+    def hear(self, frame: CanFrame) -> None:
+        """One frame that somebody else has sent."""
+        what = self._names.get(frame.id)
+        if what is not None:
+            self.heard[what] += 1
+
+    @property
+    def says(self) -> str:
+        """What was heard, in words; empty where nothing was."""
+        return ", ".join(f"{count} {what}" for what, count in dict(self.heard).items())
+
+
+class TwinWatch:
+    """Whether two nodes answer with one id, from what we asked and what came. Latched until `forget`."""
+
+    EXTRA_ANSWERS = 3
+    """more answers than questions: a frame that a gateway doubled is one, two nodes double every one (100 in a
+    bring-up)"""
+    CYCLES = 5
+    """in a row with a TPDO twice: a frame that is late by a cycle doubles one"""
+
+    def __init__(self) -> None:
+        self._lock = Lock()  # the control loop asks, and the node's SDO thread
+        self._asked = 0
+        self._answered = 0
+        self._cycles = 0
+        self._doubled = 0
+        self._cycle: float | None = None
+        self.says = ""
+        """what shows it, in words; empty where nothing does"""
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._asked = self._answered = self._cycles = self._doubled = 0
+        self._cycle, self.says = None, ""
+
+    def asked(self) -> None:
+        """An SDO request to the node has passed, ours or another master's."""
+        with self._lock:
+            self._asked += 1
+
+    def answered(self) -> None:
+        """An SDO answer of the node came."""
+        self._answered += 1
+        if not self.says and self._answered - self._asked >= self.EXTRA_ANSWERS:
+            self.says = f"{self._answered} SDO answers came to {self._asked} questions"
+
+    def sampled(self, cycle: float, doubled: int) -> None:
+        """A TPDO came: the SYNC that it answers (s), and how often one has come twice within its SYNC so far."""
+        if cycle == self._cycle:
+            return
+        self._cycles = self._cycles + 1 if doubled > self._doubled else 0
+        self._cycle, self._doubled = cycle, doubled
+        if not self.says and self._cycles >= self.CYCLES:
+            self.says = f"each TPDO comes twice in a cycle, {self._cycles} cycles in a row"
