@@ -192,12 +192,15 @@ class CanopenMaster:
             receiver(frame)
             return
         self._strangers.hear(frame)
+        if frame.id == _SYNC:
+            for link in self._links.values():
+                link.twins.foreign_sync()
         link = self._links.get(frame.id - SDO_REQUEST)
         if link is not None:
             link.twins.asked()  # by somebody else: that answer, too, will come here
 
     def _on_sdo(self, link: NodeLink, frame: CanFrame) -> None:
-        link.twins.answered()
+        link.twins.answered(frame.data)
         if len(frame.data) != 8:
             link.counters.malformed += 1
         elif not link.answers_controlword(frame):

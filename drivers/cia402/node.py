@@ -81,7 +81,7 @@ class NodeLink:
             self.counters.unasked += 1
             return
         values = self.decoder.feed(part, frame.data, t)
-        self.twins.sampled(t, self.decoder.doubled)
+        self.twins.sampled(t, self.decoder.contradicted)
         if values is not None:
             self.values = values
             if self.motion is not None:

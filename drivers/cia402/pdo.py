@@ -187,6 +187,8 @@ class SampleDecoder:
         """SYNCs of which only some of the TPDOs arrived"""
         self.doubled = 0
         """a TPDO that came again within one SYNC: doubled, or the one before was late by a whole cycle"""
+        self.contradicted = 0
+        """of these, how many had other contents than the first"""
         self.malformed = 0
 
     def feed(self, part: int, data: bytes, t: float) -> DriveValues | None:
@@ -198,14 +200,16 @@ class SampleDecoder:
         parts = self._parts
         if t != self._t:
             self._start(t)
+        numbers = form.unpack(data)
         if parts[part] is not None:
             self.doubled += 1  # if the first was late by a cycle, the newer one is the right one: it replaces it
-        parts[part] = form.unpack(data)
+            self.contradicted += numbers != parts[part]
+        parts[part] = numbers
         merged: _Numbers = ()
-        for numbers in parts:
-            if numbers is None:
+        for have in parts:
+            if have is None:
                 return None
-            merged += numbers
+            merged += have
         self.received += 1
         return DriveValues(t, *self._pick(merged))
 

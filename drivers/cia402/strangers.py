@@ -2,12 +2,11 @@
 
 A bus delivers to a node only what others have sent, so every SYNC, NMT command, receive PDO, SDO request or heartbeat
 of the host that arrives here is somebody else's: two masters undo each other's stops. Two drives with one node id both
-take every command; they show by more answers than questions, and by TPDOs that come twice in every cycle.
+take every command; they show by two answers to a question, and by two TPDOs in each cycle that differ.
 """
 
 from collections import Counter
 from collections.abc import Iterable
-from threading import Lock
 
 from drivers.canbus.transport import CanFrame
 
@@ -51,45 +50,48 @@ class Strangers:
 
 
 class TwinWatch:
-    """Whether two nodes answer with one id, from what we asked and what came. Latched until `forget`."""
+    """Whether two nodes answer with one id, from what we asked and what came. Latched until `forget`.
+
+    A frame that comes twice with the same contents is a gateway's or an adapter's doing; two drives differ in serial
+    number, encoder or current.
+    """
 
     EXTRA_ANSWERS = 3
-    """more answers than questions: a frame that a gateway doubled is one, two nodes double every one (100 in a
-    bring-up)"""
+    """questions with two answers that differ: after a time-out, the late answer is one"""
     CYCLES = 5
-    """in a row with a TPDO twice: a frame that is late by a cycle doubles one"""
+    """in a row with a TPDO twice, of different contents: a frame that is late by a cycle doubles one"""
 
     def __init__(self) -> None:
-        self._lock = Lock()  # the control loop asks, and the node's SDO thread
-        self._asked = 0
-        self._answered = 0
-        self._cycles = 0
-        self._doubled = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._answer: bytes | None = None
+        self._extra = self._cycles = self._contradicted = 0
         self._cycle: float | None = None
         self.says = ""
         """what shows it, in words; empty where nothing does"""
 
-    def forget(self) -> None:
-        """Begin anew."""
-        self._asked = self._answered = self._cycles = self._doubled = 0
-        self._cycle, self.says = None, ""
-
     def asked(self) -> None:
         """An SDO request to the node has passed, ours or another master's."""
-        with self._lock:
-            self._asked += 1
+        self._answer = None
 
-    def answered(self) -> None:
+    def answered(self, data: bytes) -> None:
         """An SDO answer of the node came."""
-        self._answered += 1
-        if not self.says and self._answered - self._asked >= self.EXTRA_ANSWERS:
-            self.says = f"{self._answered} SDO answers came to {self._asked} questions"
+        first, self._answer = self._answer, data
+        self._extra += first is not None and first != data
+        if not self.says and self._extra >= self.EXTRA_ANSWERS:
+            self.says = f"{self._extra} SDO questions had two answers that differ"
 
-    def sampled(self, cycle: float, doubled: int) -> None:
-        """A TPDO came: the SYNC that it answers (s), and how often one has come twice within its SYNC so far."""
+    def sampled(self, cycle: float, contradicted: int) -> None:
+        """A TPDO came: the SYNC that it answers (s), and how many have contradicted another of their SYNC so far."""
         if cycle == self._cycle:
             return
-        self._cycles = self._cycles + 1 if doubled > self._doubled else 0
-        self._cycle, self._doubled = cycle, doubled
+        self._cycles = self._cycles + 1 if contradicted > self._contradicted else 0
+        self._cycle, self._contradicted = cycle, contradicted
         if not self.says and self._cycles >= self.CYCLES:
-            self.says = f"each TPDO comes twice in a cycle, {self._cycles} cycles in a row"
+            self.says = f"a TPDO comes twice in a cycle with different contents, {self._cycles} cycles in a row"
+
+    def foreign_sync(self) -> None:
+        """Somebody else's SYNC has passed: that a TPDO comes twice shows nothing now."""
+        self._cycles = 0

@@ -1,5 +1,6 @@
 """Other masters on the bus, and two nodes of one id: what shows them, and what does not."""
 
+import copy
 from typing import Any
 
 import pytest
@@ -49,36 +50,53 @@ def test_a_stranger_is_counted_while_the_master_runs_and_our_own_frames_are_not(
 
 def test_a_second_node_of_one_id_never_gets_power(on_bench: Any, plain_drive: Any) -> None:
     async def script(bench: Any) -> None:
-        bench.bus.drives.append(plain_drive(3))
-        with pytest.raises(DeviceError, match=r"two nodes answer with id 3 \(\d+ SDO answers came to \d+ questions\)"):
+        bench.bus.drives.append(twin := plain_drive(3))
+        twin.put(0x6064, 300)
+        with pytest.raises(DeviceError, match=r"two nodes answer with id 3 \(3 SDO questions had two answers"):
             await bench.winch.configure()
         assert 0x0F not in [word & 0xF for drive in bench.bus.drives for word in drive.controlwords]
 
     on_bench(script)
 
 
-def test_a_second_node_that_comes_later_is_a_fault(on_bench: Any, plain_drive: Any) -> None:
+def test_a_second_node_that_comes_later_is_a_fault(on_bench: Any) -> None:
     async def script(bench: Any) -> None:
         await bench.enabled()
-        twin = plain_drive(3)
-        twin.__dict__.update(bench.drive.__dict__)
-        bench.bus.drives.append(twin)
+        bench.bus.drives.append(twin := copy.deepcopy(bench.drive))
+        twin.put(0x6064, 300)
         await bench.cycles(8)
-        assert "two nodes answer with id 3: each TPDO comes twice in a cycle" in bench.winch.latest().fault
+        assert "two nodes answer with id 3: a TPDO comes twice in a cycle" in bench.winch.latest().fault
         assert "two nodes answer with id 3" in bench.master.strangers
 
     on_bench(script)
 
 
-def test_single_doubled_frames_and_another_masters_answers_are_no_second_node() -> None:
+def test_a_second_sync_is_no_second_node(on_bench: Any) -> None:
+    async def script(bench: Any) -> None:
+        await bench.enabled()
+        await bench.winch.move_to(1.2, 0.1, 0.5)
+        for _ in range(20):
+            await bench.cycles(1)
+            bench.bus.deliver(0x080, b"")
+            for answer in bench.drive.receive(0x080, b"", bench.master.clock.now()):
+                bench.bus.deliver(*answer)
+        assert bench.winch.latest().fault == ""
+        assert bench.master.strangers == "another master is on this bus: 20 SYNC"
+
+    on_bench(script)
+
+
+def test_doubled_and_late_frames_are_no_second_node() -> None:
     watch = TwinWatch()
     for cycle in range(200):
-        watch.sampled(float(cycle), doubled=cycle // 4 * 3)
-    for _ in range(100):
+        watch.sampled(float(cycle), contradicted=cycle // 4 * 3)
+    for number in range(100):
         watch.asked()
-        watch.answered()
-    watch.answered()
-    watch.answered()
+        watch.answered(bytes((number,)))
+        watch.answered(bytes((number,)))
     assert watch.says == ""
-    watch.answered()
-    assert watch.says == "103 SDO answers came to 100 questions"
+    for number in range(3):
+        watch.asked()
+        watch.answered(bytes((number,)))
+        watch.answered(bytes((number, 1)))
+    assert watch.says == "3 SDO questions had two answers that differ"
