@@ -52,7 +52,7 @@ def test_a_second_node_of_one_id_never_gets_power(on_bench: Any, plain_drive: An
     async def script(bench: Any) -> None:
         bench.bus.drives.append(twin := plain_drive(3))
         twin.put(0x6064, 300)
-        with pytest.raises(DeviceError, match=r"two nodes answer with id 3 \(3 SDO questions had two answers"):
+        with pytest.raises(DeviceError, match="two nodes answer with id 3 "):
             await bench.winch.configure()
         assert 0x0F not in [word & 0xF for drive in bench.bus.drives for word in drive.controlwords]
 
