@@ -120,10 +120,3 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         "equilibria far apart: the body's inertia is the same everywhere, the swivels' lever is not",
     ),
 )
-
-
-def siblings(id: str) -> tuple[str, ...]:
-    """Ids that may stand for this one, the most alike first."""
-    order = (Kind.CONTAINED, Kind.NEAR, Kind.GAUGE)
-    known = sorted((e for e in EQUIVALENCES if id in e.ids), key=lambda e: (order.index(e.kind), -(e.share or 1.0)))
-    return tuple(dict.fromkeys(other for e in known for other in e.ids if other != id))

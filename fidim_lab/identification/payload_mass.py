@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fidim_lab.arrays import Vector3
-from fidim_lab.data.records import Body, Robot
+from fidim_lab.data.records import Robot
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.result import IdentificationResult
 
@@ -238,8 +238,3 @@ def _inverse_root(covariance: np.ndarray) -> np.ndarray:
 
 def _millimetres(v: np.ndarray) -> str:
     return "(" + ", ".join(f"{1e3 * x:.2f}" for x in v) + ")"
-
-
-def loaded_body(body: Body, mass: float, payload: Payload) -> Body:
-    """The body that a platform of this mass (kg) becomes with the payload, taken as a point (Eq. 23)."""
-    return Body.from_vector(_loaded(body.vector, mass, payload.mass, payload.at))

@@ -1,7 +1,7 @@
-"""From recorded samples to values, first and second derivatives that may be used: grid, gaps, filter, decimation.
+"""From recorded samples to values, first and second derivatives that may be used: grid, gaps, filter.
 
-`uniform` puts a recording on an even grid and fills short gaps; `smooth` filters and differentiates what is whole;
-`decimate` picks the samples that go into the regressor. Nothing is repaired silently: every step adds a note.
+`uniform` puts a recording on an even grid and fills short gaps; `smooth` filters and differentiates what is whole.
+Nothing is repaired silently: every step adds a note.
 
 A sample may be used when the whole kernel around it lies on measured (or shortly interpolated) samples: within half a
 kernel of an end or of a longer gap it may not. Odd reflection would keep the ends but bends the acceleration there
@@ -149,11 +149,3 @@ def _filter_stretch(x: np.ndarray, kernels: Kernels, spec: FilterDesign) -> tupl
         return inner, (value, convolve(kernels.first, x), convolve(kernels.second, x))
     first = np.gradient(value, 1 / kernels.rate, axis=0)
     return inner, (value, first, np.gradient(first, 1 / kernels.rate, axis=0))
-
-
-def decimate(usable: Mask, count: int | None) -> np.ndarray:
-    """Indices of `count` usable samples spread evenly (100 a window in the paper); all of them for None or too few."""
-    rows = np.flatnonzero(usable)
-    if count is None or len(rows) <= count:
-        return rows
-    return rows[np.rint(np.linspace(0, len(rows) - 1, count)).astype(int)]

@@ -119,12 +119,6 @@ def _covariance(s: np.ndarray, Vt: np.ndarray, chi: np.ndarray, sigma_W: float) 
     return sigma_W**2 * (1 + chi[1:] @ chi[1:]) * np.linalg.inv(gram[1:, 1:])
 
 
-def closest_compatible(W: Regressor) -> Regressor:
-    """Ŵ of Eq. 29: the matrix of rank 9 that is closest to W in the Frobenius norm."""
-    U, s, Vt = np.linalg.svd(W, full_matrices=False)
-    return W - s[-1] * np.outer(U[:, -1], Vt[-1])
-
-
 def non_essential(solution: TlsSolution) -> np.ndarray:
     """Which of the nine are non-essential (§3.2), (9,) of bool: σ% over 10 *and* near zero.
 

@@ -7,13 +7,14 @@ and of what it leaves, another effect cannot imitate, within its bounds, is what
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 
 import numpy as np
 
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch.ground import Ground
 from fidim_lab.mismatch.hypotheses import Hypothesis
-from fidim_lab.mismatch.refit import Completed, can_refit, refit
+from fidim_lab.mismatch.refit import Completed, refit
 from fidim_lab.mismatch.score import eliminated, imitated
 from fidim_lab.mismatch.views import SLIGHT, TIE, View
 from fidim_lab.model.side_by_side import found_side_by_side
@@ -80,8 +81,7 @@ def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SLIGHT)
         freedom = len(model.tried[k].scored)
         near = (one for one in imitators(seen, k, any_cable=True) if one.loss < TIE + slight * one.whole)
         simple = (one for one in near if len(one.tried.scored) <= freedom)
-        able = [one for one in simple if can_refit(one.tried.effect, model.mechanism)]
-        for other in able[:FITTED]:
+        for other in islice(simple, FITTED):
             say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
             fits.append(partial(in_place_of, model, k, other.tried, other.theta, ground, seen.context))
     return found_side_by_side(fits)

@@ -7,9 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.likelihood import Point
 from fidim_lab.identification.mle.springs import stretches
@@ -20,7 +18,7 @@ from fidim_lab.mismatch.sprung import are_stiff, begins_anew, stiffest
 from fidim_lab.mismatch.whiteness import whiteness
 from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import BODY, refuse_unknown, sprung
+from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.starts import tied
 
 ROUNDS = 3
@@ -123,15 +121,6 @@ def evidence(model: Completed, than: Completed, scale: float) -> float:
     most = max(model.dof, than.dof)
     gained = than.chi2 * most / max(1, than.dof) - model.chi2 * most / max(1, model.dof)
     return 0.5 * gained / scale - model.freedom(scale) + than.freedom(scale)
-
-
-def can_refit(effect: NamedEffect, mechanism: Mechanism) -> bool:
-    """Whether trajectories with derivatives carry the effect's slots."""
-    try:
-        refuse_unknown(Mechanism(mechanism.robot, (effect,)))
-    except OurBugError:
-        return False
-    return True
 
 
 def refit(

@@ -77,7 +77,7 @@ class Search:
         best = Completed((), self.start.short, whole=False)
         while True:
             seen = self.trials.look(best)
-            if seen.unfitted is not None or self.patience.ended:
+            if self.patience.ended:
                 break
             fresh = self.trials.over_first_seconds(self.trials.additions(seen))
             further = most_convincing(best, fresh)
@@ -161,7 +161,7 @@ class Search:
         if best.model.whole and self._in_vain(best):
             self._pushed(best)
             return best, seen
-        while best.model.whole and seen.unfitted is None and not self._pushed(best, *_best_score(seen)):
+        while best.model.whole and not self._pushed(best, *_best_score(seen)):
             further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
             if further is best:
                 if not self._pushed(best):

@@ -26,7 +26,6 @@ from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.soft import BEGINNINGS, POSSIBLE, SoftFit, fit_soft
-from fidim_lab.mismatch.refit import can_refit
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import Effect
 from fidim_lab.say import Say
@@ -118,12 +117,11 @@ def compare(campaign: Campaign, say: Say) -> Compared:
     single: list[Elastic] = []
     elsewhere: list[Elastic] = []
     alone: list[Elastic] = []
-    mechanism = soft.found.likelihood.mechanism
     for into, effects in (
         (single, (friction,)),
         (single, (DRAG,)),
-        *((elsewhere, (other, DRAG)) for other in ELSEWHERE if can_refit(other, mechanism)),
-        *((alone, (other,)) for other in ALONE if can_refit(other, mechanism)),
+        *((elsewhere, (other, DRAG)) for other in ELSEWHERE),
+        *((alone, (other,)) for other in ALONE),
     ):
         try:
             into.append(variant(*effects))

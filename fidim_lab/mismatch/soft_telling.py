@@ -20,7 +20,6 @@ from fidim_lab.mismatch.explanation import (
     Verdict,
 )
 from fidim_lab.mismatch.soft_cables import Compared, Elastic
-from fidim_lab.mismatch.verdict import HALF
 from fidim_lab.mismatch.views import ENOUGH
 
 NO_WORSE = 1.1
@@ -29,6 +28,8 @@ ALIKE = 1.25
 """times the held-out rms, up to which friction elsewhere predicts as well: windows differ by as much"""
 AT_BOUND = 0.99
 """of the largest possible size: beyond, more is asked for than can be"""
+HALF = 0.5
+"""of what held-out windows lack, that both terms together must take"""
 
 
 def soft_answer(told: Explanation, compared: Compared, robot: Robot, softness: str) -> Explanation | None:

@@ -27,7 +27,6 @@ from fidim_lab.mismatch.leftover import of_fit
 from fidim_lab.mismatch.locate import locate
 from fidim_lab.mismatch.ranking import ranking
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.score import Score
 from fidim_lab.mismatch.select import Selection
 from fidim_lab.mismatch.verdict import Judged
 from fidim_lab.mismatch.views import ENOUGH
@@ -39,8 +38,6 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
     """Everything that is answered."""
     named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
     effects = tuple(_cause(found, named.model, k) for k in range(len(named.model.tried)))
-    if judged.known and found.last.unfitted is not None:
-        effects = (*effects, _cause_by_score(found, found.last.unfitted))
     return Explanation(
         campaign=baseline.campaign.name,
         verdict=verdict,
@@ -74,17 +71,6 @@ def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
     }
     effect = tried.effect
     return NamedCause(effect.id, effect.cable, alike(found, k), parameters, effect.says)
-
-
-def _cause_by_score(found: Selection, score: Score) -> NamedCause:
-    """An effect that cannot be fitted yet, with the size that its score gives, to first order."""
-    tried = score.tried[0]
-    theta = tried.theta(score.theta[0])
-    parameters = {
-        parameter.name: EffectParameter(float(value), None, parameter.unit)
-        for parameter, value in zip(tried.effect.parameters, theta, strict=True)
-    }
-    return NamedCause(tried.effect.id, tried.effect.cable, (), parameters, tried.effect.says)
 
 
 def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
@@ -155,10 +141,6 @@ def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], li
                 said += _law_without_a_name(best.model)
             if judged.outdone_by is not None:
                 said += f" {_outdone(judged.outdone_by, found)}"
-    lacking = found.last.unfitted
-    if effects and lacking is not None:
-        said += f" {lacking.label} is known by its score alone (log-evidence {lacking.log_evidence:.0f}, would leave "
-        said += f"χ²/dof {found.last.unfitted_left:.3g}): it cannot be fitted yet, so held-out figures lack it."
     return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
 
 

@@ -9,7 +9,7 @@ from fidim_lab.mismatch.generic.unknown import Unknown as Wrench
 from fidim_lab.mismatch.select import Selection
 
 WHITE = 1.03
-"""χ²/dof up to which what an effect known by its score alone would leave is called noise"""
+"""held-out χ²/dof up to which an effect with a phase of its own in every window may be a part of the truth"""
 ALL_BUT_NOISE = 1.1
 """held-out χ²/dof up to which little is left, whatever it is"""
 MOSTLY = 0.9
@@ -17,8 +17,6 @@ MOSTLY = 0.9
 BEYOND_SIBLINGS = 0.99
 """the same where more is left: of what something else does, a sibling takes 0.94 to 0.97 (drag by swivel damping, dry
 friction by damping: FINDINGS.md), so that a name which takes no more may be a mere stand-in"""
-HALF = 0.5
-"""of the excess that an effect known by its score alone must explain"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +46,6 @@ def judge(found: Selection) -> Judged:
 
 def _verdict(found: Selection) -> Verdict:
     best = found.best
-    if found.last.unfitted is not None:
-        if found.last.unfitted_left < WHITE:
-            return Verdict.EXPLAINED
-        enough = found.last.unfitted.share > HALF or best.model.tried
-        return Verdict.PARTLY_EXPLAINED if enough else Verdict.UNKNOWN_PHYSICS
     if any(h.effect.id == Unknown.id for h in best.model.tried):
         return Verdict.UNKNOWN_PHYSICS  # a law that nothing of the catalogue has
     if best.is_white:

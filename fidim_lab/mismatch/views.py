@@ -15,7 +15,7 @@ from fidim_lab.mismatch.frequencies import between, likely_frequencies
 from fidim_lab.mismatch.ground import NEAR, SHORT, nearer
 from fidim_lab.mismatch.hypotheses import PERIODIC, Hypotheses, Hypothesis
 from fidim_lab.mismatch.own_phase import own_phase_scores
-from fidim_lab.mismatch.refit import Completed, can_refit
+from fidim_lab.mismatch.refit import Completed
 from fidim_lab.mismatch.score import (
     Projected,
     Score,
@@ -75,21 +75,6 @@ class View:
         """The most evident first; computed anew at each call."""
         return pair_scores(self.projected, self.context)
 
-    @property
-    def unfitted(self) -> Score | None:
-        """The most evident addition, where trajectories cannot carry it and no other comes near."""
-        top = self.singles[0] if self.singles else None
-        if top is None or top.log_evidence < ENOUGH or self._can_be_fitted(top.tried[0].effect):
-            return None
-        rest = next((s for s in self.singles if self._can_be_fitted(s.tried[0].effect)), None)
-        return top if rest is None or top.log_evidence > rest.log_evidence + ENOUGH else None
-
-    @property
-    def unfitted_left(self) -> float:
-        """χ²/dof that it would leave; that of the model itself where there is none."""
-        gain = 0.0 if self.unfitted is None else self.unfitted.gain
-        return (self.projected.left - gain) / max(1, self.projected.dof)
-
     def additions(self, room: int) -> tuple[Score, ...]:
         """What is worth fitting beside the model: the best of each effect, then pairs that say more than any alone.
 
@@ -100,9 +85,8 @@ class View:
         singles = self._singles(room)
         pairs: list[Score] = []
         if room > 1 and singles:
-            able = (p for p in self.pairs if all(self._can_be_fitted(h.effect) for h in p.tried))
             least = singles[0].log_evidence + ENOUGH
-            pairs = list(_varied([pair for pair in able if pair.log_evidence > least]))[:PAIRS]
+            pairs = list(_varied([pair for pair in self.pairs if pair.log_evidence > least]))[:PAIRS]
         return (*self._near(singles, 0.0), *self._near(pairs, singles[0].gain if singles else 0.0))
 
     def _singles(self, room: int) -> list[Score]:
@@ -111,7 +95,7 @@ class View:
         inside = {h.effect.id for h in self.model.tried if h.effect.id in PERIODIC}
         for score in self.singles:
             allowed = room > 0 or score.tried[0].effect.id in inside
-            if allowed and score.log_evidence > ENOUGH and self._can_be_fitted(score.tried[0].effect):
+            if allowed and score.log_evidence > ENOUGH:
                 chosen.setdefault(score.tried[0].effect, score)
         if not self.races:
             return list(chosen.values())[:SINGLES]
@@ -138,10 +122,6 @@ class View:
         """Whether noise alone would be left, or at least a good part of what fewer terms leave would be gone."""
         noise = 4 * self.model.fit.noise_ratio**2 * float(np.sqrt(2 * self.projected.dof))
         return score.gain - less > FEEBLE * (self.rest - less) or self.rest - score.gain < noise
-
-    def _can_be_fitted(self, effect: NamedEffect) -> bool:
-        """Whether trajectories carry it."""
-        return can_refit(effect, self.model.mechanism)
 
 
 def view(model: Completed, tried: Hypotheses, context: Context) -> View:
@@ -226,7 +206,7 @@ def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) ->
     for score in own:
         effect = score.tried[0].effect
         evident = score.log_evidence > least.get(effect.id, ENOUGH)
-        if evident and effect.id not in inside and can_refit(effect, model.mechanism):
+        if evident and effect.id not in inside:
             found.append(score)
     return tuple(found)
 

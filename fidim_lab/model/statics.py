@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from fidim_lab.arrays import CableSeries, PerCable, Vector3
 from fidim_lab.data.records import Body, Motion, Pose
@@ -53,12 +53,6 @@ def tensions(mechanism: Mechanism, body: Body, motion: Motion) -> tuple[CableSer
     transposed = mechanism.structure_matrix(motion.positions, motion.rotations).transpose(0, 2, 1)
     found = (np.linalg.pinv(transposed) @ -wrenches[..., np.newaxis])[..., 0]
     return found, wrenches + (transposed @ found[..., np.newaxis])[..., 0]
-
-
-def within_limits(tensions_per_mass: CableSeries, mass: float, limits: tuple[float, float]) -> Bool[np.ndarray, "N n"]:
-    """Wrench feasibility: which tensions, of a platform of this mass (kg), lie within the limits (N)."""
-    newton = tensions_per_mass * mass
-    return (newton >= limits[0]) & (newton <= limits[1])
 
 
 def balance(

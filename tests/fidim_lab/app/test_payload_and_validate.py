@@ -9,8 +9,8 @@ import pytest
 
 from fidim_lab.app import cli
 from fidim_lab.data.campaign import read_campaign, write_campaign
-from fidim_lab.data.records import Robot
-from fidim_lab.identification.payload_mass import Payload, loaded_body
+from fidim_lab.data.records import Body, Robot
+from fidim_lab.identification.payload_mass import Payload
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.identification.result_file import read_result
 from sim_backends.plant.world import make_world
@@ -29,12 +29,19 @@ class Pair:
     mass: float
 
 
+def loaded(body: Body, mass: float, payload: Payload) -> Body:
+    """The platform with a point of mass added, from both masses' moments (Eq. 23)."""
+    x, y, z = payload.at
+    point = np.array([x, y, z, y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z])
+    return Body.from_vector((mass * body.vector + payload.mass * point) / (mass + payload.mass))
+
+
 @pytest.fixture(scope="module")
 def pair(irma4: Robot, tmp_path_factory: pytest.TempPathFactory) -> Pair:
     folder = tmp_path_factory.mktemp("pair")
     plan = random_plan(irma4, "pair", 6, 1, 3)
     world = make_world(irma4, np.random.default_rng(3))
-    heavier = replace(world, mass=world.mass + 1.0, body=loaded_body(world.body, world.mass, PAYLOAD))
+    heavier = replace(world, mass=world.mass + 1.0, body=loaded(world.body, world.mass, PAYLOAD))
     for name, true in (("empty", world), ("loaded", heavier)):
         campaign, _ = simulate_campaign(irma4, plan, true, np.random.default_rng(4), recording=Recording(6.0))
         write_campaign(folder / name, replace(campaign, name=name))

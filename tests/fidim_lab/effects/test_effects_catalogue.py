@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.effects.catalogue import by_id, catalogue
-from fidim_lab.effects.equivalences import EQUIVALENCES, siblings
+from fidim_lab.effects.equivalences import EQUIVALENCES
 from fidim_lab.effects.pulley_radius import PulleyRadius
 from fidim_lab.effects.table import page
 from fidim_lab.errors import SetupError
@@ -158,9 +158,6 @@ def test_equivalences_name_effects_of_the_catalogue():
         assert set(known.ids) <= set(IDS)
         assert known.why
         assert known.separate
-    assert siblings("constant-force") == ("gravity-tilt", "clock-rate")
-    assert siblings("anchor-offset")[:2] == ("cable-length-bias", "pulley-radius")
-    assert siblings("unknown") == ()
 
 
 def test_the_page_in_docs_is_current():

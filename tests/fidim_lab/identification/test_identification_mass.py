@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Body
 from fidim_lab.errors import RefusedError, SetupError
-from fidim_lab.identification.payload_mass import Known, Payload, find_mass, loaded_body, refuse_other_geometry
+from fidim_lab.identification.payload_mass import Known, Payload, find_mass, refuse_other_geometry
 
 BODY = Body(np.array([0.002, -0.0025, 0.1984]), np.array([0.0569, 0.0627, 0.0314, 2e-4, -2e-4, 1.6e-4]))
 MASS = 11.3
@@ -20,10 +20,17 @@ def correlated(scale: float = 1.0) -> np.ndarray:
     return scale**2 * np.outer(SD, SD) * (0.3 + 0.7 * np.eye(9))
 
 
+def loaded(body: Body, mass: float, payload: Payload) -> Body:
+    """The platform with a point of mass added, from both masses' moments (Eq. 23)."""
+    x, y, z = payload.at
+    point = np.array([x, y, z, y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z])
+    return Body.from_vector((mass * body.vector + payload.mass * point) / (mass + payload.mass))
+
+
 def pair(payload: Payload = PAYLOAD, *, seed: int | None = None, mass: float = MASS, scale: float = 1.0):
     """Both bodies as identified: exact, or with errors drawn from their covariance."""
     C = correlated(scale)
-    true = [BODY.vector, loaded_body(BODY, mass, payload).vector]
+    true = [BODY.vector, loaded(BODY, mass, payload).vector]
     if seed is not None:
         random = np.random.default_rng(seed)
         true = [values + random.multivariate_normal(np.zeros(9), C) for values in true]
@@ -38,7 +45,7 @@ def test_a_payload_is_added_as_a_cloud_of_masses_says():
         J = sum(mk * (pk @ pk * np.eye(3) - np.outer(pk, pk)) for mk, pk in zip(m, p, strict=True)) / m.sum()
         return np.concatenate([m @ p / m.sum(), J[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]])
 
-    added = loaded_body(Body.from_vector(body(points[:2], masses[:2])), 7.0, Payload(5.0, points[2]))
+    added = loaded(Body.from_vector(body(points[:2], masses[:2])), 7.0, Payload(5.0, points[2]))
     np.testing.assert_allclose(added.vector, body(points, masses), atol=1e-15)
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.filters import PAPER, Derivatives, Edges, FilterDesign
-from fidim_lab.identification.signals import decimate, runs, smooth, uniform
+from fidim_lab.identification.signals import runs, smooth, uniform
 
 RATE = 100.0
 T = np.arange(1001) / RATE
@@ -109,13 +109,3 @@ def test_both_ways_of_differentiating_agree_on_slow_signals(derivatives):
     x = np.sin(T)[:, None]
     found = smooth(uniform(T, x, RATE), FilterDesign(derivatives=derivatives))
     np.testing.assert_allclose(found.second[100:-100, 0], -np.sin(T)[100:-100], atol=1e-3)
-
-
-def test_decimation_spreads_evenly_over_what_is_usable():
-    usable = np.ones(1000, dtype=bool)
-    usable[400:600] = False
-    rows = decimate(usable, 100)
-    assert len(rows) == 100
-    assert usable[rows].all()
-    assert (rows[0], rows[-1]) == (0, 999)
-    np.testing.assert_array_equal(decimate(usable, None), np.flatnonzero(usable))

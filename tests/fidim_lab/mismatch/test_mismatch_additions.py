@@ -183,7 +183,6 @@ def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places
 
 def test_a_model_of_which_nothing_can_be_said_to_first_order_gets_no_additions() -> None:
     nothing = seen([], shortened=False)
-    assert nothing.unfitted is None
     assert nothing.additions(3) == ()
 
 

@@ -39,9 +39,9 @@ def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
     monkeypatch.setattr(module, "Completed", lambda *_, **__: found)
     monkeypatch.setattr(module, "common_scale", lambda _: 1.0)
     monkeypatch.setattr(module, "most_convincing", lambda best, fresh: best)
-    search = module.Search(SimpleNamespace(short=None), lambda _: None, False, Patience())  # type: ignore[arg-type]
+    search = module.Search(SimpleNamespace(short=None), lambda _: None, False, Patience(-1.0))  # type: ignore[arg-type]
     monkeypatch.setattr(search, "_together", lambda: asked.append(True) or [])
-    monkeypatch.setattr(search.trials, "look", lambda _: SimpleNamespace(unfitted="nothing to look at"))
+    monkeypatch.setattr(search.trials, "look", lambda _: SimpleNamespace(singles=()))
     assert search.over_first_seconds(lambda _: False) == [found]
     assert bool(asked) is united
 

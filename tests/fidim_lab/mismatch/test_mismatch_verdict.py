@@ -30,9 +30,7 @@ def candidate(
 
 
 def verdict(best, before: float = 1e5):
-    found = SimpleNamespace(
-        best=best, baseline=candidate(0, before, 3.0), last=SimpleNamespace(unfitted=None), outdone=None
-    )
+    found = SimpleNamespace(best=best, baseline=candidate(0, before, 3.0), outdone=None)
     judged = judge(found)
     assert judged.known == (judged.named is best)
     return judged.verdict
@@ -44,7 +42,6 @@ def test_white_is_explained_or_nothing() -> None:
         SimpleNamespace(
             best=candidate(0, 30.0, 1.0, white=True),
             baseline=candidate(0, 30.0, 1.0, white=True),
-            last=SimpleNamespace(unfitted=None),
             outdone=None,
         )
     ).verdict is Verdict.NOTHING_MISSING  # fmt: skip
