@@ -6,17 +6,18 @@ be fitted to the whole: effects that act would follow there what they cause.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from fidim_lab.data.records import Campaign, Role
+from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.candidates import Candidate, candidate
-from fidim_lab.mismatch.generic.unknown import Unknown
+from fidim_lab.mismatch.generic.unknown import Unknown, model_unknown
+from fidim_lab.mismatch.ground import ground_of, whole_ground
 from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.unnamed import modelled
 from fidim_lab.mismatch.unseen import predict
 from fidim_lab.mismatch.views import ENOUGH
 from fidim_lab.say import Say
@@ -64,6 +65,23 @@ def wrench_beside(baseline: Candidate, campaign: Campaign, names: str, say: Say,
         return modelled(baseline, campaign, alone=alone)
     except RefusedError:
         return None
+
+
+def modelled(named: Candidate, campaign: Campaign, *, alone: bool = False) -> Unknown:
+    """What is left beside these effects as a wrench without a name, on whole windows.
+
+    alone: only where one wrench does nearly all (see `model_unknown`). Raises RefusedError where windows cannot be
+    followed.
+    """
+    base = whole_fit(named.model, campaign.of_role(Role.IDENTIFY))
+    return model_unknown(base, campaign.of_role(Role.VALIDATE), before=named.held_out, alone=alone)
+
+
+def whole_fit(named: Completed, windows: Sequence[Window]) -> Fit:
+    """The fit on whole recordings, even where it was fitted to their first seconds only."""
+    if named.whole:
+        return named.fit
+    return replace(named.fit, likelihood=whole_ground(ground_of(named.fit), windows).likelihood)
 
 
 def nats_beyond(whole: Fit, short: Fit) -> float:

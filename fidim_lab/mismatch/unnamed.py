@@ -1,16 +1,13 @@
 """What has no name, put into an explanation: the generic model's words, its figures and the parameters with it."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
-from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.candidates import Candidate
 from fidim_lab.mismatch.explanation import Before, BodyParameter, Explanation, Verdict
-from fidim_lab.mismatch.generic.unknown import Unknown, model_unknown
-from fidim_lab.mismatch.ground import ground_of, whole_ground
-from fidim_lab.mismatch.refit import Completed
+from fidim_lab.mismatch.generic.unknown import Unknown
+from fidim_lab.mismatch.lone_wrench import modelled
 from fidim_lab.say import Say
 
 
@@ -50,27 +47,10 @@ def with_unknown(
     )
 
 
-def modelled(named: Candidate, campaign: Campaign, *, alone: bool = False) -> Unknown:
-    """What is left beside these effects as a wrench without a name, on whole windows.
-
-    alone: only where one wrench does nearly all (see `model_unknown`). Raises RefusedError where windows cannot be
-    followed.
-    """
-    base = whole_fit(named.model, campaign.of_role(Role.IDENTIFY))
-    return model_unknown(base, campaign.of_role(Role.VALIDATE), before=named.held_out, alone=alone)
-
-
 def _helps(found: Unknown) -> bool:
     """Whether held-out windows are predicted better, and none less that was predicted before."""
     lost = found.after.refused.keys() - found.before.refused.keys()
     return found.after.chi2_per_dof < found.before.chi2_per_dof and not lost
-
-
-def whole_fit(named: Completed, windows: Sequence[Window]) -> Fit:
-    """The fit on whole recordings, even where it was fitted to their first seconds only."""
-    if named.whole:
-        return named.fit
-    return replace(named.fit, likelihood=whole_ground(ground_of(named.fit), windows).likelihood)
 
 
 def _parameters(found: Unknown, explanation: Explanation) -> dict[str, BodyParameter]:

@@ -110,8 +110,7 @@ def test_standard_deviations_grow_with_noise_that_was_not_declared(irma4: Robot)
 
 def test_without_held_out_windows_no_wrench_without_a_name_is_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     found = SimpleNamespace(terms=("a wrench",), after=SimpleNamespace(dof=0))
-    monkeypatch.setattr(unnamed, "model_unknown", lambda *_, **__: found)
-    monkeypatch.setattr(unnamed, "whole_fit", lambda *_: None)
+    monkeypatch.setattr(unnamed, "modelled", lambda *_: found)
     monkeypatch.setattr(unnamed, "replace", lambda told, *, message: message)
     told = SimpleNamespace(verdict=Verdict.UNKNOWN_PHYSICS, message="Something is missing.")
     named = SimpleNamespace(model=SimpleNamespace(mechanism=SimpleNamespace(springs=False)), held_out=None)
