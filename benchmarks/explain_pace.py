@@ -34,12 +34,12 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "clean": ("fidim_lab.mismatch.explain.clean",),
     "baseline": ("fidim_lab.mismatch.explain.fit_baseline",),
     "audit": ("fidim_lab.mismatch.explain.audit",),
-    "scores": ("fidim_lab.mismatch.trials.view", "fidim_lab.mismatch.trials.tones"),
+    "scores": ("fidim_lab.mismatch.selection.trials.view", "fidim_lab.mismatch.selection.trials.tones"),
     "refits": tuple(
-        f"fidim_lab.mismatch.{place}.refit"
-        for place in ("search", "whole_windows", "trials", "additions", "wider", "imitators")
+        f"fidim_lab.mismatch.selection.{place}.refit"
+        for place in ("search", "whole_windows", "trials", "additions", "generalise", "confounders")
     ),
-    "held-out": ("fidim_lab.mismatch.trials.predict", "fidim_lab.mismatch.baseline.predict"),
+    "held-out": ("fidim_lab.mismatch.selection.trials.predict", "fidim_lab.mismatch.fitting.baseline.predict"),
     "restored": ("fidim_lab.mismatch.explain.restored",),
     "told": ("fidim_lab.mismatch.explain.tell",),
     "no name": ("fidim_lab.mismatch.explain.with_unknown",),
@@ -106,7 +106,7 @@ def child(folder: Path) -> None:
 def looks(folder: Path) -> None:
     """A session window by window; seconds of each look as JSON."""
     from fidim_lab.data.campaign import read_campaign
-    from fidim_lab.mismatch.so_far import Watch
+    from fidim_lab.mismatch.online_monitor import Watch
 
     campaign = read_campaign(folder)
     watch = Watch(campaign.robot)

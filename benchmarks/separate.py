@@ -37,11 +37,11 @@ from fidim_lab.errors import FidimError, InfeasibleError
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.conclusion.explanation import Explanation
 from fidim_lab.mismatch.explain import explain
-from fidim_lab.mismatch.explanation import Explanation
-from fidim_lab.mismatch.next_windows import to_separate
-from fidim_lab.mismatch.proposal import Claim, Proposal, Trial
-from fidim_lab.mismatch.separate import Known, evidence, separating
+from fidim_lab.mismatch.next_experiment.next_windows import to_separate
+from fidim_lab.mismatch.next_experiment.proposal import Claim, Proposal, Trial
+from fidim_lab.mismatch.next_experiment.separate import Known, evidence, separating
 from sim_backends.plant.plant import Plant
 from sim_backends.simulate import RecordedWindow, simulate_campaign
 

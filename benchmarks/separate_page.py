@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.page import table
 from fidim_lab.app.benchmark.statistics import Share
 from fidim_lab.app.judgement import HOPEFUL
-from fidim_lab.mismatch.proposal import CLEAR
+from fidim_lab.mismatch.next_experiment.proposal import CLEAR
 
 IDENTIFY, VALIDATE = 3, 2
 MORE = 4

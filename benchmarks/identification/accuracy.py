@@ -10,10 +10,10 @@ from benchmarks.identification.campaigns import simulated
 from benchmarks.page import table, write_section
 from fidim_lab.data.records import PARAMETER_NAMES, Role
 from fidim_lab.errors import FidimError
-from fidim_lab.identification import total_least_squares
+from fidim_lab.identification.equations import total_least_squares
+from fidim_lab.identification.equations.problem import build
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.problem import build
-from fidim_lab.identification.recipe import BEST
+from fidim_lab.identification.motion.recipe import BEST
 from fidim_lab.model.mechanism import Mechanism
 
 TITLE = "Accuracy on campaigns without model error"

@@ -19,10 +19,10 @@ from benchmarks.page import table, write_section
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Role
 from fidim_lab.errors import FidimError, RefusedError
-from fidim_lab.identification import least_squares, total_least_squares
+from fidim_lab.identification.equations import least_squares, total_least_squares
+from fidim_lab.identification.equations.problem import build
 from fidim_lab.identification.mle.soft import fit_soft
-from fidim_lab.identification.problem import build
-from fidim_lab.identification.recipe import BEST, PAPER
+from fidim_lab.identification.motion.recipe import BEST, PAPER
 
 TITLE = "The real recording, against CAD"
 SHOWN = ("s_x", "s_y", "s_z − a_z", "I_xx", "I_yy", "I_zz")

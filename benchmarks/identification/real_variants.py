@@ -20,8 +20,8 @@ from benchmarks.identification.real import imported
 from benchmarks.page import table, write_section
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.calibration.stretch import Stretch, seen_stretch
 from fidim_lab.identification.mle import soft
-from fidim_lab.identification.stretch import Stretch, seen_stretch
 
 TITLE = "The real recording: what the answer hangs on"
 TIE = 1.15

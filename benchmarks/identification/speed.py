@@ -14,8 +14,8 @@ from benchmarks.page import table, write_section
 from fidim_lab.data.records import Role
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.mle.likelihood import linearised, simulate
-from fidim_lab.identification.mle.recordings import prepare
+from fidim_lab.identification.mle.trajectories.likelihood import linearised, simulate
+from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
 

@@ -23,12 +23,12 @@ from benchmarks.identification.campaigns import Known, simulated
 from benchmarks.page import table, write_section
 from fidim_lab.data.records import Body, Campaign, Pose, Role, Window
 from fidim_lab.errors import FidimError
-from fidim_lab.identification import total_least_squares
+from fidim_lab.identification.equations import total_least_squares
+from fidim_lab.identification.equations.problem import build
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.mle.recordings import prepare
-from fidim_lab.identification.mle.start import first_guess
-from fidim_lab.identification.problem import build
-from fidim_lab.identification.recipe import BEST, PAPER, Recipe
+from fidim_lab.identification.mle.starts.start import first_guess
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.motion.recipe import BEST, PAPER, Recipe
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.mujoco_world.multibody import multibody_xml
 from sim_backends.plant.world import make_world

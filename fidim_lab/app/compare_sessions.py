@@ -12,7 +12,7 @@ from fidim_lab.app.report.windows import measured_tension
 from fidim_lab.app.report.write import EXPLANATION
 from fidim_lab.data.records import Campaign, Role
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.result_file import ResultTable, read_result
+from fidim_lab.identification.results.result_file import ResultTable, read_result
 
 RESULT = "result.json"
 

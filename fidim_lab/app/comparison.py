@@ -10,7 +10,7 @@ from fidim_lab.app.compare_sessions import Session
 from fidim_lab.app.report.explained import VERDICTS
 from fidim_lab.app.report.numerals import short
 from fidim_lab.data.records import PARAMETER_NAMES, Robot
-from fidim_lab.identification.result_file import ParameterTable, ResultTable, WindowTable
+from fidim_lab.identification.results.result_file import ParameterTable, ResultTable, WindowTable
 
 CHANCE = 0.01
 """of calling two sessions of one body different: shared evenly among the nine parameters (Bonferroni)"""

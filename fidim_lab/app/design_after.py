@@ -19,10 +19,10 @@ from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.design.next_window import NextWindow
 from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
-from fidim_lab.identification.result_file import read_result
-from fidim_lab.mismatch.explanation import Verdict
-from fidim_lab.mismatch.next_windows import to_know, to_separate
-from fidim_lab.mismatch.proposal import Claim, Proposal
+from fidim_lab.identification.results.result_file import read_result
+from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.mismatch.next_experiment.next_windows import to_know, to_separate
+from fidim_lab.mismatch.next_experiment.proposal import Claim, Proposal
 
 FORMAT = "fidim-next/1"
 

@@ -22,8 +22,8 @@ from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import HardwareError
 from fidim_lab.identification.random_plan import Taste, random_plan
-from fidim_lab.identification.result import IdentificationResult
-from fidim_lab.identification.result_file import write_result
+from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.result_file import write_result
 from procedures.catalogue import experiment as procedure_of
 from procedures.events import Event, RunFinished
 from procedures.report import RunReport

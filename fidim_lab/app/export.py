@@ -25,7 +25,7 @@ from fidim_lab.data.campaign_frame import LoadedCampaign, load_campaign
 from fidim_lab.data.records import Window
 from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import SetupError
-from fidim_lab.identification.result_file import ResultTable, read_result
+from fidim_lab.identification.results.result_file import ResultTable, read_result
 
 _OF_RESULT: Mapping[str, tuple[str, Callable[[ResultTable, float | None], str]]] = MappingProxyType(
     {

@@ -12,7 +12,7 @@ import tomli_w
 
 from fidim_lab.data.records import PARAMETER_NAMES, Body
 from fidim_lab.errors import InfeasibleError, SetupError
-from fidim_lab.identification.result_file import ParameterTable, ResultTable
+from fidim_lab.identification.results.result_file import ParameterTable, ResultTable
 
 _LINK = "platform"
 

@@ -12,7 +12,7 @@ from fidim_lab.data.campaign import CampaignTable
 from fidim_lab.data.plan_file import PlanTable
 from fidim_lab.data.rig_tables import RigTable
 from fidim_lab.data.robot_file import RobotTable
-from fidim_lab.identification.result_file import ResultTable
+from fidim_lab.identification.results.result_file import ResultTable
 from procedures.settings import ReleaseSettings, Settings
 
 INTRODUCTION = """# Keys of files

@@ -20,14 +20,14 @@ from fidim_lab.app.working import Working, windows_of
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import Choice, suited_method
-from fidim_lab.identification.estimators import Method, method_named
+from fidim_lab.identification.equations.estimators import Method, method_named
 from fidim_lab.identification.identify import MODEL_ERROR, identify
 from fidim_lab.identification.mle.findings import OTHER_NOISE, closing
-from fidim_lab.identification.pose_sources import PoseSource
-from fidim_lab.identification.recipe import BEST, PAPER, Recipe
-from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
-from fidim_lab.identification.result_file import write_result
-from fidim_lab.identification.validation import QUICK, THOROUGH, expected_sigma_perp
+from fidim_lab.identification.motion.pose_sources import PoseSource
+from fidim_lab.identification.motion.recipe import BEST, PAPER, Recipe
+from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.results.result_file import write_result
+from fidim_lab.identification.results.validation import QUICK, THOROUGH, expected_sigma_perp
 from fidim_lab.model.native import compiler
 from fidim_lab.units import millimetres, percent
 

@@ -22,9 +22,9 @@ from fidim_lab.data.importers.registry import read_recording
 from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
 from fidim_lab.data.rigid_body import ClusterShape, cluster_shape, fit_pose
 from fidim_lab.errors import RefusedError, SetupError
-from fidim_lab.identification.arrangement import Evidence, at_times, choose, judge
-from fidim_lab.identification.registration import Registration, register
-from fidim_lab.mismatch.hand_contact import HandFree, find_hand_free
+from fidim_lab.identification.calibration.arrangement import Evidence, at_times, choose, judge
+from fidim_lab.identification.calibration.registration import Registration, register
+from fidim_lab.identification.motion.hand_free import HandFree, find_hand_free
 from fidim_lab.model.mechanism import Mechanism
 
 JOURNAL = "import.json"

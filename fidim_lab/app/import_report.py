@@ -11,9 +11,9 @@ from fidim_lab.data.alignment import ClockOffset
 from fidim_lab.data.importers.recording import Recording
 from fidim_lab.data.records import Campaign
 from fidim_lab.data.rigid_body import ClusterShape
-from fidim_lab.identification.arrangement import Evidence
-from fidim_lab.identification.registration import Registration
-from fidim_lab.mismatch.hand_contact import HandFree
+from fidim_lab.identification.calibration.arrangement import Evidence
+from fidim_lab.identification.calibration.registration import Registration
+from fidim_lab.identification.motion.hand_free import HandFree
 from fidim_lab.units import degrees, millimetres
 
 FORMAT = "fidim-import/1"

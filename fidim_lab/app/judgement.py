@@ -24,10 +24,10 @@ from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.identification.design.windows import place
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, write_explanation
 from fidim_lab.mismatch.explain import explain
-from fidim_lab.mismatch.explanation import Explanation, Verdict, write_explanation
-from fidim_lab.mismatch.next_windows import Reach, to_know, to_separate
-from fidim_lab.mismatch.proposal import Claim, Proposal
+from fidim_lab.mismatch.next_experiment.next_windows import Reach, to_know, to_separate
+from fidim_lab.mismatch.next_experiment.proposal import Claim, Proposal
 from procedures.compare import FURTHER
 from procedures.steps.compare import Clarity
 

@@ -4,10 +4,10 @@
     ...
     await check.close()
 
-`mismatch.so_far` answers, in a niced process of its own (`model_worker`): the loop that holds the robot only writes a
-line to it and reads one, and a robot that waits to be taken over does not wait until all that is imported (over a
-second). Windows that come while it computes are taken in at its next look. Where it fails the run goes on without it,
-and that is told.
+`mismatch.online_monitor` answers, in a niced process of its own (`model_worker`): the loop that holds the robot only
+writes a line to it and reads one, and a robot that waits to be taken over does not wait until all that is imported
+(over a second). Windows that come while it computes are taken in at its next look. Where it fails the run goes on
+without it, and that is told.
 """
 
 import asyncio
@@ -24,7 +24,7 @@ from procedures.events import Event, WindowFinished
 from procedures.outcomes import Outcome
 
 FEWEST = 3
-"""windows below which no model can be checked, as in `mismatch.so_far`"""
+"""windows below which no model can be checked, as in `mismatch.online_monitor`"""
 LINE = 1 << 20
 """bytes of an answer at most"""
 LAST = 10.0

@@ -18,7 +18,7 @@ from typing import Any
 from fidim_lab.app.worker_input import requests
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import FidimError
-from fidim_lab.mismatch.so_far import SoFar, Watch
+from fidim_lab.mismatch.online_monitor import SoFar, Watch
 
 NICE = 15
 MOST = 36

@@ -20,8 +20,8 @@ from fidim_lab.identification.payload_mass import (
     find_mass,
     refuse_other_geometry,
 )
-from fidim_lab.identification.result import IdentificationResult
-from fidim_lab.identification.result_file import write_result
+from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.result_file import write_result
 
 
 @dataclass(frozen=True, eq=False)

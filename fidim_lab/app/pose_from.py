@@ -9,9 +9,9 @@ from rich.table import Table
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
-from fidim_lab.identification.pose_sources import PoseSource
-from fidim_lab.identification.result import IdentificationResult, Parameter
-from fidim_lab.identification.virtual_markers import PoseDifference, Sensed, with_poses_from
+from fidim_lab.identification.motion.pose_sources import PoseSource
+from fidim_lab.identification.motion.virtual_markers import PoseDifference, Sensed, with_poses_from
+from fidim_lab.identification.results.result import IdentificationResult, Parameter
 from fidim_lab.units import millimetres
 
 DISAGREE = 2.0

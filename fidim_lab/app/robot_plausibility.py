@@ -10,7 +10,7 @@ import numpy as np
 
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, InfeasibleError
-from fidim_lab.identification.consistency import can_exist
+from fidim_lab.identification.equations.consistency import can_exist
 from fidim_lab.identification.workspace import Workspace, rest_near
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import ROTATION_SCALE, modes, scaled_singular_values

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.table import Table
 
-from fidim_lab.identification.result import IdentificationResult
+from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.units import millimetres
 
 

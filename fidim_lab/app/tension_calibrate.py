@@ -11,7 +11,7 @@ from rich.table import Table
 from fidim_lab.app import console
 from fidim_lab.data.campaign import ROBOT, read_campaign
 from fidim_lab.data.robot_file import read_robot
-from fidim_lab.identification.tension_calibration import (
+from fidim_lab.identification.calibration.tension_calibration import (
     FEWEST,
     Reading,
     Rests,

@@ -14,8 +14,8 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
-from fidim_lab.identification.recipe import BEST, PAPER
-from fidim_lab.identification.result_file import ResultTable, read_result
+from fidim_lab.identification.motion.recipe import BEST, PAPER
+from fidim_lab.identification.results.result_file import ResultTable, read_result
 from fidim_lab.units import millimetres
 
 FORMAT = "fidim-validation/1"

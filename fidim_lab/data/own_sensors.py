@@ -3,7 +3,7 @@
     s1 … sn                   swivel angles of the pulleys, rad (σ of MODEL.md §1, each with a constant of its own)
     incl_x, incl_y[, incl_z]  inclinometer or IMU on the platform: rotations about the world's x, then y, then z, rad
 
-`own_sensors` finds them; what they mean for the pose is in `identification.pose_sources`.
+`own_sensors` finds them; what they mean for the pose is in `identification.motion.pose_sources`.
 """
 
 from dataclasses import dataclass

@@ -8,7 +8,7 @@ from fidim_lab.effects.effect import NamedEffect
 
 @dataclass(frozen=True)
 class HandContact(NamedEffect):
-    """An operator's hand during part of a window: found by its work, and cut out (`mismatch.hand_contact`)."""
+    """A hand during part of a window: found by its work (`identification.motion.hand_free`), and cut out."""
 
     id: ClassVar[str] = "hand-contact"
     says: ClassVar[str] = "an intermittent unknown wrench during part of a window; these times are left out of the fit"

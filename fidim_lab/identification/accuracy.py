@@ -6,9 +6,9 @@ from pathlib import Path
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Accuracy, Role
 from fidim_lab.errors import FidimError
-from fidim_lab.identification.estimators import Method
+from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
-from fidim_lab.identification.validation import QUICK
+from fidim_lab.identification.results.validation import QUICK
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.estimators import Method
+from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import scaled_singular_values

@@ -17,13 +17,13 @@ import numpy as np
 
 from fidim_lab.data.records import Body, Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError, SetupError
-from fidim_lab.identification.consistency import can_move
+from fidim_lab.identification.equations.consistency import can_move
+from fidim_lab.identification.equations.problem import WindowEquations, window_equations
 from fidim_lab.identification.mle.held_out import predict
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.recordings import prepare
-from fidim_lab.identification.problem import WindowEquations, window_equations
-from fidim_lab.identification.recipe import BEST, Recipe
-from fidim_lab.identification.validation import expected_sigma_perp, residual, sigma_perp
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.motion.recipe import BEST, Recipe
+from fidim_lab.identification.results.validation import expected_sigma_perp, residual, sigma_perp
 from fidim_lab.model.mechanism import Mechanism
 
 LOST = 0.1

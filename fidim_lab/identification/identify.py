@@ -7,18 +7,18 @@ from time import perf_counter
 import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
-from fidim_lab.identification import consistency, tls
-from fidim_lab.identification.estimate import Estimate
-from fidim_lab.identification.estimators import ESTIMATORS, Method
+from fidim_lab.identification.equations import consistency, tls
+from fidim_lab.identification.equations.estimate import Estimate
+from fidim_lab.identification.equations.estimators import ESTIMATORS, Method
+from fidim_lab.identification.equations.problem import Problem, build
+from fidim_lab.identification.equations.refusals import bare
+from fidim_lab.identification.equations.slackness import slack_notes
+from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.input_check import check
 from fidim_lab.identification.mle import identify as mle
-from fidim_lab.identification.problem import Problem, build
-from fidim_lab.identification.recipe import BEST, Recipe
-from fidim_lab.identification.refusals import bare
-from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
-from fidim_lab.identification.slackness import slack_notes
-from fidim_lab.identification.uncertainty import jackknife_sd
-from fidim_lab.identification.validation import THOROUGH, Checks, expected_sigma_perp, verdicts
+from fidim_lab.identification.motion.recipe import BEST, Recipe
+from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.results.validation import THOROUGH, Checks, expected_sigma_perp, verdicts
 
 MODEL_ERROR = 1.5
 """an rms of the equations so many times what noise explains is a model error"""

@@ -21,7 +21,7 @@ from scipy.stats import chi2
 from fidim_lab.arrays import Vector3
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import RefusedError, SetupError
-from fidim_lab.identification.result import IdentificationResult
+from fidim_lab.identification.results.result import IdentificationResult
 
 MOST_UNCERTAIN = 1 / 3
 """sd over mass beyond which nothing is stated"""

@@ -12,11 +12,11 @@ import numpy as np
 from fidim_lab.data import paper
 from fidim_lab.data.records import Body, Campaign, PlannedWindow, Robot, Role
 from fidim_lab.errors import FidimError
-from fidim_lab.identification import total_least_squares
-from fidim_lab.identification.filters import LOW_PASS
-from fidim_lab.identification.problem import Problem, build
-from fidim_lab.identification.recipe import BEST, PAPER, Recipe, Variant
-from fidim_lab.identification.validation import residual, sigma_perp
+from fidim_lab.identification.equations import total_least_squares
+from fidim_lab.identification.equations.problem import Problem, build
+from fidim_lab.identification.motion.filters import LOW_PASS
+from fidim_lab.identification.motion.recipe import BEST, PAPER, Recipe, Variant
+from fidim_lab.identification.results.validation import residual, sigma_perp
 from fidim_lab.identification.workspace import displaced
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths

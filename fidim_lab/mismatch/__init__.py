@@ -1,1 +1,18 @@
-"""Where simulation and recording differ, and why."""
+"""Where simulation and recording differ, and why.
+
+    explain           a campaign in, an Explanation out: the whole way in one file
+    online_monitor    the windows of a session so far in, what to tell its operator out
+
+The packages, each of which imports only those below it:
+
+    next_experiment   what to record next, so that a doubt is settled
+    conclusion        where the search ended → verdict → an Explanation
+    selection         which effects are left out: a search over fits and held-out windows
+    cleaning          what is cut out of recordings, and what is put back    | unknown_force   a wrench without a name
+    scores            what a fit of effects would gain, to first order
+    fitting           fits with effects, and predictions of held-out windows
+    residuals         whether what a fit leaves is noise, and where it lies
+    linearised        hypotheses and their sensitivities
+    data_checks       faults of campaigns that need no dynamics
+    markers           faults of single marker tracks
+"""

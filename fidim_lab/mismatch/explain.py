@@ -17,24 +17,24 @@ from time import perf_counter
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.choice import soft_mode
-from fidim_lab.mismatch.aftermath import with_cleaning
-from fidim_lab.mismatch.audit import audit
-from fidim_lab.mismatch.baseline import Baseline, fit_baseline, ready
-from fidim_lab.mismatch.candidates import Candidate
-from fidim_lab.mismatch.clean import Cleaned, clean
-from fidim_lab.mismatch.contacts import Contact, whole_id, without
-from fidim_lab.mismatch.explanation import Explanation, Verdict
-from fidim_lab.mismatch.outdone import unless_outdone
-from fidim_lab.mismatch.patience import PATIENCE, Patience
-from fidim_lab.mismatch.refit import Completed
-from fidim_lab.mismatch.restored import restored, without_needless_contacts, without_needless_faults
-from fidim_lab.mismatch.select import Selection, select
-from fidim_lab.mismatch.soft_cables import compare
-from fidim_lab.mismatch.soft_telling import soft_answer
-from fidim_lab.mismatch.telling import body_parameters, tell
-from fidim_lab.mismatch.timing import retimed, with_timing
-from fidim_lab.mismatch.unnamed import with_unknown
-from fidim_lab.mismatch.verdict import judge
+from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
+from fidim_lab.mismatch.cleaning.contacts import Contact, whole_id, without
+from fidim_lab.mismatch.cleaning.residual_checks import audit
+from fidim_lab.mismatch.cleaning.restored import restored, without_needless_contacts, without_needless_faults
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
+from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
+from fidim_lab.mismatch.conclusion.message import body_parameters, tell
+from fidim_lab.mismatch.conclusion.parsimony_check import unless_outdone
+from fidim_lab.mismatch.conclusion.soft_cables import compare
+from fidim_lab.mismatch.conclusion.soft_message import soft_answer
+from fidim_lab.mismatch.conclusion.timing import retimed, with_timing
+from fidim_lab.mismatch.conclusion.unnamed import with_unknown
+from fidim_lab.mismatch.conclusion.verdict import judge
+from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
+from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
+from fidim_lab.mismatch.selection.candidates import Candidate
+from fidim_lab.mismatch.selection.select import Selection, select
 from fidim_lab.say import Say
 
 MOST_CUTS = 2

@@ -11,9 +11,10 @@ from fidim_lab.app import compose
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import PARAMETER_NAMES, Accuracy, Plan, PlannedWindow, Robot, Role
-from fidim_lab.identification import accuracy, result
+from fidim_lab.identification import accuracy
 from fidim_lab.identification.accuracy import accuracy_of
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.identification.results import result
 from procedures.enough import windows_of
 from procedures.outcomes import Outcome
 from procedures.steps import GiveUp, Note, Result

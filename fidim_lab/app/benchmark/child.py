@@ -84,8 +84,8 @@ def main(arguments: list[str]) -> int:
 
 
 def _explained(campaign: Campaign) -> dict[str, Any]:
+    from fidim_lab.mismatch.conclusion.explanation import write_explanation
     from fidim_lab.mismatch.explain import explain
-    from fidim_lab.mismatch.explanation import write_explanation
 
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / "explanation.json"

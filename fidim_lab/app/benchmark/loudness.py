@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidim_lab.data.records import Campaign
-from fidim_lab.mismatch.baseline import fit_baseline
+from fidim_lab.mismatch.fitting.baseline import fit_baseline
 
 QUIET = 0.1
 """of the stated marker noise; less would make the baseline fit give up what is a fair fit at full noise"""

@@ -12,7 +12,7 @@ import click
 from fidim_lab.app.cli.completion import hide_option
 from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FILE_DEEP, OUT_FOLDER, Writing
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, given, not_with, nothing_but, only_with
-from fidim_lab.mismatch.patience import PATIENCE
+from fidim_lab.mismatch.selection.budget import PATIENCE
 
 
 @fidim.command()
@@ -54,7 +54,7 @@ def identify(
     """Find the platform's inertial parameters from the recorded free motion in CAMPAIGN."""
     from fidim_lab.app.identify import identify_command
     from fidim_lab.app.payload import parse_payload, payload_command
-    from fidim_lab.identification.pose_sources import PoseSource
+    from fidim_lab.identification.motion.pose_sources import PoseSource
 
     if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
         source = PoseSource(poses)

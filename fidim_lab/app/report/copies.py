@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from fidim_lab.app.export_body import python_snippet, toml, urdf
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.result import IdentificationResult
-from fidim_lab.identification.result_file import ResultTable
+from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.result_file import ResultTable
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from jaxtyping import Float
 from fidim_lab.app.report.drawing import Drawing
 from fidim_lab.app.report.svg import sheet, styled, to_svg
 from fidim_lab.data.records import PARAMETER_NAMES
-from fidim_lab.identification.result import IdentificationResult
+from fidim_lab.identification.results.result import IdentificationResult
 
 STRONG = 0.9
 """correlation from which two parameters are named as tied"""

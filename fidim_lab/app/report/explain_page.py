@@ -18,7 +18,7 @@ from fidim_lab.app.report.tables import Table, file_table, version_table
 from fidim_lab.app.report.words import recorded_sentence
 from fidim_lab.app.report.write import write_page
 from fidim_lab.data.records import PARAMETER_NAMES, Body
-from fidim_lab.mismatch.explanation import Explanation
+from fidim_lab.mismatch.conclusion.explanation import Explanation
 from fidim_lab.model.mechanism import Mechanism
 
 ARROWS = 150

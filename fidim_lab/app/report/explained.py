@@ -9,7 +9,7 @@ from fidim_lab.app.report.numerals import decimals, fixed, short
 from fidim_lab.app.report.proof import Proof
 from fidim_lab.app.report.tables import Table
 from fidim_lab.app.report.words import explained_sentence
-from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.units import millimetres, percent
 
 VERDICTS = {

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from fidim_lab.app.equivalence import EquivalenceTable
 from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import FileError
-from fidim_lab.mismatch.explanation import Explanation, Verdict, finite
-from fidim_lab.mismatch.generic.field import Field
+from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
+from fidim_lab.mismatch.unknown_force.field import Field
 
 Triple = tuple[float, float, float]
 

@@ -16,8 +16,8 @@ from fidim_lab.app.report.svg import points_for
 from fidim_lab.app.report.tables import MARKS, Table
 from fidim_lab.app.report.windows import WindowSection, section
 from fidim_lab.data.records import Body
-from fidim_lab.identification.result import IdentificationResult
-from fidim_lab.identification.validation import expected_sigma_perp
+from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.validation import expected_sigma_perp
 from fidim_lab.model.mechanism import Mechanism
 
 KINDS = ("moving", "settling", "checks", "hand", "recording")

@@ -16,8 +16,8 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.recordings import prepare
-from fidim_lab.mismatch.generic.unknown import Unknown
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.mismatch.unknown_force.unknown import Unknown
 from fidim_lab.model.mechanism import Mechanism
 
 HAND = "hand-contact"

@@ -11,7 +11,7 @@ from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks, sd_levels
 from fidim_lab.app.report.proof import Compared, Proof
 from fidim_lab.app.report.svg import COLOURS, sheet, styled, thin, to_svg
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.mismatch.generic.field import Field
+from fidim_lab.mismatch.unknown_force.field import Field
 from fidim_lab.units import millimetres
 
 ARROWS = 220

@@ -14,7 +14,7 @@ from fidim_lab.app.report.numerals import decimals, duration, fixed, short, size
 from fidim_lab.app.report.paper import FOUND
 from fidim_lab.app.report.story import Attempt, Seen, Story
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
-from fidim_lab.identification.result import IdentificationResult, Parameter, WindowVerdict
+from fidim_lab.identification.results.result import IdentificationResult, Parameter, WindowVerdict
 from fidim_lab.units import degrees, millimetres, percent
 from procedures.outcomes import Outcome
 

@@ -13,8 +13,8 @@ from fidim_lab.app.report.story import WindowStory, not_passed
 from fidim_lab.app.report.tables import MARKS, Table, attempt_table, check_table
 from fidim_lab.arrays import CableSeries, Series, Vector3
 from fidim_lab.data.records import Body, Robot, Window
-from fidim_lab.identification.result import WindowVerdict
-from fidim_lab.identification.trajectory import Prediction
+from fidim_lab.identification.motion.trajectory import Prediction
+from fidim_lab.identification.results.result import WindowVerdict
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import tensions
 

@@ -8,7 +8,7 @@ from fidim_lab.app.report.folder import Contents
 from fidim_lab.app.report.numerals import counted, duration, interval, short
 from fidim_lab.app.report.tables import stated
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
-from fidim_lab.mismatch.explanation import Verdict
+from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.units import millimetres
 from procedures.outcomes import Outcome
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from fidim_lab.app.report.explained import ExplanationSection
     from fidim_lab.app.report.folder import Contents
     from fidim_lab.app.report.html import Rendered
-    from fidim_lab.identification.result import IdentificationResult
+    from fidim_lab.identification.results.result import IdentificationResult
 
 NAME = "report.html"
 EXPLANATION = "explanation.json"

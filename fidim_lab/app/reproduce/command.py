@@ -23,7 +23,7 @@ from fidim_lab.errors import SetupError
 from fidim_lab.identification import reproduction
 from fidim_lab.identification.random_plan import Taste, random_plan
 from fidim_lab.identification.reproduction import Places, Reading, Reproduction, read
-from fidim_lab.identification.validation import expected_sigma_perp
+from fidim_lab.identification.results.validation import expected_sigma_perp
 from fidim_lab.say import Say
 
 EXTRA_MARKERS = ((0.14, 0.0, 0.10), (-0.10, 0.12, 0.10), (-0.10, -0.12, 0.10))

@@ -20,10 +20,10 @@ from fidim_lab.data.plan_file import read_plan
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Role, Window
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import FidimError
-from fidim_lab.identification.measured import measure
-from fidim_lab.identification.recipe import Recipe
-from fidim_lab.identification.result_file import read_result
-from fidim_lab.identification.trajectory import predict
+from fidim_lab.identification.motion.measured import measure
+from fidim_lab.identification.motion.recipe import Recipe
+from fidim_lab.identification.motion.trajectory import predict
+from fidim_lab.identification.results.result_file import read_result
 from fidim_lab.model.dynamics import consistent_twist, simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism

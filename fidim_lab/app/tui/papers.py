@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from fidim_lab.app.equivalence import EquivalenceTable
 from fidim_lab.errors import FileError
-from fidim_lab.identification.result_file import ResultTable, read_result
+from fidim_lab.identification.results.result_file import ResultTable, read_result
 
 RESULT = "result.json"
 EXPLANATION = "explanation.json"

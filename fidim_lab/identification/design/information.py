@@ -14,7 +14,7 @@ from fidim_lab.identification.design.cost import Cost
 from fidim_lab.identification.design.motions import Sensitive
 from fidim_lab.identification.design.task import SAMPLED, Criterion, DesignTask
 from fidim_lab.identification.design.windows import Placed, place
-from fidim_lab.identification.mle.possible import scales
+from fidim_lab.identification.mle.starts.possible import scales
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY

@@ -6,12 +6,8 @@ that state's prior, the encoder's resolution.
 
     fit            windows in, the optimum with its uncertainty out: start here
     identify       a campaign in, an IdentificationResult out: what `fidim identify` calls
-    recordings     a window as this method needs it
-    likelihood     residuals and their derivatives at a point (for score tests too)
-    normal         the normal equations, each window compressed to a small triangular factor
-    optimise       Levenberg–Marquardt at one horizon
-    stages         the growing horizon: slipped phases and slack cables
-    start          first guesses; possible: bodies that can move
+    trajectories   recordings against simulations: likelihood, normal equations, optimum over a growing horizon
+    starts         first guesses
     spread         covariance, bootstrap, jackknife, undetermined combinations
     judge          residuals of a window: χ²/dof, rms, whiteness, noise; held_out: windows the fit has not seen
 """

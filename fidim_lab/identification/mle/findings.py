@@ -6,13 +6,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.data.records import PARAMETER_NAMES, Role
-from fidim_lab.identification import consistency, tls
+from fidim_lab.identification.equations import consistency, tls
+from fidim_lab.identification.equations.refusals import bare
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.optimise import Ending
-from fidim_lab.identification.mle.possible import distance_to_boundary
-from fidim_lab.identification.mle.stages import Journey
-from fidim_lab.identification.refusals import bare
-from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.mle.starts.possible import distance_to_boundary
+from fidim_lab.identification.mle.trajectories.optimise import Ending
+from fidim_lab.identification.mle.trajectories.stages import Journey
+from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.model.sensitivity.equations import EASE
 from fidim_lab.units import millimetres, percent
 

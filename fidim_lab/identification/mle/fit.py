@@ -14,17 +14,18 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Sensors, Window
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle import spread, springs
+from fidim_lab.identification.equations.refusals import together
+from fidim_lab.identification.mle import spread
 from fidim_lab.identification.mle.judge import Remainder, remainder
-from fidim_lab.identification.mle.likelihood import Likelihood, Point
-from fidim_lab.identification.mle.normal import Prior, reduced
-from fidim_lab.identification.mle.optimise import FINAL, ON_THE_WAY, ROUGH, Ending, optimise
-from fidim_lab.identification.mle.possible import nearest_possible, scales
-from fidim_lab.identification.mle.recordings import Recording, prepare
-from fidim_lab.identification.mle.springs import spring_prior, with_springs
-from fidim_lab.identification.mle.stages import EARLY, FAR_PRIOR, HORIZONS, TRUSTED, Journey, grow
-from fidim_lab.identification.mle.start import Guess, as_states, first_guesses
-from fidim_lab.identification.refusals import together
+from fidim_lab.identification.mle.starts import springs
+from fidim_lab.identification.mle.starts.possible import nearest_possible, scales
+from fidim_lab.identification.mle.starts.springs import spring_prior, with_springs
+from fidim_lab.identification.mle.starts.start import Guess, as_states, first_guesses
+from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point
+from fidim_lab.identification.mle.trajectories.normal import Prior, reduced
+from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_THE_WAY, ROUGH, Ending, optimise
+from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
+from fidim_lab.identification.mle.trajectories.stages import EARLY, FAR_PRIOR, HORIZONS, TRUSTED, Journey, grow
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.starts import tied

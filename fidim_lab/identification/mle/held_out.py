@@ -9,12 +9,12 @@ from fidim_lab.data.records import Body, Sensors
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import likelihood_of
 from fidim_lab.identification.mle.judge import Remainder, remainder
-from fidim_lab.identification.mle.likelihood import Likelihood, Point
-from fidim_lab.identification.mle.normal import Prior
-from fidim_lab.identification.mle.optimise import ON_TRIAL, Effort
-from fidim_lab.identification.mle.recordings import Recording
-from fidim_lab.identification.mle.stages import Journey, grow
-from fidim_lab.identification.mle.start import Guess, first_guesses
+from fidim_lab.identification.mle.starts.start import Guess, first_guesses
+from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point
+from fidim_lab.identification.mle.trajectories.normal import Prior
+from fidim_lab.identification.mle.trajectories.optimise import ON_TRIAL, Effort
+from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.trajectories.stages import Journey, grow
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import QUICK

@@ -12,22 +12,23 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
-from fidim_lab.identification import total_least_squares, validation
 from fidim_lab.identification.choice import soft_mode
-from fidim_lab.identification.estimate import Estimate
-from fidim_lab.identification.estimators import Method
+from fidim_lab.identification.equations import total_least_squares
+from fidim_lab.identification.equations.estimate import Estimate
+from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.equations.problem import Problem, build
+from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.mle import findings, held_out, spread
-from fidim_lab.identification.mle.contradiction import contradicting
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.likelihood import Simulation
-from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
-from fidim_lab.identification.problem import Problem, build
-from fidim_lab.identification.recipe import BEST
-from fidim_lab.identification.result import IdentificationResult, Parameter, Residual, WindowVerdict
-from fidim_lab.identification.trajectory import Prediction
-from fidim_lab.identification.uncertainty import jackknife_sd
+from fidim_lab.identification.mle.starts.contradiction import contradicting
+from fidim_lab.identification.mle.trajectories.likelihood import Simulation
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.motion.recipe import BEST
+from fidim_lab.identification.motion.trajectory import Prediction
+from fidim_lab.identification.results import validation
+from fidim_lab.identification.results.result import IdentificationResult, Parameter, Residual, WindowVerdict
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.sampling import sampled

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import Series
-from fidim_lab.identification.mle.likelihood import Likelihood, Simulation
+from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation
 
 LAGS = 20
 """samples, over which residuals are tested for correlation"""

@@ -28,14 +28,14 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.effects.rotational_drag import RotationalDragPerAxis
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.calibration.stretch import Stretch, seen_stretch
 from fidim_lab.identification.mle import held_out
-from fidim_lab.identification.mle.exchanged import Newcomer, exchanged
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.frames import REGISTERED, free_frames
 from fidim_lab.identification.mle.judge import Remainder, remainder
-from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.touched import untouched
-from fidim_lab.identification.stretch import Stretch, seen_stretch
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fidim_lab.identification.mle.normal import Reduced
-from fidim_lab.identification.uncertainty import DRAWS, MIN_WINDOWS, SEED
+from fidim_lab.identification.equations.uncertainty import DRAWS, MIN_WINDOWS, SEED
+from fidim_lab.identification.mle.trajectories.normal import Reduced
 
 LOOSE_COMBINATION = 0.1
 """of what is plausible beforehand: a combination of parameters known no better is not determined"""

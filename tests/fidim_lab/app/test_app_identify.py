@@ -14,10 +14,10 @@ from fidim_lab.app.import_recording import run_import
 from fidim_lab.app.pose_from import read_posed
 from fidim_lab.data.records import Role
 from fidim_lab.errors import FileError, SetupError
-from fidim_lab.identification.estimators import Method
-from fidim_lab.identification.pose_sources import PoseSource
-from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, WindowVerdict
-from fidim_lab.identification.result_file import read_result
+from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.motion.pose_sources import PoseSource
+from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.results.result_file import read_result
 
 
 def made_up(

@@ -19,7 +19,7 @@ from fidim_lab.data.robot_file import write_robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design.next_window import NextWindow
 from fidim_lab.identification.random_plan import Taste, random_plan
-from fidim_lab.mismatch.explanation import (
+from fidim_lab.mismatch.conclusion.explanation import (
     Before,
     BodyParameter,
     EffectParameter,
@@ -27,7 +27,7 @@ from fidim_lab.mismatch.explanation import (
     NamedCause,
     Verdict,
 )
-from fidim_lab.mismatch.proposal import Odds, Proposal, Trial
+from fidim_lab.mismatch.next_experiment.proposal import Odds, Proposal, Trial
 from procedures.catalogue import experiment
 from procedures.compare import FURTHER
 from procedures.handlers import HANDLERS

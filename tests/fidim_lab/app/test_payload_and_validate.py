@@ -12,7 +12,7 @@ from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import Body, Robot
 from fidim_lab.identification.payload_mass import Payload
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.identification.result_file import read_result
+from fidim_lab.identification.results.result_file import read_result
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign
 

@@ -3,7 +3,16 @@
 import subprocess
 import sys
 
-HEAVY = ("scipy", "pandas", "matplotlib", "pyarrow", "textual", "mujoco", "distributed", "fidim_lab.mismatch.so_far")
+HEAVY = (
+    "scipy",
+    "pandas",
+    "matplotlib",
+    "pyarrow",
+    "textual",
+    "mujoco",
+    "distributed",
+    "fidim_lab.mismatch.online_monitor",
+)
 SAYS = f"""
 import sys
 import fidim_lab.app.service.main

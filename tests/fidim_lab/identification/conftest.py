@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Body, Campaign, Motion, Robot, Role, Window
-from fidim_lab.identification.trajectory import to_surface
+from fidim_lab.identification.motion.trajectory import to_surface
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.free_motion import free_twist_basis, marker_selector

@@ -11,7 +11,7 @@ from fidim_lab.effects.cable_elasticity import CableStiffness
 from fidim_lab.identification.choice import soft_singular_values
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.identify import identify
-from fidim_lab.identification.result import IdentificationResult, Outcome
+from fidim_lab.identification.results.result import IdentificationResult, Outcome
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import compiler

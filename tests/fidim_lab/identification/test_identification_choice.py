@@ -8,7 +8,7 @@ import pytest
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.identification.choice import soft_mode, suited_method
-from fidim_lab.identification.estimators import Method
+from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 

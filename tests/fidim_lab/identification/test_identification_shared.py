@@ -9,9 +9,9 @@ import pytest
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.identification.identify import identify
-from fidim_lab.identification.recipe import BEST, PAPER
-from fidim_lab.identification.result import IdentificationResult, Outcome
-from fidim_lab.identification.validation import QUICK, THOROUGH
+from fidim_lab.identification.motion.recipe import BEST, PAPER
+from fidim_lab.identification.results.result import IdentificationResult, Outcome
+from fidim_lab.identification.results.validation import QUICK, THOROUGH
 
 pytestmark = pytest.mark.shared
 

@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch.baseline import Baseline, fit_baseline
+from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign

@@ -13,8 +13,8 @@ from fidim_lab.app import cli
 from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.conclusion.explanation import Verdict, write_explanation
 from fidim_lab.mismatch.explain import explain
-from fidim_lab.mismatch.explanation import Verdict, write_explanation
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign

@@ -5,13 +5,13 @@ import pytest
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot
 from fidim_lab.identification.random_plan import random_plan
-from fidim_lab.mismatch.baseline import fit_baseline
+from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.mismatch.conclusion.message import tell
+from fidim_lab.mismatch.conclusion.verdict import judge
 from fidim_lab.mismatch.explain import explain
-from fidim_lab.mismatch.explanation import Verdict
-from fidim_lab.mismatch.generic.family import Dependence
-from fidim_lab.mismatch.select import select
-from fidim_lab.mismatch.telling import tell
-from fidim_lab.mismatch.verdict import judge
+from fidim_lab.mismatch.fitting.baseline import fit_baseline
+from fidim_lab.mismatch.selection.select import select
+from fidim_lab.mismatch.unknown_force.family import Dependence
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign

@@ -12,7 +12,7 @@ from fidim_lab.effects.frame_misalignment import FrameMisalignment
 from fidim_lab.effects.frame_sway import FrameSwayOwnPhase
 from fidim_lab.effects.marker_offset import MarkerOffset
 from fidim_lab.identification.mle.fit import Fit, fit
-from fidim_lab.identification.mle.likelihood import linearised, simulate, stepped
+from fidim_lab.identification.mle.trajectories.likelihood import linearised, simulate, stepped
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY

@@ -4,7 +4,7 @@ import math
 
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
 from fidim_lab.app.tui.papers import Papers
-from fidim_lab.identification.result_file import ParameterTable, ResultTable
+from fidim_lab.identification.results.result_file import ParameterTable, ResultTable
 from fidim_lab.units import millimetres, percent
 
 GOOD, WRONG = "converged", ("impossible-body", "lost-phase", "misfit", "not-converged")

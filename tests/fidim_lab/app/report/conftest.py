@@ -8,9 +8,9 @@ import pytest
 
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Motion, Role, Window
-from fidim_lab.identification.estimators import Method
-from fidim_lab.identification.result import IdentificationResult, Outcome, Parameter, Residual, WindowVerdict
-from fidim_lab.identification.trajectory import Prediction
+from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.motion.trajectory import Prediction
+from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, Residual, WindowVerdict
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from procedures.journal import Journal, Kind

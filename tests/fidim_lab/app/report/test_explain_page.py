@@ -20,7 +20,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Windo
 from fidim_lab.effects.catalogue import by_id, catalogue
 from fidim_lab.errors import FileError
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.explanation import (
+from fidim_lab.mismatch.conclusion.explanation import (
     Before,
     BodyParameter,
     EffectParameter,
@@ -31,10 +31,10 @@ from fidim_lab.mismatch.explanation import (
     Verdict,
     write_explanation,
 )
-from fidim_lab.mismatch.generic.family import Dependence
-from fidim_lab.mismatch.generic.field import Field
-from fidim_lab.mismatch.generic.unknown import FamilyTried, Term, Unknown
-from fidim_lab.mismatch.unseen import HeldOut
+from fidim_lab.mismatch.fitting.holdout import HeldOut
+from fidim_lab.mismatch.unknown_force.family import Dependence
+from fidim_lab.mismatch.unknown_force.field import Field
+from fidim_lab.mismatch.unknown_force.unknown import FamilyTried, Term, Unknown
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism

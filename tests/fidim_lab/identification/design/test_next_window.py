@@ -8,7 +8,7 @@ from fidim_lab.identification.design.information import information
 from fidim_lab.identification.design.next_window import next_window
 from fidim_lab.identification.design.task import Criterion
 from fidim_lab.identification.design.windows import place
-from fidim_lab.identification.mle.possible import scales
+from fidim_lab.identification.mle.starts.possible import scales
 
 
 def test_the_window_that_shrinks_the_covariance_most(drawn):

@@ -10,11 +10,12 @@ from scipy.stats import chi2
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Body, Role, Window
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle import held_out, spread, stages
+from fidim_lab.identification.mle import held_out, spread
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.mle.likelihood import Point, linearised
-from fidim_lab.identification.mle.optimise import FINAL, FORETELLING, PATIENCE, Ending, carry_on, optimise
-from fidim_lab.identification.mle.recordings import prepare
+from fidim_lab.identification.mle.trajectories import stages
+from fidim_lab.identification.mle.trajectories.likelihood import Point, linearised
+from fidim_lab.identification.mle.trajectories.optimise import FINAL, FORETELLING, PATIENCE, Ending, carry_on, optimise
+from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
@@ -113,7 +114,7 @@ def test_no_step_is_taken_to_where_derivatives_are_not_finite(from_cad, monkeypa
         for window in linearised(likelihood, simulation):
             yield replace(window, by_shared=np.where(seen[-1], np.nan, window.by_shared))
 
-    monkeypatch.setattr("fidim_lab.identification.mle.optimise.linearised", bounded)
+    monkeypatch.setattr("fidim_lab.identification.mle.trajectories.optimise.linearised", bounded)
     ended = optimise(likelihood, off, from_cad.journey.ends, from_cad.prior, FINAL, free)
     assert any(seen)
     assert ended.point.shared[2] <= limit

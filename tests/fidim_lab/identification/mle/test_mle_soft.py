@@ -10,16 +10,16 @@ from fidim_lab.effects.attachment_friction import AttachmentFriction, Attachment
 from fidim_lab.effects.cable_elasticity import CableStiffness
 from fidim_lab.effects.frame_misalignment import FrameMisalignment
 from fidim_lab.effects.rotational_drag import RotationalDragPerAxis
-from fidim_lab.identification.mle.exchanged import Newcomer, exchanged
+from fidim_lab.identification.calibration.stretch import seen_stretch
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.frames import MarkerSet, free_frames
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.optimise import Ending
-from fidim_lab.identification.mle.recordings import prepare
 from fidim_lab.identification.mle.soft import fit_soft, working_noise
-from fidim_lab.identification.mle.start import first_guess
+from fidim_lab.identification.mle.starts.start import first_guess
 from fidim_lab.identification.mle.touched import untouched
-from fidim_lab.identification.stretch import seen_stretch
+from fidim_lab.identification.mle.trajectories.optimise import Ending
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
 from fidim_lab.model.elastic import simulate_elastic_motion
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism

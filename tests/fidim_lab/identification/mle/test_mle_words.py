@@ -11,17 +11,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Role
-from fidim_lab.identification.consistency import can_move, pseudo_inertia
-from fidim_lab.identification.estimators import Method
+from fidim_lab.identification.equations.consistency import can_move, pseudo_inertia
+from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
-from fidim_lab.identification.mle import spread, stages
+from fidim_lab.identification.mle import spread
 from fidim_lab.identification.mle.findings import closing
 from fidim_lab.identification.mle.judge import remainder
-from fidim_lab.identification.mle.likelihood import Likelihood, Simulation, WindowResidual
-from fidim_lab.identification.mle.possible import distance_to_boundary, nearest_possible, scales
-from fidim_lab.identification.mle.recordings import prepare
-from fidim_lab.identification.result import Outcome
-from fidim_lab.identification.validation import QUICK
+from fidim_lab.identification.mle.starts.possible import distance_to_boundary, nearest_possible, scales
+from fidim_lab.identification.mle.trajectories import stages
+from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, WindowResidual
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.results.result import Outcome
+from fidim_lab.identification.results.validation import QUICK
 from fidim_lab.model.slots import Effect
 
 NOISE = 1e-4

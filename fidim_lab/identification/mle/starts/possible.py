@@ -1,0 +1,57 @@
+"""Bodies that can be: the nearest one that can move as a start, what is plausible, and how near the boundary is."""
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Body
+from fidim_lab.identification.equations.consistency import pseudo_inertia
+
+SLIMMEST = 0.1
+"""a principal moment about G below this share of the largest is raised to it, at a start only"""
+
+
+def nearest_possible(body: Body) -> Body:
+    """The same centre of mass, and about G the nearest inertia without a moment below SLIMMEST of the largest.
+
+    Principal moments, nearest in the Frobenius norm; the body itself where that holds already.
+    """
+    moments, axes = np.linalg.eigh(body.inertia_about_com)
+    floor = SLIMMEST * max(float(moments[-1]), 1e-3 * _gyration(body) ** 2)
+    if moments[0] >= floor:
+        return body
+    central = (axes * np.maximum(moments, floor)) @ axes.T
+    s = body.com
+    inertia = central + s @ s * np.eye(3) - np.outer(s, s)
+    xx, yy, zz, xy, xz, yz = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return Body(com=s, inertia=np.array([xx, yy, zz, xy, xz, yz]))
+
+
+def scales(body: Body) -> Float[np.ndarray, "9"]:
+    """By how much the true body may well differ from this one: the size of a weak prior, m and m².
+
+    Centre of mass: half its distance and a tenth of the radius of gyration; moments: their own size; products: a tenth
+    of the largest moment.
+    """
+    moments = np.abs(body.inertia[:3])
+    com = 0.5 * np.abs(body.com) + 0.1 * _gyration(body)
+    return np.concatenate([com, np.maximum(moments, 0.1 * moments.max()), np.full(3, 0.1 * moments.max())])
+
+
+def distance_to_boundary(body: Body, covariance: Float[np.ndarray, "9 9"]) -> tuple[float, float]:
+    """How far the body is from those that cannot exist: smallest eigenvalue of its pseudo-inertia, and that in its sd.
+
+    Negative where it cannot exist. The eigenvalue u·J u is in m² for the most part (Rucker & Wensing 2022).
+    """
+    values, vectors = np.linalg.eigh(pseudo_inertia(body))
+    u = vectors[:, 0]
+    at = body.vector
+    slopes = np.array(
+        [u @ (pseudo_inertia(Body.from_vector(at + unit)) - pseudo_inertia(body)) @ u for unit in np.eye(9)]
+    )
+    sd = float(np.sqrt(max(slopes @ covariance @ slopes, 0.0)))
+    return float(values[0]), float(values[0]) / sd if sd > 0 else np.inf
+
+
+def _gyration(body: Body) -> float:
+    """Radius of gyration about P, m."""
+    return float(np.sqrt(max(np.trace(body.inertia_matrix) / 2, body.com @ body.com, 1e-6)))

@@ -1,0 +1,164 @@
+"""The normal equations of a trajectory fit, each window compressed to one small triangular factor.
+
+The table of a window is R of QR [J_own J_shared r]: it holds everything that the data of the window say to first
+order, in (own + shared + 1)² numbers. Own unknowns come first, so that striking out their rows and columns eliminates
+them: `reduced`. Steps, covariance, bootstrap and jackknife all work on tables and cost next to nothing.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import lsq_linear
+
+from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear
+
+TINY = 1e-300
+"""a range must not be empty"""
+
+Tables = Float[np.ndarray, "W m m"]
+"""m = own + shared + 1"""
+Reduced = Float[np.ndarray, "W s s"]
+"""s = shared + 1"""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known of the shared parameters beforehand: independent, normal."""
+
+    mean: Float[np.ndarray, " shared"]
+    sd: Float[np.ndarray, " shared"]
+    """infinite where nothing is known"""
+    low: Float[np.ndarray, " shared"] | None = None
+    """hard bounds that no fit crosses; None: none"""
+    high: Float[np.ndarray, " shared"] | None = None
+    firm: int | None = None
+    """entries from here on are meant as they are, those before only help to find the way; None: no entry is firm"""
+
+    def loosened(self, factor: float) -> "Prior":
+        """With standard deviations so many times as large, but for the firm ones."""
+        if self.firm is None:
+            return replace(self, sd=factor * self.sd)
+        return replace(self, sd=np.concatenate([factor * self.sd[: self.firm], self.sd[self.firm :]]))
+
+    def rows(self, shared: Float[np.ndarray, " shared"]) -> Float[np.ndarray, "shared s"]:
+        """[J r] of the prior at a point."""
+        return np.column_stack([np.diag(1 / self.sd), (shared - self.mean) / self.sd])
+
+    @property
+    def bounds(self) -> tuple[Float[np.ndarray, " shared"], Float[np.ndarray, " shared"]]:
+        """Lowest and highest values, infinite where there is no bound."""
+        none = np.full(len(self.mean), np.inf)
+        return -none if self.low is None else self.low, none if self.high is None else self.high
+
+    def room(self, shared: Float[np.ndarray, " shared"]) -> tuple[np.ndarray, np.ndarray] | None:
+        """How far each parameter may go down (≤ 0) and up from here; None where nothing is bounded."""
+        if self.low is None or self.high is None:
+            return None
+        return self.low - shared, self.high - shared
+
+    def cost(self, shared: Float[np.ndarray, " shared"]) -> float:
+        """Its part of the sum of squares."""
+        return float((((shared - self.mean) / self.sd) ** 2).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step of all unknowns and the sum of squares to which it would lead if all were linear."""
+
+    own: Float[np.ndarray, "W own"]
+    shared: Float[np.ndarray, " shared"]
+    predicted: float
+
+
+def compress(windows: Iterable[WindowLinear], count: int) -> Tables:
+    """Tables of all windows, in order of their index."""
+    tables: dict[int, np.ndarray] = {}
+    for window in windows:
+        stacked = np.column_stack([window.by_own, window.by_shared, window.residual])
+        missing = stacked.shape[1] - stacked.shape[0]
+        if missing > 0:
+            stacked = np.vstack([stacked, np.zeros((missing, stacked.shape[1]))])
+        tables[window.window] = _triangular(stacked)
+    return np.stack([tables[w] for w in range(count)])
+
+
+def reduced(tables: Tables, own: int) -> Reduced:
+    """[J_shared r] of each window with its own unknowns eliminated (chosen best for any shared parameters)."""
+    return tables[:, own:, own:]
+
+
+def step(
+    tables: Tables,
+    own: int,
+    prior_rows: Float[np.ndarray, "shared s"],
+    damping: float,
+    free: Bool[np.ndarray, " shared"],
+    room: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Step:
+    """A Gauss–Newton step with Marquardt's damping, relative to the columns' own size; held parameters do not move.
+
+    room: as `Prior.room`; the step is the best one within it.
+    """
+    count, size = len(tables), tables.shape[1]
+    weight = np.sqrt(damping)
+    scales = np.linalg.norm(tables, axis=1)
+    ridge = np.zeros((count, own, size))
+    ridge[:, range(own), range(own)] = weight * scales[:, :own]
+    damped = _triangular(np.concatenate([tables, ridge], axis=1))
+    width = size - own - 1
+    shared_scales = weight * np.sqrt((scales[:, own:-1] ** 2).sum(axis=0) + np.diag(prior_rows) ** 2)
+    shared_ridge = np.column_stack([np.diag(shared_scales), np.zeros(width)])
+    rows = np.vstack([reduced(damped, own).reshape(-1, width + 1), prior_rows, shared_ridge])
+    shared = _within(rows, free, room)
+    right = damped[:, :own, -1] + damped[:, :own, own:-1] @ shared
+    steps = np.linalg.solve(damped[:, :own, :own], -right[..., np.newaxis])[..., 0]
+    ends = np.concatenate([steps, np.tile(np.append(shared, 1.0), (count, 1))], axis=1)
+    left = (tables @ ends[..., np.newaxis]).ravel()
+    before = prior_rows @ np.append(shared, 1.0)
+    return Step(own=steps, shared=shared, predicted=float(left @ left + before @ before))
+
+
+def own_steps(
+    tables: Tables, own: int, damping: Float[np.ndarray, " W"]
+) -> tuple[Float[np.ndarray, "W own"], Float[np.ndarray, " W"]]:
+    """As `step`, of windows that share nothing, each with its own damping; the sum of squares foretold for each."""
+    count, size = len(tables), tables.shape[1]
+    scales = np.linalg.norm(tables, axis=1)
+    ridge = np.zeros((count, own, size))
+    ridge[:, range(own), range(own)] = np.sqrt(damping)[:, np.newaxis] * scales[:, :own]
+    damped = _triangular(np.concatenate([tables, ridge], axis=1))
+    steps = np.linalg.solve(damped[:, :own, :own], -damped[:, :own, -1:])[..., 0]
+    left = (tables[:, :, :own] @ steps[..., np.newaxis])[..., 0] + tables[:, :, -1]
+    return steps, (left**2).sum(axis=1)
+
+
+def _within(
+    rows: np.ndarray, free: Bool[np.ndarray, " shared"], room: tuple[np.ndarray, np.ndarray] | None
+) -> Float[np.ndarray, " shared"]:
+    """Least squares over the free parameters within their room."""
+    shared = np.zeros(len(free))
+    if not free.any():
+        return shared
+    inner, right = rows[:, :-1][:, free], -rows[:, -1]
+    shared[free] = _least_squares(inner, right)
+    if room is not None and ((shared < room[0]) | (shared > room[1])).any():
+        scale = np.linalg.norm(inner, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        ends = (np.minimum(room[0][free], 0.0) * scale, np.maximum(room[1][free], TINY) * scale)
+        found = lsq_linear(inner / scale, right, bounds=ends, method="bvls")
+        shared[free] = np.clip(found.x / scale, room[0][free], room[1][free])
+    return shared
+
+
+def _triangular(matrices: np.ndarray) -> np.ndarray:
+    """R of each matrix of a stack."""
+    return np.asarray(np.linalg.qr(matrices, mode="r"))
+
+
+def _least_squares(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Least squares with columns brought to one size first: the units are m, m² and whatever θ has."""
+    scale = np.linalg.norm(matrix, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    return np.linalg.lstsq(matrix / scale, right, rcond=1e-12)[0] / scale

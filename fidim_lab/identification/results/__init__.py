@@ -1,0 +1,1 @@
+"""What an identification answers, and its file; whether its body predicts other windows."""

@@ -1,0 +1,181 @@
+"""What `identify` answers: a frozen result with an outcome that is a sentence."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import Series
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
+from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.equations.uncertainty import jackknife_sd
+from fidim_lab.identification.motion.trajectory import Prediction
+
+
+class Outcome(Enum):
+    """How it ended. The name, in lower case, goes into files; the value is for people."""
+
+    CONVERGED = "The inertial parameters are identified."
+    MISFIT = (
+        "The best fit was found, but the model does not explain the recordings: the parameters carry the error of what "
+        "is missing."
+    )
+    LOST_PHASE = (
+        "The simulated motion could not follow most of the recordings to their end: the model is wrong, and so are the "
+        "parameters."
+    )
+    NOT_CONVERGED = "The fit was ended before it had converged; the parameters are not the best ones."
+    DOUBTFUL = "Parameters were found, but some that matter are not well identified (over 10 %)."
+    IMPOSSIBLE_BODY = "Parameters were found, but their kinetic energy is negative in some motion; do not use them."
+
+    @property
+    def good(self) -> bool:
+        """Whether the parameters may be used."""
+        return self is Outcome.CONVERGED
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One inertial parameter (m or m², per unit mass, about P)."""
+
+    value: float
+    sd: float
+    """nominal (Eq. 33)"""
+    sd_bootstrap: float | None
+    """block bootstrap over windows"""
+    sd_jackknife: float | None
+    """delete one window"""
+    nominal: float
+    """what the robot file (CAD) says"""
+    without_non_essential: float | None = None
+    """value of the re-fit without the non-essential parameters, where there is one"""
+
+    @property
+    def spread(self) -> float | None:
+        """The larger of the two spreads between windows; None with fewer than three windows."""
+        known = [sd for sd in (self.sd_bootstrap, self.sd_jackknife) if sd is not None]
+        return max(known) if known else None
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """ε = W χ of one window over time."""
+
+    t: Series
+    """s"""
+    epsilon: np.ndarray
+    """(N, K); m/s² with the default rows"""
+
+
+@dataclass(frozen=True, eq=False)
+class WindowVerdict:
+    """What the result means for one window."""
+
+    id: str
+    role: Role
+    used: bool
+    variant: str | None
+    """how its motion was measured; None where it was not used"""
+    samples: int
+    """usable samples"""
+    sigma_perp: float | None
+    """σ⊥ (Eq. 50), m/s² with the default rows"""
+    rms_mm: float | None
+    """of the trajectory predicted from its fitted initial state; None where that failed or was not asked for"""
+    chi2_per_dof: float | None
+    conditioning: float | None
+    """worst of the free coordinates used"""
+    notes: tuple[str, ...] = ()
+    residual: Residual | None = None
+    prediction: Prediction | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationResult:
+    """The identified body with everything needed to judge it."""
+
+    campaign: str
+    method: Method
+    outcome: Outcome
+    message: str
+    parameters: dict[str, Parameter]
+    """in the order of PARAMETER_NAMES, all nine estimated together"""
+    non_essential: tuple[str, ...]
+    sigma_W: float | None
+    """Eq. 31"""
+    C: float | None
+    """Eq. 40"""
+    windows: tuple[WindowVerdict, ...]
+    warnings: tuple[str, ...]
+    seconds: float
+    noise_ratio: float | None = None
+    """rms of ε = W χ over what marker noise alone explains: 1 says that the model is right"""
+    covariance: Float[np.ndarray, "9 9"] = field(default_factory=lambda: np.zeros((9, 9)))
+    leave_one_out: Float[np.ndarray, "W 9"] | None = None
+    alone: dict[str, np.ndarray] = field(default_factory=dict[str, np.ndarray])
+    """window id → nine parameters, of windows that identify a body by themselves"""
+    attachment_plane: float = 0.0
+    """mean a_z of the cables, m: s_z is known only relative to it (gauge)"""
+    freedoms: int = 2
+    scaling_effect: Float[np.ndarray, "9"] | None = None
+    """change of the parameters if the columns of W were scaled to norm 1; None for methods that do not depend on it"""
+
+    @property
+    def body(self) -> Body:
+        """The identified body."""
+        return Body.from_vector(np.array([self.parameters[name].value for name in PARAMETER_NAMES]))
+
+    @property
+    def nominal(self) -> Body:
+        """What CAD says."""
+        return Body.from_vector(np.array([self.parameters[name].nominal for name in PARAMETER_NAMES]))
+
+    def about_com(self) -> dict[str, Parameter]:
+        """I′ about G (m²) with its errors propagated: the moments that do not depend on the choice of P."""
+        value, nominal = _central(self.body.vector), _central(self.nominal.vector)
+        J = np.stack([(_central(self.body.vector + h) - value) / 1e-7 for h in 1e-7 * np.eye(9)], axis=1)
+        sd = np.sqrt(np.diag(J @ self.covariance @ J.T))
+        spread = None
+        if self.leave_one_out is not None:
+            spread = jackknife_sd(np.array([_central(row) for row in self.leave_one_out]))
+        return {
+            name: Parameter(
+                float(value[k]), float(sd[k]), None, None if spread is None else float(spread[k]), float(nominal[k])
+            )
+            for k, name in enumerate(("I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz"))
+        }
+
+    def to_json(self) -> dict[str, object]:
+        """The result as "fidim-result/1" (FORMAT.md), ready for json.dump; what is unknown is null."""
+        return {
+            "format": "fidim-result/1",
+            "campaign": self.campaign,
+            "method": self.method.value,
+            "outcome": self.outcome.name.lower().replace("_", "-"),
+            "message": self.message,
+            "parameters": {
+                name: {"value": p.value, "sd": p.sd, "sd_bootstrap": p.sd_bootstrap, "nominal": p.nominal}
+                for name, p in self.parameters.items()
+            },
+            "non_essential": list(self.non_essential),
+            "sigma_W": self.sigma_W,
+            "C": self.C,
+            "windows": [
+                {
+                    "id": w.id,
+                    "role": w.role.value,
+                    "chi2_per_dof": w.chi2_per_dof,
+                    "rms_mm": w.rms_mm,
+                    "sigma_perp": w.sigma_perp,
+                    "used": w.used,
+                }
+                for w in self.windows
+            ],
+            "seconds": round(self.seconds, 3),
+        }
+
+
+def _central(values: np.ndarray) -> np.ndarray:
+    inertia = Body.from_vector(values).inertia_about_com
+    return inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]

@@ -1,0 +1,112 @@
+"""Result files, "fidim-result/1" (FORMAT.md): written by `identify --json`, read by `validate --parameters`."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
+from fidim_lab.errors import FileError
+from fidim_lab.identification.results.result import IdentificationResult
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ParameterTable(_Strict):
+    """`parameters.NAME`."""
+
+    value: float
+    sd: float | None = None
+    sd_bootstrap: float | None = None
+    nominal: float | None = None
+
+
+class WindowTable(_Strict):
+    """One of `windows`."""
+
+    id: str
+    role: Role
+    chi2_per_dof: float | None
+    rms_mm: float | None
+    sigma_perp: float | None
+    used: bool
+
+
+class MassEstimateTable(_Strict):
+    """A mass with its sd, kg."""
+
+    value: float
+    sd: float
+
+
+class PayloadTable(_Strict):
+    """`mass.payload`: what was added to the platform, and the campaign recorded with it."""
+
+    campaign: str
+    mass: float
+    mass_sd: float
+    at: tuple[float, float, float]
+    at_sd: float
+
+
+class MassTable(MassEstimateTable):
+    """`mass`: there only after `identify --payload`."""
+
+    nominal: float
+    components: dict[Literal["x", "y", "z"], MassEstimateTable | None]
+    with_inertia: MassEstimateTable | None
+    chi2: float
+    dof: int
+    p: float
+    payload: PayloadTable
+
+
+class ResultTable(_Strict):
+    """The whole file."""
+
+    format: Literal["fidim-result/1"]
+    campaign: str
+    method: Literal["mle", "tls", "ls", "iv"]
+    outcome: str
+    message: str
+    parameters: dict[str, ParameterTable]
+    non_essential: tuple[str, ...]
+    sigma_W: float | None
+    C: float | None
+    windows: tuple[WindowTable, ...]
+    seconds: Annotated[float, Field(ge=0)]
+    mass: MassTable | None = None
+
+    @property
+    def body(self) -> Body:
+        """The identified body."""
+        return Body.from_vector(np.array([self.parameters[name].value for name in PARAMETER_NAMES]))
+
+
+def write_result(path: Path, result: IdentificationResult, *, mass: dict[str, object] | None = None) -> None:
+    """Write a result whole or not at all; `mass` is what a payload showed, and no key of the file without one."""
+    table = result.to_json() if mass is None else {**result.to_json(), "mass": mass}
+    part = path.with_name(path.name + ".part")
+    part.write_text(json.dumps(table, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    part.replace(path)
+
+
+def read_result(path: Path) -> ResultTable:
+    """Read a result file. Raises FileError with the key that is wrong."""
+    try:
+        table = ResultTable.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise FileError(path, "", error.strerror or "cannot be read") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise FileError(path, ".".join(str(part) for part in first["loc"]), first["msg"]) from error
+    missing = [name for name in PARAMETER_NAMES if name not in table.parameters]
+    unknown = [name for name in table.parameters if name not in PARAMETER_NAMES]
+    if missing or unknown:
+        which = f"{', '.join(missing)} missing" if missing else f"{', '.join(unknown)} unknown"
+        raise FileError(path, "parameters", f"{which}; all of {', '.join(PARAMETER_NAMES)} are expected")
+    return table

@@ -1,0 +1,166 @@
+"""What `explain` answers, and its file "fidim-explanation/1" (FORMAT.md)."""
+
+import json
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
+from fidim_lab.mismatch.unknown_force.unknown import Unknown
+
+MOST_ALIKE = 3
+"""effects in `equivalent_to` of the file, by FORMAT.md; the others are in `further_equivalent`"""
+
+
+class Verdict(StrEnum):
+    """What became of the difference between recording and model."""
+
+    NOTHING_MISSING = "nothing-missing"
+    EXPLAINED = "explained"
+    PARTLY_EXPLAINED = "partly-explained"
+    UNKNOWN_PHYSICS = "unknown-physics"
+    SENSOR_FAULT = "sensor-fault"
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One parameter of a named effect, SI."""
+
+    value: float
+    sd: float | None
+    """None where it is held at a bound"""
+    unit: str
+
+
+@dataclass(frozen=True)
+class NamedCause:
+    """One effect that was left out."""
+
+    id: str
+    cable: int | None
+    """1-based"""
+    equivalent_to: tuple[str, ...]
+    """all that these data cannot tell it from, the most alike first"""
+    parameters: dict[str, EffectParameter]
+    says: str
+    """with the formula"""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a mismatch shows."""
+
+    window: str
+    t: tuple[float, float]
+    """s on the window's own clock"""
+    channel: str
+    frequency: float | None
+    """Hz"""
+    share: float
+    """of the whole excess"""
+    says: str
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One model that was tried."""
+
+    effects: tuple[str, ...]
+    held_out_chi2_per_dof: float | None
+    plausible: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class BodyParameter:
+    """One of the nine base parameters."""
+
+    value: float
+    sd: float
+    nominal: float
+
+
+@dataclass(frozen=True)
+class Before:
+    """A figure without and with the effects."""
+
+    before: float | None
+    after: float | None
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The whole answer."""
+
+    campaign: str
+    verdict: Verdict
+    effects: tuple[NamedCause, ...]
+    where: tuple[Place, ...]
+    chi2_per_dof: Before
+    """held out"""
+    rms_mm: Before
+    """held out"""
+    ranking: tuple[Ranked, ...]
+    parameters: dict[str, BodyParameter]
+    parameters_before: dict[str, BodyParameter]
+    next_experiment: str | None
+    message: str
+    seconds: float
+    untested: tuple[str, ...] = ()
+    """ids of the catalogue that this version could not test"""
+    unknown: Unknown | None = None
+    """the generic model of what has no name, where one helps"""
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """As FORMAT.md has it."""
+        return {
+            "format": "fidim-explanation/1",
+            "campaign": self.campaign,
+            "verdict": self.verdict.value,
+            "effects": [_effect(effect) for effect in self.effects],
+            "where": [_place(place) for place in self.where],
+            "held_out": {"chi2_per_dof": vars(self.chi2_per_dof), "rms_mm": vars(self.rms_mm)},
+            "ranking": [{**vars(ranked), "effects": list(ranked.effects)} for ranked in self.ranking],
+            "parameters": {name: vars(value) for name, value in self.parameters.items()},
+            "parameters_before": {name: vars(value) for name, value in self.parameters_before.items()},
+            "next_experiment": self.next_experiment,
+            "message": self.message,
+            "seconds": round(self.seconds, 2),
+            "untested": list(self.untested),
+            "unknown": None if self.unknown is None else unknown_table(self.unknown),
+        }
+
+
+def write_explanation(path: Path, explanation: Explanation) -> None:
+    """Write the file; numbers that are not finite become null."""
+    path.write_text(json.dumps(finite(explanation.table), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _effect(cause: NamedCause) -> dict[str, Any]:
+    return {
+        "id": cause.id,
+        "cable": cause.cable,
+        "equivalent_to": list(cause.equivalent_to[:MOST_ALIKE]),
+        "further_equivalent": list(cause.equivalent_to[MOST_ALIKE:]),
+        "parameters": {name: vars(value) for name, value in cause.parameters.items()},
+        "says": cause.says,
+    }
+
+
+def _place(place: Place) -> dict[str, Any]:
+    return {**vars(place), "t": list(place.t)}
+
+
+def finite(value: Any) -> Any:
+    """The same with null in the place of numbers that are none: JSON has no NaN."""
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [finite(entry) for entry in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

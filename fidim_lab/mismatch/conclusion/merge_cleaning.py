@@ -1,0 +1,85 @@
+"""An explanation of a cleaned campaign, with what was cleaned away put into verdict, effects, places and message."""
+
+from dataclasses import replace
+
+from fidim_lab.mismatch.cleaning.clean import Cleaned
+from fidim_lab.mismatch.cleaning.contacts import Contact
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Place, Verdict
+from fidim_lab.mismatch.markers.finding import Finding
+
+PLACES = 6
+"""faults that are listed each in a place of its own; the others are counted in the message"""
+REPEATED = 3
+"""faults of sensors from which on a contradiction of the kinematics that has no name is put down to them"""
+HAND = "hand-contact"
+
+
+def with_cleaning(explanation: Explanation, cleaned: Cleaned) -> Explanation:
+    """The answer to the campaign as it was recorded.
+
+    Contacts are effects of their own. Faults alone make the verdict "sensor-fault" where the cleaned campaign lacks
+    nothing, or contradicts its kinematics in a way that has no name, as no force does; where physics is missing too it
+    is named, and the faults are said.
+    """
+    effects, verdict = explanation.effects, explanation.verdict
+    if cleaned.contacts:
+        effects = (_hand(cleaned.contacts), *effects)
+        verdict = {
+            Verdict.NOTHING_MISSING: Verdict.EXPLAINED,
+            Verdict.UNKNOWN_PHYSICS: Verdict.PARTLY_EXPLAINED,
+        }.get(verdict, verdict)
+    elif _sensors_alone(cleaned, verdict):
+        verdict = Verdict.SENSOR_FAULT
+    return replace(
+        explanation,
+        verdict=verdict,
+        effects=effects,
+        where=(*_places(cleaned), *explanation.where),
+        message=_message(explanation, cleaned, verdict),
+    )
+
+
+def _sensors_alone(cleaned: Cleaned, verdict: Verdict) -> bool:
+    """Whether faults of sensors are all that is known to be wrong."""
+    if verdict is Verdict.UNKNOWN_PHYSICS:
+        return len(cleaned.faults) >= REPEATED and cleaned.screening.contradicts_kinematics
+    return bool(cleaned.faults) and verdict is Verdict.NOTHING_MISSING
+
+
+def _hand(contacts: tuple[Contact, ...]) -> NamedCause:
+    parameters: dict[str, EffectParameter] = {}
+    for number, contact in enumerate(contacts, start=1):
+        ours = [k for k, other in enumerate(contacts, start=1) if other.window == contact.window]
+        suffix = "" if len(ours) == 1 else f" {ours.index(number) + 1}"
+        parameters[f"{contact.window} begin{suffix}"] = EffectParameter(contact.begin, contact.sd, "s")
+        parameters[f"{contact.window} end{suffix}"] = EffectParameter(contact.end, contact.sd, "s")
+    says = "an unknown wrench during part of a window, as of an operator's hand; the fit leaves these times out"
+    return NamedCause(HAND, None, (), parameters, says)
+
+
+def _places(cleaned: Cleaned) -> tuple[Place, ...]:
+    contacts = [Place(c.window, (c.begin, c.end), "all", None, 0.0, c.says) for c in cleaned.contacts]
+    faults = sorted(cleaned.faults, key=lambda fault: -fault.size)
+    return (*contacts, *(_place(fault) for fault in faults[:PLACES] if fault.window is not None))
+
+
+def _place(fault: Finding) -> Place:
+    return Place(fault.window or "", fault.t or (0.0, 0.0), fault.channel, None, 0.0, fault.says)
+
+
+def _message(explanation: Explanation, cleaned: Cleaned, verdict: Verdict) -> str:
+    said = list(cleaned.says)
+    if verdict is Verdict.SENSOR_FAULT:
+        head = "A sensor is at fault, not the physics: without the faulty samples nothing is missing."
+        if explanation.verdict is not Verdict.NOTHING_MISSING:
+            head = "Sensors are at fault: there are samples that no motion gives, and what is left no force explains."
+            said.append(cleaned.kinematics or "")
+        return " ".join([head, *said, explanation.message])
+    if cleaned.contacts:
+        said.insert(0, f"Cut out first: {len(cleaned.contacts)} contacts, as of an operator's hand.")
+    elif said:
+        said.insert(0, "Cut out first: faulty samples.")
+    said.append(explanation.message)
+    if explanation.verdict is not Verdict.NOTHING_MISSING and cleaned.kinematics is not None:
+        said.append(cleaned.kinematics)
+    return " ".join(said)

@@ -1,0 +1,219 @@
+"""The answer in words: from selection and verdict to an `Explanation`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign
+from fidim_lab.effects.equivalences import EQUIVALENCES
+from fidim_lab.effects.without_term import Unknown
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.conclusion.classes import alike
+from fidim_lab.mismatch.conclusion.explanation import (
+    Before,
+    BodyParameter,
+    EffectParameter,
+    Explanation,
+    NamedCause,
+    Place,
+    Verdict,
+)
+from fidim_lab.mismatch.conclusion.ranking import ranking
+from fidim_lab.mismatch.conclusion.verdict import Judged
+from fidim_lab.mismatch.fitting.baseline import Baseline
+from fidim_lab.mismatch.fitting.fit_data import SHORT
+from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.residuals.locate import locate
+from fidim_lab.mismatch.residuals.residual import of_fit
+from fidim_lab.mismatch.scores.alarms import alarm_rate
+from fidim_lab.mismatch.scores.views import ENOUGH
+from fidim_lab.mismatch.selection.candidates import Candidate
+from fidim_lab.mismatch.selection.select import Selection
+from fidim_lab.mismatch.unknown_force.unknown import Unknown as Wrench
+
+MOST_PLACES = 5
+
+
+def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -> Explanation:
+    """Everything that is answered."""
+    named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
+    effects = tuple(_cause(found, named.model, k) for k in range(len(named.model.tried)))
+    return Explanation(
+        campaign=baseline.campaign.name,
+        verdict=verdict,
+        effects=effects,
+        where=_places(baseline.fit) if verdict is not Verdict.NOTHING_MISSING else (),
+        chi2_per_dof=Before(found.baseline.held_out.chi2_per_dof, named.held_out.chi2_per_dof),
+        rms_mm=Before(1e3 * found.baseline.held_out.rms, 1e3 * named.held_out.rms),
+        ranking=ranking(found, named, baseline.context),
+        parameters=body_parameters(named.model.fit, baseline.campaign),
+        parameters_before=body_parameters(baseline.fit, baseline.campaign),
+        next_experiment=_next_experiment(verdict, effects),
+        message=_message(judged, found, effects, _limits(baseline, found)),
+        seconds=seconds,
+        untested=untested,
+    )
+
+
+def _places(found: Fit) -> tuple[Place, ...]:
+    """Where the model as it is leaves structure, the largest share first."""
+    places = locate(of_fit(found), MOST_PLACES)
+    return tuple(Place(p.window, p.t, p.channel, p.frequency, p.share, p.says) for p in places)
+
+
+def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
+    tried = model.tried[k]
+    values, sds = model.theta_of(k)
+    inflation = float(np.sqrt(max(1.0, model.fit.chi2_per_dof)))
+    parameters = {
+        parameter.name: EffectParameter(float(value), float(sd) * inflation, parameter.unit)
+        for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
+    }
+    effect = tried.effect
+    return NamedCause(effect.id, effect.cable, alike(found, k), parameters, effect.says)
+
+
+def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
+    """The nine parameters of a fit with their sd, times √χ²/dof where that is above 1, beside the robot file's."""
+    scale = float(np.sqrt(max(1.0, found.chi2_per_dof)))
+    nominal = campaign.robot.nominal.vector
+    return {
+        name: BodyParameter(float(found.values[k]), float(found.sd[k]) * scale, float(nominal[k]))
+        for k, name in enumerate(PARAMETER_NAMES)
+    }
+
+
+def _next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | None:
+    for cause in effects:
+        for other in cause.equivalent_to:
+            for known in EQUIVALENCES:
+                if cause.id in known.ids and other in known.ids:
+                    return f"To tell {cause.id} from {other}: {known.separate}."
+    if verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
+        return "Repeat one window at the same place with half the displacement: it tells force from geometry."
+    return None
+
+
+def _limits(baseline: Baseline, found: Selection) -> str:
+    """What the figures mean: false alarms, a model that was not fitted to whole windows, what was not tried."""
+    said = f" {alarm_rate(found.first.projected, ENOUGH).says}"
+    if baseline.whole is None:
+        said += f" Without effects the model follows no whole window: it was fitted to the first {SHORT:g} s of each."
+    refused = found.best.held_out.refused
+    if refused:
+        said += f" Held-out windows without figures: {'; '.join(refused.values())}"
+    said += f" {found.cut_short}" if found.cut_short else ""
+    untested = baseline.tried.untested
+    return said + (f" Not tested: {', '.join(untested)}." if untested else "")
+
+
+def best_of_all(found: Selection) -> str:
+    """How near the best hypothesis came; one that the fitted windows ask for was refused by those held out."""
+    every = found.first.singles
+    if not every:
+        return ""
+    best = every[0]
+    said = f"; the best of {len(every)} hypotheses, {best.label}, has log-evidence {best.log_evidence:.1f}"
+    if best.log_evidence < ENOUGH:
+        return f"{said} ({ENOUGH:g} would be needed)"
+    if not found.baseline.held_out.dof:
+        return f"{said} on the fitted windows, of which it does not take enough"
+    return f"{said} on the fitted windows, but held-out windows are predicted no better with it"
+
+
+def _message(judged: Judged, found: Selection, effects: Sequence[NamedCause], limits: str) -> str:
+    verdict, named = judged.verdict, judged.named
+    figures = figures_of(found.baseline, named)
+    names = " and ".join(c.id if c.cable is None else f"{c.id} (cable {c.cable})" for c in effects)
+    match verdict:
+        case Verdict.NOTHING_MISSING:
+            said = f"Nothing is missing: {figures}{best_of_all(found)}."
+        case Verdict.EXPLAINED:
+            said = f"Left out: {names}; {figures}. {_shift(found, named)}"
+        case Verdict.PARTLY_EXPLAINED:
+            said = f"Left out: {names}, but something remains unexplained; {figures}. {_shift(found, named)}"
+        case _:
+            best = found.best
+            said = f"Something is missing that no effect tested here explains; {_left(found.baseline)}. "
+            said += f"{found.baseline.whiteness.says} {_best_of_no_use(found)}"
+            if best.model.tried:
+                said += f" The best attempt, {best.model.label}, leaves {_left(best)}."
+                said += _law_without_a_name(best.model)
+            if judged.outdone_by is not None:
+                said += f" {_outdone(judged.outdone_by, found)}"
+    return said + _by_mass(effects, found.best.model.mechanism.robot.mass) + limits
+
+
+def _outdone(rival: Wrench, found: Selection) -> str:
+    """Why effects that were found are not named."""
+    figures, end = (
+        f"held-out χ²/dof {rival.after.chi2_per_dof:.3g}",
+        "would stand for something else, and is not named.",
+    )
+    if found.outdone is None:
+        return f"A wrench without a name says more with less freedom ({figures}): {found.best.model.label} {end}"
+    return (
+        f"One wrench without a name leaves only noise ({figures}), and follows the first seconds better than "
+        f"{found.outdone.label}, which was fitted to these alone: that {end}"
+    )
+
+
+def figures_of(before: Candidate, after: Candidate) -> str:
+    """What was left before and is left after; once where both are the same model."""
+    if before is after and before.held_out.dof:
+        return f"{_left(before)}, rms {1e3 * before.held_out.rms:.3g} mm"
+    if before is after:
+        return _left(before)
+    if not (before.held_out.dof and after.held_out.dof):
+        fitted = [one.model.fit.chi2_per_dof for one in (before, after)]
+        return f"χ²/dof of the fitted windows {fitted[0]:.3g} → {fitted[1]:.3g}, with nothing held out to prove it by"
+    then, now = before.held_out, after.held_out
+    chi2 = f"held-out χ²/dof {then.chi2_per_dof:.3g} → {now.chi2_per_dof:.3g}"
+    return f"{chi2}, rms {1e3 * then.rms:.3g} → {1e3 * now.rms:.3g} mm"
+
+
+def _left(one: Candidate) -> str:
+    """What a model leaves."""
+    if one.held_out.dof:
+        return f"held-out χ²/dof {one.held_out.chi2_per_dof:.3g}"
+    return f"χ²/dof of the fitted windows {one.model.fit.chi2_per_dof:.3g}, with nothing held out to judge it by"
+
+
+def _law_without_a_name(model: Completed) -> str:
+    """What is known of a law that nothing of the catalogue has, where one was fitted."""
+    said = ""
+    for k, tried in enumerate(model.tried):
+        if tried.effect.id == Unknown.id:
+            values = zip(tried.effect.parameters, *model.theta_of(k), strict=True)
+            sizes = ", ".join(f"{p.name} = {value:.3g} ± {sd:.2g} {p.unit}" for p, value, sd in values)
+            said += f" It is like {tried.effect.variant}: {tried.effect.says}, {sizes}."
+    return said
+
+
+def _by_mass(effects: Sequence[NamedCause], mass: float) -> str:
+    """Free motion tells forces per mass alone: their sizes are as right as the robot file's mass."""
+    units = {value.unit for cause in effects for value in cause.parameters.values()}
+    if not any("N" in unit or "kg" in unit for unit in units):
+        return ""
+    return f" Sizes in newtons or kilograms count on the robot file's {mass:.4g} kg: free motion tells them per mass."
+
+
+def _best_of_no_use(found: Selection) -> str:
+    """What the most evident effect would take away, to first order."""
+    if not found.first.singles:
+        return ""
+    top, rest = found.first.singles[0], max(found.first.rest, 1e-9)
+    return f"The best single effect, {top.label}, takes {100 * min(top.gain / rest, 1.0):.0f} % of it."
+
+
+def _shift(found: Selection, named: Candidate) -> str:
+    """How far the body moved when the effects were added."""
+    base, done = found.baseline.model.fit, named.model.fit
+    moved = done.values[:9] - base.values[:9]
+    sds = np.abs(moved) / (base.sd[:9] * np.sqrt(max(1.0, base.chi2_per_dof)))
+    k = int(np.argmax(sds))
+    com = 1e3 * float(np.linalg.norm(moved[:3]))
+    return (
+        f"The centre of mass moved by {com:.3g} mm; most in its own sd moved {PARAMETER_NAMES[k]}, "
+        f"by {sds[k]:.3g} sd of the fit without them."
+    )

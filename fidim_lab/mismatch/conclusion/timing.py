@@ -1,0 +1,182 @@
+"""The motion capture's clock against the winches': free motion does not see an offset, motor currents do.
+
+With locked motors every window's start takes up a shift of its markers' time. The currents of held motors follow the
+tensions of the fitted motion on the winches' own clock, i = a + b τ(t − offset + rate t) for each window and cable, a
+and b being free (losses and scale of currents are not known to some per cent). What all of them say together is the
+offset, and how much faster the cameras' clock runs: far finer than what free motion says of a rate.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
+
+from fidim_lab.data.records import Campaign
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.fitting.refit import Completed
+
+OFFSET, RATE = "time-offset", "clock-rate"
+CLEAR = 5.0
+"""standard deviations beyond which an offset is named: once in a million without one"""
+SMALLEST = 3e-4
+"""s; less matters to nobody, and current loops lag as much"""
+SLOWEST = 5e-5
+"""of a rate: what cheap quartz clocks have, and less than anybody would notice"""
+FARTHEST, STRIDE = 0.3, 0.01
+"""s, of the first look"""
+ROUNDS = 4
+FEWEST = 3
+"""courses"""
+SAMPLES = 50
+"""of a window, with fewer of which it is not asked"""
+DISTORTED = frozenset(("pulley-friction",))
+"""friction between winch and platform makes currents differ from tensions as an offset would"""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """A frame stamped t was taken at t + offset − rate t on the winches' clock, t since the start of its window."""
+
+    offset: float
+    """s"""
+    sd: float
+    """by the scatter between windows and cables"""
+    rate: float
+    rate_sd: float
+    courses: int
+    """windows × cables that tell"""
+
+    @property
+    def is_off(self) -> bool:
+        """Whether an offset is believed."""
+        return abs(self.offset) > max(CLEAR * self.sd, SMALLEST)
+
+    @property
+    def runs_away(self) -> bool:
+        """Whether another rate is believed."""
+        return abs(self.rate) > max(CLEAR * self.rate_sd, SLOWEST)
+
+
+def timing(model: Completed) -> Timing | None:
+    """By the motor currents of the windows that were fitted; None where there are none, or too few that tell."""
+    courses = [course for w in range(len(model.fit.likelihood.recordings)) for course in _courses(model, w)]
+    if len(courses) < FEWEST:
+        return None
+    looks = np.arange(-FARTHEST, FARTHEST + STRIDE / 2, STRIDE)
+    start = float(looks[np.argmin([sum(course.misfit(look) for course in courses) for look in looks])])
+    found, steps, weights = np.array([start, 0.0]), np.zeros((0, 2)), np.zeros((0, 2, 2))
+    for _ in range(ROUNDS):
+        tries = [course.step(*found.tolist()) for course in courses]
+        steps, weights = np.array([step for step, _ in tries]), np.array([weight for _, weight in tries])
+        found = found + _mean(steps, weights)
+    off = steps - _mean(steps, weights)
+    spread = float(np.einsum("ki,kij,kj->", off, weights, off)) / (2 * (len(courses) - 1))
+    sds = np.sqrt(max(1.0, spread) * np.diag(np.linalg.inv(weights.sum(axis=0))))
+    return Timing(float(found[0]), float(sds[0]), float(found[1]), float(sds[1]), len(courses))
+
+
+def _mean(steps: Float[np.ndarray, "K 2"], weights: Float[np.ndarray, "K 2 2"]) -> Float[np.ndarray, "2"]:
+    return np.linalg.solve(weights.sum(axis=0), np.einsum("kij,kj->i", weights, steps))
+
+
+def retimed(campaign: Campaign, model: Completed) -> Campaign | None:
+    """The campaign with its stamps on the winches' clock, by the motor currents; None where they do not run apart.
+
+    model: fitted to whole windows of it, however well: the course of the tensions tells of a rate, not their size.
+    """
+    names = {h.effect.id for h in model.tried}
+    found = timing(model) if model.whole and not names & DISTORTED else None
+    if found is None or not found.runs_away:
+        return None
+    slower = 1.0 / (1.0 + found.rate)
+    windows = tuple(replace(w, t=w.t[0] + (w.t - w.t[0]) * slower) for w in campaign.windows)
+    return replace(campaign, windows=windows)
+
+
+def with_timing(told: Explanation, model: Completed, *, put_right: bool = False) -> Explanation:
+    """The explanation with what is wrong with the clocks, where all else is explained and the currents say so.
+
+    model: the one that is told of; put_right: of `retimed` windows, in which the currents say the same once more.
+    """
+    names = {h.effect.id for h in model.tried}
+    if told.verdict not in (Verdict.NOTHING_MISSING, Verdict.EXPLAINED) or names & DISTORTED:
+        return told
+    found = timing(model) if model.whole else None
+    if found is None:
+        message = f"{told.message} Not tested: {OFFSET} (no motor currents that tell of it)."
+        return replace(told, message=message, untested=(*told.untested, OFFSET))
+    causes, said = list(told.effects), [told.message]
+    if found.is_off:
+        says = "stamps are early: a frame stamped t was taken at t + offset"
+        causes.append(NamedCause(OFFSET, None, (), {"offset": EffectParameter(found.offset, found.sd, "s")}, says))
+        figures = f"{1e3 * found.offset:.2f} ± {1e3 * found.sd:.2f} ms"
+        said.append(
+            f"Motor currents follow the tensions of the fitted motion {figures} later ({found.courses} courses): the "
+            "cameras' stamps are that much early against the winches' clock."
+        )
+    if found.runs_away and RATE not in names:
+        says = "the cameras' clock runs fast: a frame stamped t was taken at t/(1 + rate)"
+        causes.append(NamedCause(RATE, None, (), {"rate": EffectParameter(found.rate, found.rate_sd, "1")}, says))
+        counts = "the fit has the stamps put right" if put_right else "inertia and centre of mass count on it"
+        said.append(
+            f"By the motor currents the cameras' clock runs faster than the winches' by {found.rate:.2g} ± "
+            f"{found.rate_sd:.1g}, which free motion alone would hardly show; {counts}."
+        )
+    if len(causes) == len(told.effects):
+        return told
+    said[0] = said[0].replace("Nothing is missing:", "Nothing else is missing:", 1)
+    return replace(told, verdict=Verdict.EXPLAINED, effects=tuple(causes), message=" ".join(said))
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """One motor's current beside the tension that the model has at the markers' stamps."""
+
+    t: np.ndarray
+    current: np.ndarray
+    tension: CubicSpline
+
+    def misfit(self, offset: float) -> float:
+        """Sum of squares with the best a and b, over that without a tension."""
+        column = _centred(self.tension(self.t - offset))
+        current = _centred(self.current)
+        return 1.0 - float(column @ current) ** 2 / float(column @ column) / float(current @ current)
+
+    def step(self, offset: float, rate: float) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2 2"]]:
+        """What to add to offset (s) and rate by this course alone, and with how much weight (their information)."""
+        there = self.t - offset + rate * self.t
+        slope = self.tension(there, 1)
+        ours = np.column_stack([np.ones(len(there)), self.tension(there)])
+        theirs = np.column_stack([-slope, self.t * slope])
+        free, *_ = np.linalg.lstsq(ours, np.column_stack([theirs, self.current]), rcond=None)
+        rest = np.column_stack([theirs, self.current]) - ours @ free
+        normal = rest[:, :2].T @ rest[:, :2]
+        shift = np.linalg.lstsq(normal, rest[:, :2].T @ rest[:, 2], rcond=1e-9)[0]
+        left = rest[:, 2] - rest[:, :2] @ shift
+        noise = float(left @ left) / (len(there) - 4)
+        scale = float((free[:, 2] - free[:, :2] @ shift)[1])
+        return shift / scale, scale**2 * normal / noise
+
+
+def _centred(values: np.ndarray) -> np.ndarray:
+    return values - values.mean()
+
+
+def _courses(model: Completed, w: int) -> list[_Course]:
+    recording = model.fit.likelihood.recordings[w]
+    window = recording.window
+    if window.currents is None:
+        return []
+    simulation = model.fit.journey.optimum.simulation
+    trajectories, place = simulation.trajectory_of(w)
+    nodes = trajectories.grid.t
+    t = window.t - window.t[0] - recording.begin
+    inside = (t > FARTHEST) & (t < min(float(simulation.ends[w]), nodes[-1]) - FARTHEST)
+    found: list[_Course] = []
+    for k in range(window.currents.shape[1]):
+        use = inside & np.isfinite(window.currents[:, k])
+        values = trajectories.tensions[place, :, k]
+        if use.sum() >= SAMPLES and np.isfinite(values).all() and np.ptp(window.currents[use, k]) > 0:
+            found.append(_Course(t[use], window.currents[use, k], CubicSpline(nodes, values)))
+    return found

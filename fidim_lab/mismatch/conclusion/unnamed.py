@@ -1,0 +1,66 @@
+"""What has no name, put into an explanation: the generic model's words, its figures and the parameters with it."""
+
+from dataclasses import replace
+
+from fidim_lab.data.records import Campaign
+from fidim_lab.errors import RefusedError
+from fidim_lab.mismatch.conclusion.explanation import Before, BodyParameter, Explanation, Verdict
+from fidim_lab.mismatch.selection.candidates import Candidate
+from fidim_lab.mismatch.selection.single_force import modelled
+from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.say import Say
+
+
+def with_unknown(
+    explanation: Explanation, named: Candidate, campaign: Campaign, say: Say, known: Unknown | None = None
+) -> Explanation:
+    """The explanation with what is left modelled generically, where its verdict says that something is left.
+
+    named: the model whose effects are named. known: the generic model, where it was found already. Figures and
+    parameters "after" are those of the generic model where it helps on held-out windows, and the explanation is as it
+    was where it does not.
+    """
+    if explanation.verdict not in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
+        return explanation
+    if named.model.mechanism.springs:
+        said = "What is left beside elastic cables was scored, but no wrench without a name was fitted to it."
+        return replace(explanation, message=f"{explanation.message} {said}")
+    try:
+        if known is None:
+            say("modelling what has no name")
+        found = known or modelled(named, campaign)
+    except RefusedError as error:
+        return replace(explanation, message=f"{explanation.message} {error.message}")
+    if found.terms and not found.after.dof:
+        said = "No held-out window can be predicted: whether a wrench without a name models it cannot be judged."
+        return replace(explanation, message=f"{explanation.message} {said}")
+    if not found.terms or not _helps(found):
+        said = "No smooth wrench of place, velocity, turning or time models it either."
+        return replace(explanation, message=f"{explanation.message} {said}")
+    return replace(
+        explanation,
+        chi2_per_dof=Before(explanation.chi2_per_dof.before, found.after.chi2_per_dof),
+        rms_mm=Before(explanation.rms_mm.before, 1e3 * found.after.rms),
+        parameters=_parameters(found, explanation),
+        message=f"{explanation.message} {_says(found)}",
+        unknown=found,
+    )
+
+
+def _helps(found: Unknown) -> bool:
+    """Whether held-out windows are predicted better, and none less that was predicted before."""
+    lost = found.after.refused.keys() - found.before.refused.keys()
+    return found.after.chi2_per_dof < found.before.chi2_per_dof and not lost
+
+
+def _parameters(found: Unknown, explanation: Explanation) -> dict[str, BodyParameter]:
+    return {
+        shift.name: BodyParameter(shift.with_it, shift.with_sd, explanation.parameters[shift.name].nominal)
+        for shift in found.parameters
+    }
+
+
+def _says(found: Unknown) -> str:
+    figures = f"held-out χ²/dof {found.before.chi2_per_dof:.3g} → {found.after.chi2_per_dof:.3g}, rms "
+    figures += f"{1e3 * found.before.rms:.3g} → {1e3 * found.after.rms:.3g} mm"
+    return f"Modelled by a wrench without a name ({figures}): {' '.join(found.words)}"

@@ -1,0 +1,281 @@
+"""How every hypothesis would move what was recorded, to first order: columns beside those of a fit.
+
+All hypotheses ride on one motion. The variational equation of the fitted model is solved once more with a forcing
+column for each scored parameter (`model.forcing`); what acts on the cameras is added directly. Compliant cables,
+loose masses and periodic forces are not differentiated but composed: the influence of a unit of cable acceleration
+times the second derivative of κ τ along the motion (`stretch`), that of a unit of force and torque times what a mass
+that swings along pulls (`resonance`), that of a unit of force times sin and cos.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Motion
+from fidim_lab.effects.constant_force import ConstantForce
+from fidim_lab.identification.mle.starts.springs import stretches
+from fidim_lab.identification.mle.trajectories.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
+from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis
+from fidim_lab.mismatch.linearised.resonance import UnitTorque, pull_of, swings
+from fidim_lab.mismatch.linearised.stretch import stretch_of
+from fidim_lab.model.batch import evaluate
+from fidim_lab.model.forcing import forcing, sightings, start_gaps
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.native import Kernel
+from fidim_lab.model.sensitivity import markers
+from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.integrate import Trajectories
+from fidim_lab.model.sensitivity.sampling import own_states, sampled
+from fidim_lab.model.sensitivity.starts import spreads
+from fidim_lab.model.sensitivity.variation import variations
+from fidim_lab.model.slots import Effect
+
+FRAME_SWAY = "frame-sway"
+
+
+@dataclass(frozen=True)
+class _UnitPull(Effect):
+    """Every cable grows by θ t²/2: the influence of cable accelerations."""
+
+    cables: int
+
+    @property
+    def parameters(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """One acceleration for each cable, m/s²."""
+        return tuple(f"cable {number}" for number in range(1, self.cables + 1))
+
+    def length_drift(self, number: int, time: ca.SX, theta: ca.SX) -> ca.SX:
+        """θ t²/2."""
+        return theta[number - 1] * time**2 / 2
+
+
+@dataclass(frozen=True, eq=False)
+class WindowColumns:
+    """One window's whitened residual with its derivatives, its own unknowns still in."""
+
+    window: int
+    residual: Float[np.ndarray, " rows"]
+    by_own: Float[np.ndarray, "rows own"]
+    by_shared: Float[np.ndarray, "rows shared"]
+    by_scored: Float[np.ndarray, "rows Q"]
+    """all scored parameters of all hypotheses, in order"""
+
+
+class Scorer:
+    """The compiled influence of all hypotheses on one model; made once, used at many motions and horizons."""
+
+    def __init__(self, mechanism: Mechanism, tried: Hypotheses) -> None:
+        self.mechanism = mechanism
+        self.tried = tried
+        self._own = [h for h in tried.direct if _composition(h) == 0]
+        told = repr([(h.effect, h.absent.tolist(), h.scored) for h in self._own])
+        self._all = mechanism.compiled(f"with all of {told}", lambda made: _with_all(made, self._own))
+        self._direct = sum(len(h.scored) for h in tried.direct)
+        self._frequencies = tuple(dict.fromkeys(frequency_of(h) for h in tried.periodic))
+        self._places = scored_places(self._own, mechanism.theta.size)
+        count = len(self._all.theta)
+        composing = range(count - 6 - mechanism.n, count)
+        self._absent = (*(int(k) for place in self._places for k in place), *composing)
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Which columns belong to each of `tried.every`."""
+        ends = np.cumsum([len(h.scored) for h in self.tried.every])
+        return tuple(slice(int(end) - len(h.scored), int(end)) for h, end in zip(self.tried.every, ends, strict=True))
+
+    def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowColumns]:
+        """Every window's residual and derivatives at a simulated point, batch by batch."""
+        yield from (task() for task in self.tasks(likelihood, simulation))
+
+    def tasks(
+        self, likelihood: Likelihood, simulation: Simulation, windows: Sequence[int] | None = None
+    ) -> Sequence[Callable[[], WindowColumns]]:
+        """What `columns` does for each window (or for these alone), to be done side by side."""
+        return [
+            partial(self._window, likelihood, simulation, int(w), batch.trajectories.only(place))
+            for batch in simulation.batches
+            for place, w in enumerate(batch.members)
+            if windows is None or int(w) in windows
+        ]
+
+    def _window(self, likelihood: Likelihood, simulation: Simulation, w: int, one: Trajectories) -> WindowColumns:
+        recording, own = likelihood.recordings[w], likelihood.own
+        shared = simulation.point.shared
+        moving = self._moving(simulation, w, one)
+        begin = simulation.starts.states_by[w]
+        added = np.zeros((len(begin), moving.states_by.shape[1]))
+        added[:12] = moving.states_by
+        starts = np.concatenate([begin, added], axis=1)
+        by = variations(self.mechanism, one, shared, starts[np.newaxis], moving.further[np.newaxis])
+        places = self.mechanism.robot.markers[: recording.markers.shape[1]]
+        use, seen = recording.seen_until(float(simulation.ends[w]))
+        by_markers = markers.varied_at(one, by, places, recording.t[use])
+        direct = own + len(shared) + self._direct
+        ours, theirs = self._seen(recording, recording.t[use], shared, one)
+        by_markers[..., own + BODY : own + len(shared)] += ours[:, : len(places)]
+        by_markers[..., own + len(shared) : direct] += theirs[:, : len(places)]
+        by_markers = self._composed(by_markers, direct, recording.begin + recording.t[use])
+        known = np.isfinite(recording.lengths)
+        residual = simulation.residuals[w]
+        jacobian = np.zeros((len(residual.rows), by_markers.shape[-1]))
+        jacobian[: len(residual.markers)] = by_markers[seen] / likelihood.noise
+        lengths_by = np.zeros((int(known.sum()), by_markers.shape[-1]))
+        lengths_by[:, :direct] = np.concatenate([simulation.starts.lengths_by[w], moving.lengths_by], axis=1)[
+            known, :direct
+        ]
+        jacobian[len(residual.markers) : -own] = lengths_by / likelihood.resolution
+        jacobian[-own:, :own] = np.diag(loose_rows(likelihood))
+        first, last = own, own + len(shared)
+        return WindowColumns(w, residual.rows, jacobian[:, :first], jacobian[:, first:last], jacobian[:, last:])
+
+    def prepare(self) -> None:
+        """Have the machine code for the largest part built, while something else is done."""
+        self._kernel("forcing", lambda made: forcing(made, self._absent))
+
+    def _kernel(self, name: str, make: Callable[[Mechanism], ca.Function]) -> Kernel:
+        native = self.mechanism.native and name == "forcing"  # the others are called once, or small
+        return self._all.compiled(f"{name}: kernel", lambda made: Kernel.of(make(made), native=native))
+
+    def _composed(self, by_markers: np.ndarray, direct: int, stamps: np.ndarray) -> np.ndarray:
+        """The columns of unit forces at all frequencies made into those of the periodic hypotheses."""
+        forced = by_markers[..., direct:]
+        parts = [by_markers[..., :direct]]
+        for h in self.tried.periodic:
+            k = 6 * self._frequencies.index(frequency_of(h))
+            part = forced[..., k : k + 6]
+            if h.effect.id == FRAME_SWAY:
+                size = self.mechanism.robot.mass * (2 * np.pi * frequency_of(h)) ** 2
+                part = size * part + waves(frequency_of(h), stamps)[:, np.newaxis]
+            parts.append(part)
+        return np.concatenate(parts, axis=-1)
+
+    def _moving(self, simulation: Simulation, w: int, one: Trajectories) -> "_Moving":
+        shared = simulation.point.shared
+        theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
+        t = one.begins[0] + one.grid.t
+        sample = (one.positions[0], one.rotations[0], one.twists[0], one.own_states[0])
+        compiled = self._kernel("forcing", lambda made: forcing(made, self._absent))
+        found = _over(compiled, len(t), t[:, np.newaxis], *sample, shared[:BODY], theta)
+        table = found[0].reshape(len(t), 6 + self.mechanism.n, -1)[:, :6]
+        first = (x[:1] for x in (t[:, np.newaxis], *sample))
+        compiled = self._kernel("gaps", lambda made: start_gaps(made, self._absent))
+        gaps = _over(compiled, 1, *first, shared[:BODY], theta)
+        n, count = self.mechanism.n, len(self._all.theta)
+        lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
+        chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
+        force, torque, pull = np.split(table[..., count - 6 - n :], [3, 6], axis=-1)
+        parts = [(table[..., chosen], lengths[:, chosen], speeds[:, chosen])]
+        parts += [self._compliant(h, one, pull, shared[BODY:]) for h in self.tried.direct if stretches(h.effect)]
+        parts += [self._swinging(h, one, force, torque, shared[:3]) for h in self.tried.direct if swings(h)]
+        parts += [_forced(f, t, force, n) for f in self._frequencies]
+        further, by_lengths, by_speeds = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        order = self._order()
+        by_pose = simulation.starts.lengths_by[w][:, :6]
+        structure = np.hstack([by_pose[:, :3], by_pose[:, 3:] @ one.rotations[0, 0].T])
+        states = np.vstack([np.zeros((6, by_speeds.shape[1])), -np.linalg.pinv(structure) @ by_speeds])
+        return _Moving(further[..., order], by_lengths[:, order], states[:, order])
+
+    def _compliant(
+        self, tried: Hypothesis, one: Trajectories, pull: np.ndarray, theta: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        stretch, rate, bend = stretch_of(self.mechanism, theta, tried.effect, one)
+        seen = 0.0 if tried.effect.encoder_sees_stretch else 1.0
+        further = np.einsum("kij,kj->ki", pull, bend)[..., np.newaxis]
+        return further, -seen * stretch[0][:, np.newaxis], -rate[0][:, np.newaxis]
+
+    def _swinging(
+        self, tried: Hypothesis, one: Trajectories, force: np.ndarray, torque: np.ndarray, com: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        pulls, turns = pull_of(tried, one, com, self.mechanism.robot.gravity)
+        further = np.einsum("kij,kj->ki", force, pulls) + np.einsum("kij,kj->ki", torque, turns)
+        nothing = np.zeros((self.mechanism.n, 1))
+        return further[..., np.newaxis], nothing, nothing
+
+    def _order(self) -> np.ndarray:
+        """From the order in which parts are computed to that of `tried.every`."""
+        kinds = np.concatenate([*([_composition(h)] * len(h.scored) for h in self.tried.direct), np.zeros(0)])
+        order = np.argsort(np.argsort(kinds, kind="stable"), kind="stable")
+        return np.concatenate([order, len(order) + np.arange(6 * len(self._frequencies))]).astype(int)
+
+    def _seen(
+        self, recording: Recording, t: np.ndarray, shared: np.ndarray, one: Trajectories
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the model's own θ (T M 3 θ), and direct hypotheses, change of the cameras' report at the same motion."""
+        theta = np.concatenate([shared[BODY:], self._all.theta[len(shared) - BODY :]])
+        motion = sampled(self.mechanism, shared, one, 0, t)
+        table = seen_by(self._all, theta, motion, own_states(one, 0, t), recording.begin + t)
+        chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
+        parts = [table[..., chosen], np.zeros((*table.shape[:3], self._direct - len(chosen)))]
+        direct = np.concatenate(parts, axis=-1)[..., self._order()[: self._direct]]
+        return table[..., : len(shared) - BODY], direct
+
+
+def _with_all(mechanism: Mechanism, tried: Sequence[Hypothesis]) -> Mechanism:
+    """The model with these effects at their scan points, and with units of what others are composed of."""
+    units = (ConstantForce(), UnitTorque(), _UnitPull(mechanism.n))
+    theta = np.concatenate([mechanism.theta, *(h.absent for h in tried), np.zeros(6 + mechanism.n)])
+    return Mechanism(mechanism.robot, [*mechanism.effects, *(h.effect for h in tried), *units], theta.tolist())
+
+
+def seen_by(
+    every: Mechanism, theta: np.ndarray, motion: Motion, states: np.ndarray, stamps: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, "T M 3 theta"]:
+    """What all θ change of the cameras' report at the same motion; states: effects' own (T, extra); stamps: s."""
+    kernel = every.compiled("sightings: kernel", lambda made: Kernel.of(sightings(made), native=False))
+    given = (stamps[:, np.newaxis], motion.positions, motion.rotations, motion.twists, states, theta)
+    return _over(kernel, len(stamps), *given)[4].reshape(len(stamps), -1, 3, len(theta))
+
+
+def _over(compiled: Kernel, samples: int, *arguments: np.ndarray) -> list[np.ndarray]:
+    """As `over_samples`, of a kernel."""
+    columns = [np.broadcast_to(a, (samples, a.size)) if a.ndim == 1 else a for a in arguments]
+    return evaluate(compiled.over(samples), *columns)
+
+
+@dataclass(frozen=True, eq=False)
+class _Moving:
+    further: Float[np.ndarray, "N 6 Q"]
+    lengths_by: Float[np.ndarray, "n Q"]
+    states_by: Float[np.ndarray, "12 Q"]
+
+
+def loose_rows(likelihood: Likelihood) -> Float[np.ndarray, " own"]:
+    """Derivatives of the loose priors' rows by a window's own unknowns."""
+    spread = spreads(likelihood.mechanism)
+    rates = np.full(likelihood.own - 6 - len(spread), LOOSE_RATE)
+    return 1 / np.concatenate([np.full(6, LOOSE_POSE), rates, spread])
+
+
+def _composition(tried: Hypothesis) -> int:
+    """How its columns come about, in the order in which they are computed: by its slots, stretch, or swinging."""
+    return 1 if stretches(tried.effect) else 2 if swings(tried) else 0
+
+
+def scored_places(tried: list[Hypothesis], first: int) -> list[np.ndarray]:
+    """Where the scored parameters of each hypothesis stand in θ."""
+    places: list[np.ndarray] = []
+    for h in tried:
+        places.append(first + np.array(h.scored, dtype=int))
+        first += len(h.effect.parameters)
+    return places
+
+
+def frequency_of(tried: Hypothesis) -> float:
+    """Of a periodic hypothesis, Hz: its last parameter."""
+    return float(tried.absent[-1])
+
+
+def waves(frequency: float, t: np.ndarray) -> Float[np.ndarray, "T 3 6"]:
+    """Displacements for units of sin x y z, cos x y z."""
+    phase = 2 * np.pi * frequency * t
+    return np.concatenate([wave[:, np.newaxis, np.newaxis] * np.eye(3) for wave in (np.sin(phase), np.cos(phase))], -1)
+
+
+def _forced(frequency: float, t: np.ndarray, force: np.ndarray, n: int) -> tuple[np.ndarray, ...]:
+    """The forcing of units of force, sin x y z, cos x y z; no influence on a window's start."""
+    return force @ waves(frequency, t), np.zeros((n, 6)), np.zeros((n, 6))

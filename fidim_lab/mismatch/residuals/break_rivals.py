@@ -1,0 +1,160 @@
+"""What a place that stands out in a residual is: smooth, a kink, some samples off, or a step.
+
+As `rivals`, on what a fit leaves instead of on markers as recorded, hence over more samples: each rival is fitted to
+the samples on either side, counted across gaps, beside polynomials of several degrees, and the Bayesian information
+criterion weighs what they explain against their freedom. A kink (a blow, which the body really felt) is nobody's
+fault. Nothing is called a fault beside which the samples do not follow their polynomial.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fidim_lab.mismatch.markers.neighbours import MAD
+
+REACH, KNOWN_REACH = 0.3, 0.5
+"""s on either side; of a marker that is known to jump"""
+FEWEST, MOST = 12, 60
+"""samples on either side, at least if so many lie within `FARTHEST`, and at most"""
+FARTHEST = 0.8
+"""s"""
+ENOUGH = 8
+"""samples on either side, without which a place at an end can only be a sample that is off"""
+DEGREES = (2, 4, 6)
+"""of the polynomial beside a kink, a step or bad samples; motion alone may turn more sharply"""
+SHARPER = (8, 10)
+NEAR, NEAR_BAD = 2, 5
+"""samples by which a step may be elsewhere; among which further samples may be off"""
+MOST_BAD = 3
+CLEARER = 12.0
+"""by which the criterion must prefer a fault to motion and blow: a factor of 400 in odds"""
+RAMPS = (3, 5, 8, 12)
+"""samples, within which a body may have moved quickly, instead of a step between two"""
+FAINT = 4.0
+"""standard deviations: missing physics in quick motion looks like steps of three"""
+FITS = 1.25
+"""times the noise that the samples beside a fault may scatter, robustly"""
+
+
+class Break(Enum):
+    """The rivals."""
+
+    NONE = "motion"
+    KINK = "a kink"
+    RAMP = "a quick move"
+    SPIKES = "displaced samples"
+    STEP = "a step"
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The rival that wins."""
+
+    what: Break
+    rows: tuple[int, ...] = ()
+    """displaced samples, or the first after a step"""
+    amplitude: Float[np.ndarray, "3"] | None = None
+    """of a step, in standard deviations of the noise"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Rival:
+    what: Break
+    rows: tuple[int, ...]
+    design: Float[np.ndarray, "S D"]
+    kept: Bool[np.ndarray, " S"]
+    freedom: float
+    """of each coordinate"""
+
+
+def judge(
+    values: Float[np.ndarray, "G 3"],
+    step: float,
+    row: int,
+    *,
+    clearer: float = CLEARER,
+    spiking: bool = False,
+    jumps: bool = False,
+) -> Judged:
+    """What stands out at `row` of whitened residuals on an even grid of `step` seconds (NaN: missing).
+
+    clearer: by how much the criterion must prefer a fault. spiking: the marker is known to have samples off; then it
+    need not prefer them clearly. jumps: it is known to jump; a faint step, or one that might be a blow or a quick
+    move, is then believed.
+    """
+    rows = _beside(values, step, row, KNOWN_REACH if jumps else REACH)
+    if rows is None:
+        return Judged(Break.NONE)
+    time = (rows - rows[0]) / (rows[-1] - rows[0]) * 2 - 1
+    piece = values[rows]
+    rivals = [one for one in _rivals(rows, time, row) if not jumps or one.what not in (Break.RAMP, Break.KINK)]
+    tried = [(rival, *_cost(rival, piece)) for rival in rivals]
+    best, cost, left, size = min(tried, key=lambda one: one[1])
+    if best.what not in (Break.SPIKES, Break.STEP):
+        return Judged(best.what)
+    innocent = min(one[1] for one in tried if one[0].what in (Break.NONE, Break.KINK))
+    scatter = float(np.median(np.abs(left[best.kept]))) / MAD
+    faint = best.what is Break.STEP and not jumps and float(np.linalg.norm(size)) < FAINT
+    needed = 0.0 if spiking and best.what is Break.SPIKES else clearer
+    if cost + needed > innocent or scatter > FITS or faint:
+        return Judged(Break.NONE)
+    return Judged(best.what, best.rows, size if best.what is Break.STEP else None)
+
+
+def _beside(values: Float[np.ndarray, "G 3"], step: float, row: int, reach: float) -> np.ndarray | None:
+    """Rows with a sample on either side of a place."""
+    seen = np.flatnonzero(np.isfinite(values).all(axis=1))
+    most = int(np.clip(round(reach / step), FEWEST, MOST))
+    at = int(np.searchsorted(seen, row))
+    before, after = seen[max(0, at - most) : at], seen[at : at + most]
+    before = before[(before[-1:] - before) * step <= FARTHEST]
+    after = after[(after - after[:1]) * step <= FARTHEST]
+    return None if len(before) + len(after) < 2 * ENOUGH else np.concatenate([before, after])
+
+
+def _cost(rival: _Rival, piece: Float[np.ndarray, "S 3"]) -> tuple[float, np.ndarray, np.ndarray]:
+    """The criterion, what is left of all samples, and the size of the last column."""
+    design, kept = rival.design, rival.kept
+    found = np.linalg.lstsq(design[kept], piece[kept], rcond=None)[0]
+    left = piece - design @ found
+    chi2 = float((left[kept] ** 2).sum())
+    return chi2 + 3 * rival.freedom * float(np.log(3 * len(piece))), left, found[-1]
+
+
+def _rivals(rows: np.ndarray, time: np.ndarray, row: int) -> list[_Rival]:
+    whole = np.ones(len(rows), dtype=bool)
+    basis = np.polynomial.legendre.legvander(time, max(SHARPER))
+    at = int(np.searchsorted(rows, row))
+    found = [_Rival(Break.NONE, (), basis[:, : d + 1], whole, d) for d in (*DEGREES, *SHARPER)]
+    near = [k for k in range(at - NEAR_BAD, at + NEAR_BAD + 1) if 0 <= k < len(rows)]
+    sides = min(at, len(rows) - at) >= ENOUGH
+    for degree in DEGREES:
+        smooth = basis[:, : degree + 1]
+        found += _lasting(rows, time, smooth, at) if sides else []
+        for count in range(MOST_BAD):
+            for further in combinations([k for k in near if k != at], count):
+                bad = sorted((at, *further))
+                kept = ~np.isin(np.arange(len(rows)), bad)
+                which = tuple(int(rows[k]) for k in bad)
+                found.append(_Rival(Break.SPIKES, which, smooth, kept, float(degree + len(bad))))
+    return found
+
+
+def _lasting(rows: np.ndarray, time: np.ndarray, smooth: np.ndarray, at: int) -> list[_Rival]:
+    """Kinks, steps and quick moves beside a polynomial."""
+    whole, degree = np.ones(len(rows), dtype=bool), smooth.shape[1] - 1
+    found: list[_Rival] = []
+    for place in np.arange(-NEAR - 0.5, NEAR + 0.51, 0.5):  # a kink lies between samples too
+        bent = np.maximum(time - np.interp(at + place, np.arange(len(time)), time), 0.0)
+        found.append(_Rival(Break.KINK, (), np.column_stack([smooth, bent]), whole, degree + 4 / 3))
+    for place in range(at - NEAR, at + NEAR + 1):
+        later = (np.arange(len(rows)) >= place).astype(float)
+        found.append(_Rival(Break.STEP, (int(rows[place]),), np.column_stack([smooth, later]), whole, degree + 4 / 3))
+        for width in RAMPS if degree < max(DEGREES) else ():
+            share = np.clip((np.arange(len(rows)) - place + 0.5) / width + 0.5, 0.0, 1.0)
+            moved = np.column_stack([smooth, share**2 * (3 - 2 * share)])
+            found.append(_Rival(Break.RAMP, (), moved, whole, degree + 4 / 3))
+    return found

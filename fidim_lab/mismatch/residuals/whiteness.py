@@ -1,0 +1,193 @@
+"""Is what is left of the windows white? A test whose false-alarm rate is known, for weak structure in much data.
+
+The global χ²/dof cannot see 300 of 54 000. Structure of a mechanism lies at low frequencies, in few windows or in a
+line, so χ² is looked at by octave bands, over all windows and in each, and line by line; each against the noise level
+above `REFERENCE` Hz, which no rigid motion reaches (a wrong declared noise does not matter). The p-value counts all
+these tests (Bonferroni). The windows' own fitted unknowns take energy out of the low bands: exactly accounted for where
+their derivatives are given, else ignored, which makes the test conservative.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import chdtrc, fdtrc
+
+from fidim_lab.mismatch.residuals.residual import Leftover
+
+EDGES = (0.0, 0.75, 1.5, 3.0, 6.0, 10.0)
+"""Hz, of the bands"""
+REFERENCE = 10.0
+"""Hz"""
+KINDS = 3
+"""families of tests: bands over all windows, bands of each window, lines"""
+WHITE = 1e-3
+"""p-value from which on a remainder is called white"""
+FEWEST_REFERENCE = 100
+"""degrees of freedom above `REFERENCE`; with fewer the declared noise is believed"""
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """χ² of one window by frequency, for each channel; white noise of 1 has χ² = dof everywhere."""
+
+    frequencies: Float[np.ndarray, " F"]
+    chi2: Float[np.ndarray, "F K"]
+    dof: Float[np.ndarray, "F K"]
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """The answer."""
+
+    statistic: float
+    """χ²/dof of the most telling band or line, over the noise level"""
+    p_value: float
+    """chance of one like it in white noise, with all tests counted"""
+    band: tuple[float, float]
+    """Hz"""
+    window: str | None
+    """id where one window tells most, else None"""
+    excess: float
+    """χ² below `REFERENCE` beyond that of the noise"""
+    level: float
+    """standard deviation of the noise, over the declared"""
+    says: str
+
+    @property
+    def is_white(self) -> bool:
+        """Nothing but noise is left."""
+        return self.p_value > WHITE
+
+
+def spectrum(leftover: Leftover) -> Spectrum:
+    """Periodogram of each channel, gaps counted as no data."""
+    step, values = leftover.on_grid()
+    seen = np.isfinite(values)
+    count = len(values)
+    share = seen.mean(axis=0)
+    lines = np.fft.rfft(np.where(seen, values, 0.0), axis=0)
+    weight = np.full((len(lines), 1), 2.0)
+    weight[0] = 1.0
+    if count % 2 == 0:
+        weight[-1] = 1.0
+    dof = weight * share
+    if leftover.directions is not None:
+        dof = np.maximum(dof - _taken(leftover, weight), 1e-9)
+    return Spectrum(np.fft.rfftfreq(count, step), weight * np.abs(lines) ** 2 / count, dof)
+
+
+def _taken(leftover: Leftover, weight: np.ndarray) -> np.ndarray:
+    """(F, K): degrees of freedom that the fit of the window's own unknowns took at each line."""
+    if leftover.directions is None:
+        return np.zeros((len(weight), 1))
+    seen = np.isfinite(leftover.values).reshape(-1)
+    columns = leftover.directions.reshape(len(seen), -1) * seen[:, np.newaxis]
+    left, size, _ = np.linalg.svd(columns, full_matrices=False)
+    left = left[:, size > 1e-9 * size[0]]
+    steps = leftover.t.shape[0]
+    grid = np.rint((leftover.t - leftover.t[0]) / float(np.median(np.diff(leftover.t)))).astype(int)
+    spread = np.zeros((grid[-1] + 1, leftover.values[0].size, left.shape[1]))
+    spread[grid] = left.reshape(steps, -1, left.shape[1])
+    return weight * (np.abs(np.fft.rfft(spread, axis=0)) ** 2).sum(axis=2) / len(spread)
+
+
+def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
+    """Test all windows together. With nothing to test, p = 1."""
+    spectra = [spectrum(one) for one in leftovers if one.count > 0 and len(one.t) > 3]
+    ids = [one.window for one in leftovers if one.count > 0 and len(one.t) > 3]
+    if not spectra:
+        return Whiteness(1.0, 1.0, (0.0, REFERENCE), None, 0.0, 1.0, "There is no residual to test.")
+    level, reference = _noise_level(spectra)
+    found = np.array([[_band(s, low, high) for low, high in _bands()] for s in spectra])  # W, B, (χ², dof)
+    total = found.sum(axis=0)
+    tests = [
+        (*_bonferroni(_tail(total, level, reference)), "bands"),
+        (*_bonferroni(_tail(found.reshape(-1, 2), level, reference)), "windows"),
+        (*_line(spectra, level), "lines"),
+    ]
+    p, place, kind = min(tests, key=lambda test: test[0])
+    p = min(1.0, KINDS * p)
+    bands = _bands()
+    window: str | None = None
+    if kind == "bands":
+        band, ratio = bands[place], _ratio(total[place], level)
+    elif kind == "windows":
+        band, ratio = bands[place % len(bands)], _ratio(found.reshape(-1, 2)[place], level)
+        window = ids[place // len(bands)]
+    else:
+        window, band, ratio = _line_at(spectra, ids, place, level)
+    excess = float((found[..., 0] - level * found[..., 1]).sum())
+    return Whiteness(ratio, p, band, window, excess, float(np.sqrt(level)), _words(p, ratio, band, window, excess))
+
+
+def _bands() -> list[tuple[float, float]]:
+    return list(pairwise(EDGES))
+
+
+def _band(found: Spectrum, low: float, high: float) -> tuple[float, float]:
+    inside = (found.frequencies >= low) & (found.frequencies < high)
+    return float(found.chi2[inside].sum()), float(found.dof[inside].sum())
+
+
+def _noise_level(spectra: list[Spectrum]) -> tuple[float, float]:
+    """Variance of the noise above `REFERENCE` and its degrees of freedom (infinite where it is believed)."""
+    parts = np.array([_band(s, REFERENCE, np.inf) for s in spectra]).sum(axis=0)
+    if parts[1] < FEWEST_REFERENCE:
+        return 1.0, np.inf
+    return float(parts[0] / parts[1]), float(parts[1])
+
+
+def _ratio(pair: np.ndarray, level: float) -> float:
+    return float(pair[0] / max(pair[1], 1e-9) / level)
+
+
+def _tail(pairs: np.ndarray, level: float, reference: float) -> np.ndarray:
+    """p-values of (χ², dof) against the noise level."""
+    chi2, dof = pairs[:, 0] / level, np.maximum(pairs[:, 1], 1e-9)
+    p = chdtrc(dof, chi2) if np.isinf(reference) else fdtrc(dof, reference, chi2 / dof)
+    return np.where(pairs[:, 1] > 0.5, p, 1.0)
+
+
+def _bonferroni(p: np.ndarray) -> tuple[float, int]:
+    place = int(np.argmin(p))
+    return min(1.0, float(p[place]) * len(p)), place
+
+
+def _line(spectra: list[Spectrum], level: float) -> tuple[float, int]:
+    """The strongest line of all, with the lines counted; its place among all windows' lines laid end to end."""
+    heights, places, lines = [], [], 0
+    for s in spectra:
+        usual = s.dof > 0.5 * np.median(s.dof)
+        height = np.where(usual & (s.frequencies < REFERENCE)[:, np.newaxis], s.chi2, 0.0)
+        height[0] = 0.0
+        places.append(int(np.argmax(height)))
+        heights.append(float(height.max()))
+        lines += int((height > 0).sum())
+    best = int(np.argmax(heights))
+    offset = sum(s.chi2.size for s in spectra[:best])
+    return min(1.0, float(np.exp(-heights[best] / (2 * level))) * max(1, lines)), offset + places[best]
+
+
+def _line_at(
+    spectra: list[Spectrum], ids: list[str], place: int, level: float
+) -> tuple[str, tuple[float, float], float]:
+    for s, name in zip(spectra, ids, strict=True):
+        if place < s.chi2.size:
+            row, column = divmod(place, s.chi2.shape[1])
+            f, width = float(s.frequencies[row]), float(s.frequencies[1])
+            return name, (f - width / 2, f + width / 2), float(s.chi2[row, column] / 2 / level)
+        place -= s.chi2.size
+    raise IndexError(place)
+
+
+def _words(p: float, ratio: float, band: tuple[float, float], window: str | None, excess: float) -> str:
+    where = "all windows together" if window is None else f"window {window}"
+    if p > WHITE:
+        return f"What is left is white: the most unusual band has a chance of {p:.2g} in noise."
+    return (
+        f"What is left is not white: between {band[0]:.2g} and {band[1]:.2g} Hz in {where} it has {ratio:.3g} times "
+        f"the noise (chance {p:.1g}); χ² is {excess:.0f} too large below {REFERENCE:g} Hz."
+    )

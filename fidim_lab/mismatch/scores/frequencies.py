@@ -1,0 +1,51 @@
+"""At which frequencies tones are tried: of the scan where what is left is loudest, and more of them about the best."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fidim_lab.effects.oscillation import SCAN
+from fidim_lab.mismatch.linearised.columns import frequency_of
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
+from fidim_lab.mismatch.residuals.residual import Leftover
+from fidim_lab.mismatch.residuals.whiteness import spectrum
+from fidim_lab.mismatch.scores.score import Score
+
+TURN = 0.2
+"""turns in a whole window between the frequencies that are tried at last"""
+LOUDEST = 16
+"""frequencies of the scan that are tried"""
+FEW = 50
+"""samples, with fewer of which a window has no spectrum"""
+
+
+def likely_frequencies(leftovers: Sequence[Leftover], scan: Sequence[float]) -> frozenset[float]:
+    """Where what is left of all windows is loudest: a steady tone that nothing models is heard at its own frequency."""
+    spectra = [spectrum(one) for one in leftovers if len(one.t) > FEW]
+    if not spectra or len(scan) <= LOUDEST:
+        return frozenset(scan)
+    width = max(s.frequencies[1] for s in spectra)
+    loudness: dict[float, float] = {}
+    for f in scan:
+        near = [np.abs(s.frequencies - f) <= width for s in spectra]
+        power = sum(float(s.chi2[rows].sum()) for s, rows in zip(spectra, near, strict=True))
+        freedom = sum(float(s.dof[rows].sum()) for s, rows in zip(spectra, near, strict=True))
+        loudness[f] = power / max(freedom, 1e-9)
+    return frozenset(sorted(scan, key=lambda f: -loudness[f])[:LOUDEST])
+
+
+def between(scanned: Sequence[Hypothesis], tones: Sequence[Score], seconds: float) -> tuple[Hypothesis, ...]:
+    """The best of these tones at frequencies between those of the scan, for windows of so many seconds.
+
+    Half a step off, a tone near a mode comes out of phase at both ends of long windows, and a fit from there may end
+    with phases that belong to no tone.
+    """
+    count = int(np.ceil(SCAN * seconds / TURN))
+    if not tones or count < 2:
+        return ()
+    best = max(tones, key=lambda tone: tone.log_evidence).tried[0]
+    id, f = best.effect.id, frequency_of(best)
+    simple = next(h for h in scanned if h.effect.id == id and frequency_of(h) == f)
+    steps = SCAN * np.arange(1 - count, count) / count
+    return tuple(replace(simple, absent=np.append(simple.absent[:-1], f + step)) for step in steps if step != 0)

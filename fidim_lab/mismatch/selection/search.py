@@ -1,0 +1,273 @@
+"""Additions to a model, one after the other: over the first seconds where needed, then over whole windows.
+
+The search may end early: at pushes within a few windows that are all that is left. What a search that has ended
+thinks better of is in `select`.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from fidim_lab.mismatch.cleaning.common_push import find_common_push
+from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts
+from fidim_lab.mismatch.cleaning.restarts import find_pushes
+from fidim_lab.mismatch.cleaning.segments import predict_segments
+from fidim_lab.mismatch.fitting.baseline import Baseline
+from fidim_lab.mismatch.fitting.fit_data import HOPELESS, NEAR
+from fidim_lab.mismatch.fitting.refit import Completed, again, evidence, refit
+from fidim_lab.mismatch.scores.views import MOST, View
+from fidim_lab.mismatch.selection.additions import Addition
+from fidim_lab.mismatch.selection.budget import Patience
+from fidim_lab.mismatch.selection.candidates import (
+    Candidate,
+    accepted,
+    advantage,
+    best_of,
+    common_scale,
+    most_convincing,
+)
+from fidim_lab.mismatch.selection.confounders import in_their_place
+from fidim_lab.mismatch.selection.trials import MOST_TERMS, Trials
+from fidim_lab.mismatch.selection.unions import unions
+from fidim_lab.mismatch.selection.whole_windows import WholeWindows
+from fidim_lab.model.side_by_side import found_side_by_side
+from fidim_lab.say import Say
+
+CLOSE = 25.0
+"""nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
+SHORTLIST = 3
+SAME = 1.0
+"""χ² between two fits of one optimum"""
+SIMPLE = 2
+"""parameters of a term that takes the share of no other"""
+SIBLINGS = 0.15
+"""of a term's evidence, that another in its place may miss where structure stays"""
+PUSH_COST = 20.0
+"""nats: what the freedom of another start costs, as a few terms of a wide prior do"""
+
+
+class Search:
+    """What is tried in which order, and what of it is believed."""
+
+    def __init__(self, start: Baseline, say: Say, look_for_pushes: bool, patience: Patience) -> None:
+        self.start, self.say, self.look_for_pushes, self.patience = start, say, look_for_pushes, patience
+        self.pushes: tuple[Contact, ...] = ()
+        """for which it was broken off"""
+        self.trials = Trials(start, say, patience)
+
+    def known_to_do(self, known: Completed | None) -> Candidate | None:
+        """A known model fitted to these windows, where it leaves only noise."""
+        if known is None or not known.tried:
+            return None
+        short = again(self.start.short_ground, self.start.short, known, self.start.context)
+        whole = None if short is None else again(self.start.whole_ground, short.fit, short, self.start.context)
+        # a term that the cuts had made needful may be needless now
+        judged = None if whole is None else self.trials.judged(self.trials.pruned(whole))
+        if judged is None or not judged.is_white:
+            return None
+        self.trials.tried.append(judged)
+        return judged
+
+    def over_first_seconds(self, is_outdone: Callable[[Completed], bool]) -> list[Completed]:
+        """The few best models of the first seconds, the best first.
+
+        is_outdone: says of several effects that leave structure there, whether it is in vain to go on.
+        """
+        best = Completed((), self.start.short, whole=False)
+        while True:
+            seen = self.trials.look(best)
+            if self.patience.ended:
+                break
+            fresh = self.trials.over_first_seconds(self.trials.additions(seen))
+            further = most_convincing(best, fresh)
+            for another_way in (self._exchanged, self._found_anew):
+                further = another_way(seen) if further is best else further
+            if further is best:
+                break
+            best = self.trials.in_best_form(self.trials.pruned(further))
+            self.say(f"over the first seconds: {best.label}, χ²/dof {best.fit.chi2_per_dof:.3f}")
+            if best.is_white or (len(best.tried) > 1 and is_outdone(best)):
+                break
+        if not (_is_simple(best) and best.is_white):
+            best = most_convincing(best, self._together())
+        scale = common_scale([best, *self.trials.passing])
+        near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
+        near.sort(key=lambda m: evidence(best, m, scale))
+        return [m for m in _distinct([best, *near])[:SHORTLIST] if m.tried]
+
+    def _exchanged(self, seen: View) -> Completed:
+        """The model of the first seconds that was looked at, or it with another effect in the place of a term.
+
+        What came first bends to take the share of what was not there yet; beside that another may say more.
+        """
+        best = seen.model
+        if best.is_white:
+            return best
+        fresh = in_their_place(seen, self.start.short_ground, self.say, SIBLINGS)
+        self.trials.passing += fresh
+        return most_convincing(best, fresh)
+
+    def _found_anew(self, seen: View) -> Completed:
+        """The same, with a term that has many optima (a frequency) taken out, and scanned for once more."""
+        best = seen.model
+        many = [k for k, term in enumerate(best.tried) if term.has_scan]
+        for k in many if len(best.tried) > 1 and not best.is_white else ():
+            less = self.trials.keeping(best, [j for j in range(len(best.tried)) if j != k])
+            if less is None or self.patience.ended:
+                continue
+            fresh = self.trials.over_first_seconds(self.trials.additions(self.trials.look(less)))
+            further = most_convincing(best, fresh)
+            if further is not best:
+                return further
+        return best
+
+    def _together(self) -> list[Completed]:
+        """Terms of models that did well over the first seconds, fitted together from nothing."""
+        start, well = self.start, [*self.trials.raced, *self.trials.passing]
+        fits = [
+            partial(refit, start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
+            for terms in (() if self.patience.ended else unions(well, MOST_TERMS))
+        ]
+        fresh = found_side_by_side(fits)
+        self.trials.passing += fresh
+        return fresh
+
+    def best_over_all(self, baseline: Candidate, short: Sequence[Completed]) -> Candidate:
+        """Models of the first seconds fitted to whole windows, and the best of them; hands where none follows."""
+        best, followed = WholeWindows(self.start, self.say, self.patience, self.trials).best(baseline, short)
+        if not followed:
+            self.pushes = self._hands_beside(short)
+        return best
+
+    def _hands_beside(self, short: Sequence[Completed]) -> tuple[Contact, ...]:
+        """Hands in whole windows of which only the first seconds are followed, by the best model of these."""
+        if not self.look_for_pushes or self.patience.ended:
+            return ()
+        model = next((model for model in short if model.is_white), None)
+        if model is None:
+            return ()
+        self.say(f"looking for hands beside {model.label}")
+        return find_contacts(predict_segments(model, self.start.campaign.windows))
+
+    def over_whole_windows(self, best: Candidate) -> tuple[Candidate, View]:
+        """Additions until none is asked for, or a push is all that is left; the view from the last model.
+
+        Where structure stays, and only the first seconds were looked at, tones are listened for in whole windows.
+        """
+        seen = self.trials.look(best.model)
+        if self.pushes:
+            return best, seen
+        if best.model.whole and self._in_vain(best):
+            self._pushed(best)
+            return best, seen
+        while best.model.whole and not self._pushed(best, *_best_score(seen)):
+            further, fresh = self._one_further(best, self._tones(best, seen) or self.trials.additions(seen))
+            if further is best:
+                if not self._pushed(best):
+                    self.pushes = self._pushed_alike(best)
+                break
+            pushed = self._with_pushes(further, fresh)
+            if pushed is not None:
+                return pushed, seen
+            best = further
+            self.say(f"accepted: {best.model.label}, {best.held_out.says}")
+            seen = self.trials.look(best.model)
+        return best, seen
+
+    def _tones(self, best: Candidate, seen: View) -> tuple[Addition, ...]:
+        """Tones that take most of what is left of whole windows, where only the first seconds were looked at."""
+        if not seen.races or best.is_white or best.model.excess > HOPELESS or self.patience.ended:
+            return ()
+        heard = self.trials.look_for_tones(best.model)
+        if not heard.singles or heard.singles[0].gain < MOST * heard.rest:
+            return ()
+        return self.trials.additions(heard)
+
+    def _one_further(self, best: Candidate, additions: Sequence[Addition]) -> tuple[Candidate, list[Candidate]]:
+        """The best with one addition, or as it was; and what was tried for it.
+
+        The simplest first; once one more term leaves only noise, what said less is not fitted any more.
+        """
+        fresh: list[Candidate] = []
+        done = -np.inf
+        for addition in sorted(additions, key=lambda addition: addition.score.size):
+            if self.patience.ended:
+                break
+            if addition.score.log_evidence < done:
+                continue
+            self.say(f"fitting {' + '.join([best.model.label, addition.score.label][not best.model.tried :])}")
+            found = self.trials.added(addition, [one.model for one in fresh])
+            if found is None:
+                continue
+            fresh.append(self.trials.judged_or_wider(self.trials.pruned(found), addition.score.tried))
+            if fresh[-1].is_white and len(addition.score.tried) == 1:
+                done = max(done, addition.score.log_evidence)
+        further = accepted(best, fresh)
+        if further is not best:
+            fresh += self.trials.wider_rivals(further, [best, *fresh])
+            further = accepted(best, fresh)
+        self.trials.tried += fresh
+        return further, fresh
+
+    def _in_vain(self, best: Candidate) -> bool:
+        """Whether additions to the model as it is were already tried: over the first seconds, and then in full."""
+        return not (best.model.tried or self.start.follows) and bool(self.trials.passing)
+
+    def _with_pushes(self, further: Candidate, fresh: Sequence[Candidate]) -> Candidate | None:
+        """A model with fewer terms beside which pushes say more than the others do: a hand is no friction.
+
+        Where the other terms leave structure, also one beside which every window is pushed at the same time.
+        """
+        fewer = [one for one in fresh if len(one.model.tried) < len(further.model.tried) and not one.is_white]
+        for one in sorted(fewer, key=lambda c: len(c.model.tried)):
+            if self._pushed(one, advantage(further.model, one.model)):
+                return one
+        if not fewer or further.is_white:
+            return None
+        least = min(len(one.model.tried) for one in fewer)
+        simple = [one for one in fewer if len(one.model.tried) == least]
+        most_evident = best_of([one.model for one in simple])
+        best = next(one for one in simple if one.model is most_evident)
+        self.pushes = self._pushed_alike(best)
+        return best if self.pushes else None
+
+    def _pushed(self, best: Candidate, least: float = -np.inf, inflation: float = 1.0) -> bool:
+        """Whether pushes are all that is left, and say more than so many nats.
+
+        inflation: χ²/dof that counts as noise, beyond what all but the pushed windows show.
+        """
+        if not self.look_for_pushes:
+            return False
+        found = find_pushes(best.model, best.held_out, self.start.held_out)
+        gain = sum(push.gain or 0.0 for push in found)
+        said = 0.5 * gain / inflation - PUSH_COST * len(found)
+        self.pushes = found if said > least else ()
+        return bool(self.pushes)
+
+    def _pushed_alike(self, best: Candidate) -> tuple[Contact, ...]:
+        """A push at the same time of every window, softer than what the model as it is misses elsewhere."""
+        if not self.look_for_pushes or best.is_white or best.model.excess > NEAR:
+            return ()
+        return find_common_push(best.model, self.start.held_out)
+
+
+def _distinct(models: Sequence[Completed]) -> list[Completed]:
+    """Without what has the same terms as an earlier one, and the same optimum."""
+    found: list[Completed] = []
+    for model in models:
+        terms = {h.effect for h in model.tried}
+        alike = (one for one in found if {h.effect for h in one.tried} == terms)
+        if not any(abs(one.chi2 - model.chi2) < SAME for one in alike):
+            found.append(model)
+    return found
+
+
+def _is_simple(model: Completed) -> bool:
+    """Whether it is one term of so little freedom that it can have taken no other's share."""
+    return len(model.tried) == 1 and len(model.tried[0].scored) <= SIMPLE
+
+
+def _best_score(seen: View) -> tuple[float, float]:
+    """Nats of the best effect that was looked at, and the χ²/dof that counts as noise there."""
+    return seen.singles[0].log_evidence if seen.singles else 0.0, seen.projected.inflation

@@ -1,0 +1,165 @@
+"""From the model as it is to the best set of effects: look at all scores, fit the best few, take one, look again.
+
+First over the first seconds, wherever whole windows are not followed: cheap, and no phase can slip there. What survives
+is fitted to whole windows, and the search goes on there. A term is taken when the evidence asks for it (> 5 nats) and,
+of whole windows, when those that no fit has seen get better; a term that another has made needless is dropped again
+(together: a swap). At most three terms.
+"""
+
+from dataclasses import dataclass
+
+from fidim_lab.mismatch.cleaning.contacts import Contact
+from fidim_lab.mismatch.fitting.baseline import Baseline
+from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.scores.views import ENOUGH, PERIODIC, View
+from fidim_lab.mismatch.selection.budget import Patience
+from fidim_lab.mismatch.selection.candidates import (
+    Candidate,
+    accepted,
+    best_of,
+    candidate,
+    most_convincing,
+    of_model,
+    price,
+    rank,
+)
+from fidim_lab.mismatch.selection.confounders import in_their_place
+from fidim_lab.mismatch.selection.search import SIBLINGS, Search
+from fidim_lab.mismatch.selection.single_force import LoneWrench
+from fidim_lab.mismatch.selection.trials import MOST_TERMS
+from fidim_lab.mismatch.unknown_force.unknown import Unknown
+from fidim_lab.say import Say
+
+FITS = 1.05
+"""χ²/dof of a fit that leaves next to nothing"""
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Where the search ended and what was looked at on the way."""
+
+    best: Candidate
+    """the baseline where nothing was accepted"""
+    baseline: Candidate
+    tried: tuple[Candidate, ...]
+    """every model that was fitted to whole windows, the best first by held-out χ²"""
+    passing: tuple[Completed, ...]
+    """every model that was fitted to the first seconds alone"""
+    first: View
+    """all scores at the model as it is"""
+    last: View
+    """all scores at the best model: what could still be added, or stand in the place of what is in"""
+    pushes: tuple[Contact, ...] = ()
+    """for which the search was broken off: all but these windows follow the best model"""
+    cut_short: str = ""
+    """why it was not gone on with, where structure stays and patience has ended"""
+    alone: Unknown | None = None
+    """one wrench without a name, where it was asked for: without terms where none does nearly all"""
+    outdone: Completed | None = None
+    """the best model of the first seconds, where that wrench says more, so that none was fitted to whole windows"""
+
+
+def select(
+    start: Baseline,
+    say: Say,
+    *,
+    pushes: bool = True,
+    known: Completed | None = None,
+    patience: Patience | None = None,
+) -> Selection:
+    """Search for what was left out, starting from the fits of the model as it is.
+
+    pushes: break off where a push within a few windows is all that is left, so that it can be cut out. known: the model
+    with which a search of nearly the same windows ended; where it leaves only noise of these, it is where this begins.
+    """
+    search = Search(start, say, pushes, patience or Patience())
+    baseline = candidate(start.as_it_is, start.predicted)
+    say(f"without any effect: {baseline.held_out.says}")
+    settled = search.known_to_do(known)
+    best, lone = settled or baseline, LoneWrench(baseline, start.campaign, say)
+    if best is baseline and not start.follows:
+        short = search.over_first_seconds(lambda model: lone.outdoes([model]))
+        if search.trials.first is not None and lone.outdoes(short):
+            first, passing = search.trials.first, tuple(search.trials.passing)
+            return Selection(baseline, baseline, (baseline,), passing, first, first, alone=lone.found, outdone=short[0])
+        best = search.best_over_all(baseline, short)
+    best, last = search.over_whole_windows(best)
+    # a model with which a search ended stood among its imitators already
+    if not (search.pushes or best is settled or search.patience.ended):
+        best, last = _with_imitators(search, best, last)
+        best, last = _with_siblings(search, best, last)
+    if not (search.pushes or start.follows or search.patience.ended):
+        best, last = _without_the_doubtful(search, best, last)
+    return Selection(
+        best=best,
+        baseline=baseline,
+        tried=tuple(sorted([baseline, *search.trials.tried], key=rank)),
+        passing=tuple(search.trials.passing),
+        first=last if search.trials.first is None else search.trials.first,
+        last=last,
+        pushes=search.pushes,
+        cut_short=search.patience.says if search.patience.ended and not best.is_white else "",
+        alone=lone.found,
+    )
+
+
+def _with_imitators(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+    """The search on from what may stand in the place of a term, where that is more convincing.
+
+    Each term was chosen before those that came after it: beside them another may do the same with less freedom.
+    """
+    if not best.model.whole:
+        return best, last
+    fresh = [search.trials.judged(model) for model in in_their_place(last, search.start.whole_ground, search.say)]
+    search.trials.tried += fresh
+    as_good = [c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH]
+    chosen = of_model(most_convincing(best.model, [c.model for c in as_good]), as_good)
+    return (best, last) if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
+
+
+def _with_siblings(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+    """The search on from a model that fits and does not predict, with an effect in it exchanged for its sibling.
+
+    What a drag of the speed imitates of a drag of its square comes out elsewhere, and not where it swings wildest.
+    """
+    fitting = [c.model for c in search.trials.tried if c.model.whole and c.model.excess < FITS and c.model.tried]
+    if best.is_white or not fitting:
+        return best, last
+    seen = search.trials.look(best_of(fitting))
+    exchanged = in_their_place(seen, search.start.whole_ground, search.say, SIBLINGS)
+    fresh = [search.trials.judged(model) for model in exchanged]
+    search.trials.tried += fresh
+    further = accepted(best, fresh)
+    return (best, last) if further is best else search.over_whole_windows(search.trials.without_needless(further))
+
+
+def _without_the_doubtful(search: Search, best: Candidate, last: View) -> tuple[Candidate, View]:
+    """The search once more without what the best model may have in another's place, where structure stays."""
+    first, pushes = best, search.pushes
+    for kept in _less_doubtful(first):
+        without = search.trials.keeping(first.model, kept)
+        if without is None or best.is_white:
+            continue
+        found, seen = search.over_whole_windows(search.trials.judged(without))
+        if found.whiteness.excess < best.whiteness.excess:
+            best, last, pushes = found, seen, search.pushes
+    search.pushes = pushes
+    return best, last
+
+
+def _less_doubtful(best: Candidate) -> list[list[int]]:
+    """Which terms to keep: all that do not oscillate; and of a full model all but the cheapest.
+
+    The first seconds hardly tell one phase for all windows from a phase of each, nor the frequency.
+    """
+    model = best.model
+    if best.is_white or not model.whole:
+        return []
+    every = range(len(model.tried))
+    steady = [k for k in every if model.tried[k].effect.id not in PERIODIC]
+    options = [steady] if 0 < len(steady) < len(model.tried) else []
+    if len(model.tried) == MOST_TERMS:
+        cheapest = min(every, key=lambda k: price(model, k))
+        dearer = [k for k in every if k != cheapest]
+        options += [dearer] if dearer not in options else []
+    return options

@@ -1,0 +1,102 @@
+"""One wrench without a name beside the model as it is, asked for where several effects would else be named.
+
+It is found in seconds, while several effects take long to be fitted to whole windows. Where it leaves only noise of all
+windows, and follows even the first seconds better than the effects do that were fitted to nothing else, these need not
+be fitted to the whole: effects that act would follow there what they cause.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.fitting.fit_data import ground_of, whole_ground
+from fidim_lab.mismatch.fitting.holdout import predict
+from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.scores.views import ENOUGH
+from fidim_lab.mismatch.selection.candidates import Candidate, candidate
+from fidim_lab.mismatch.unknown_force.unknown import Unknown, model_unknown
+from fidim_lab.say import Say
+
+
+class LoneWrench:
+    """The wrench that does nearly all by itself, sought when it is first asked for."""
+
+    def __init__(self, baseline: Candidate, campaign: Campaign, say: Say) -> None:
+        """baseline: the model as it is, beside which it stands."""
+        self._baseline, self._campaign, self._say = baseline, campaign, say
+        self.found: Unknown | None = None
+        """without terms where no wrench does nearly all; None before it was asked for, and where none can be sought"""
+
+    def outdoes(self, short: Sequence[Completed]) -> bool:
+        """Whether it leaves only noise of all windows, and says more of the first seconds than each of these models.
+
+        short: of the first seconds, the best first. One effect that leaves only noise there is no stand-in.
+        """
+        if not short or (len(short[0].tried) == 1 and short[0].is_white):
+            return False
+        if self.found is None:
+            self.found = wrench_beside(self._baseline, self._campaign, short[0].label, self._say, alone=True)
+        found, judged = self.found, self._judged
+        if found is None or judged is None or not judged.is_white:
+            return False
+        return all(nats_beyond(found.fit, one.fit) / judged.whiteness.level**2 > ENOUGH for one in short)
+
+    @cached_property
+    def _judged(self) -> Candidate | None:
+        """The model with it."""
+        if self.found is None or not self.found.terms or not self.found.after.dof:
+            return None
+        model = Completed((), self.found.fit, whole=True)
+        return candidate(model, predict(model, self._campaign.of_role(Role.VALIDATE)))
+
+
+def wrench_beside(baseline: Candidate, campaign: Campaign, names: str, say: Say, *, alone: bool) -> Unknown | None:
+    """A wrench beside the model as it is, without terms where there is none; None where none can be sought.
+
+    names: what else may be named, for what is said. alone: only one that does nearly all by itself.
+    """
+    say(f"modelling what {names} may stand for, without a name")
+    try:
+        return modelled(baseline, campaign, alone=alone)
+    except RefusedError:
+        return None
+
+
+def modelled(named: Candidate, campaign: Campaign, *, alone: bool = False) -> Unknown:
+    """What is left beside these effects as a wrench without a name, on whole windows.
+
+    alone: only where one wrench does nearly all (see `model_unknown`). Raises RefusedError where windows cannot be
+    followed.
+    """
+    base = whole_fit(named.model, campaign.of_role(Role.IDENTIFY))
+    return model_unknown(base, campaign.of_role(Role.VALIDATE), before=named.held_out, alone=alone)
+
+
+def whole_fit(named: Completed, windows: Sequence[Window]) -> Fit:
+    """The fit on whole recordings, even where it was fitted to their first seconds only."""
+    if named.whole:
+        return named.fit
+    return replace(named.fit, likelihood=whole_ground(ground_of(named.fit), windows).likelihood)
+
+
+def nats_beyond(whole: Fit, short: Fit) -> float:
+    """How much more a fit of whole windows says of the first seconds than one that was made for these.
+
+    −∞ where it loses samples that the other follows. Freedom that it has more is charged for as by the Bayesian
+    information criterion; what it has less is not put to its credit.
+    """
+    gained, count = 0.0, 0
+    for all_of_it, first in zip(whole.remainders, short.remainders, strict=True):
+        near = all_of_it.residuals[all_of_it.t <= first.t[-1] + 1e-9]
+        seen = int(np.isfinite(first.residuals).sum())
+        if int(np.isfinite(near).sum()) < seen:
+            return -np.inf
+        gained += float(np.nansum(first.residuals**2) - np.nansum(near**2))
+        count += seen
+    more = max(0, len(whole.values) - len(short.values))
+    return 0.5 * gained / short.likelihood.noise**2 - 0.5 * np.log(max(count, 1)) * more

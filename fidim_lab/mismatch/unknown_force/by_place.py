@@ -1,0 +1,101 @@
+"""Families of the place in the room: towards a point, polynomials, fields of bells, brakes."""
+
+from functools import partial
+from itertools import product
+
+import casadi as ca
+import numpy as np
+
+from fidim_lab.effects.forces import at_arm
+from fidim_lab.mismatch.unknown_force.family import Dependence, Expression, Family, bells, monomials
+from fidim_lab.mismatch.unknown_force.points import Point
+from fidim_lab.mismatch.unknown_force.reach import NO_SHAPE, Reach, centres_of, drag_on, force_on
+from fidim_lab.model.slots import PlatformState
+
+MOST_CENTRES = 45
+"""of a field in space"""
+WIDTHS = (0.08, 0.15, 0.3)
+"""of a field in space, as shares of the room that was visited"""
+OUTSIDE = 0.25
+"""how far outside the room that was visited, in its diagonals, a centre of force is looked for"""
+
+
+def _to_centre(point: Point, state: PlatformState, shape: ca.SX) -> ca.SX:
+    return at_arm(point.arm(state), shape[:3] - point.place(state))
+
+
+def centre(reach: Reach, point: Point) -> Family:
+    """Towards a place, or away from it; two widths together give nearly any fall-off."""
+    label = f"force on {point.value} towards a place"
+    return _about_a_place(reach, point, Dependence.CENTRE, label, partial(_to_centre, point))
+
+
+def brake(reach: Reach, point: Point) -> Family:
+    """Against the motion near a place: what eddy currents do."""
+    label = f"brake on {point.value} near a place"
+    return _about_a_place(reach, point, Dependence.BRAKE, label, partial(drag_on, point))
+
+
+def _about_a_place(reach: Reach, point: Point, dependence: Dependence, label: str, wrenches: Expression) -> Family:
+    def falling(state: PlatformState, shape: ca.SX) -> ca.SX:
+        away = point.place(state) - shape[:3]
+        near = ca.dot(away, away) / ca.exp(2 * shape[3])
+        return ca.vertcat(ca.exp(-near / 2), ca.exp(-near / 8))
+
+    positions = reach.places(point)
+    shapes = tuple(
+        np.append(middle, np.log(share * reach.size))
+        for share, most in ((0.15, 40), (0.3, 20))
+        for middle in centres_of(positions, 0.7 * share * reach.size, most)
+    )
+    steps = np.append(np.full(3, 0.08 * reach.size), 0.3)
+    low = np.append(positions.min(axis=0) - OUTSIDE * reach.size, np.log(0.03 * reach.size))
+    high = np.append(positions.max(axis=0) + OUTSIDE * reach.size, np.log(0.6 * reach.size))
+    return Family(dependence, label, wrenches, falling, shapes, steps, point, box=np.stack([low, high]))
+
+
+def evenly(reach: Reach) -> list[Family]:
+    """Polynomials of the place: the lowest orders of any force from far away.
+
+    With what is the same everywhere: such a force vanishes where its source says, not in the middle of the motion.
+    """
+    found: list[Family] = []
+    for point, degrees in product(Point, ((0, 1), (0, 1, 2), (0, 1, 2, 3))):
+        positions = reach.places(point)
+        middle, half = ca.SX(ca.DM(positions.mean(axis=0))), reach.size / 2
+
+        def law(
+            state: PlatformState,
+            shape: ca.SX,
+            point: Point = point,
+            degrees: tuple[int, ...] = degrees,
+            middle: ca.SX = middle,
+            half: float = half,
+        ) -> ca.SX:
+            del shape
+            return monomials((point.place(state) - middle) / half, degrees)
+
+        label = f"force on {point.value} by a polynomial of the place, degree {degrees[-1]}"
+        push = partial(force_on, point)
+        found.append(Family(Dependence.GRADIENT, label, push, law, NO_SHAPE, point=point, scale=half))
+    return found
+
+
+def in_space(reach: Reach) -> list[Family]:
+    """Any smooth force of the place, and a brake that is stronger in some places: bells of several widths."""
+    found: list[Family] = []
+    for share, point in product(WIDTHS, Point):
+        width = share * reach.size
+        positions = reach.places(point)
+        field = partial(_field, point, ca.SX(ca.DM(centres_of(positions, width, MOST_CENTRES))), width)
+        none, says = NO_SHAPE, f"{width:.2g} m wide"
+        label = f"force field on {point.value}, {says}"
+        found.append(Family(Dependence.POSITION, label, partial(force_on, point), field, none, point=point))
+        label = f"brake on {point.value} in places, {says}"
+        found.append(Family(Dependence.BRAKE, label, partial(drag_on, point), field, none, point=point))
+    return found
+
+
+def _field(point: Point, centres: ca.SX, width: float, state: PlatformState, shape: ca.SX) -> ca.SX:
+    del shape
+    return bells(point.place(state), centres, ca.SX(width))

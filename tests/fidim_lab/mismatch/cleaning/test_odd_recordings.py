@@ -1,0 +1,135 @@
+"""Recordings that are not as one thinks of them: a marker never seen, windows of other lengths and other clocks."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Campaign, Robot, Role, Window
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.cleaning import residual_checks
+from fidim_lab.mismatch.cleaning.contacts import PART, Contact, at_the_same_time
+from fidim_lab.mismatch.cleaning.restarts import parts_of
+from fidim_lab.mismatch.cleaning.segments import Segmented, fit_segments
+from fidim_lab.mismatch.conclusion import unnamed
+from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.mismatch.conclusion.message import body_parameters, figures_of
+from fidim_lab.mismatch.explain import explain
+from fidim_lab.mismatch.fitting.baseline import Baseline
+from fidim_lab.mismatch.fitting.holdout import HeldOut
+from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.selection.candidates import Candidate
+from fidim_lab.model.mechanism import Mechanism
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+
+@pytest.fixture(scope="module")
+def dragged(irma4: Robot) -> Campaign:
+    """Two markers, a drag."""
+    robot = replace(irma4, extra_markers=(np.array([0.1, 0.05, 0.0]),))
+    plan = random_plan(robot, "short", 3, 1, 3)
+    world = make_world(robot, np.random.default_rng(3), (parse_effect("air-drag-linear:c=0.5", robot.n),))
+    return simulate_campaign(robot, plan, world, np.random.default_rng(4), recording=Recording(4.0))[0]
+
+
+def unseen(campaign: Campaign, marker: int, places: range) -> Campaign:
+    windows = list(campaign.windows)
+    for k in places:
+        markers = windows[k].markers.copy()
+        markers[:, marker] = np.nan
+        windows[k] = replace(windows[k], markers=markers)
+    return replace(campaign, windows=tuple(windows))
+
+
+@pytest.mark.parametrize("places", [range(1, 2), range(4)], ids=["in one window", "anywhere"])
+def test_a_marker_that_is_never_seen_does_not_end_an_explanation(dragged: Campaign, places: range) -> None:
+    found = explain(unseen(dragged, 1, places))
+    assert found.verdict is Verdict.EXPLAINED
+    assert [cause.id for cause in found.effects] == ["air-drag-linear"]
+
+
+def test_segments_need_one_marker_and_not_all(dragged: Campaign) -> None:
+    campaign = unseen(dragged, 0, range(4))
+    found = fit_segments(Mechanism(campaign.robot, native=True), campaign.windows)
+    assert all(np.isfinite(one.chi2_per_dof).all() for one in found.windows)
+
+
+def test_parts_of_a_window_are_on_its_own_clock(baseline_of: Callable[..., Baseline]) -> None:
+    baseline = baseline_of(seed=4, windows=2, seconds=3.0)
+    model = baseline.as_it_is
+    plain = parts_of(model, (), {"i01"})["i01"].t
+    likelihood = model.fit.likelihood
+    recordings = [replace(one, window=replace(one.window, t=one.window.t + 100.0)) for one in likelihood.recordings]
+    later = replace(model.fit, likelihood=replace(likelihood, recordings=tuple(recordings)))
+    found = parts_of(Completed((), later, whole=True), (), {"i01"})["i01"].t
+    np.testing.assert_allclose(found, plain + 100.0)
+
+
+def segmented(name: str, chi2: list[float], begin: float = 0.0) -> Segmented:
+    edges = begin + 2.0 * np.arange(len(chi2) + 1)
+    window = Window(name, Role.IDENTIFY, edges, np.zeros((len(edges), 1, 3)), None, None)
+    return Segmented(window, edges, np.array(chi2), np.full(len(chi2), 600.0))
+
+
+def test_a_longer_window_does_not_hide_a_push_of_all_others() -> None:
+    pushed = [segmented(f"i{k:02d}", [1.0, 1.0, 1.6, 1.0, 1.0], begin=k) for k in range(8)]
+    longer = segmented("i09", [1.0, 1.0, 1.6, 1.0, 1.0, 1.0])
+    found = at_the_same_time([*pushed, longer])
+    assert [one.window for one in found] == [one.window.id for one in pushed]
+    assert {one.begin - k for k, one in enumerate(found)} == {4.0}
+    assert at_the_same_time([*pushed[:3], longer]) == ()
+
+
+def test_a_hand_with_a_weak_shoulder_is_cut_where_the_kinematics_are_contradicted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    part = f"i01{PART}2"
+    wide, narrow = Contact(part, 7.75, 12.25, 60.0, 0.25), Contact(part, 9.75, 12.25, 60.0, 0.25)
+    other = Contact(part, 2.0, 3.0, 2.0, 0.25)
+    monkeypatch.setattr(residual_checks, "find_contacts", lambda segments, strict: (narrow,))
+    monkeypatch.setattr(residual_checks, "stumble", lambda *_: None)
+    monkeypatch.setattr(residual_checks, "_gone", lambda *_: None)
+    t = np.arange(0.0, 20.0, 0.01)
+    window = Window(part, Role.IDENTIFY, t, np.zeros((len(t), 1, 3)), None, None)
+    campaign = Campaign("c", SimpleNamespace(), 100.0, (window,))  # type: ignore[arg-type]
+    cleaned = residual_checks.Cleaned(campaign, SimpleNamespace(contradicts_kinematics=True))  # type: ignore[arg-type]
+    segments = SimpleNamespace(windows=(SimpleNamespace(window=window),), fit=None)
+    after = residual_checks._cut(cleaned, segments, (other, wide), lambda _: None)  # type: ignore[arg-type]
+    assert [(one.window, one.begin) for one in after.contacts] == [("i01", 7.75)]
+    assert len(after.campaign.windows) == 2
+
+
+def test_standard_deviations_grow_with_noise_that_was_not_declared(irma4: Robot) -> None:
+    fit = SimpleNamespace(values=irma4.nominal.vector, sd=np.full(9, 1e-5), chi2_per_dof=9.0, excess=1.0)
+    told = body_parameters(fit, Campaign("c", irma4, 100.0, ()))  # type: ignore[arg-type]
+    assert [one.sd for one in told.values()] == pytest.approx([3e-5] * 9)
+
+
+def test_without_held_out_windows_no_wrench_without_a_name_is_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = SimpleNamespace(terms=("a wrench",), after=SimpleNamespace(dof=0))
+    monkeypatch.setattr(unnamed, "modelled", lambda *_: found)
+    monkeypatch.setattr(unnamed, "replace", lambda told, *, message: message)
+    told = SimpleNamespace(verdict=Verdict.UNKNOWN_PHYSICS, message="Something is missing.")
+    named = SimpleNamespace(model=SimpleNamespace(mechanism=SimpleNamespace(springs=False)), held_out=None)
+    campaign = SimpleNamespace(of_role=lambda role: ())
+    said = unnamed.with_unknown(told, named, campaign, lambda _: None)  # type: ignore[arg-type]
+    assert "cannot be judged" in str(said)
+
+
+def test_what_is_told_without_held_out_windows_is_of_the_fitted_ones() -> None:
+    def one(chi2: float, dof: int) -> Candidate:
+        seen = HeldOut(chi2 * dof, dof, 1e-3 if dof else float("nan"), {})
+        model = SimpleNamespace(fit=SimpleNamespace(chi2_per_dof=chi2))
+        return SimpleNamespace(held_out=seen, model=model)  # type: ignore[return-value]
+
+    before, after = one(19.8, 0), one(1.0, 0)
+    assert figures_of(before, after) == ("χ²/dof of the fitted windows 19.8 → 1, with nothing held out to prove it by")
+    assert figures_of(before, before).startswith("χ²/dof of the fitted windows 19.8, with nothing held out")
+    assert before.held_out.says == "nothing held out to judge it by"
+    held = one(19.8, 100), one(1.0, 100)
+    assert figures_of(*held) == "held-out χ²/dof 19.8 → 1, rms 1 → 1 mm"
+    assert figures_of(held[1], held[1]) == "held-out χ²/dof 1, rms 1 mm"

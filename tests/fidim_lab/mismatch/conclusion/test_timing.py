@@ -1,0 +1,96 @@
+"""The offset of two clocks by motor currents, in campaigns of the other simulator."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Campaign, Robot, Role
+from fidim_lab.identification.mle.fit import fit
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.timing import OFFSET, RATE, retimed, timing, with_timing
+from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.model.mechanism import Mechanism
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+
+def fitted(robot: Robot, *texts: str, currents: bool = True) -> Completed:
+    """Three windows of 2.5 s, fitted by the model as it is."""
+    world = make_world(robot, np.random.default_rng(8), tuple(parse_effect(text, robot.n) for text in texts))
+    plan = random_plan(robot, "short", 3, 0, 8)
+    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(9), recording=Recording(2.5))
+    windows = campaign.of_role(Role.IDENTIFY)
+    if not currents:
+        windows = tuple(replace(window, currents=None) for window in windows)
+    return Completed((), fit(Mechanism(robot), windows), whole=True)
+
+
+@pytest.fixture(scope="module")
+def late(irma4: Robot) -> Completed:
+    return fitted(irma4, "time-offset:offset=0.012")
+
+
+def told(verdict: Verdict = Verdict.NOTHING_MISSING) -> Explanation:
+    none = Before(1.0, 1.0)
+    return Explanation("c", verdict, (), (), none, none, (), {}, {}, None, "Nothing is missing.", 1.0)
+
+
+def test_an_offset_is_found_with_its_sign_and_size(late: Completed) -> None:
+    found = timing(late)
+    assert found is not None
+    assert found.is_off
+    assert found.sd < 3e-4
+    assert abs(found.offset - 0.012) < 4 * found.sd
+
+
+def test_it_is_named_where_all_else_is_explained(late: Completed) -> None:
+    named = with_timing(told(), late)
+    assert named.verdict is Verdict.EXPLAINED
+    assert [cause.id for cause in named.effects] == [OFFSET]
+    assert "12." in named.message or "11.9" in named.message
+    assert with_timing(told(Verdict.UNKNOWN_PHYSICS), late) == told(Verdict.UNKNOWN_PHYSICS)
+
+
+def test_none_is_named_where_there_is_none(irma4: Robot) -> None:
+    found = timing(fitted(irma4))
+    assert found is not None
+    assert not found.is_off
+    assert abs(found.offset) < 4 * found.sd
+    assert not found.runs_away
+    assert abs(found.rate) < 4 * found.rate_sd
+
+
+def test_a_rate_is_no_offset(irma4: Robot) -> None:
+    drifting = fitted(irma4, "clock-rate:rate=2e-3")
+    found = timing(drifting)
+    assert found is not None
+    assert found.runs_away
+    assert abs(found.rate - 2e-3) < 4 * found.rate_sd
+    assert not found.is_off
+    assert [cause.id for cause in with_timing(told(), drifting).effects] == [RATE]
+    assert "put right" in with_timing(told(), drifting, put_right=True).message
+    windows = tuple(recording.window for recording in drifting.fit.likelihood.recordings)
+    right = retimed(Campaign("c", irma4, 100.0, windows), drifting)
+    assert right is not None
+    for window, there in zip(windows, right.windows, strict=True):
+        assert there.t[0] == window.t[0]
+        assert np.ptp(there.t) == pytest.approx(np.ptp(window.t) / (1 + found.rate), rel=1e-12)
+        assert there.markers is window.markers
+
+
+def test_clocks_that_run_alike_are_left_alone(irma4: Robot) -> None:
+    good = fitted(irma4)
+    windows = tuple(recording.window for recording in good.fit.likelihood.recordings)
+    assert retimed(Campaign("c", irma4, 100.0, windows), good) is None
+
+
+def test_without_currents_it_is_said_that_it_was_not_tested(irma4: Robot) -> None:
+    blind = fitted(irma4, "time-offset:offset=0.012", currents=False)
+    assert timing(blind) is None
+    answer = with_timing(told(), blind)
+    assert answer.verdict is Verdict.NOTHING_MISSING
+    assert answer.untested == (OFFSET,)
+    assert "no motor currents" in answer.message

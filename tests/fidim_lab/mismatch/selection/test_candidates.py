@@ -1,0 +1,45 @@
+"""When a model with another term is taken: held-out windows, and how much of what is left it takes."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from fidim_lab.mismatch.fitting.holdout import HeldOut
+from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.residuals.whiteness import Whiteness
+from fidim_lab.mismatch.selection.candidates import Candidate, improves
+
+
+def judged(chi2_per_dof: float, excess: float, dof: int = 1000) -> Candidate:
+    """By held-out windows and by what is left of all of them; nothing is left where the excess is 0."""
+    held = SimpleNamespace(dof=dof, chi2_per_dof=chi2_per_dof)
+    left = SimpleNamespace(excess=excess, is_white=excess == 0.0)
+    return Candidate(cast(Completed, SimpleNamespace()), cast(HeldOut, held), cast(Whiteness, left))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "taken", "taken_if_feeble"),
+    [
+        ((7.0, 5000.0), (4.0, 2000.0), True, True),
+        ((7.0, 5000.0), (5.3, 4200.0), False, True),  # a tone that is not in yet drowns it in whole windows
+        ((7.0, 5000.0), (7.1, 2000.0), False, False),
+        ((1.1, 50.0), (1.0, 0.0), True, True),
+        ((1.1, 50.0), (1.2, 0.0), False, False),
+        ((1.1, 50.0), (1.2, 0.0, 900), True, True),  # of what makes all white, one window may be followed less far
+        ((1.0, 0.0), (1.01, 0.0), False, False),
+    ],
+    ids=[
+        "a good part",
+        "a small part",
+        "held out worse",
+        "all",
+        "all, held out worse",
+        "all, less followed",
+        "nothing to take",
+    ],
+)
+def test_what_is_taken(before, after, taken, taken_if_feeble):
+    best, fresh = judged(*before), judged(*after)
+    assert improves(fresh, best) == taken
+    assert improves(fresh, best, feeble=True) == taken_if_feeble

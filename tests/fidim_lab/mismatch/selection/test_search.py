@@ -1,0 +1,100 @@
+"""What is united over the first seconds; hands that only a completed model shows."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.mismatch.fitting.holdout import predict
+from fidim_lab.mismatch.fitting.refit import refit
+from fidim_lab.mismatch.linearised.hypotheses import hypotheses
+from fidim_lab.mismatch.selection import search as module
+from fidim_lab.mismatch.selection.budget import Patience
+from fidim_lab.mismatch.selection.candidates import candidate
+from fidim_lab.mismatch.selection.search import Search
+
+
+def test_one_optimum_that_was_found_twice_is_fitted_to_whole_windows_once(irma4: Robot) -> None:
+    a, b = hypotheses(irma4).direct[:2]
+    models = [
+        SimpleNamespace(tried=tried, chi2=chi2)
+        for tried, chi2 in [((a,), 100.0), ((a,), 100.2), ((b,), 100.1), ((a,), 140.0), ((a, b), 100.0)]
+    ]
+    assert module._distinct(models) == [models[0], models[2], models[3], models[4]]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("id", "white", "united"),
+    [("air-drag-linear", True, False), ("air-drag-linear", False, True), ("umbilical", True, True)],
+    ids=["a drag that leaves noise", "a drag that leaves more", "a hose that leaves noise"],
+)
+def test_terms_are_united_but_where_one_of_little_freedom_leaves_only_noise(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, id: str, white: bool, united: bool
+) -> None:
+    """A hose may have taken the share of another term; a drag has nothing to give back."""
+    term = next(h for h in hypotheses(irma4).direct if h.effect.id == id)
+    fit = SimpleNamespace(chi2_per_dof=1.0)
+    found = SimpleNamespace(tried=(term,), is_white=white, fit=fit, label=id, chi2=1.0)
+    asked: list[bool] = []
+    monkeypatch.setattr(module, "Completed", lambda *_, **__: found)
+    monkeypatch.setattr(module, "common_scale", lambda _: 1.0)
+    monkeypatch.setattr(module, "most_convincing", lambda best, fresh: best)
+    search = module.Search(SimpleNamespace(short=None), lambda _: None, False, Patience(-1.0))  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "_together", lambda: asked.append(True) or [])
+    monkeypatch.setattr(search.trials, "look", lambda _: SimpleNamespace(singles=()))
+    assert search.over_first_seconds(lambda _: False) == [found]
+    assert bool(asked) is united
+
+
+SOFT = "hand-contact:fx=0.4,fy=-0.32,start=2.3,stop=3.5,window=0"
+
+
+@pytest.mark.slow
+def test_a_soft_hand_at_the_same_time_of_every_window_is_found_beside_other_effects(baseline_of) -> None:
+    """The markers sit elsewhere, which by itself leaves more of every segment than the hand does."""
+    start = baseline_of(SOFT, "marker-offset:dx=0.01,dy=-0.008", seed=41, windows=5, seconds=8.0)
+    term = next(h for h in start.tried.direct if h.effect.id == "marker-offset")
+    model = refit(start.whole_ground, start.fit, [term], [term.absent], start.context)
+    assert model is not None
+    best = candidate(model, predict(model, start.held_out))
+    found = Search(start, lambda _: None, True, Patience())._pushed_alike(best)
+    assert {contact.window for contact in found} == {window.id for window in start.campaign.windows}
+    for contact in found:
+        assert contact.begin < 2.3
+        assert contact.end > 3.5
+    assert Search(start, lambda _: None, False, Patience())._pushed_alike(best) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("window", [0, 3], ids=["of every window", "of one window"])
+def test_a_strong_hand_is_found_beside_soft_cables_that_only_the_first_seconds_show(baseline_of, window: int) -> None:
+    """The model as it is leaves more of every segment than the hand does, and no whole window is followed."""
+    hand = f"hand-contact:fx=5.0,fy=0.4,start=3.7,stop=4.6,window={window}"
+    start = baseline_of(hand, "cable-elasticity:EA=1.2e5,c=60", seed=43, windows=5, seconds=8.0)
+    search = Search(start, lambda _: None, look_for_pushes=True, patience=Patience())
+    baseline = candidate(start.as_it_is, start.predicted)
+    search.best_over_all(baseline, search.over_first_seconds(lambda _: False))
+    every = [one.id for one in start.campaign.windows]
+    assert [push.window for push in search.pushes] == (every if window == 0 else [every[window - 1]])
+    for push in search.pushes:
+        assert 3.2 < push.begin < 3.8
+        assert 4.4 < push.end < 5.0
+
+
+@pytest.mark.slow
+def test_what_came_first_is_found_anew_once_the_others_are_there(baseline_of) -> None:
+    """Alone, a moved attachment is best in a length's place, and a loose mass at a frequency that is not its own."""
+    start = baseline_of(
+        "marker-offset:dx=-0.0004,dy=0.0008,dz=-0.0005",
+        "cable-length-bias:bias=0.0037,cable=1",
+        "loose-mass:m=0.1,f=2.4,zeta=0.04,bx=0.02,by=0.05,bz=0.1",
+        seed=44,
+        windows=8,
+        seconds=6.0,
+    )
+    best = Search(start, lambda _: None, look_for_pushes=True, patience=Patience()).over_first_seconds(lambda _: False)[
+        0
+    ]
+    found = {(h.effect.id, h.effect.cable): theta for h, theta in zip(best.tried, best.thetas, strict=True)}
+    assert set(found) == {("marker-offset", None), ("cable-length-bias", 1), ("loose-mass", None)}
+    assert found["loose-mass", None][1] == pytest.approx(2.4, rel=0.1)

@@ -1,0 +1,91 @@
+"""One wrench without a name against models of the first seconds, on campaigns of another simulator and case by case."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.fitting.baseline import Baseline
+from fidim_lab.mismatch.fitting.refit import Completed, refit
+from fidim_lab.mismatch.selection import single_force
+from fidim_lab.mismatch.selection.candidates import candidate
+from fidim_lab.mismatch.selection.single_force import LoneWrench, nats_beyond
+
+BASE = "modelling what {} may stand for, without a name"
+
+
+def of_first_seconds(start: Baseline, *ids: str) -> Completed:
+    """The model with these effects, fitted to the first seconds alone."""
+    tried = [next(h for h in start.tried.direct if h.effect.id == id) for id in ids]
+    model = refit(start.short_ground, start.short, tried, [h.absent for h in tried], start.context)
+    assert model is not None
+    return model
+
+
+@pytest.mark.parametrize(
+    ("hidden", "named", "outdone"),
+    [
+        (("unknown-gradient:k=1.5,x=1.2,y=-0.1,z=-0.3",), ("umbilical", "constant-force"), True),
+        (("umbilical:k=3,c=0.1,x=0.2,y=0.5,z=-1.0",), ("umbilical", "constant-force"), False),
+        (("air-drag-linear:c=0.5", "swivel-friction:c=0.01"), ("air-drag-linear", "swivel-friction"), False),
+    ],
+    ids=["a saddle of force", "a hose", "the two that are named"],
+)
+def test_effects_that_act_are_not_outdone(
+    baseline_of: Callable[..., Baseline], hidden: tuple[str, ...], named: tuple[str, ...], outdone: bool
+) -> None:
+    start = baseline_of(*hidden, seed=3, windows=6, seconds=4.0)
+    said: list[str] = []
+    short = of_first_seconds(start, *named)
+    lone = LoneWrench(candidate(start.as_it_is, start.predicted), start.campaign, said.append)
+    assert lone.outdoes([short]) is outdone
+    assert said == [BASE.format(short.label)]
+    assert lone.found is not None
+
+
+def test_it_is_sought_once_and_only_where_there_may_be_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    found = SimpleNamespace(terms=())
+    monkeypatch.setattr(single_force, "modelled", lambda *_, alone: found)
+    lone = LoneWrench(None, None, asked.append)  # type: ignore[arg-type]
+
+    def model(terms: int, *, white: bool) -> Completed:
+        return SimpleNamespace(tried=(None,) * terms, is_white=white, label=f"{terms}")  # type: ignore[return-value]
+
+    assert not lone.outdoes([])
+    assert not lone.outdoes([model(1, white=True)])
+    assert lone.found is None
+    for terms, white in ((2, True), (1, False), (3, False)):
+        assert not lone.outdoes([model(terms, white=white)])
+    assert asked == [BASE.format(2)]
+
+
+NOISE = 1e-4
+SAMPLES = 300
+
+
+def fit(seconds: float, size: float, values: int = 9, lost: int = 0) -> Fit:
+    """One window of 100 samples a second, all residuals of which have that size in standard deviations."""
+    t = 2.0 + np.arange(round(100 * seconds)) / 100.0
+    residuals = np.full((len(t), 1, 3), size * NOISE)
+    residuals[:lost] = np.nan
+    left = SimpleNamespace(t=t, residuals=residuals)
+    likelihood = SimpleNamespace(noise=NOISE)
+    return SimpleNamespace(remainders=(left,), values=np.zeros(values), likelihood=likelihood)  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("whole", "short", "nats"),
+    [
+        (fit(3.0, 1.0), fit(1.0, 1.2), 0.5 * SAMPLES * 0.44),
+        (fit(3.0, 1.0), fit(1.0, 0.8), -0.5 * SAMPLES * 0.36),
+        (fit(3.0, 1.0, values=12), fit(1.0, 1.2), 0.5 * SAMPLES * 0.44 - 1.5 * np.log(SAMPLES)),  # freedom is paid for
+        (fit(3.0, 1.0), fit(1.0, 1.2, values=12), 0.5 * SAMPLES * 0.44),  # and its absence not rewarded
+        (fit(0.9, 1.0), fit(1.0, 1.2), -np.inf),  # it follows less far
+        (fit(3.0, 1.0, lost=1), fit(1.0, 1.2), -np.inf),
+    ],
+)
+def test_what_a_fit_of_whole_windows_says_of_the_first_seconds(whole: Fit, short: Fit, nats: float) -> None:
+    assert nats_beyond(whole, short) == pytest.approx(nats)

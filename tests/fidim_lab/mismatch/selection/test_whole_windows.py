@@ -1,0 +1,54 @@
+"""Which models of the first seconds are fitted to whole windows, in which order."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, hypotheses
+from fidim_lab.mismatch.selection import whole_windows as module
+from fidim_lab.mismatch.selection.budget import Patience
+
+
+@pytest.mark.parametrize(
+    ("white", "left", "expected"),
+    [
+        # whether the pair leaves only noise of the first seconds; what is left by it, by one of it and by another term;
+        # and what is fitted to whole windows, two at once where the first is doubtful
+        (True, (40.0, 35.0, 50.0), ["a + b", "c"]),
+        (False, (40.0, 35.0, 50.0), ["a + b", "c"]),
+        (True, (2.0, 2.0, 2.0), ["a + b", "a", "c"]),
+        (False, (2.0, 2.0, 2.0), ["a + b", "c", "a"]),
+        (True, (None, 2.0, 2.0), ["a + b", "a", "c"]),  # not found at all says nothing of others
+    ],
+)
+def test_a_model_with_fewer_terms_than_one_that_was_hopeless_is_not_fitted(
+    irma4: Robot, monkeypatch: pytest.MonkeyPatch, white: bool, left: tuple[float | None, ...], expected: list[str]
+) -> None:
+    ids = ("air-drag-linear", "swivel-friction", "rotational-drag")
+    a, b, c = (next(h for h in hypotheses(irma4).direct if h.effect.id == id) for id in ids)
+    whole = dict(zip([(a, b), (a,), (c,)], left, strict=True))
+    short = [
+        SimpleNamespace(tried=tried, excess=1.1, label=" + ".join("abc"[(a, b, c).index(h)] for h in tried), fit=None)
+        for tried in whole
+    ]
+    for one in short:
+        one.thetas, one.is_white = [], white
+    said: list[str] = []
+
+    def refit(ground: object, donor: object, tried: tuple[Hypothesis, ...], *_: object, **__: object) -> object:
+        return None if whole[tried] is None else SimpleNamespace(excess=whole[tried], tried=tried)
+
+    monkeypatch.setattr(module, "refit", refit)
+    monkeypatch.setattr(module, "widened", lambda start, found, tried: found)
+    monkeypatch.setattr(module, "accepted", lambda baseline, fresh, **_: baseline)
+    trials = SimpleNamespace(
+        tried=[],
+        pruned=lambda found: found,
+        judged_or_wider=lambda found, new: SimpleNamespace(is_white=False, model=found),
+    )
+    start, baseline = SimpleNamespace(whole_ground=None, context=None), SimpleNamespace(model=None)
+    best, followed = module.WholeWindows(start, said.append, Patience(), trials).best(baseline, short)  # type: ignore[arg-type]
+    assert best is baseline
+    assert followed is (2.0 in left)
+    assert said == [f"fitting {label} to whole windows" for label in expected]

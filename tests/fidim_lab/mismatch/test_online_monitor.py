@@ -1,0 +1,64 @@
+"""A look after every window: what holds, what is suspected, and that it is what a look at all windows at once says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.online_monitor import FEWEST, Watch
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+
+def windows_of(robot, *texts, count=4, seconds=3.0):
+    plan = random_plan(robot, "session", count, 1, 5)
+    world = make_world(robot, np.random.default_rng(5), tuple(parse_effect(text, robot.n) for text in texts))
+    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Recording(seconds))
+    return campaign.windows[:count]
+
+
+def test_windows_without_hidden_physics_hold(irma4):
+    watch = Watch(irma4, native=False)
+    said = [watch.look([window]) for window in windows_of(irma4)]
+    assert [one.chi2_per_dof is None for one in said] == [True, True, False, False]
+    assert f"{FEWEST} are needed" in said[0].says
+    assert said[-1].holds
+    assert said[-1].windows == 4
+    assert said[-1].chi2_per_dof == pytest.approx(1.0, abs=0.15)
+    assert "the model holds" in said[-1].says
+
+
+def test_drag_is_suspected_window_by_window_as_at_once(irma4):
+    windows = windows_of(irma4, "air-drag-linear:c=0.5")
+    watch = Watch(irma4, native=False)
+    watch.look(windows[:3])
+    last = watch.look(windows[3:])
+    assert not last.holds
+    assert last.suspected[0].id == "air-drag-linear"
+    assert "suspected: air-drag-linear" in last.says
+    assert last.suspected[0].would_leave < last.chi2_per_dof
+    once = Watch(irma4, native=False).look(windows)
+    assert last.chi2_per_dof == pytest.approx(once.chi2_per_dof, rel=0.01)
+    assert last.suspected[0].log_evidence == pytest.approx(once.suspected[0].log_evidence, rel=0.05)
+
+
+def test_a_window_of_another_robot_is_said_at_once(irma4):
+    window = windows_of(irma4, count=1)[0]
+    swapped = replace(window, lengths=window.lengths[:, [1, 0, 2, 3]])
+    said = Watch(irma4, native=False).look([swapped])
+    assert not said.holds
+    assert "do not belong together" in said.says
+
+
+@pytest.mark.parametrize("hidden", ["air-drag-linear:c=0.5", "gravity-tilt:rx=0.02"])
+def test_what_was_done_on_the_first_two_windows_changes_hardly_anything_that_is_told(irma4, hidden):
+    windows = windows_of(irma4, hidden, count=3)
+    one_by_one = Watch(irma4, native=False)
+    last = [one_by_one.look([window]) for window in windows][-1]
+    once = Watch(irma4, native=False).look(windows)
+    assert last.chi2_per_dof == pytest.approx(once.chi2_per_dof, rel=1e-3)
+    assert [one.id for one in last.suspected] == [one.id for one in once.suspected]
+    for one, other in zip(last.suspected, once.suspected, strict=True):
+        assert one.log_evidence == pytest.approx(other.log_evidence, rel=0.05)
