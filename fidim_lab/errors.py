@@ -16,6 +16,9 @@ A message is a sentence for a person: which file, key, device, window, time; wha
 
 from pathlib import Path
 
+_NAME, _PLACE, _MESSAGE = 160, 100, 480
+"""characters of a file's name, of a place in it, of all that is said: a file may hold names and values of any length"""
+
 
 class FidimError(Exception):
     """Something went wrong; the message says what, and `hint` what to do about it."""
@@ -38,13 +41,19 @@ class SetupError(FidimError):
 
 
 class FileError(SetupError):
-    """A file is not what its format says: names the file and the place in it."""
+    """A file is not what its format says: names the file and the place in it, in fewer than 500 characters."""
 
     def __init__(self, path: Path | str, place: str, problem: str, *, hint: str = "") -> None:
-        where = f"{path}: {place}: " if place else f"{path}: "
-        super().__init__(where + problem, hint=hint)
+        name = str(path)
+        name = name if len(name) <= _NAME else f"…{name[1 - _NAME :]}"
+        where = f"{name}: {_cut(place, _PLACE)}: " if place else f"{name}: "
+        super().__init__(_cut(where + problem, _MESSAGE - len(hint)), hint=hint)
         self.path = Path(path)
         self.place = place
+
+
+def _cut(text: str, longest: int) -> str:
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
 class RefusedError(FidimError):

@@ -12,9 +12,9 @@ from fidim_lab.app import console
 from fidim_lab.app.design_after_words import ANSWER, PLAN, closing, proposed_table
 from fidim_lab.app.report.explanation_file import ExplanationTable, read_explanation
 from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.input_file import read_json
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Plan, PlannedWindow, Role
-from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.design.next_window import NextWindow
 from fidim_lab.identification.design.task import Criterion, DesignTask
@@ -155,11 +155,10 @@ class _Known(NamedTuple):
 
 
 def _known_so_far(path: Path) -> _Known:
-    try:
-        format_ = json.loads(read_text(path)).get("format")
-    except (ValueError, AttributeError):
-        raise FileError(path, "", "is no JSON object", hint="An explanation or a result is expected.") from None
-    if format_ == "fidim-explanation/1":
+    found = read_json(path)
+    if not isinstance(found, dict):
+        raise FileError(path, "", "is no JSON object", hint="An explanation or a result is expected.")
+    if found.get("format") == "fidim-explanation/1":
         explained = read_explanation(path)
         body = np.array([explained.parameters[name].value for name in PARAMETER_NAMES])
         return _Known(explained.campaign, explained, body)

@@ -10,15 +10,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.cia402.winch import Cia402Winch
 from drivers.mocap.description import DecoderDescription, describe
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import DriveState, Rig
-from fidim_lab.data.toml_file import read_text
-from fidim_lab.errors import DeviceError, FileError
+from fidim_lab.data.json_file import read_json_as
+from fidim_lab.errors import DeviceError
 from procedures.disk import disk_error
 
 DEVICES = "devices.json"
@@ -101,11 +101,7 @@ def write_devices(folder: Path, devices: Devices) -> None:
 def read_devices(folder: Path) -> Devices:
     """Raises FileError where it is missing or wrong. An EDS file that is gone is replaced by our generic one."""
     path = folder / DEVICES
-    try:
-        devices = _DEVICES.validate_json(read_text(path))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise FileError(path, ".".join(str(part) for part in first["loc"]), first["msg"]) from None
+    devices = read_json_as(path, _DEVICES.validate_python)
     return replace(devices, winches=tuple(replace(w, config=_with_eds(w.config)) for w in devices.winches))
 
 

@@ -22,8 +22,8 @@ from fidim_lab.app.export_unfinished import export_unfinished
 from fidim_lab.app.manifest import EXPORTS
 from fidim_lab.data.campaign import ROBOT, write_campaign
 from fidim_lab.data.campaign_frame import LoadedCampaign, load_campaign
+from fidim_lab.data.input_file import read_text
 from fidim_lab.data.records import Window
-from fidim_lab.data.toml_file import read_text
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 

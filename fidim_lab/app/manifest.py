@@ -13,9 +13,9 @@ from importlib.metadata import distributions
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from fidim_lab.data.toml_file import read_text
+from fidim_lab.data.json_file import read_json_as
 from fidim_lab.errors import FileError, HardwareError
 from procedures.disk import disk_error, sync
 
@@ -83,11 +83,7 @@ def read_manifest(folder: Path) -> Manifest:
     if not path.exists():
         hint = "Only runs have one, written when they end; a run that was broken off gets its own from fidim resume."
         raise FileError(path, "", "there is no manifest to verify against.", hint=hint)
-    try:
-        return Manifest.model_validate_json(read_text(path))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise FileError(path, ".".join(str(part) for part in first["loc"]), first["msg"]) from None
+    return read_json_as(path, Manifest.model_validate)
 
 
 def file_entries(folder: Path) -> dict[str, FileEntry]:

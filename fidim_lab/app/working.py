@@ -15,6 +15,8 @@ from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TaskID,
 from rich.text import Text
 
 from fidim_lab.app import console
+from fidim_lab.data.input_file import read_json
+from fidim_lab.errors import FileError
 from fidim_lab.model.native import cache_folder
 
 DURATIONS = "durations.json"
@@ -94,7 +96,7 @@ def left_words(seconds: float) -> str:
 
 def _read(file: Path) -> dict[str, float]:
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = read_json(file)
         return {str(name): float(value) for name, value in found.items()}
-    except (OSError, ValueError, AttributeError, TypeError):
+    except (FileError, ValueError, AttributeError, TypeError):
         return {}

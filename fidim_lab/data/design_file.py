@@ -3,16 +3,16 @@
 `read_plan_or_design` takes either kind of file, so that a design goes into `fidim run` as it is.
 """
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
+from fidim_lab.data.input_file import read_json
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
-from fidim_lab.data.toml_file import Table, read_text, validated
+from fidim_lab.data.toml_file import Table, validated
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-design/1"
@@ -62,10 +62,7 @@ def read_plan_or_design(path: Path, cables: int) -> Plan:
 
 def read_design(path: Path, cables: int) -> Plan:
     """A design as a plan named after its file: windows d01, d02, … to identify. Raises FileError."""
-    try:
-        found = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise FileError(path, f"line {error.lineno}", f"is not JSON: {error.msg}") from None
+    found = read_json(path)
     if not isinstance(found, dict):
         raise FileError(path, "", f"is no design: an object with the format {FORMAT!r} is expected")
     table = validated(path, found, DesignTable, FORMAT)

@@ -20,7 +20,7 @@ from fidim_lab.data.rig import (
     WinchHome,
 )
 from fidim_lab.data.rig_guard_tables import GuardsTable
-from fidim_lab.data.rig_serial_tables import gauge_entries, release_entry
+from fidim_lab.data.rig_serial_tables import COMMANDS, gauge_entries, release_entry
 from fidim_lab.data.rig_tables import STANDARD_PORTS, UNITS, MocapTable, RigTable, WinchTable
 from fidim_lab.data.robot_file import read_robot, robot_path
 from fidim_lab.data.toml_file import nearest, read_toml
@@ -40,7 +40,7 @@ def read_rig(path: Path, *, opened: bool = True) -> RigFile:
     not wait until it is imported.
     Raises FileError naming file, table, key, what was found and what is allowed; all mistakes of one kind at once.
     """
-    table = read_toml(path, RigTable, FORMAT)
+    table = read_toml(path, RigTable, FORMAT, COMMANDS)
     if opened:
         _check_interface(path, table.bus.interface)
     robot_file = robot_path(table.robot, path.parent)

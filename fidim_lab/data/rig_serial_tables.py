@@ -16,6 +16,8 @@ LOAD_CELL, INCLINATION = "f{}", "incl_{}"
 """columns of a window, as `own_sensors` and the report name them"""
 _PLACE = re.compile(r"\{([^{}]*)\}")
 _ANYTHING = "*"
+COMMANDS = ("hold", "release", "ask")
+"""keys whose texts are sent byte by byte"""
 
 
 def _bytes(text: str) -> str:

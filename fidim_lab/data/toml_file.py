@@ -1,18 +1,33 @@
 """Reading TOML files with manners: every error names the file, the table and the key, all mistakes at once."""
 
+import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from fidim_lab.data.input_file import DEEPEST, MIB, NotAllowedError, check_values, place_words, read_text
 from fidim_lab.errors import FileError
 
 Schema = TypeVar("Schema", bound="Table")
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+LIMIT = MIB // 2
+"""bytes, which tomllib takes up to 2 s for; a plan of 1000 windows has half of it"""
+
+_TEXTS = re.compile(
+    r'''"""(?:[^"\\]++|\\.|"(?!""))*+(?:"""|\Z)|\'{3}(?:[^']++|'(?!''))*+(?:\'{3}|\Z)|'''
+    r""""(?:[^"\\\n]++|\\.)*+"?|'[^'\n]*+'?|\#[^\n]*+""",
+    re.DOTALL,
+)
+"""texts of every kind, and comments; one without its end goes as far as it can, so that nothing is looked at twice"""
+_LONG_NAME = re.compile(rf"(?<![\w'-])(?:[\w'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
+_TOGETHER = 300
+"""characters of the mistakes that are told at once"""
+_BRACKETS = re.compile(r"[\[\]{}]")
 
 
 class Table(BaseModel):
@@ -21,30 +36,27 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-def read_text(path: Path) -> str:
-    """The text of a file. Raises FileError where it is missing, unreadable or not UTF-8."""
+def read_toml_table(path: Path, commands: Collection[str] = ()) -> dict[str, Any]:
+    """What a TOML file holds; `commands` as in `check_values`. Raises FileError as `input_file`, and for no TOML."""
+    text = read_text(path, LIMIT)
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file") from None
-    except IsADirectoryError:
-        raise FileError(path, "", "is a folder, a file was expected") from None
-    except UnicodeDecodeError as error:
-        raise FileError(path, f"byte {error.start}", "is not UTF-8 text") from None
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read: {error.strerror}") from None
+        _check_depth(text)  # before it is parsed: tomllib takes a second for 3000 dots in a key
+        table = tomllib.loads(text)
+        check_values(table, commands)
+    except NotAllowedError as error:
+        raise FileError(path, place_words(error.place), error.problem) from None
+    except (ValueError, RecursionError) as error:  # also whole numbers of thousands of digits
+        raise FileError(path, "", f"is not TOML: {error}") from None
+    return table
 
 
-def read_toml(path: Path, schema: type[Schema], wanted_format: str) -> Schema:
+def read_toml(path: Path, schema: type[Schema], wanted_format: str, commands: Collection[str] = ()) -> Schema:
     """A TOML file as its schema.
 
-    `wanted_format` is the value that the key `format` must have. Raises FileError naming the places of all mistakes.
+    `wanted_format` is the value that the key `format` must have; `commands` as in `check_values`.
+    Raises FileError naming the places of all mistakes.
     """
-    try:
-        table = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise FileError(path, "", f"is not TOML: {error}") from None
-    return validated(path, table, schema, wanted_format)
+    return validated(path, read_toml_table(path, commands), schema, wanted_format)
 
 
 def validated(path: Path, table: dict[str, Any], schema: type[Schema], wanted_format: str) -> Schema:
@@ -56,12 +68,20 @@ def validated(path: Path, table: dict[str, Any], schema: type[Schema], wanted_fo
     try:
         return schema.model_validate(table)
     except ValidationError as error:
-        raise FileError(path, "", "; ".join(_sentences(error.errors(), schema))) from None
+        raise FileError(path, "", _together(_sentences(error.errors(), schema))) from None
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """The one of the known names that was probably meant; empty where none is near."""
     return next(iter(get_close_matches(name, list(known), 1)), "")
+
+
+def _together(sentences: list[str]) -> str:
+    """All, or as many as a person reads at once."""
+    shown, *further = sentences
+    while further and len(shown) + len(further[0]) <= _TOGETHER:
+        shown += f"; {further.pop(0)}"
+    return f"{shown}; and {len(further)} more" if further else shown
 
 
 def _sentences(errors: Iterable[Any], schema: type[BaseModel]) -> list[str]:
@@ -80,7 +100,7 @@ def _sentences(errors: Iterable[Any], schema: type[BaseModel]) -> list[str]:
 
 def _problem(error: Any, keys: dict[str, Any]) -> tuple[str, str]:
     """Where, and what is wrong there. keys: the JSON schema of the whole file."""
-    place = _place(error["loc"])
+    place = place_words(error["loc"]) or "file"
     found = error["input"]
     match error["type"]:
         case "extra_forbidden":
@@ -89,7 +109,7 @@ def _problem(error: Any, keys: dict[str, Any]) -> tuple[str, str]:
             wanted = [one["minItems"] for one in _at(keys, error["loc"][:-1]) if "minItems" in one]
             says = f", {wanted[0]} are wanted" if wanted else ""
             few = "1 number is" if len(found) == 1 else f"{len(found)} numbers are"
-            return _place(error["loc"][:-1]), f"{few} too few{says}"
+            return place_words(error["loc"][:-1]), f"{few} too few{says}"
         case "missing":
             return place, "is missing"
         case "too_long":
@@ -135,12 +155,13 @@ def _choices(schema: dict[str, Any], keys: dict[str, Any]) -> list[dict[str, Any
     return [found for one in inner for found in _choices(one, keys)] or [schema]
 
 
-def _place(location: tuple[int | str, ...]) -> str:
-    """('cable', 2, 'radius') → 'cable 3, radius': people count from one."""
-    words: list[str] = []
-    for part in location:
-        if isinstance(part, int) and words:
-            words[-1] += f" {part + 1}"
-        else:
-            words.append(str(part))
-    return ", ".join(words) or "file"
+def _check_depth(text: str) -> None:
+    """Raises NotAllowedError where brackets or dotted names are nested deeper than any file of ours is."""
+    bare = _TEXTS.sub("''", text)
+    if _LONG_NAME.search(bare):
+        raise NotAllowedError((), f"a name of more than {DEEPEST} parts")
+    depth = 0
+    for bracket in _BRACKETS.findall(bare):
+        depth += 1 if bracket in "[{" else -1
+        if depth > DEEPEST:
+            raise NotAllowedError((), f"is nested more than {DEEPEST} levels deep")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.toml_file import read_text
+from fidim_lab.data.input_file import read_text
 from fidim_lab.errors import FileError
 
 MIN_SAMPLES = 20

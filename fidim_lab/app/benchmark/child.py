@@ -4,7 +4,6 @@ A computation that hangs, eats the memory or crashes the interpreter costs one c
 counts CPU time, so that a busy machine is no slower judge; waiting without end is capped as well.
 """
 
-import json
 import subprocess
 import sys
 import tempfile
@@ -90,7 +89,7 @@ def _explained(campaign: Campaign) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / "explanation.json"
         write_explanation(file, explain(campaign))
-        return json.loads(file.read_text(encoding="utf-8"))
+        return read_json(file)
 
 
 def _loud(campaign: Campaign) -> dict[str, Any]:

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fidim_lab.errors import RefusedError, SetupError
+from fidim_lab.data import input_file
+from fidim_lab.errors import FileError, RefusedError, SetupError
 
 Json = dict[str, Any]
 
@@ -68,11 +69,9 @@ def write_json(path: Path, content: Json) -> None:
 def read_json(path: Path) -> Json:
     """Read a file of this folder. Raises SetupError where it is missing or was cut off."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise SetupError(
-            f"{path}: cannot be read ({error}).", hint="Delete it, and call the benchmark again."
-        ) from error
+        return input_file.read_json(path)
+    except FileError as error:
+        raise SetupError(f"{error.message}.", hint="Delete it, and call the benchmark again.") from error
 
 
 def commit(folder: BenchmarkFolder, names: list[str]) -> str:
@@ -116,10 +115,7 @@ def keep_settings(folder: BenchmarkFolder, settings: Json) -> None:
 
 
 def _digest(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise SetupError(f"{path}: cannot be read ({error.strerror}).") from error
+    return hashlib.sha256(input_file.read_bytes(path)).hexdigest()
 
 
 def _whole(digests: dict[str, str]) -> str:

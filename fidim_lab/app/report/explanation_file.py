@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from fidim_lab.app.equivalence import EquivalenceTable
-from fidim_lab.data.toml_file import read_text
-from fidim_lab.errors import FileError
+from fidim_lab.data.json_file import read_json_as
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
 from fidim_lab.mismatch.unknown_force.field import Field
 
@@ -147,8 +146,4 @@ def as_file(explanation: Explanation) -> ExplanationTable:
 
 def read_explanation(path: Path) -> ExplanationTable:
     """Read the file. Raises FileError with the key that is wrong."""
-    try:
-        return ExplanationTable.model_validate_json(read_text(path))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise FileError(path, ".".join(str(part) for part in first["loc"]), first["msg"]) from None
+    return read_json_as(path, ExplanationTable.model_validate)

@@ -4,20 +4,19 @@ campaign.toml, robot.toml, windows/   the recording            truth.json     wh
 journal.jsonl                         how it was recorded      import.json    where it was imported from
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from fidim_lab.app.report.provenance import Provenance, provenance
 from fidim_lab.app.report.story import Story, read_story
 from fidim_lab.data.campaign import FORMAT, INDEX, CampaignTable, read_campaign
+from fidim_lab.data.json_file import read_json_as
 from fidim_lab.data.records import Body, Campaign
 from fidim_lab.data.robot_file import read_robot
-from fidim_lab.data.toml_file import read_text, read_toml
-from fidim_lab.errors import FileError
+from fidim_lab.data.toml_file import read_toml
 from procedures.journal import NAME as JOURNAL
 
 TRUTH = "truth.json"
@@ -148,13 +147,4 @@ Schema = TypeVar("Schema", bound=_Lenient)
 
 
 def _json(path: Path, schema: type[Schema]) -> Schema | None:
-    if not path.exists():
-        return None
-    try:
-        found: Any = json.loads(read_text(path))
-        return schema.model_validate(found)
-    except json.JSONDecodeError as error:
-        raise FileError(path, f"line {error.lineno}", f"is not JSON: {error.msg}") from None
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise FileError(path, ".".join(str(part) for part in first["loc"]), first["msg"]) from None
+    return read_json_as(path, schema.model_validate) if path.exists() else None

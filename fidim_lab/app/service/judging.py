@@ -7,6 +7,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+from fidim_lab.data.input_file import read_json
+from fidim_lab.errors import FileError
 from procedures.outcomes import Outcome
 from procedures.stand import Stand
 from procedures.steps import Result
@@ -50,9 +52,9 @@ async def explain_step(stand: Stand, step: Explain) -> Result:
 
 def _result(path: Path, code: int | None, said: str) -> Result:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = read_json(path)
         clarity, window = Clarity(found["clarity"]), tuple(float(value) for value in found["window"])
         return Result(reason=str(found["says"]), answer=clarity, values=window)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (FileError, ValueError, KeyError, TypeError):
         last = said.splitlines()[-1] if said else f"exit code {code}"
         return Result(Outcome.FAIL, f"The recording could not be explained: {last}", answer=Clarity.STUCK)

@@ -30,6 +30,7 @@ from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_tim
 from fidim_lab.data.alignment_file import NAME as ALIGNMENT
 from fidim_lab.data.alignment_file import write_alignment
 from fidim_lab.data.design_file import read_plan_or_design
+from fidim_lab.data.json_file import read_json_as
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Alignment, Plan
 from fidim_lab.data.rig import RigFile
@@ -200,7 +201,7 @@ def _settings(spec: RunSpec, file: RigFile) -> Settings:
 def main(arguments: Sequence[str]) -> int:
     """The process: a file with a RunSpec as its argument. What goes wrong is said on standard error."""
     try:
-        spec = RunSpec.model_validate_json(Path(arguments[0]).read_text(encoding="utf-8"))
+        spec = read_json_as(Path(arguments[0]), RunSpec.model_validate)
         return run_service(prepare(spec))
     except FidimError as error:
         sys.stderr.write(f"fidim: {error}\n")

@@ -3,7 +3,6 @@
 `fidim run` makes one from its options, `fidim resume` reads it back from the run folder.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import is_dataclass, replace
@@ -14,7 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from drivers.ports import PromptKind
 from fidim_lab.app.schema_words import range_words
-from fidim_lab.data.toml_file import read_text
+from fidim_lab.data.input_file import read_json
+from fidim_lab.data.json_file import read_json_as
 from fidim_lab.errors import FileError, SetupError
 from procedures.settings import Settings
 
@@ -97,18 +97,14 @@ def read_spec(folder: Path) -> RunSpec:
     path = folder / NAME
     if not path.exists():
         raise FileError(path, "", "no such file.", hint="Only what `fidim run` began can be resumed.")
-    try:
-        return RunSpec.model_validate_json(read_text(path))
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise FileError(path, ".".join(map(str, first["loc"])), first["msg"]) from None
+    return read_json_as(path, RunSpec.model_validate)
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """What a run said when it ended, "fidim-summary/1"; empty where it left nothing that can be read."""
     try:
-        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = read_json(folder / SUMMARY)
+    except FileError:
         return {}
     return found if isinstance(found, dict) else {}
 

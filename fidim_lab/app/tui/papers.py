@@ -3,14 +3,14 @@
 `read_papers` is pure but for the files; `Papers` is what it found. A file that cannot be read is said, not hidden.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from fidim_lab.app.equivalence import EquivalenceTable
+from fidim_lab.data.json_file import read_json_as
 from fidim_lab.errors import FileError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 
@@ -137,9 +137,9 @@ def _explanation(path: Path, problems: list[str]) -> ExplanationTable | None:
     if not path.exists():
         return None
     try:
-        return ExplanationTable.model_validate(json.loads(path.read_bytes()))
-    except (OSError, ValueError, ValidationError) as error:
-        problems.append(f"{path}: {str(error).splitlines()[0]}")
+        return read_json_as(path, ExplanationTable.model_validate)
+    except FileError as error:
+        problems.append(str(error))
         return None
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.data.importers.recording import MarkerLog
-from fidim_lab.data.toml_file import read_text
+from fidim_lab.data.input_file import read_text
 from fidim_lab.errors import FileError
 
 HEADER_LINES = 5

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from fidim_lab.data.json_file import read_json_as
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.errors import FileError
 from fidim_lab.identification.results.result import IdentificationResult
@@ -97,13 +98,7 @@ def write_result(path: Path, result: IdentificationResult, *, mass: dict[str, ob
 
 def read_result(path: Path) -> ResultTable:
     """Read a result file. Raises FileError with the key that is wrong."""
-    try:
-        table = ResultTable.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise FileError(path, "", error.strerror or "cannot be read") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise FileError(path, ".".join(str(part) for part in first["loc"]), first["msg"]) from error
+    table = read_json_as(path, ResultTable.model_validate)
     missing = [name for name in PARAMETER_NAMES if name not in table.parameters]
     unknown = [name for name in table.parameters if name not in PARAMETER_NAMES]
     if missing or unknown:

@@ -187,8 +187,8 @@ def test_a_result_file_comes_back(result, tmp_path):
         (lambda t: t.update(extra=1), "extra"),
         (lambda t: t["parameters"].pop("s_z"), "s_z missing"),
         (lambda t: t["parameters"].update(mass={"value": 1.0}), "mass unknown"),
-        (lambda t: t["parameters"]["s_x"].update(value="far"), r"parameters\.s_x\.value"),
-        (lambda t: t["windows"][0].pop("used"), r"windows\.0\.used"),
+        (lambda t: t["parameters"]["s_x"].update(value="far"), r"parameters, s_x, value"),
+        (lambda t: t["windows"][0].pop("used"), r"windows 1, used"),
     ],
 )
 def test_a_wrong_result_file_names_its_key(result, tmp_path, change, says):
@@ -201,7 +201,7 @@ def test_a_wrong_result_file_names_its_key(result, tmp_path, change, says):
 
 
 def test_no_result_file_and_no_json(tmp_path):
-    with pytest.raises(FileError, match="No such file"):
+    with pytest.raises(FileError, match="no such file"):
         read_result(tmp_path / "none.json")
     (tmp_path / "bad.json").write_text("{", encoding="utf-8")
     with pytest.raises(FileError, match="JSON"):
