@@ -17,6 +17,7 @@ from fidim_lab.app.run_process import start_and_watch
 from fidim_lab.app.service.main import Work, prepare
 from fidim_lab.app.service.place import place_of
 from fidim_lab.app.service.spec import AnswerSpec, RunSpec, UnattendedSpec
+from fidim_lab.app.undo_stop import confirmed, stop_hint
 from fidim_lab.errors import SetupError
 from procedures.catalogue import never_asks
 from procedures.listing import Outline
@@ -64,13 +65,15 @@ def run_command(options: RunOptions) -> int:
         write_answer(options.json_file, LISTING, _listed(outline))
         return 0
     require_new(spec.out)
+    if spec.alone:
+        confirmed(spec, asks=False)
     work = prepare(spec)
     require_answers(work)
     place = place_of(work.file, embedded=spec.embedded)
     left = left_by(place)
-    code = start_and_watch(spec, place)
+    code = start_and_watch(spec, place, confirmed(spec, asks=not spec.alone))
     if code:
-        for line in power_advice(spec.out, spec.rig, left):
+        for line in (*power_advice(spec.out, spec.rig, left), *stop_hint(spec)):
             console.err.print(line, markup=False, soft_wrap=True)
     write_summary(options.json_file, spec.out, code)
     return code

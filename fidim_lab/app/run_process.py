@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 
 from drivers.clock import LoopClock
 from fidim_lab.app import console
+from fidim_lab.app.service.latch import AT_START
 from fidim_lab.app.service.lock import holder, in_use
 from fidim_lab.app.service.place import Place
 from fidim_lab.app.service.spec import HOOK_TIMEOUT, RunSpec
@@ -28,15 +29,16 @@ POLL = 0.05
 SAYS = "fidim: "
 
 
-def start_and_watch(spec: RunSpec, place: Place) -> int:
+def start_and_watch(spec: RunSpec, place: Place, confirmed: str = "") -> int:
     """Start the service's process, begin the run, show it until it ends; returns its exit code.
 
+    confirmed: the emergency stop that a person has said is to be undone (`undo_stop`); another one stays.
     Raises SetupError where another service has the rig, and whatever ended the service before it began.
     """
     if (other := holder(place)) is not None:
         raise SetupError(in_use(other))
     with service_process(spec, place) as process:
-        code = asyncio.run(_watch(spec, place, process))
+        code = asyncio.run(_watch(spec, place, process, confirmed or AT_START))
         hook = bool(spec.on_finish or spec.on_fault)
         with suppress(subprocess.TimeoutExpired):
             process.wait(timeout=LEAVES_WITHIN + (HOOK_TIMEOUT if hook and not spec.stay else 0.0))
@@ -70,7 +72,7 @@ def service_process(spec: RunSpec, place: Place) -> Generator["subprocess.Popen[
         yield process
 
 
-async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]") -> int:
+async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]", known: str) -> int:
     from fidim_lab.app.run_console import Console
     from fidim_lab.app.service.client import connect
     from fidim_lab.app.service.commands import Start
@@ -78,7 +80,7 @@ async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]"
     await until_it_listens(place, process)
     async with connect(place.socket, name="fidim run", samples=False) as service:
         await service.take_lease()
-        await service.reset()
+        await service.reset(known)
         await service.require(Start())
         return await Console(service, asks=not spec.alone).watch(spec.out)
 

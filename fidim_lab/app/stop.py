@@ -5,6 +5,7 @@ import os
 import pwd
 import signal
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 from drivers.clock import LoopClock
@@ -15,7 +16,8 @@ from fidim_lab.app.service.commands import EmergencyStop
 from fidim_lab.app.service.lock import Holder, holder
 from fidim_lab.app.service.place import Place, all_places, places_of
 from fidim_lab.data.rig_file import read_rig
-from fidim_lab.errors import RefusedError, SetupError
+from fidim_lab.data.stop_file import Stopped, keep_stop, read_stop
+from fidim_lab.errors import HardwareError, RefusedError, SetupError
 from fidim_lab.say import printable
 from procedures.timing import within
 
@@ -55,6 +57,7 @@ async def _stop(place: Place, who: Holder, reason: str) -> int:
         says = await within(LoopClock(), ANSWER_WITHIN, _press(place, reason))
     except (SetupError, ServiceGoneError, RefusedError, TimeoutError):
         did = await _end(place, who.pid)
+        did = f"{did} {_keep(place, who, reason)}".strip()
         console.err.print(
             f"The service of run {folder} does not answer. {did} PRESS THE HARDWARE EMERGENCY STOP if the robot moves.",
             markup=False,
@@ -83,6 +86,24 @@ async def _end(place: Place, pid: int) -> str:
                 return f"Its process {pid} was ended ({number.name})."
             await clock.sleep(LOOK)
     return f"Its process {pid} does not end."
+
+
+def _keep(place: Place, who: Holder, reason: str) -> str:
+    """Latch the rig for a service that could not; returns why not. A path told by another user is not written to."""
+    path = Path(who.stopped)
+    if not who.stopped or place.folder.stat().st_uid != os.getuid():
+        return "Its rig is not latched."
+    stopped = Stopped(
+        f"fidim stop ({user()})",
+        reason or "its service did not answer",
+        datetime.now(UTC).isoformat(timespec="milliseconds"),
+    )
+    try:
+        if read_stop(path) is None:
+            keep_stop(path, stopped)
+    except HardwareError as error:
+        return f"Its rig is not latched: {error.message}"
+    return ""
 
 
 def user() -> str:

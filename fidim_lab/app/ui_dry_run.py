@@ -60,12 +60,12 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
             spec = make_spec(options, folder, Path(papers))
             need_terminal("fidim dry-run without --ui")
             work = prepare(spec)
-        place = place_of(work.file, embedded=True)
+        place = place_of(work.file, embedded=True, run=spec.own_place)
         if (other := holder(place)) is not None:
             raise SetupError(in_use(other))
         with service_process(spec, place) as process:
             asyncio.run(until_it_listens(place, process))
-            run_ui(Finder(socket=place.socket), folder, light=options.light)
+            run_ui(Finder(folder=folder), folder, light=options.light)
             return _leave(place, process, folder)
 
 
@@ -84,6 +84,7 @@ def make_spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
         out=folder.absolute(),
         procedure="excite" if options.excite else "identify",
         embedded=True,
+        dry_run=True,
         seed=options.seed,
         hide=options.hide,
     )

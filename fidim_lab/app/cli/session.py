@@ -64,7 +64,7 @@ def dry_run(**options: Any) -> None:
 @click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="No window begins between them.")
 @click.option("--on-finish", default="", metavar="COMMAND", help="Run after a run that ended well.")
 @click.option("--on-fault", default="", metavar="COMMAND", help="Run after a run that did not.")
-@click.option("--stay", is_flag=True, help="The service goes on after the run, for other clients.")
+@click.option("--stay", is_flag=True, help="The service goes on after the run, until fidim shutdown.")
 @click.option("--tcp", type=click.IntRange(0, 65535), default=None, help="Also listen at 127.0.0.1, with a token.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')
 @example("fidim run plan.toml --rig examples/rigs/simulated.toml --embedded")
@@ -102,17 +102,18 @@ def ui(**options: Any) -> None:
 @fidim.command()
 @click.argument("folder", type=FOLDER)
 @click.option("--accept-place", is_flag=True, help="Go on from wherever the robot is: you have looked, or homed it.")
+@click.option("--trust", is_flag=True, help="Carry out commands and files that run.json names without a question.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')
 @example("fidim resume runs/plan")
-def resume(folder: Path, accept_place: bool, json_file: Path | None) -> None:
-    """Go on with the run in FOLDER after a crash, a kill, a power cut or an abort.
+def resume(**options: Any) -> None:
+    """Go on with the run in FOLDER after an emergency stop, a crash, a kill, a power cut or an abort.
 
     Windows that have their verdict stay; the open one is recorded again. Nothing moves where the robot is not where the
-    journal left it.
+    journal left it. A latched emergency stop is undone by two answers, "yes" to each.
     """
-    from fidim_lab.app.resume import resume_command
+    from fidim_lab.app.resume import ResumeOptions, resume_command
 
-    sys.exit(resume_command(folder, accept_place=accept_place, json_file=json_file))
+    sys.exit(resume_command(ResumeOptions(**options)))
 
 
 @fidim.command()
@@ -125,6 +126,33 @@ def stop(rig: Path | None, reason: str, json_file: Path | None) -> None:
     from fidim_lab.app.stop import stop_command
 
     sys.exit(stop_command(rig, reason, json_file))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER, required=False)
+@click.option("--rig", type=FILE, default=None, help="Of this rig, instead of that of FOLDER's run.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-reset/1".')
+@example("fidim reset --rig rig.toml")
+def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
+    """Undo an emergency stop, by two answers: the cause has gone, nobody is at the cables. Nothing moves yet.
+
+    The stop is kept beside the rig file, whether or not a service runs; fidim run and fidim resume ask the same.
+    """
+    from fidim_lab.app.undo_stop import reset_command
+
+    sys.exit(reset_command(folder, rig, json_file))
+
+
+@fidim.command()
+@click.argument("folder", type=FOLDER, required=False)
+@click.option("--rig", type=FILE, default=None, help="The service of this rig.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-shutdown/1".')
+@example("fidim shutdown")
+def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
+    """End a service whose run has ended (fidim run --stay) or has not begun; a run that goes on is left alone."""
+    from fidim_lab.app.shutdown import shutdown_command
+
+    sys.exit(shutdown_command(folder, rig, json_file))
 
 
 @fidim.command()

@@ -26,6 +26,7 @@ from fidim_lab.app.service.commands import (
     Reset,
     TakeLease,
 )
+from fidim_lab.app.service.latch import first_words
 from fidim_lab.app.service.messages import (
     TO_CLIENT,
     Answer,
@@ -97,10 +98,25 @@ class ServiceClient:
         """Become the one client that commands. Raises RefusedError where another does."""
         return await self.require(TakeLease(force=force))
 
-    async def reset(self) -> Answer:
-        """Reset the latched emergency stop, both steps: only for who has asked a person. Raises RefusedError."""
+    async def reset(self, known: str = "") -> Answer:
+        """Reset the latched emergency stop, both steps: only for who has asked a person.
+
+        known: the stop that the person was asked about (as `latched_why`). Raises RefusedError, also where it is
+        another one by now; empty: whichever it is.
+        """
         first = await self.require(Reset())
+        if known and first.code and first.says != first_words(known):
+            raise RefusedError(f"The emergency stop was pressed meanwhile. {first.says}")
         return await self.require(Reset(code=first.code)) if first.code else first
+
+    async def state(self) -> Status:
+        """The newest state, waited for where none has come yet. Raises ServiceGoneError."""
+        while self.status is None:
+            if self._ended:
+                raise ServiceGoneError(self._ended)
+            self._arrived.clear()
+            await self._arrived.wait()
+        return self.status
 
     async def answer(self, prompt: int, choice: str) -> Answer:
         """Answer a prompt; `ok` is False where another client was first."""

@@ -19,9 +19,10 @@ from fidim_lab.app.service.commands import (
     Start,
     TakeLease,
 )
-from fidim_lab.app.service.latch import Latch
+from fidim_lab.app.service.latch import Latch, first_words
 from fidim_lab.app.service.messages import Answer
 from fidim_lab.app.service.session import Lease, ServerSession
+from fidim_lab.data.stop_file import Stopped
 from procedures.control import Control, Verb, Word
 
 FREE = (TakeLease, ReleaseLease, EmergencyStop, AnswerPrompt)
@@ -40,6 +41,8 @@ class Levers:
     """of all winches, where no run goes on"""
     note: Callable[..., None]
     """for the chronicle"""
+    wall_time: Callable[[], str]
+    """the time of day, ISO 8601"""
 
 
 class Desk:
@@ -96,11 +99,11 @@ class Desk:
         return Answer(id=number, ok=True)
 
     def _emergency_stop(self, client: ServerSession, number: int, reason: str) -> Answer:
-        why = f"emergency stop by {client.name}{f': {reason}' if reason else ''}"
-        if not self._control.emergency_stop(why):
+        stopped = Stopped(client.name, reason, self._levers.wall_time())
+        if not self._control.emergency_stop(stopped.sentence):
             self._levers.quick_stop()
-        self.latch.latch(why)
-        self._levers.note(kind="e-stop", text=why)
+        self.latch.latch(stopped)
+        self._levers.note(kind="e-stop", text=stopped.sentence)
         return Answer(id=number, ok=True, says="All winches were quick-stopped. The stop is latched.")
 
     def _reset(self, client: ServerSession, number: int, code: str) -> Answer:
@@ -108,11 +111,9 @@ class Desk:
             return Answer(id=number, ok=True, says="Nothing is latched.")
         if not code:
             why = self.latch.why
-            return Answer(
-                id=number, ok=True, says=f"Latched: {why}. Send the code to reset.", code=self.latch.first_step()
-            )
-        if not self.latch.second_step(code):
-            return Answer(id=number, ok=False, says="The code is wrong or too old; ask for a new one.")
+            return Answer(id=number, ok=True, says=first_words(why), code=self.latch.first_step())
+        if wrong := self.latch.second_step(code):
+            return Answer(id=number, ok=False, says=wrong)
         self._levers.note(kind="reset", text=f"the emergency stop was reset by {client.name}")
         return Answer(id=number, ok=True, says="Reset.")
 

@@ -36,7 +36,7 @@ class Holder:
     """of its run"""
     port: int = 0
     """on TCP; 0: none"""
-    latch: str = ""
+    stopped: str = ""
     """the file that keeps its emergency stop"""
 
 
@@ -49,7 +49,7 @@ def holder(place: Place) -> Holder | None:
         if descriptor is None or not _is_held(descriptor):
             return None
         told = _read(descriptor)
-        return Holder(_confirmed(descriptor, told.pid), told.folder, told.port, told.latch)
+        return Holder(_confirmed(descriptor, told.pid), told.folder, told.port, told.stopped)
 
 
 def left_behind(place: Place) -> Holder | None:
@@ -62,8 +62,8 @@ def left_behind(place: Place) -> Holder | None:
 
 
 @contextmanager
-def held(place: Place, folder: Path, latch: Path | None = None) -> Generator["Lock"]:
-    """Hold the rig. Raises SetupError naming who else does. latch: the file that keeps its emergency stop."""
+def held(place: Place, folder: Path, stopped: Path | None = None) -> Generator["Lock"]:
+    """Hold the rig. Raises SetupError naming who else does. stopped: the file that keeps its emergency stop."""
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
     # Whoever cleans temporary files leaves a folder alone that is locked (systemd-tmpfiles does).
     descriptor, kept = os.open(place.lock, flags, 0o600), os.open(place.folder, os.O_RDONLY | os.O_CLOEXEC)
@@ -72,7 +72,7 @@ def held(place: Place, folder: Path, latch: Path | None = None) -> Generator["Lo
         _link_in_session(place.folder)
         if not _locked(descriptor):
             raise SetupError(in_use(_read(descriptor)))
-        lock = Lock(descriptor, Holder(os.getpid(), str(folder), latch="" if latch is None else str(latch)))
+        lock = Lock(descriptor, Holder(os.getpid(), str(folder), stopped="" if stopped is None else str(stopped)))
         lock.tell()
         yield lock
         os.ftruncate(descriptor, 0)
@@ -99,7 +99,7 @@ class Lock:
 
     def tell(self, port: int = 0) -> None:
         """Write down who holds it."""
-        who = Holder(self._who.pid, self._who.folder, port, self._who.latch)
+        who = Holder(self._who.pid, self._who.folder, port, self._who.stopped)
         os.ftruncate(self._descriptor, 0)
         os.pwrite(self._descriptor, _HOLDER.dump_json(who), 0)
 

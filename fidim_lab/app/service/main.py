@@ -82,10 +82,10 @@ def prepare(spec: RunSpec) -> Work:
 
 def run_service(work: Work) -> int:
     """Serve until the run has ended; returns the exit code. Raises SetupError where another service has the rig."""
-    place = place_of(work.file, embedded=work.spec.embedded)
+    place = place_of(work.file, embedded=work.spec.embedded, run=work.spec.own_place)
     ended: list[RunReport] = []
     try:
-        with held(place, work.spec.out) as lock:
+        with held(place, work.spec.out, work.spec.stopped) as lock:
             return compose.run_loop(_serve(work, place, lock, ended), real_time=True)
     finally:
         if ended and (wrong := run_hook(work.spec, ended[-1])):
@@ -113,7 +113,7 @@ async def _serve(work: Work, place: Place, lock: Lock, ended: list[RunReport]) -
 
 def _service(work: Work, opened: Opened) -> Service:
     spec = work.spec
-    identity = Identity(spec.out, work.file.name, spec.stay)
+    identity = Identity(spec.out, work.file.name, spec.stay, spec.stopped)
     known = work.resumption.rows if work.resumption else {}
     rows = [known.get(window, WindowRow(window, role)) for window, role in work.experiment.roles.items()]
     answers = spec.unattended.answers if spec.unattended else {}

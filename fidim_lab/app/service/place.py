@@ -49,9 +49,9 @@ class Place:
         return self.folder / f"{self.key}.token"
 
 
-def place_of(file: RigFile, *, embedded: bool) -> Place:
-    """By the bus, which only one service may have; an embedded rig by its file."""
-    return Place(runtime_folder(), _key(file, embedded=embedded))
+def place_of(file: RigFile, *, embedded: bool, run: Path | None = None) -> Place:
+    """By the bus, which only one service may have; an embedded rig by its file, or by its run, where it has none."""
+    return Place(runtime_folder(), _key(file, embedded=embedded, run=run))
 
 
 def places_of(file: RigFile) -> list[Place]:
@@ -96,6 +96,6 @@ def _belongs_to(folder: Path, user: int) -> bool:
     return stat.S_ISDIR(found.st_mode) and found.st_uid == user and not found.st_mode & 0o077
 
 
-def _key(file: RigFile, *, embedded: bool) -> str:
-    name = f"embedded {file.path.resolve()}" if embedded else file.bus.name
+def _key(file: RigFile, *, embedded: bool, run: Path | None = None) -> str:
+    name = f"embedded {(run or file.path).resolve()}" if embedded else file.bus.name
     return hashlib.sha256(name.encode()).hexdigest()[:12]

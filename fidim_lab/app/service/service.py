@@ -9,6 +9,7 @@ import secrets
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from drivers.canbus.load import frame_bits
@@ -25,6 +26,7 @@ from fidim_lab.app.service.messages import Answer, Bye, Welcome
 from fidim_lab.app.service.opening import Opened
 from fidim_lab.app.service.session import ServerSession
 from fidim_lab.app.service.status import Gauges, Watcher
+from fidim_lab.app.service.stop_keeper import StopKeeper
 from fidim_lab.app.service.turn import Turn
 from procedures.control import Control
 from procedures.events import Event, Prompted
@@ -48,6 +50,8 @@ class Identity:
     folder: Path
     rig: str
     stay: bool = False
+    stopped: Path | None = None
+    """the file that keeps its emergency stop; None: none is kept"""
 
 
 class BusCounter:
@@ -94,8 +98,8 @@ class Service:
         opened.tap(counter)
         gauges = Gauges(self.rig, robot, factors, settings.motion.length_limits, counter.counts, opened.bitrate)
         self._turn = Turn(self.clock)
-        levers = Levers(self._turn.start, self._turn.shutdown, self._quick_stop, self.chronicle.note)
-        self._desk = Desk(self.control, self.board, Latch(self.clock.now), levers)
+        levers = Levers(self._turn.start, self._turn.shutdown, self._quick_stop, self.chronicle.note, wall_time)
+        self._desk = Desk(self.control, self.board, Latch(self.clock.now, self._keeper()), levers)
         guards = standard_guards(names, factors, robot.limits.tension, settings.guard)
         sources = Sources(self.clock, self.rig.markers, gauges, self.watcher, self._desk, self.board, self.hub)
         self.broadcast = Broadcast(sources, guards)
@@ -137,6 +141,17 @@ class Service:
     def _quick_stop(self) -> None:
         for winch in self.rig.winches:
             quick_stop(winch)
+
+    def _keeper(self) -> StopKeeper | None:
+        path = self.identity.stopped
+        if path is None:
+            return None
+        loop = asyncio.get_running_loop()
+
+        def says(text: str) -> None:
+            loop.call_soon_threadsafe(partial(self.chronicle.note, kind="guard-warned", reason=text))
+
+        return StopKeeper(path, says)
 
     # what the hub asks
 

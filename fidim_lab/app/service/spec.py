@@ -15,6 +15,7 @@ from drivers.ports import PromptKind
 from fidim_lab.app.schema_words import range_words
 from fidim_lab.data.input_file import read_json
 from fidim_lab.data.json_file import read_json_as
+from fidim_lab.data.stop_file import stop_path
 from fidim_lab.errors import FileError, SetupError
 from procedures.settings import Settings
 
@@ -70,6 +71,8 @@ class RunSpec(_Part):
     """"table.key" → value, for what the rig file does not say (fidim run --set)"""
     embedded: bool = False
     """the rig's devices are simulated in a child process of the service: a rehearsal in real time"""
+    dry_run: bool = False
+    """`fidim dry-run --ui`: the rig file was made for this run, its copy in the run folder counts"""
     seed: int = 1
     """of an embedded world"""
     hide: tuple[str, ...] = ()
@@ -82,9 +85,21 @@ class RunSpec(_Part):
     on_fault: str = ""
     """… after one that did not"""
     stay: bool = False
-    """the service goes on after the run, for a client to start it again or shut it down"""
+    """the service goes on after the run, for clients to look at, until one shuts it down (or resumes the run)"""
     tcp_port: int | None = None
     """also listen at this port of 127.0.0.1, with a token; 0 takes a free one"""
+
+    @property
+    def stopped(self) -> Path:
+        """The file that keeps its emergency stop: the rig's; a dry run, which has none of its own, has it beside."""
+        if self.dry_run:
+            return self.out.with_name(f"{self.out.name}.stopped.toml")
+        return stop_path(self.rig, embedded=self.embedded)
+
+    @property
+    def own_place(self) -> Path | None:
+        """By what its service is found where its rig file was made for it (`place_of`)."""
+        return self.out if self.dry_run else None
 
 
 def write_spec(folder: Path, spec: RunSpec) -> None:
@@ -98,6 +113,17 @@ def read_spec(folder: Path) -> RunSpec:
     if not path.exists():
         raise FileError(path, "", "no such file.", hint="Only what `fidim run` began can be resumed.")
     return read_json_as(path, RunSpec.model_validate)
+
+
+def again(spec: RunSpec, folder: Path) -> RunSpec:
+    """The same run, to go on in its folder, wherever that is now.
+
+    A dry run's papers were made for it, as a rehearsal's may have been, and are gone: the folder has copies.
+    """
+    update: dict[str, object] = {"out": folder, "resume": True}
+    if spec.dry_run or (spec.embedded and not spec.rig.exists()):
+        update |= {"rig": folder / RIG, "plan": folder / PLAN}
+    return spec.model_copy(update=update)
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

@@ -14,9 +14,12 @@ from fidim_lab.app.tui.dialogs import Confirm, Reason
 from fidim_lab.app.tui.link import Link
 from fidim_lab.app.tui.main_screen import MainScreen
 from fidim_lab.app.tui.orders import Orders, Person, Verb
+from fidim_lab.app.tui.reopen import reopen
 from fidim_lab.app.tui.stage import Stage
 from fidim_lab.app.tui.themes import DARK, LIGHT
+from fidim_lab.app.tui.view import View
 from fidim_lab.app.tui.widgets.board import Board
+from fidim_lab.errors import SetupError
 
 PERIOD = 0.1
 """s between two drawings"""
@@ -45,7 +48,7 @@ class FidimUi(App[None]):
         self.stage = Stage(folder)
         self.link = link
         self._clock = clock
-        self._orders = Orders(link, Person(self._tell, self._confirm, self._reason))
+        self._orders = Orders(link, Person(self._tell, self._confirm, self._reason), self._reopen)
         self._ordering: Worker[None] | None = None
         self._rung = 0
         self.register_theme(DARK)
@@ -100,6 +103,13 @@ class FidimUi(App[None]):
     def _tell(self, text: str) -> None:
         self.stage.tell(text, self._clock.now())
         self._draw()
+
+    async def _reopen(self, view: View) -> str:
+        """The service of the run that this screen shows."""
+        folder = self.stage.folder(view)
+        if folder is None:
+            raise SetupError("This screen has seen no run.", hint="fidim run PLAN --rig RIG begins one.")
+        return await reopen(folder)
 
     async def _confirm(self, title: str, says: tuple[str, ...], yes: str) -> bool:
         return bool(await self.push_screen_wait(Confirm(title, says, yes)))

@@ -17,12 +17,15 @@ from fidim_lab.app.service.commands import (
     Start,
     TakeLease,
 )
+from fidim_lab.app.service.latch import AT_START, first_words
 from fidim_lab.app.service.messages import Answer
 from fidim_lab.app.tui.link import Link
-from fidim_lab.errors import HardwareError
+from fidim_lab.app.tui.view import Contact, View
+from fidim_lab.errors import FidimError, HardwareError
 
 Verb = Literal["reset", "start", "pause", "skip", "retry", "abort", "lease"]
 
+RESET = "reset: it may move then"
 NOT_STOPPED = "✗✗ EMERGENCY STOP NOT CONFIRMED: PRESS THE HARDWARE STOP NOW."
 
 
@@ -41,9 +44,11 @@ class Person:
 class Orders:
     """Carries a person's orders to the service, and its answers back."""
 
-    def __init__(self, link: Link, person: Person) -> None:
+    def __init__(self, link: Link, person: Person, reopen: Callable[[View], Awaitable[str]]) -> None:
+        """reopen: start the service of an ended run again; returns what is to be said, raises FidimError."""
         self._link = link
         self._person = person
+        self._reopen = reopen
 
     async def emergency_stop(self) -> None:
         """At once, without lease or question. Where nobody answers, that is said in capitals."""
@@ -91,20 +96,48 @@ class Orders:
             await self._send(Abort(reason="by the operator"), "aborting: the robot is being held")
 
     async def _reset(self) -> None:
-        """Two steps: the service gives a code, a person says that it is safe, the code goes back."""
-        if not await self._lease():
-            return
-        first = await self._try(Reset())
-        if first is None or not first.code:
-            return
+        """From a stop to a robot that may move: the service again where there is none, then the latch."""
+        view = self._link.view()
+        ended = view.status is not None and view.status.phase == "ended"
+        if view.contact in (Contact.SEEKING, Contact.LOST, Contact.ENDED) or ended:
+            await self._start_again(view)
+        elif await self._lease() and await self._sure():
+            why = "" if view.status is None else view.status.latched_why
+            first = await self._try(Reset())
+            if first is None or not first.code:
+                return
+            if why and first.says != first_words(why):
+                self._person.says(f"✗ not reset, stopped meanwhile. {first.says}")
+                return
+            await self._send(Reset(code=first.code), "the emergency stop is reset")
+
+    async def _sure(self) -> bool:
+        """Both questions; a service that has only just begun, and was never stopped, asks one."""
         status = self._link.view().status
         why = "" if status is None else status.latched_why
+        says = (f"Latched: {why}." if why else "Latched.",)
+        nobody = ("Is nobody near the platform and cables?",)
+        if why == AT_START:
+            return await self._person.confirms("Reset the emergency stop?", (*says, *nobody), RESET)
+        asked = "Reset the emergency stop?"
+        return await self._person.confirms(
+            f"{asked} 1 of 2", (*says, "Has the cause gone?"), "it has gone"
+        ) and await self._person.confirms(f"{asked} 2 of 2", nobody, RESET)
+
+    async def _start_again(self, view: View) -> None:
         says = (
-            f"Latched: {why}." if why else "Latched.",
-            "Has the cause gone? Is nobody near the platform and cables?",
+            "The run of this screen has ended. Its service is started again, for what is left of the run.",
+            "Nothing moves yet: r resets the emergency stop then, g goes on.",
         )
-        if await self._person.confirms("Reset the emergency stop?", says, "reset: it may move then"):
-            await self._send(Reset(code=first.code), "the emergency stop is reset")
+        if not await self._person.confirms("Go on with this run?", says, "start its service"):
+            return
+        self._person.says("starting the service: it opens the rig …")
+        try:
+            said = await self._reopen(view)
+        except FidimError as error:
+            self._person.says(f"✗ not started: {error}")
+            return
+        self._person.says(f"{said}The service is there again. r resets the emergency stop, g goes on.")
 
     async def _lease(self, *, asked: bool = False) -> bool:
         """Whether this client commands now; where another does, a person decides."""

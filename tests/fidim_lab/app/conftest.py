@@ -6,6 +6,7 @@
 import asyncio
 import base64
 import json
+import os
 import shutil
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -158,3 +159,20 @@ def browser(tmp_path):
             await process.wait()
 
     return opened
+
+
+@pytest.fixture
+def typing():
+    """What a person types, or a pipe brings, before the command is run: `typing(b"yes\\n")`; its end follows."""
+    kept = os.dup(0)
+
+    def typed(data: bytes) -> None:
+        end, begin = os.pipe()
+        os.write(begin, data)
+        os.close(begin)
+        os.dup2(end, 0)
+        os.close(end)
+
+    yield typed
+    os.dup2(kept, 0)
+    os.close(kept)

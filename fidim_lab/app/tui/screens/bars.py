@@ -140,7 +140,8 @@ def _alarms(view: View, width: int) -> list[Line]:
     status = view.status
     if status is not None and status.latched:
         was = "" if view.fresh else "when last heard: "
-        reset = "" if view.contact is Contact.ENDED else " r resets it, in two steps."
+        ended = view.contact in (Contact.ENDED, Contact.LOST) or status.phase == "ended"
+        reset = " r starts the service again." if ended else " r resets it, in two steps."
         why = f"{was}{status.latched_why or 'latched from the start'}.{reset}"
         rows += _alarm("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ ■", width, why)
     return rows

@@ -1,6 +1,7 @@
 """The protocol without I/O: what is taken, what is refused, in whatever pieces the bytes come."""
 
 import json
+import threading
 from pathlib import Path
 
 import pytest
@@ -22,10 +23,12 @@ from fidim_lab.app.service.commands import (
     Start,
     TakeLease,
 )
-from fidim_lab.app.service.latch import CODE_LIFE, Latch
+from fidim_lab.app.service.latch import AT_START, CODE_LIFE, Latch
 from fidim_lab.app.service.messages import TO_CLIENT, Bye, Happening, History, Question, Refusal, Welcome
 from fidim_lab.app.service.reference import messages_page
 from fidim_lab.app.service.session import Lease, ServerSession, Stage
+from fidim_lab.app.service.stop_keeper import StopKeeper
+from fidim_lab.data.stop_file import Stopped, stop_path
 
 HELLO = b'{"type":"hello","protocol":"fidim-service/1","client":"me"}\n'
 ROOT = Path(__file__).parents[4]
@@ -194,22 +197,70 @@ def test_one_commands_until_it_lets_go_or_is_overruled():
     assert lease.take(3)
 
 
+STOPPED = Stopped("ann #1", "a cable is slack", "2026-11-25T10:58:03.123+00:00")
+
+
 def test_the_latch_is_latched_from_the_start_and_opens_in_two_steps_only():
     now = [0.0]
     latch = Latch(lambda: now[0])
     assert latch.latched
-    assert not latch.second_step("")
+    assert latch.second_step("")
     code = latch.first_step()
-    assert not latch.second_step("wrong")
-    assert not latch.second_step(code), "a wrong code needs a new first step"
+    assert latch.second_step("wrong")
+    assert latch.second_step(code), "a wrong code needs a new first step"
     code = latch.first_step()
     now[0] += CODE_LIFE + 1.0
-    assert not latch.second_step(code), "too old"
+    assert latch.second_step(code), "too old"
     code = latch.first_step()
-    latch.latch("again")
-    assert not latch.second_step(code), "latched again since"
-    assert latch.second_step(latch.first_step())
+    latch.latch(STOPPED)
+    assert latch.second_step(code), "latched again since"
+    assert latch.second_step(latch.first_step()) == ""
     assert not latch.latched
+
+
+def test_a_stop_outlives_the_service_and_its_first_cause_stays(tmp_path):
+    path, told = tmp_path / "rig.stopped.toml", []
+    latch = Latch(lambda: 0.0, StopKeeper(path, told.append))
+    assert latch.why == AT_START
+    latch.latch(STOPPED)
+    latch.latch(Stopped("bob #2", "me too", ""))
+    until(path.exists)
+    latch = Latch(lambda: 0.0, StopKeeper(path, told.append))
+    assert latch.why == "emergency stop by ann #1: a cable is slack (2026-11-25 10:58:03 UTC)"
+    assert latch.second_step(latch.first_step()) == ""
+    assert not path.exists()
+    assert told == []
+
+
+def test_a_stop_that_cannot_be_kept_is_told_and_one_that_cannot_be_forgotten_stays(tmp_path):
+    path, told = tmp_path / "none" / "rig.stopped.toml", []
+    latch = Latch(lambda: 0.0, StopKeeper(path, told.append))
+    latch.latch(STOPPED)
+    until(lambda: told)
+    assert "in this service only" in told[0]
+    path.mkdir(parents=True)
+    assert "so the stop stays" in latch.second_step(latch.first_step())
+    assert latch.latched
+
+
+def test_a_stop_that_cannot_be_read_is_a_stop(tmp_path):
+    path = tmp_path / "rig.stopped.toml"
+    path.write_text("torn")
+    assert "Delete it by hand" in Latch(lambda: 0.0, StopKeeper(path, print)).why
+
+
+def test_a_rehearsal_keeps_its_stop_apart_and_a_link_to_a_rig_file_shares_it(tmp_path):
+    (tmp_path / "rig.toml").touch()
+    (tmp_path / "link.toml").symlink_to(tmp_path / "rig.toml")
+    assert stop_path(tmp_path / "link.toml", embedded=False) == tmp_path / "rig.stopped.toml"
+    assert stop_path(tmp_path / "rig.toml", embedded=True) == tmp_path / "rig.rehearsal-stopped.toml"
+
+
+def until(wanted):
+    for thread in threading.enumerate():
+        if thread.name == "emergency stop":
+            thread.join(30.0)
+    assert wanted()
 
 
 def test_the_page_of_messages_is_that_of_the_models():

@@ -21,6 +21,7 @@ from fidim_lab.app.service.commands import (
     TakeLease,
 )
 from fidim_lab.app.service.hub import Hub
+from fidim_lab.app.service.latch import first_words
 from fidim_lab.app.service.messages import (
     Answer,
     BusState,
@@ -173,7 +174,7 @@ class FakeService:
                 self.state = self.state.model_copy(update={"latched": True, "latched_why": "by the test"})
                 says = "All winches were quick-stopped."
             case Reset(code=""):
-                code = CODE
+                code, says = CODE, first_words(self.state.latched_why)
             case Reset():
                 ok = command.code == CODE
                 self.state = self.state.model_copy(update={"latched": not ok})

@@ -154,6 +154,9 @@ def test_reset_needs_two_steps_and_no_leaves_it_latched(opened, fake):
         assert fake.state.latched
         await screen.press("r")
         await screen.until(lambda: "Reset the emergency stop?" in screen.over, "the question")
+        assert "Has the cause gone?" in screen.over
+        await screen.press("y")
+        await screen.until(lambda: "Is nobody near the platform and cables?" in screen.over, "the second question")
         assert fake.state.latched
         await screen.press("y")
         await screen.until(lambda: not fake.state.latched, "the reset")

@@ -1,0 +1,75 @@
+"""`fidim shutdown`: end a service that has nothing to do any more (`fidim run --stay`, a dry run that nobody began)."""
+
+import asyncio
+from pathlib import Path
+
+from drivers.clock import LoopClock
+from fidim_lab.app import console
+from fidim_lab.app.answer_file import write_answer
+from fidim_lab.app.service.client import ServiceGoneError, connect
+from fidim_lab.app.service.commands import Shutdown
+from fidim_lab.app.service.lock import Holder, holder
+from fidim_lab.app.service.place import Place, all_places, places_of
+from fidim_lab.data.rig_file import read_rig
+from fidim_lab.errors import SetupError
+from fidim_lab.say import printable
+
+FORMAT = "fidim-shutdown/1"
+ENDS_WITHIN = 10.0
+"""s from the command to the end of the process"""
+LOOK = 0.05
+"""s"""
+
+
+def shutdown_command(folder: Path | None, rig: Path | None, json_file: Path | None = None) -> int:
+    """End it; returns the exit code: 0 ended, 1 nothing was running, or a run goes on.
+
+    Raises SetupError where several services are running and none was named.
+    """
+    found = _found(folder, rig)
+    if len(found) > 1:
+        folders = ", ".join(printable(who.folder) for _, who in found)
+        raise SetupError(f"Several services are running ({folders}).", hint="Give the run folder of one.")
+    said = [(who.folder, asyncio.run(end_service(place))) for place, who in found]
+    for ended, refusal in said:
+        console.out.print(f"{printable(ended)}: {refusal or 'the service has ended.'}", markup=False)
+    if not said:
+        console.out.print("No service is running.", markup=False)
+    code = 0 if said and not said[0][1] else 1
+    services = [{"folder": ended, "ended": not refusal, "says": refusal} for ended, refusal in said]
+    write_answer(json_file, FORMAT, {"exit_code": code, "services": services})
+    return code
+
+
+def _found(folder: Path | None, rig: Path | None) -> list[tuple[Place, Holder]]:
+    if folder is not None and rig is not None:
+        raise SetupError("Give a run folder or --rig, not both.")
+    places = all_places() if rig is None else places_of(read_rig(rig, opened=False))
+    found = [(place, who) for place in places if (who := holder(place)) is not None]
+    return found if folder is None else [(place, who) for place, who in found if serves(who, folder)]
+
+
+def serves(who: Holder, folder: Path) -> bool:
+    """Whether the service is that of the run in this folder."""
+    return Path(who.folder).resolve() == folder.resolve()
+
+
+async def end_service(place: Place) -> str:
+    """End a service and wait until its process has let the rig go; returns why not, empty where it has."""
+    try:
+        async with connect(place.socket, name="fidim shutdown", samples=False) as service:
+            await service.take_lease(force=True)
+            answer = await service.command(Shutdown())
+            if not answer.ok:
+                return f"it goes on: {answer.says}."
+    except SetupError as error:
+        return str(error)
+    except ServiceGoneError:
+        pass  # it was ending anyway
+    clock = LoopClock()
+    end = clock.now() + ENDS_WITHIN
+    while holder(place) is not None:
+        if clock.now() > end:
+            return f"it has not ended within {ENDS_WITHIN:g} s; see {place.log}."
+        await clock.sleep(LOOK)
+    return ""
