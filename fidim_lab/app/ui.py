@@ -2,6 +2,8 @@
 
 import os
 import sys
+import time
+import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +12,13 @@ from fidim_lab.app.tui.app import FidimUi
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.link import Link
 from fidim_lab.data.rig_file import read_rig
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import OurBugError, SetupError
+
+LASTS = 10.0
+"""s after which a screen that fails was a working one"""
+FAILURES = 3
+"""screens in a row that fail sooner: the next would, too"""
+NO_KEY = "No key stops the robot here: fidim stop does, in any terminal, or the hardware stop."
 
 
 @dataclass(frozen=True)
@@ -60,6 +68,25 @@ def need_terminal(instead: str) -> None:
 
 
 def run_ui(finder: Finder, folder: Path | None, *, light: bool = False) -> None:
-    """The UI in this terminal, until q."""
-    clock = LoopClock()
-    FidimUi(Link(finder, clock), clock, folder, light=light).run()
+    """The UI in this terminal, until q. A screen that fails begins anew: the key that stops is not lost.
+
+    Raises OurBugError where it fails again and again.
+    """
+    clock, says, failures = LoopClock(), "", 0
+    while True:
+        app = FidimUi(Link(finder, clock), clock, folder, light=light, says=says)
+        begun = time.monotonic()
+        app.run()
+        if app.fault is None:
+            return
+        failures = failures + 1 if time.monotonic() - begun < LASTS else 1
+        says = f"✗ The screen has failed and begun anew ({_where(app.fault)})."
+        if failures >= FAILURES:
+            raise OurBugError(f"The screen fails again and again: {_where(app.fault)}.", hint=NO_KEY) from app.fault
+
+
+def _where(fault: BaseException) -> str:
+    """What went wrong and the place in our files."""
+    frames = traceback.extract_tb(fault.__traceback__)
+    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return f"{type(fault).__name__}: {fault}{place}"

@@ -1,23 +1,26 @@
 """The Textual application: orders from any screen, the emergency stop over everything, ten drawings a second."""
 
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
+from textual import events
 from textual.app import App, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 from textual.worker import Worker
 
 from drivers.ports import Clock
-from fidim_lab.app.tui.dialogs import Confirm, Reason
+from fidim_lab.app.tui.dialogs import Confirm, Dialog, Palette, Reason
+from fidim_lab.app.tui.keys import SETTLE, choice_keys
 from fidim_lab.app.tui.link import Link
 from fidim_lab.app.tui.main_screen import MainScreen
 from fidim_lab.app.tui.orders import Orders, Person, Verb
 from fidim_lab.app.tui.reopen import reopen
 from fidim_lab.app.tui.stage import Stage
 from fidim_lab.app.tui.themes import DARK, LIGHT
-from fidim_lab.app.tui.view import View
+from fidim_lab.app.tui.view import Contact, View
 from fidim_lab.app.tui.widgets.board import Board
 from fidim_lab.errors import SetupError
 
@@ -42,26 +45,34 @@ class FidimUi(App[None]):
         Binding("q", "quit", "leave"),
     ]
 
-    def __init__(self, link: Link, clock: Clock, folder: Path | None = None, *, light: bool = False) -> None:
-        """folder: of a run whose papers are shown where no service says its own."""
+    def __init__(
+        self, link: Link, clock: Clock, folder: Path | None = None, *, light: bool = False, says: str = ""
+    ) -> None:
+        """folder: of a run whose papers are shown where no service says its own. says: the first notice."""
         super().__init__()
-        self.stage = Stage(folder)
+        self.fault: BaseException | None = None
+        """what has ended the screen, where it was not a person"""
+        self.stage = Stage(folder, clock)
         self.link = link
         self._clock = clock
         self._orders = Orders(link, Person(self._tell, self._confirm, self._reason), self._reopen)
         self._ordering: Worker[None] | None = None
         self._rung = 0
+        self._says = says
         self.register_theme(DARK)
         self.register_theme(LIGHT)
         self.theme = LIGHT.name if light else DARK.name
 
     def get_default_screen(self) -> Screen[Any]:
         """The screen under all dialogs."""
-        return MainScreen(self.stage, self.link, self._orders)
+        return MainScreen(self.stage, self.link)
 
     def on_mount(self) -> None:
         """Begin to listen and to draw."""
+        if self._says:
+            self._tell(self._says)
         self.run_worker(self.link.run())
+        self.run_worker(self.stage.papers.run(lambda: self.stage.folder(self.link.view())))
         self.set_interval(PERIOD, self._draw)
 
     async def on_unmount(self) -> None:
@@ -82,15 +93,46 @@ class FidimUi(App[None]):
         """Over everything, whatever is open."""
         self.run_worker(self._orders.emergency_stop())
 
+    def on_key(self, event: events.Key) -> None:
+        """A letter of the open prompt answers it, also from a dialog that shows it and has no use for the letter."""
+        own = self.screen.OWN_KEYS if isinstance(self.screen, Dialog) else ()
+        if event.key not in own and self._choose(event.key):
+            event.prevent_default()
+
+    def action_choose(self, key: str) -> None:
+        """A click on a choice of the open prompt."""
+        self._choose(key)
+
+    def action_command_palette(self) -> None:
+        """Every order by name, with the alarms above it."""
+        if not isinstance(self.screen, Palette):
+            self.push_screen(Palette(id="--command-palette"))
+
     def action_order(self, verb: Verb) -> None:
         """One of the orders; the next only after its questions."""
         if self._ordering is None or self._ordering.is_finished:
             self._ordering = self.run_worker(self._orders.give(verb))
 
+    def _fatal_error(self) -> None:
+        """Textual's own prints the whole stack on the terminal; `run_ui` begins anew instead, and says why."""
+        self.fault = sys.exception()
+        self._close_messages_no_wait()
+
     def _command(self, binding: Binding, space: str) -> SystemCommand:
         action = f"{space}.{binding.action}"
         keys = binding.key_display or binding.key
         return SystemCommand(binding.description, f"key {keys}", lambda: self.call_later(self.run_action, action))
+
+    def _choose(self, key: str) -> bool:
+        """Whether the key is one of the open prompt's. In its first moment a prompt takes none."""
+        view = self.link.view()
+        question = view.question
+        if question is None or view.contact is not Contact.LIVE:
+            return False
+        choice = choice_keys(question.choices).get(key)
+        if choice is not None and view.now - view.asked >= SETTLE:
+            self.run_worker(self._orders.answer(question.number, choice))
+        return choice is not None
 
     def _draw(self) -> None:
         view = self.link.view()
@@ -102,7 +144,7 @@ class FidimUi(App[None]):
 
     def _tell(self, text: str) -> None:
         self.stage.tell(text, self._clock.now())
-        self._draw()
+        self.call_later(self._draw)  # never before the order itself is sent
 
     async def _reopen(self, view: View) -> str:
         """The service of the run that this screen shows."""

@@ -1,10 +1,14 @@
-"""Questions of the UI's own, over the screen: confirm, give a reason, read help. The emergency stop works over each."""
+"""Questions of the UI's own, over the screen: confirm, give a reason, read help, choose an order by name.
+
+The emergency stop works over each, and each shows state, alarms and an open prompt: what it covers is not lost.
+"""
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 from textual.app import ComposeResult
 from textual.binding import BindingType
+from textual.command import CommandPalette
 from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input
@@ -13,11 +17,29 @@ from fidim_lab.app.tui.paint import Line, Span, line, wrapped
 from fidim_lab.app.tui.widgets.board import Board
 
 WIDTH = 66
+Result = TypeVar("Result")
 
 
-class Confirm(ModalScreen[bool]):
+class Dialog(ModalScreen[Result]):
+    """Over the screen."""
+
+    OWN_KEYS: ClassVar[frozenset[str]] = frozenset()
+    """letters with a meaning here: they answer no prompt"""
+
+
+class Palette(CommandPalette):
+    """The command palette, with state, alarms and prompt in sight."""
+
+    def compose(self) -> ComposeResult:
+        """Them, then what a palette has."""
+        yield Board(id="alarms", grow=True)
+        yield from super().compose()
+
+
+class Confirm(Dialog[bool]):
     """A question that y answers; anything else leaves things as they are."""
 
+    OWN_KEYS: ClassVar[frozenset[str]] = frozenset("yn")
     BINDINGS: ClassVar[list[BindingType]] = [
         ("y", "dismiss(True)", "yes"),
         ("n", "dismiss(False)", "no"),
@@ -41,7 +63,7 @@ class Confirm(ModalScreen[bool]):
         self.query_one("#question", Board).show(self._lines)
 
 
-class Reason(ModalScreen[str]):
+class Reason(Dialog[str]):
     """Why something is done, for the journal; empty when it is not to be done."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape", "dismiss('')", "no")]
@@ -70,7 +92,7 @@ class Reason(ModalScreen[str]):
         self.dismiss(event.value.strip() or self._default)
 
 
-class Help(ModalScreen[None]):
+class Help(Dialog[None]):
     """What the keys do, and what this screen shows."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

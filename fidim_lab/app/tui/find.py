@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from fidim_lab.app.service.lock import holder
+from fidim_lab.app.service.lock import Holder, holder
 from fidim_lab.app.service.place import Place, all_places, places_of
 from fidim_lab.data.rig import RigFile
 
@@ -14,6 +14,10 @@ class Found:
 
     socket: Path | None
     why: str = ""
+    who: Holder | None = None
+    """whose it is, where that was asked"""
+    several: tuple[Path, ...] = ()
+    """where one cannot be chosen"""
 
 
 @dataclass(frozen=True)
@@ -25,25 +29,28 @@ class Finder:
     socket: Path | None = None
     """known already"""
 
-    def look(self) -> Found:
-        """The socket to connect to now."""
+    def look(self, known: Path | None = None) -> Found:
+        """The socket to connect to now; known: chosen before, and again where several are there."""
         if self.socket is not None:
             return Found(self.socket)
         if self.rig is not None:
-            return _one(
-                places_of(self.rig), f"{self.rig.path}: no service has this rig. fidim run PLAN --rig … starts one"
-            )
+            why = f"{self.rig.path}: no service has this rig. fidim run PLAN --rig … starts one"
+            return _one(places_of(self.rig), why, known)
         places = all_places()
         if self.folder is not None:
             wanted = self.folder.resolve()
             places = [p for p in places if (who := holder(p)) is not None and Path(who.folder).resolve() == wanted]
-            return _one(places, f"{self.folder}: no service runs in this folder now")
-        return _one(places, "no service is running. fidim run PLAN --rig RIG starts one")
+            return _one(places, f"{self.folder}: no service runs in this folder now", known)
+        return _one(places, "no service is running. fidim run PLAN --rig RIG starts one", known)
 
 
-def _one(places: list[Place], otherwise: str) -> Found:
-    there = [(place, who) for place in places if (who := holder(place)) is not None]
-    if len(there) > 1:
-        folders = ", ".join(who.folder for _, who in there)
-        return Found(None, f"several services are running ({folders}): give fidim ui the folder of one")
-    return Found(there[0][0].socket) if there else Found(None, otherwise)
+def _one(places: list[Place], otherwise: str, known: Path | None) -> Found:
+    there = [(place.socket, who) for place in places if (who := holder(place)) is not None]
+    chosen = [found for found in there if found[0] == known] or there
+    if not chosen:
+        return Found(None, otherwise)
+    if len(chosen) == 1:
+        return Found(chosen[0][0], who=chosen[0][1])
+    folders = ", ".join(who.folder for _, who in chosen)
+    why = f"several services are running ({folders}): give fidim ui the folder of one"
+    return Found(None, why, several=tuple(socket for socket, _ in chosen))

@@ -20,6 +20,8 @@ FIRST = 2.0
 """s of recording with which a prediction is tried first"""
 MOST = 4.0
 """s that are fitted at most: with a body that is not quite right (CAD) longer stretches lose the phase"""
+ENDS_WITHIN = 1.0
+"""s"""
 LINE = 1 << 24
 """bytes of an answer at most"""
 
@@ -64,7 +66,7 @@ class Foresight:
         if folder is None or (self._asking is not None and not self._asking.done()):
             return
         if len(trace.t) < 2:
-            if self._process is None and folder.is_dir():
+            if self._process is None:
                 self._asking = asyncio.create_task(self.warm(folder))
             return
         of, long = (trace.window, trace.attempt), trace.t[-1] - trace.t[0]
@@ -89,7 +91,8 @@ class Foresight:
         if self._process is not None:
             with suppress(ProcessLookupError):
                 self._process.kill()
-            await self._process.wait()
+            with suppress(TimeoutError):  # one that waits for a stalled share does not even end when it is killed
+                await asyncio.wait_for(self._process.wait(), ENDS_WITHIN)
 
     async def warm(self, folder: Path) -> None:
         """Start the worker, and have it make the model's functions, before they are needed: that takes seconds."""

@@ -1,12 +1,19 @@
-"""The connection: finds the service, listens, and tries again when it is gone. The run does not notice."""
+"""The connection: finds the service, listens, and tries again when it is gone. The run does not notice.
 
+A link belongs to the rig that it first attached to. The service of another rig is only offered (`View.offer`) until a
+person accepts the change. The emergency stop needs no connection that is already open: it makes one where it must.
+"""
+
+import asyncio
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 from drivers.ports import Clock
 from fidim_lab.app.service.client import ServiceClient, connect
-from fidim_lab.app.service.commands import Command
-from fidim_lab.app.service.messages import Answer
-from fidim_lab.app.tui.find import Finder
+from fidim_lab.app.service.commands import Command, EmergencyStop
+from fidim_lab.app.service.messages import Answer, Welcome
+from fidim_lab.app.tui.aside import Aside
+from fidim_lab.app.tui.find import Finder, Found
 from fidim_lab.app.tui.view import Tracker, View
 from fidim_lab.errors import FidimError, HardwareError
 from procedures.timing import within
@@ -15,7 +22,10 @@ AGAIN = 1.0
 """s between two attempts to connect"""
 ANSWER_WITHIN = 1.5
 """s in which a service answers; it does so at once, or something is wrong"""
+GREETS_WITHIN = 5.0
+"""s in which a service greets a new client; a busy one still does"""
 NAME = "fidim ui"
+STOP = EmergencyStop(reason="key")
 
 
 class Link:
@@ -25,23 +35,28 @@ class Link:
         self.tracker = Tracker()
         self._finder = finder
         self._clock = clock
+        self._aside = Aside(clock)
         self._service: ServiceClient | None = None
+        self._socket: Path | None = None
+        """of the rig that this screen belongs to"""
+        self.rig = ""
+        """its name"""
+        self._offered: Found | None = None
+        """another rig's service"""
 
     def view(self) -> View:
         """What is known now."""
         return self.tracker.view(self._clock.now())
 
     async def run(self) -> None:
-        """Connect, listen, and again, until cancelled."""
+        """Connect, listen, and again, until cancelled. No fault of a service or file ends it."""
         while True:
             try:
-                found = self._finder.look()
-                if found.socket is None:
-                    self.tracker.lose(found.why)
-                else:
-                    await self._listen(found.socket)
+                await self._attach()
             except FidimError as error:
                 self.tracker.lose(str(error))
+            except Exception as error:
+                self.tracker.lose(f"{type(error).__name__}: {error}")
             await self._clock.sleep(AGAIN)
 
     async def command(self, command: Command) -> Answer:
@@ -49,13 +64,42 @@ class Link:
         service = self._service
         if service is None:
             raise HardwareError("There is no connection to a service.")
-        try:
-            return await within(self._clock, ANSWER_WITHIN, service.command(command))
-        except TimeoutError:
-            raise HardwareError(f"The service has not answered within {ANSWER_WITHIN:g} s.") from None
+        return await self._answered(service, command)
 
-    async def _listen(self, socket: Path) -> None:
-        async with connect(socket, name=NAME) as service:
+    async def stop(self) -> Answer:
+        """The emergency stop, by the open connection or by one of its own. Raises FidimError where nobody answers it.
+
+        A screen that belongs to no rig yet stops every service that it could belong to.
+        """
+        if self._service is not None:
+            return await self._answered(self._service, STOP)
+        try:
+            return await within(self._clock, ANSWER_WITHIN, self._stopped_apart())
+        except TimeoutError:
+            raise HardwareError(f"No service has answered within {ANSWER_WITHIN:g} s.") from None
+
+    def change_rig(self) -> None:
+        """A person accepts what was offered."""
+        if self._offered is not None:
+            self._socket, self.rig, self._offered = self._offered.socket, "", None
+            self.tracker = Tracker()
+
+    async def _attach(self) -> None:
+        found = await self._aside.run(lambda: self._finder.look(self._socket))
+        if found.socket is None:
+            self._withdraw_offer()
+            self.tracker.lose(found.why)
+        elif found != self._offered:
+            self._withdraw_offer()
+            await self._listen(found, found.socket)
+
+    async def _listen(self, found: Found, socket: Path) -> None:
+        async with AsyncExitStack() as stack:
+            service = await self._greeted(stack, socket)
+            if self._is_another_rig(socket, service.welcome):
+                self._offered = found
+                self.tracker.offer(service.welcome)
+                return
             self._service = service
             try:
                 async for message in service:
@@ -63,3 +107,49 @@ class Link:
             finally:
                 self._service = None
         self.tracker.lose("The connection has ended: the service was killed, or it dropped this screen. Trying again.")
+
+    async def _greeted(self, stack: AsyncExitStack, socket: Path) -> ServiceClient:
+        try:
+            connecting = stack.enter_async_context(connect(socket, name=NAME))
+            return await within(self._clock, GREETS_WITHIN, connecting)
+        except TimeoutError:
+            what = f"A service is there ({socket}), but it has not greeted this screen within {GREETS_WITHIN:g} s."
+            raise HardwareError(what) from None
+
+    def _is_another_rig(self, socket: Path, welcome: Welcome | None) -> bool:
+        """Whether this screen belongs to another one; it belongs to the first that it meets."""
+        name = "" if welcome is None else welcome.rig
+        if self._socket in (None, socket) and self.rig in ("", name):
+            self._socket, self.rig = socket, name
+            return False
+        return True
+
+    def _withdraw_offer(self) -> None:
+        self._offered = None
+        self.tracker.offer(None)
+
+    async def _stopped_apart(self) -> Answer:
+        sockets = (self._socket,) if self._socket is not None else await self._possible()
+        told = await asyncio.gather(*map(self._stopped, sockets), return_exceptions=True)
+        for one in told:
+            if isinstance(one, BaseException):
+                raise one
+        answers = [one for one in told if isinstance(one, Answer)]
+        return next((answer for answer in answers if not answer.ok), answers[0])
+
+    async def _possible(self) -> tuple[Path, ...]:
+        found = await self._aside.run(self._finder.look)
+        sockets = found.several if found.socket is None else (found.socket,)
+        if not sockets:
+            raise HardwareError(found.why)
+        return sockets
+
+    async def _stopped(self, socket: Path) -> Answer:
+        async with connect(socket, name=NAME, samples=False) as service:
+            return await service.command(STOP)
+
+    async def _answered(self, service: ServiceClient, command: Command) -> Answer:
+        try:
+            return await within(self._clock, ANSWER_WITHIN, service.command(command))
+        except TimeoutError:
+            raise HardwareError(f"The service has not answered within {ANSWER_WITHIN:g} s.") from None

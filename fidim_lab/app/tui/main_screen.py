@@ -2,7 +2,6 @@
 
 from typing import ClassVar
 
-from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
@@ -10,19 +9,16 @@ from textual.screen import Screen
 from fidim_lab.app.tui.dialogs import Help
 from fidim_lab.app.tui.help import help_lines
 from fidim_lab.app.tui.jobs import Work
-from fidim_lab.app.tui.keys import SETTLE, choice_keys
 from fidim_lab.app.tui.link import Link
-from fidim_lab.app.tui.orders import Orders
 from fidim_lab.app.tui.screens.bars import TABS
 from fidim_lab.app.tui.stage import Stage
-from fidim_lab.app.tui.view import Contact
 
 HELP_WIDTH = 64
 LOG = TABS.index("Log")
 
 
 class MainScreen(Screen[None]):
-    """Six screens by number, help, the log's filter, and prompts by one key."""
+    """Six screens by number, help, the log's filter."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1", "help", "help", key_display="?"),
@@ -33,11 +29,10 @@ class MainScreen(Screen[None]):
         *(Binding(str(k + 1), f"turn({k})", f"screen {name}", show=False) for k, name in enumerate(TABS)),
     ]
 
-    def __init__(self, stage: Stage, link: Link, orders: Orders) -> None:
+    def __init__(self, stage: Stage, link: Link) -> None:
         super().__init__()
         self._stage = stage
         self._link = link
-        self._orders = orders
 
     def compose(self) -> ComposeResult:
         """As the stage has it."""
@@ -47,11 +42,6 @@ class MainScreen(Screen[None]):
         """Begin with the session."""
         self._stage.turn(0)
 
-    def on_key(self, event: events.Key) -> None:
-        """A letter of the open prompt answers it, but not in the moment in which the prompt appears."""
-        if self._choose(event.key):
-            event.stop()
-
     def on_input_submitted(self) -> None:
         """The filter stands; the keys go back to the log."""
         self._stage.turn(LOG)
@@ -60,21 +50,6 @@ class MainScreen(Screen[None]):
         """Another screen."""
         self._stage.turn(index)
         self._stage.draw(self._link.view())
-
-    def action_choose(self, key: str) -> None:
-        """A click on a choice of the open prompt."""
-        self._choose(key)
-
-    def _choose(self, key: str) -> bool:
-        """Whether the key is one of the open prompt's."""
-        view = self._link.view()
-        question = view.question
-        if question is None or view.contact is not Contact.LIVE:
-            return False
-        choice = choice_keys(question.choices).get(key)
-        if choice is not None and view.now - view.asked >= SETTLE:
-            self.run_worker(self._orders.answer(question.number, choice))
-        return choice is not None
 
     def action_help(self) -> None:
         """Help on the present screen."""

@@ -8,7 +8,6 @@ from fidim_lab.app.service.commands import (
     Abort,
     AnswerPrompt,
     Command,
-    EmergencyStop,
     Pause,
     Reset,
     Resume,
@@ -18,7 +17,7 @@ from fidim_lab.app.service.commands import (
     TakeLease,
 )
 from fidim_lab.app.service.latch import AT_START, first_words
-from fidim_lab.app.service.messages import Answer
+from fidim_lab.app.service.messages import Answer, Welcome
 from fidim_lab.app.tui.link import Link
 from fidim_lab.app.tui.view import Contact, View
 from fidim_lab.errors import FidimError, HardwareError
@@ -52,10 +51,11 @@ class Orders:
 
     async def emergency_stop(self) -> None:
         """At once, without lease or question. Where nobody answers, that is said in capitals."""
+        sent = self._link.stop()  # begun below, before anything is drawn
         self._person.says("EMERGENCY STOP sent …")
         try:
-            answer = await self._link.command(EmergencyStop(reason="key"))
-        except HardwareError as error:
+            answer = await sent
+        except Exception as error:  # whatever it was: it is not confirmed
             self._person.says(f"{NOT_STOPPED} {error}")
             return
         self._person.says(f"EMERGENCY STOP: {answer.says}" if answer.ok else f"{NOT_STOPPED} {answer.says}")
@@ -142,6 +142,9 @@ class Orders:
     async def _lease(self, *, asked: bool = False) -> bool:
         """Whether this client commands now; where another does, a person decides."""
         view = self._link.view()
+        if view.offer is not None:
+            await self._change_rig(view.offer)
+            return False
         if view.commands:
             return True
         holder = None if view.status is None else view.status.commanding
@@ -153,6 +156,16 @@ class Orders:
         if asked and answer is not None:
             self._person.says("you command now")
         return answer is not None
+
+    async def _change_rig(self, offer: Welcome) -> None:
+        says = (
+            f"This screen belongs to the rig “{self._link.rig}”, which has no service now.",
+            f"The rig “{offer.rig}” has one, with the run “{offer.run}” in {offer.folder}.",
+            "Orders and the emergency stop go to that rig then.",
+        )
+        if await self._person.confirms(f"Change to the rig “{offer.rig}”?", says, "change"):
+            self._link.change_rig()
+            self._person.says(f"changing to the rig “{offer.rig}”")
 
     async def _send(self, command: Command, done: str) -> None:
         free = isinstance(command, AnswerPrompt)

@@ -7,8 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-Style = Literal["", "dim", "head", "good", "warn", "bad", "old", "key", "alarm", "measured", "model"]
+from fidim_lab.say import printable
 
+Style = Literal["", "dim", "head", "good", "warn", "bad", "old", "key", "alarm", "rig", "measured", "model"]
+
+LONGEST = 20_000
+"""characters of one text on a screen"""
 PARTS = " ▏▎▍▌▋▊▉█"
 
 
@@ -80,9 +84,9 @@ def greyed(lines: Iterable[Line]) -> list[Line]:
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:
-    """Words on as many lines as they need."""
+    """Words on as many lines as they need; a text without end has an end here."""
     rows, row = [], indent
-    for word in text.split():
+    for word in printable(text, LONGEST).split():
         if len(row) + len(word) + 1 > width and row.strip():
             rows.append(row)
             row = indent

@@ -1,21 +1,27 @@
 """What lies in the run's folder for the screens Result and Why: read anew when a file changes.
 
 `read_papers` is pure but for the files; `Papers` is what it found. A file that cannot be read is said, not hidden.
+`PapersWatch` reads aside from the event loop: the keys do not wait for a file.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from drivers.ports import Clock
 from fidim_lab.app.equivalence import EquivalenceTable
+from fidim_lab.app.tui.aside import Aside, StalledError
 from fidim_lab.data.json_file import read_json_as
 from fidim_lab.errors import FileError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 
 RESULT = "result.json"
 EXPLANATION = "explanation.json"
+EVERY = 1.0
+"""s between two looks at the files"""
 
 
 class _Lenient(BaseModel):
@@ -116,6 +122,41 @@ def read_papers(folder: Path | None) -> Papers:
     return Papers(folder, result, last, "" if before is None else before.name, explanation, tuple(problems))
 
 
+class PapersWatch:
+    """Keeps `found` as new as the files are. `run` is a task for as long as the screen lives."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.found = Papers()
+        self._clock = clock
+        self._aside = Aside(clock)
+        self._stamp: tuple[float, ...] | None = None
+
+    async def run(self, folder: Callable[[], Path | None]) -> None:
+        """Look at the files of what is the run's folder by then, until cancelled."""
+        while True:
+            await self._look(folder())
+            await self._clock.sleep(EVERY)
+
+    async def _look(self, folder: Path | None) -> None:
+        if folder != self.found.folder:  # another run: a share that stalls there is no reason not to read here
+            self.found, self._stamp, self._aside = Papers(folder), None, Aside(self._clock)
+        before = self._stamp
+        try:
+            told = await self._aside.run(lambda: _newer(folder, before))
+        except Exception as error:  # whatever is in those files, this screen goes on
+            says = str(error) if isinstance(error, StalledError) else f"cannot be read: {type(error).__name__}: {error}"
+            self._stamp, self.found = None, replace(self.found, problems=(f"{folder}: {says}",))
+            return
+        if told is not None:
+            self._stamp, self.found = told
+
+
+def _newer(folder: Path | None, before: tuple[float, ...] | None) -> tuple[tuple[float, ...], Papers] | None:
+    """The files and their stamp; None where they are as before."""
+    now = stamp(folder)
+    return None if now == before else (now, read_papers(folder))
+
+
 def _changed(path: Path) -> float:
     try:
         return path.stat().st_mtime
@@ -124,20 +165,16 @@ def _changed(path: Path) -> float:
 
 
 def _result(folder: Path, problems: list[str]) -> ResultTable | None:
-    if not (folder / RESULT).exists():
-        return None
     try:
-        return read_result(folder / RESULT)
+        return read_result(folder / RESULT) if (folder / RESULT).exists() else None
     except FileError as error:
         problems.append(str(error))
         return None
 
 
 def _explanation(path: Path, problems: list[str]) -> ExplanationTable | None:
-    if not path.exists():
-        return None
     try:
-        return read_json_as(path, ExplanationTable.model_validate)
+        return read_json_as(path, ExplanationTable.model_validate) if path.exists() else None
     except FileError as error:
         problems.append(str(error))
         return None

@@ -1,6 +1,7 @@
 """Draws the present view on whatever is in sight: bars, one screen's board, the alarms of a dialog."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from textual.app import ComposeResult
@@ -8,10 +9,11 @@ from textual.containers import Vertical
 from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Input
 
+from drivers.ports import Clock
 from fidim_lab.app.tui.foresight import Foresight
 from fidim_lab.app.tui.jobs import Jobs
-from fidim_lab.app.tui.paint import Line, greyed
-from fidim_lab.app.tui.papers import Papers, read_papers, stamp
+from fidim_lab.app.tui.paint import Line, Span, greyed, line, wrapped
+from fidim_lab.app.tui.papers import PapersWatch
 from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_lines, tab_lines
 from fidim_lab.app.tui.screens.check import check_lines
 from fidim_lab.app.tui.screens.log import log_lines
@@ -25,8 +27,6 @@ from fidim_lab.app.tui.widgets.board import Board
 
 NOTICE_FOR = 8.0
 """s that a notice stays"""
-PAPERS_EVERY = 1.0
-"""s between two looks at the files"""
 CURVES_EVERY = 0.3
 """s between two drawings of the curves: they are long, and nobody reads them faster"""
 WINDOW = TABS.index("Window")
@@ -35,11 +35,12 @@ WINDOW = TABS.index("Window")
 class Stage:
     """The widgets of the main screen, and what is drawn on them."""
 
-    def __init__(self, folder: Path | None) -> None:
+    def __init__(self, folder: Path | None, clock: Clock) -> None:
         """folder: of the run, where no service says it."""
         self.current = 0
         self.foresight = Foresight()
-        self.jobs = Jobs()
+        self.jobs = Jobs(clock)
+        self.papers = PapersWatch(clock)
         self.state = Board(id="state", grow=True)
         self.tabs = Board(id="tabs", grow=True)
         self.prompt = Board(id="prompt", grow=True)
@@ -49,9 +50,6 @@ class Stage:
         self._room = ContentSwitcher(initial=self.boards[0].id)
         self._given = folder
         self._notice = ("", 0.0)
-        self._papers = Papers()
-        self._stamp: tuple[object, ...] = ()
-        self._looked = -1.0
         self._drawn = -1.0
         self._revealed: tuple[int | None, int] = (None, 0)
 
@@ -84,18 +82,27 @@ class Stage:
         return self._given if view.welcome is None else Path(view.welcome.folder)
 
     def draw(self, view: View, over: Iterable[Widget] = ()) -> None:
-        """Draw; over: boards for the alarms, of dialogs that cover the screen."""
+        """Draw; over: boards for the alarms, of dialogs that cover the screen. Raises nothing.
+
+        What cannot be drawn is no reason to lose the keys.
+        """
+        try:
+            self._draw(view, over)
+        except Exception as error:
+            self._draw_fault(view, f"✗ This screen cannot be drawn: {type(error).__name__}: {error}.")
+
+    def _draw(self, view: View, over: Iterable[Widget]) -> None:
         width = max(self.state.size.width, 40)
-        self._look_at_papers(view)
         self.foresight.look(view.trace if view.recording else Trace(), self.folder(view))
         notice = self._notice[0] if view.now < self._notice[1] else ""
         state = state_lines(view, width, notice)
         self.state.show(state)
         for covering in over:
             if isinstance(covering, Board):
-                covering.show(state_lines(view, max(covering.size.width, 40), notice))
+                room = max(covering.size.width, 40)
+                covering.show([*state_lines(view, room, notice), *prompt_lines(view, room, typing=self._typing)])
         self.tabs.show(tab_lines(self.current, width))
-        self.prompt.show(prompt_lines(view, width))
+        self.prompt.show(prompt_lines(view, width, typing=self._typing))
         self.keys.show(key_lines(width))
         if self.current == WINDOW and view.fresh and view.now - self._drawn < CURVES_EVERY:
             return
@@ -106,6 +113,18 @@ class Stage:
         live = TABS[self.current] in ("Session", "Rig", "Window")
         board.show(greyed(lines) if live and not view.fresh else lines)
         self._reveal(board, view)
+
+    def _draw_fault(self, view: View, says: str) -> None:
+        """As little as can be, where `draw` has failed: that it has, and the alarms if those can be drawn."""
+        rows: list[Line] = [line(Span(text, "bad")) for text in wrapped(says, 79)]
+        with suppress(Exception):
+            rows += state_lines(view, max(self.state.size.width, 40))
+        self.state.show(rows)
+
+    @property
+    def _typing(self) -> bool:
+        """Whether letters go into a line of text now."""
+        return isinstance(self.state.app.focused, Input)
 
     def _reveal(self, board: Board, view: View) -> None:
         """The row of the present window comes into sight when it becomes the present one, or a prompt takes room."""
@@ -127,17 +146,8 @@ class Stage:
             case "Window":
                 return window_lines(view, width, height, self.foresight.found, self.foresight.doubt)
             case "Result":
-                return result_lines(self._papers, width, self.jobs.says(view.now))
+                return result_lines(self.papers.found, width, self.jobs.says(view.now))
             case "Why":
-                return why_lines(self._papers, width, self.jobs.says(view.now), check_lines(view.events, width))
+                return why_lines(self.papers.found, width, self.jobs.says(view.now), check_lines(view.events, width))
             case _:
                 return log_lines(view, width, self.filter.value)
-
-    def _look_at_papers(self, view: View) -> None:
-        if view.now - self._looked < PAPERS_EVERY and self._looked >= 0:
-            return
-        self._looked = view.now
-        folder = self.folder(view)
-        now = (folder, *stamp(folder))
-        if now != self._stamp:
-            self._stamp, self._papers = now, read_papers(folder)

@@ -73,6 +73,8 @@ class View:
     forgotten: int = 0
     trace: Trace = Trace()
     recording: bool = False
+    offer: Welcome | None = None
+    """another rig's service, which a person may change to"""
 
     @property
     def fresh(self) -> bool:
@@ -103,6 +105,7 @@ class Tracker:
         self._forgotten = 0
         self._trace = Trace()
         self._recording = False
+        self._offer: Welcome | None = None
 
     def take(self, message: Message, now: float) -> None:
         """Take one message at this process's time."""
@@ -143,6 +146,10 @@ class Tracker:
         self._contact = Contact.SEEKING if self._status is None else Contact.LOST
         self._why = why
 
+    def offer(self, welcome: Welcome | None) -> None:
+        """Another rig has a service while this one has none; or no longer."""
+        self._offer = welcome
+
     def view(self, now: float) -> View:
         """What is known now."""
         if self._shown is None:
@@ -163,6 +170,7 @@ class Tracker:
             forgotten=self._forgotten,
             trace=self._trace,
             recording=self._recording,
+            offer=self._offer,
         )
 
     def _begin(self, welcome: Welcome, now: float) -> None:

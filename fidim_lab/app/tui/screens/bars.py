@@ -30,8 +30,8 @@ PHASES: dict[str, tuple[str, Style]] = {
 
 
 def state_lines(view: View, width: int, notice: str = "") -> list[Line]:
-    """One line of state, one of what was last said to this person, and alarms that nobody can overlook."""
-    rows = [_state(view, width)]
+    """Whose rig this is, the state, alarms that nobody can overlook, and what was last said to this person."""
+    rows = [_rig(view, width), _state(view, width)]
     rows += _alarms(view, width)
     rows += [line(Span(text, "key")) for text in wrapped(notice, width)[:2]]
     return rows
@@ -48,8 +48,8 @@ def tab_lines(current: int, width: int) -> list[Line]:
     return [(*spans, Span(left("─" * max(width - used, 0), max(width - used, 0)), "dim"))]
 
 
-def prompt_lines(view: View, width: int) -> list[Line]:
-    """The open prompt with its keys; nothing where there is none."""
+def prompt_lines(view: View, width: int, *, typing: bool = False) -> list[Line]:
+    """The open prompt with its keys; nothing where there is none. typing: letters go into a line of text now."""
     question = view.question
     if question is None or view.contact is not Contact.LIVE:
         return []
@@ -58,9 +58,9 @@ def prompt_lines(view: View, width: int) -> list[Line]:
     rows += [line(Span(text, "head")) for text in wrapped(f"{about}{question.text}", width)[:4]]
     if question.displacement:
         rows.append(line(f"wanted from rest  {_away(question.displacement)}", Span(_displaced(view), "good")))
-    keys: list[Span] = []
+    keys: list[Span] = [Span("Esc, then  ", "key")] if typing else []
     for key, choice in choice_keys(question.choices).items():
-        keys += [Span(f"[{key}] {choice}", "key", f"screen.choose('{key}')"), Span("   ")]
+        keys += [Span(f"[{key}] {choice}", "key", f"app.choose('{key}')"), Span("   ")]
     rows.append((*keys[:-1], *line(Span(_default(view), "dim"))))
     return rows
 
@@ -99,18 +99,28 @@ def _default(view: View) -> str:
     return f"   “{question.default}” by itself in {left_over:.0f} s"
 
 
+def _rig(view: View, width: int) -> Line:
+    """A band of its own: a key pressed for the wrong robot is the worst mistake of all."""
+    if view.welcome is None:
+        return line(Span(left(" no rig yet", width), "rig"))
+    run = f"  {view.welcome.run} "
+    run = left(run, min(len(run), width // 3))
+    return line(Span(left(f" RIG  {view.welcome.rig}", width - len(run)) + run, "rig"))
+
+
 def _state(view: View, width: int) -> Line:
-    status, welcome = view.status, view.welcome
+    status = view.status
     if status is None:
         return line(Span("fidim  ", "dim"), Span(view.contact.value, "warn"))
     phase, style = PHASES[status.phase]
     role = "you command" if view.commands else _commander(view)
-    name = "" if welcome is None else f"{welcome.run} · {welcome.rig}"
-    end = f"{status.wall[11:19]}  {role}  {_age(view)}"
+    end = f"{status.wall[11:19]}  {_age(view)}"
     middle = max(width - len(phase) - len(end) - 4, 0)
     if not view.fresh:
-        return line(Span(f"{phase}?  {left(name, max(middle - 1, 0))}  {end}", "old"))
-    return line(Span(phase, style), f"  {left(name, middle)}  ", Span(end, "dim"))
+        return line(Span(f"{phase}?  {left(role, max(middle - 1, 0))}  {end}", "old"))
+    return line(
+        Span(phase, style), Span(f"  {left(role, middle)}  ", "head" if view.commands else ""), Span(end, "dim")
+    )
 
 
 def _commander(view: View) -> str:
@@ -137,6 +147,9 @@ def _alarms(view: View, width: int) -> list[Line]:
             rows += _alarm(f"□ THE SERVICE HAS ENDED{old}", width, view.why, alarm="warn")
         case _:
             pass
+    if view.offer is not None:
+        there = f"“{view.offer.rig}” has a service (run “{view.offer.run}”). t, then y, changes to that rig."
+        rows += _alarm("ANOTHER RIG IS THERE, AND THIS SCREEN DOES NOT ANSWER FOR IT", width, there, alarm="warn")
     status = view.status
     if status is not None and status.latched:
         was = "" if view.fresh else "when last heard: "

@@ -1,7 +1,7 @@
 """A widget that shows lines and redraws only those that have changed: ten times a second without flicker."""
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, get_args
 
 from rich.segment import Segment
 from rich.style import Style as RichStyle
@@ -9,15 +9,14 @@ from textual.geometry import Region, Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, text_of
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, text_of
+from fidim_lab.say import printable
 
 
 class Board(ScrollView, can_focus=True):
     """Lines, scrolled where they are more than fit. `show` new ones at any rate; what is equal costs nothing."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {
-        f"board--{name}" for name in ("dim", "head", "good", "warn", "bad", "old", "key", "alarm", "measured", "model")
-    }
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"board--{name}" for name in get_args(Style) if name}
 
     def __init__(self, *, id: str, follow: bool = False, grow: bool = False) -> None:
         """follow: keep the last line in sight, unless scrolled away. grow: as high as its lines."""
@@ -56,7 +55,7 @@ class Board(ScrollView, can_focus=True):
         index = y + self.scroll_offset.y
         row = self._lines[index] if index < len(self._lines) else EMPTY
         width, ground = self.size.width, self.rich_style
-        segments = [Segment(span.text, self._style(span, ground)) for span in row]
+        segments = [Segment(printable(span.text), self._style(span, ground)) for span in row]
         return Strip(segments).adjust_cell_length(width, ground)
 
     def on_resize(self) -> None:

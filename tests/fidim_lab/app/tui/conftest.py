@@ -2,6 +2,7 @@
 
 import asyncio
 import tempfile
+import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -123,6 +124,9 @@ class FakeService:
     silent: bool = False
     deaf: bool = False
     hub: Hub | None = None
+    rig: str = "test rig"
+    heard: asyncio.Event = field(default_factory=asyncio.Event)
+    """an emergency stop"""
 
     async def run(self) -> None:
         clock = LoopClock()
@@ -158,7 +162,7 @@ class FakeService:
             you=client.number,
             run="two windows",
             folder=str(self.folder),
-            rig="test rig",
+            rig=self.rig,
             windows=("i01", "i02", "v01"),
             winches=("winch 1", "winch 2", "winch 3", "winch 4"),
         )
@@ -171,6 +175,7 @@ class FakeService:
         ok, says, code = True, "", ""
         match command:
             case EmergencyStop():
+                self.heard.set()
                 self.state = self.state.model_copy(update={"latched": True, "latched_why": "by the test"})
                 says = "All winches were quick-stopped."
             case Reset(code=""):
@@ -234,6 +239,26 @@ class Screen:
             await self.pilot.pause(0.02)
         pytest.fail(f"never came: {what}; the screen shows\n{self.bars}\n{self.board}")
 
+    async def keys(self, *keys: str) -> None:
+        """Press these without waiting for what they do to be drawn, as fast fingers do."""
+        for key in keys:
+            self.app.simulate_key(key)
+            await LoopClock().sleep(0.01)
+
+    async def stop(self, key: str = "f12") -> float:
+        """Press the emergency stop; returns how long this process worked (s of CPU) until the service heard it.
+
+        What other programs take of a busy computer does not count; waiting for a file or a lock would never end.
+        """
+        self.service.heard.clear()
+        begun = time.process_time()
+        self.app.simulate_key(key)
+        try:
+            await asyncio.wait_for(self.service.heard.wait(), 8.0)
+        except TimeoutError:
+            pytest.fail(f"not stopped; the screen shows\n{self.bars}\n{self.over}")
+        return time.process_time() - begun
+
     def kill_service(self) -> None:
         self.serving.cancel()
 
@@ -257,7 +282,7 @@ def opened(fake: FakeService, monkeypatch: pytest.MonkeyPatch) -> Opener:
     """A UI attached to the fake service, live."""
     monkeypatch.setattr("fidim_lab.app.tui.foresight.Foresight.look", lambda *a: None)  # no worker process
     monkeypatch.setattr("fidim_lab.app.tui.view.STALE", 3.0)  # tests share a busy computer
-    monkeypatch.setattr("fidim_lab.app.tui.main_screen.SETTLE", 0.0)
+    monkeypatch.setattr("fidim_lab.app.tui.app.SETTLE", 0.0)
 
     @asynccontextmanager
     async def opened(size: tuple[int, int] = (80, 24), *, light: bool = False) -> AsyncIterator[Screen]:

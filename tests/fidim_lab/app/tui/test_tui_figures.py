@@ -109,7 +109,7 @@ def test_each_key_below_is_a_button_and_all_fit_in_80_columns():
     assert len(text_of([row])) <= 80
     assert {span.click for span in row if span.click} == {action for *_, action in KEYS}
     assert [span.click for span in tab_lines(0, 80)[0] if span.click][2] == "screen.turn(2)"
-    assert "screen.choose('d')" in [
+    assert "app.choose('d')" in [
         span.click for span in prompt_lines(View(contact=Contact.LIVE, question=ASKED), 80)[-1]
     ]
 
