@@ -138,7 +138,7 @@ class Link:
         return next((answer for answer in answers if not answer.ok), answers[0])
 
     async def _possible(self) -> tuple[Path, ...]:
-        found = await self._aside.run(self._finder.look)
+        found = await Aside(self._clock).run(self._finder.look)  # one of its own: it waits for no other look
         sockets = found.several if found.socket is None else (found.socket,)
         if not sockets:
             raise HardwareError(found.why)

@@ -8,8 +8,9 @@ import pytest
 
 from drivers.clock import LoopClock
 from fidim_lab.app.service.commands import Pause
+from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.messages import Happening
-from fidim_lab.app.service.place import Place, held
+from fidim_lab.app.service.place import Place
 from fidim_lab.app.tui.app import FidimUi
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.link import Link
@@ -41,7 +42,7 @@ class Laboratory:
 def laboratory(fake, monkeypatch):
     runtime = fake.socket.parent / "fidim"
     runtime.mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime.parent))
+    monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(runtime))
     monkeypatch.setattr("fidim_lab.app.tui.foresight.Foresight.look", lambda *a: None)
     monkeypatch.setattr("fidim_lab.app.tui.view.STALE", 3.0)
     monkeypatch.setattr("fidim_lab.app.tui.link.AGAIN", 0.1)
@@ -122,7 +123,7 @@ def test_before_it_belongs_to_a_rig_a_screen_stops_all_that_are_there(laboratory
         ):
             await until(lambda: "several services" in app.stage.boards[0].text, "that it cannot choose")
             app.simulate_key("f12")
-            await asyncio.gather(one.heard.wait(), two.heard.wait())
+            await until(lambda: one.heard.is_set() and two.heard.is_set(), "both stops")
             await until(lambda: "EMERGENCY STOP: All winches" in app.stage.state.text, "the answer")
 
     asyncio.run(asyncio.wait_for(main(), 60.0))
