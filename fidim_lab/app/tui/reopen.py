@@ -3,21 +3,22 @@
 Nothing moves by it: the emergency stop is reset (r) and the run begun (g) as in any other service.
 """
 
-import asyncio
 from pathlib import Path
 
+from drivers.clock import LoopClock
 from fidim_lab.app.run_process import service_process, until_it_listens
 from fidim_lab.app.service.lock import holder
 from fidim_lab.app.service.place import Place, place_of
 from fidim_lab.app.service.spec import RunSpec, again, read_spec
 from fidim_lab.app.shutdown import end_service, serves
+from fidim_lab.app.tui.aside import Aside
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import RefusedError
 
 
 async def reopen(folder: Path) -> str:
     """Start the service of the run in this folder; returns what was left out. Raises FidimError where it cannot be."""
-    spec, place, says = await asyncio.to_thread(_read, folder)
+    spec, place, says = await Aside(LoopClock()).run(lambda: _read(folder))
     if (who := holder(place)) is not None and serves(who, folder) and (refusal := await end_service(place)):
         raise RefusedError(f"The service of this run is there, and {refusal}")
     with service_process(spec, place) as process:
