@@ -8,7 +8,7 @@ import io
 import json
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +17,9 @@ from typing import Any, Self
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from drivers.ports import Clock
+from fidim_lab.data.input_file import read_bytes, unseen
 from fidim_lab.errors import FileError, HardwareError
+from fidim_lab.say import printable
 from procedures.outcomes import Outcome
 
 NAME = "journal.jsonl"
@@ -48,7 +50,7 @@ class Kind(StrEnum):
 class Entry:
     """One line."""
 
-    __pydantic_config__ = ConfigDict(extra="forbid")  # pyright: ignore[reportUnannotatedClassAttribute]
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)  # pyright: ignore[reportUnannotatedClassAttribute]
 
     number: int
     t: float
@@ -137,10 +139,7 @@ def _mend(path: Path) -> int:
 
 def _read(path: Path) -> list[tuple[Entry, int]]:
     """Each whole entry with the offset where it ends."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read: {error.strerror}") from None
+    data = read_bytes(path)
     entries: list[tuple[Entry, int]] = []
     offset = 0
     for number, line in enumerate(io.BytesIO(data), start=1):
@@ -151,8 +150,24 @@ def _read(path: Path) -> list[tuple[Entry, int]]:
             if data[offset:].strip(b"\0\n") == b"":  # the last line: torn by a crash
                 break
             raise FileError(path, f"line {number}", f"is not a journal line: {error.errors()[0]['msg']}") from None
-        entries.append((entry, offset))
+        entries.append((_shown(entry) if unseen(line.decode("utf-8", "replace")) or b"\\u" in line else entry, offset))
     return entries
+
+
+def _shown(entry: Entry) -> Entry:
+    """With control characters and direction marks as their codes: a device's name may have brought them in."""
+
+    def shown(value: Any) -> Any:
+        match value:
+            case dict():
+                return {shown(key): shown(item) for key, item in value.items()}
+            case list():
+                return [shown(item) for item in value]
+            case _:
+                return printable(value) if isinstance(value, str) and unseen(value) else value
+
+    texts = {name: shown(getattr(entry, name)) for name in ("step", "window", "text", "reason", "wall", "data")}
+    return replace(entry, **texts)
 
 
 def _compact(entry: Entry) -> dict[str, Any]:

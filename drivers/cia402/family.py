@@ -4,12 +4,12 @@ One TOML file for each in `families/`, or a laboratory's own beside its rig file
 (watch of the heartbeat, reactions, position limits) is never declared absent: such a drive is refused.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fidim_lab.data.toml_file import read_toml_table
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-drive-family/1"
@@ -62,13 +62,9 @@ def built_in() -> tuple[str, ...]:
 
 def read_family(path: Path) -> DriveFamily:
     """Read a family file. Raises FileError naming file and key."""
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        hint = f"Built in are {', '.join(built_in())}."
-        raise FileError(path, "", f"cannot be read: {error.strerror or error}", hint=hint) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(path, "", f"is not TOML: {error}") from error
+    if not path.exists():
+        raise FileError(path, "", "no such file", hint=f"Built in are {', '.join(built_in())}.")
+    table = read_toml_table(path)
     if table.get("format") != FORMAT:
         raise FileError(path, "format", f'{table.get("format")!r}; this version reads "{FORMAT}"')
     for key in table:

@@ -4,6 +4,7 @@ Make one for a bus, `add_node` for each drive, then run `run()` as a task for as
 heartbeat comes from the same loop: where that hangs or ends, the drives miss it and stop by themselves (1016, 6007).
 """
 
+import io
 import math
 import warnings
 from collections.abc import Callable, Mapping
@@ -12,6 +13,7 @@ from typing import cast
 
 import can
 import canopen
+from canopen.objectdictionary.eds import import_eds
 
 from drivers.canbus.load import MAX_LOAD, bus_load
 from drivers.canbus.transport import CanFrame, CanTransport
@@ -25,7 +27,8 @@ from drivers.cia402.strangers import SDO_REQUEST, Strangers
 from drivers.cia402.sync import SyncTimes
 from drivers.cia402.words import controlword
 from drivers.ports import Clock
-from fidim_lab.errors import BusError, SetupError
+from fidim_lab.data.eds_text import read_eds_text
+from fidim_lab.errors import BusError, FileError, SetupError
 
 _SYNC = 0x080
 _HOST_PERIODS = 3.0
@@ -225,15 +228,14 @@ class CanopenMaster:
 
 
 def _remote_node(config: WinchConfig) -> canopen.RemoteNode:
-    """A drive with the object dictionary of its EDS file. Raises SetupError naming the EDS file.
-
-    Vendors write their names in whatever encoding their editors have; nothing that counts is beyond ASCII.
-    """
+    """A drive with the object dictionary of its EDS file. Raises SetupError naming the EDS file."""
     try:
-        with config.eds.open(encoding="utf-8-sig", errors="replace") as file, warnings.catch_warnings():
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # canopen's own, where [DeviceInfo] is missing
-            known = canopen.import_od(file, config.node_id)
+            known = import_eds(io.StringIO(read_eds_text(config.eds)), config.node_id)
         node = canopen.RemoteNode(config.node_id, known)
+    except FileError as error:
+        raise SetupError(f"winch {config.name!r}: the EDS file {error.message}", hint=error.hint) from error
     except Exception as error:  # canopen raises whatever its parser meets
         raise SetupError(f"winch {config.name!r}: the EDS file {config.eds} cannot be read: {error}") from error
     if not known.indices:

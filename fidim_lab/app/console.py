@@ -5,6 +5,8 @@ from collections.abc import Iterable
 
 from rich.console import Console
 
+from fidim_lab.say import printable
+
 out = Console(highlight=False, soft_wrap=not sys.stdout.isatty(), width=None if sys.stdout.isatty() else 100)
 err = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
 
@@ -12,4 +14,4 @@ err = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
 def warn(messages: Iterable[str]) -> None:
     """Print warnings, each on its own line, to standard error."""
     for message in messages:
-        err.print(f"warning: {message}", style="yellow", markup=False)
+        err.print(f"warning: {printable(message)}", style="yellow", markup=False)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fidim_lab.data.campaign import FORMAT, INDEX, CampaignTable
+from fidim_lab.data.input_file import read_bytes
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.data.toml_file import read_toml
 from fidim_lab.data.window_csv import write_window_csv
@@ -34,7 +35,7 @@ def export_unfinished(folder: Path, out: Path) -> Iterator[tuple[Path, str]]:
         out.mkdir(parents=True, exist_ok=True)
         to = out / f"{path.parent.name}-{_stem(path)}.csv"
         if path.name.endswith(_CSV):
-            text = path.read_text(encoding="utf-8", errors="replace")
+            text = read_bytes(path).decode("utf-8", "replace")
             to.write_text(text[: text.rfind("\n") + 1], encoding="utf-8")
             yield to, "the recording was broken off; whole lines are kept"
             continue

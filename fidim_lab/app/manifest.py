@@ -15,8 +15,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from fidim_lab.data.input_file import open_input
 from fidim_lab.data.json_file import read_json_as
-from fidim_lab.errors import FileError, HardwareError
+from fidim_lab.errors import FileError
 from procedures.disk import disk_error, sync
 
 MANIFEST = "manifest.json"
@@ -25,6 +26,10 @@ DERIVED = ("result.json", "explanation.json", "validation.json", MANIFEST, f"{MA
 DERIVED_SUFFIXES = (".html", ".pdf", ".svg")
 EXPORTS = "export"
 """folder that is left out"""
+LARGEST = 1 << 40
+"""bytes of one file"""
+NO_FILE = "no regular file"
+"""in place of the checksum of a FIFO or device, which no run leaves: nobody waits for it"""
 _GIT_TIMEOUT = 5.0
 
 
@@ -87,7 +92,7 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def file_entries(folder: Path) -> dict[str, FileEntry]:
-    """Size and checksum of every file that counts, by name. Raises HardwareError where one cannot be read."""
+    """Size and checksum of every file that counts, hidden ones too, by name. Raises FileError for one unreadable."""
     return {_name(folder, path): _entry(path) for path in sorted(folder.rglob("*")) if _counts(folder, path)}
 
 
@@ -108,18 +113,17 @@ def _name(folder: Path, path: Path) -> str:
 
 def _counts(folder: Path, path: Path) -> bool:
     parts = path.relative_to(folder).parts
-    if not path.is_file() or any(part.startswith(".") for part in parts) or parts[0] == EXPORTS:
+    if path.is_dir() or parts[0] == EXPORTS:
         return False
     return not (len(parts) == 1 and (path.name in DERIVED or path.suffix in DERIVED_SUFFIXES))
 
 
 def _entry(path: Path) -> FileEntry:
-    try:
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return FileEntry(size=path.stat().st_size, sha256=digest)
-    except OSError as error:
-        raise HardwareError(f"{path}: cannot be read: {error.strerror or error}.") from error
+    if not path.is_file():
+        return FileEntry(size=0, sha256=NO_FILE)
+    with open_input(path, LARGEST) as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return FileEntry(size=path.stat().st_size, sha256=digest)
 
 
 def _commit(checkout: Path) -> str | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fidim_lab.app import console
 from fidim_lab.app.manifest import FileEntry, Manifest, Software, file_entries, read_manifest, software
+from fidim_lab.say import printable
 
 FORMAT = "fidim-verification/1"
 
@@ -30,7 +31,7 @@ class Verification:
 
 
 def verify(folder: Path) -> Verification:
-    """Hold a folder against its manifest. Raises FileError without one, HardwareError for a file that is unreadable."""
+    """Hold a folder against its manifest. Raises FileError without one, and for a file that is unreadable."""
     manifest = read_manifest(folder)
     found = file_entries(folder)
     common = sorted(manifest.files.keys() & found.keys())
@@ -52,12 +53,12 @@ def verify_command(folder: Path, json_file: Path | None) -> int:
         json_file.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
     for what, names in (("changed", found.changed), ("missing", found.missing), ("extra", found.extra)):
         for name in names:
-            console.out.print(f"{what:8} {name}", markup=False)
+            console.out.print(f"{what:8} {printable(name)}", markup=False)
     if found.versions:
         console.warn([f"recorded with other software: {'; '.join(found.versions)}"])
     wrong = len(found.changed) + len(found.missing) + len(found.extra)
     verdict = "intact" if found.intact else f"not intact: {wrong} difference{'s' * (wrong != 1)}"
-    console.out.print(f"{folder}: {verdict}, {found.checked} files as they were recorded", markup=False)
+    console.out.print(f"{printable(str(folder))}: {verdict}, {found.checked} files as they were recorded", markup=False)
     return 0 if found.intact else 1
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Annotated, Literal
 
@@ -82,7 +82,7 @@ def read_campaign(folder: Path) -> Campaign:
     table = read_toml(index, CampaignTable, FORMAT)
     if not table.window:
         raise FileError(index, "window", "the campaign lists no windows")
-    _check_ids(index, table.window)
+    _check_windows(index, table.window)
     robot = read_robot(folder / table.robot)
     alignment = read_alignment(folder / ALIGNMENT)
     windows = (_read_window(folder, w, robot.n, len(robot.markers)) for w in table.window)
@@ -104,12 +104,20 @@ def _aligned(window: Window, alignment: Alignment) -> Window:
     return replace(window, lengths=seen(window.lengths), currents=seen(window.currents))
 
 
-def _check_ids(index: Path, windows: Sequence[WindowTable]) -> None:
-    seen: set[str] = set()
+def _check_windows(index: Path, windows: Sequence[WindowTable]) -> None:
+    """Raises FileError for an id or file that is there twice, and for a file outside the folder."""
+    ids: set[str] = set()
+    files: set[PurePosixPath] = set()
     for number, window in enumerate(windows, start=1):
-        if window.id in seen:
+        file = PurePosixPath(window.file)
+        if window.id in ids:
             raise FileError(index, f"window {number}, id", f"{window.id!r} is there twice")
-        seen.add(window.id)
+        if file in files:
+            raise FileError(index, f"window {number}, file", f"{window.file!r} is there twice")
+        if file.is_absolute() or ".." in file.parts:
+            raise FileError(index, f"window {number}, file", f"{window.file!r} is not inside the campaign folder")
+        ids.add(window.id)
+        files.add(file)
 
 
 def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) -> Window:

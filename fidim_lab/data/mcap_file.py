@@ -5,24 +5,29 @@ Our own and other programs' files are read alike, as long as their messages are 
 """
 
 import io
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import lz4.frame
+import zstandard
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap_protobuf.decoder import DecoderFactory
 
+from fidim_lab.data.input_file import MIB, read_bytes
 from fidim_lab.data.mcap_encoder import MAGIC
 from fidim_lab.errors import FileError
 
 _RECORD_HEAD = 9
 """bytes: opcode and length"""
-_LARGEST = 1 << 30
-"""bytes of one record; a longer one is a damaged length"""
+LIMIT = 512 * MIB
+"""bytes of a file, and of its chunks when unpacked; the packets of a day of one marker at 100 Hz have 0.4 GiB"""
+CHUNK_LIMIT = 64 * MIB
+"""bytes of one unpacked chunk; ours have 1 MiB at most"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,22 +64,21 @@ class McapContents:
         return tuple(message for message in self.messages if message.topic == topic)
 
 
-def read_mcap(path: Path) -> McapContents:
-    """Everything in the file. Raises FileError where it cannot be read, is no MCAP file, or is damaged before its end.
+def read_mcap(path: Path, limit: int = LIMIT) -> McapContents:
+    """Everything in the file, of at most `limit` bytes packed and unpacked.
+
+    Raises FileError where it cannot be read, is no MCAP file, larger, or damaged before its end.
 
     A file that just stops (killed process, power cut) is read up to its last whole record, and is not `complete`.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read: {error.strerror or error}.") from None
+    data = read_bytes(path, limit)
     if not data.startswith(MAGIC[: len(data)]):
         raise FileError(path, "", "is not an MCAP file.")
     end, finished = _whole_records(data)
     reader = _Reader(path)
     problem = "" if finished else f"{path.name} stops after {end} bytes without an end: it was cut off while written"
     try:
-        for record in _records(data[:end] + MAGIC * finished):
+        for record in _records(data[:end] + MAGIC * finished, limit):
             reader.take(record)
     except FileError:
         raise
@@ -92,7 +96,7 @@ def _whole_records(data: bytes) -> tuple[int, bool]:
     while offset + _RECORD_HEAD <= len(data):
         opcode = data[offset]
         length = int.from_bytes(data[offset + 1 : offset + _RECORD_HEAD], "little")
-        if opcode == 0 or length > _LARGEST or offset + _RECORD_HEAD + length > len(data):
+        if opcode == 0 or offset + _RECORD_HEAD + length > len(data):
             break
         offset += _RECORD_HEAD + length
         if opcode == Opcode.FOOTER:
@@ -100,10 +104,11 @@ def _whole_records(data: bytes) -> tuple[int, bool]:
     return min(offset, len(data)), False
 
 
-def _records(data: bytes) -> Iterator[McapRecord]:
-    """Records of a file that may lack its end. Raises what `mcap` raises for damaged ones."""
+def _records(data: bytes, limit: int) -> Iterator[McapRecord]:
+    """Records of a file that may lack its end, chunks unpacked. Raises what `mcap` raises for damaged ones."""
     stream = io.BytesIO(data)
-    records = StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST).records
+    records = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=limit).records
+    unpacked = 0
     while True:
         try:
             record = next(records)
@@ -111,7 +116,44 @@ def _records(data: bytes) -> Iterator[McapRecord]:
             if stream.tell() < len(data):
                 raise McapError("a record is shorter than it says") from None
             return
-        yield record
+        if isinstance(record, Chunk):
+            plain = _unpacked(record)
+            unpacked += plain.uncompressed_size
+            if unpacked > limit:
+                raise McapError(f"its chunks unpack to more than {limit / MIB:g} MiB")
+            yield from breakup_chunk(plain, validate_crc=True)
+        else:
+            yield record
+
+
+def _unpacked(chunk: Chunk) -> Chunk:
+    """The chunk without its compression; at most what it says and what is allowed is ever unpacked."""
+    size = chunk.uncompressed_size
+    if size > CHUNK_LIMIT:
+        raise McapError(f"a chunk unpacks to {size / MIB:.0f} MiB; at most {CHUNK_LIMIT / MIB:g} MiB are read")
+    match chunk.compression:
+        case "zstd":
+            with zstandard.ZstdDecompressor(max_window_size=2 * CHUNK_LIMIT).stream_reader(chunk.data) as packed:
+                data = _exactly(packed.read, size)
+        case "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        case "":
+            data = chunk.data
+        case other:
+            raise McapError(f"a chunk is compressed by {other[:20]!r}; zstd and lz4 are read")
+    if len(data) != size:
+        raise McapError(f"a chunk does not unpack to the {size} bytes that it says")
+    return replace(chunk, compression="", data=data)
+
+
+def _exactly(read: Callable[[int], bytes], size: int) -> bytes:
+    """Up to one byte more than that, so that what is too long shows."""
+    parts: list[bytes] = []
+    left = size + 1
+    while left and (part := read(left)):
+        parts.append(part)
+        left -= len(part)
+    return b"".join(parts)
 
 
 class _Reader:

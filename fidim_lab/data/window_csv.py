@@ -3,22 +3,31 @@
 Named columns are t; x,y,z (main marker); m2x,m2y,m2z … (extra markers); l1…ln; i1…in. Further columns are kept.
 """
 
-import csv
 import math
 import re
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.input_file import read_text
+from fidim_lab.data.input_file import MIB, read_text, unseen
 from fidim_lab.errors import FileError
 
 MIN_SAMPLES = 20
 """a window with fewer is too short to use"""
 
-_NAMED = re.compile(r"t|[xyz]|m[1-9]\d*[xyz]|[li][1-9]\d*")
+LIMIT = 32 * MIB
+"""bytes, read in 3 s and 0.3 GB; ten minutes at 200 Hz are 20 MiB"""
+MOST_COLUMNS = 512
+"""of a header; a robot of five cables with ten markers has 41 of its own"""
+FARTHEST = 1e12
+"""largest value: also times of clocks that count from 1970 in ms are below"""
+
+_PLAIN = re.compile(r"[0-9eE+., \t-]*")
+"""what numbers in digits 0 to 9 are made of: float() takes 0.5_4 and ٠.٥ too"""
+_NAMED = re.compile(r"t|[xyz]|m[1-9][0-9]*[xyz]|[li][1-9][0-9]*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +47,12 @@ class WindowColumns:
 
 def read_window_csv(path: Path, cables: int) -> WindowColumns:
     """Read one window of a robot with `cables` cables. Raises FileError with file and line."""
-    lines = read_text(path).splitlines()
+    lines = read_text(path, LIMIT).splitlines()
     if not lines:
         raise FileError(path, "line 1", "the file is empty; a header line was expected")
+    columns = lines[0].count(",") + 1
+    if columns > MOST_COLUMNS:
+        raise FileError(path, "line 1", f"{columns} columns; at most {MOST_COLUMNS} are read")
     names = [name.strip() for name in lines[0].split(",")]
     _check_header(path, names)
     columns = dict(zip(names, _numbers(path, names, lines[1:]).T, strict=True))
@@ -63,36 +75,55 @@ def _check_header(path: Path, names: list[str]) -> None:
     for index, name in enumerate(names):
         if not name:
             raise FileError(path, "line 1", f"column {index + 1} has no name")
+        if unseen(name):
+            raise FileError(path, "line 1", f"column {ascii(name)[:60]} holds a control character or a direction mark")
         if name in names[:index]:
             raise FileError(path, "line 1", f"column {name} is there twice")
 
 
 def _numbers(path: Path, names: list[str], lines: Sequence[str]) -> np.ndarray:
     """(N, C) values, NaN where blank."""
-    rows: list[list[float]] = []
-    for number, cells in enumerate(csv.reader(lines), start=2):
-        if not cells:  # a blank line, as editors leave one at the end
+    values = array("d")
+    for number, line in enumerate(lines, start=2):
+        if not line:  # a blank line, as editors leave one at the end
             continue
+        cells = line.split(",")
         if len(cells) != len(names):
             raise FileError(path, f"line {number}", f"{len(cells)} columns, the header has {len(names)}")
-        rows.append([_number(path, number, name, cell) for name, cell in zip(names, cells, strict=True)])
-    if len(rows) < MIN_SAMPLES:
-        raise FileError(path, "", f"{len(rows)} samples; a window needs at least {MIN_SAMPLES} to be of use")
-    return np.array(rows)
+        row = _row(line, cells)
+        if row is None:
+            row = [_number(path, number, name, cell) for name, cell in zip(names, cells, strict=True)]
+        values.extend(row)
+    table = np.frombuffer(values).reshape(-1, len(names))
+    if len(table) < MIN_SAMPLES:
+        raise FileError(path, "", f"{len(table)} samples; a window needs at least {MIN_SAMPLES} to be of use")
+    return table
+
+
+def _row(line: str, cells: list[str]) -> list[float] | None:
+    """A line of plain numbers; None for one to be looked at cell by cell: a blank in it, or a mistake."""
+    try:
+        row = list(map(float, cells))
+    except ValueError:
+        return None
+    return row if _PLAIN.fullmatch(line) and max(row) <= FARTHEST and min(row) >= -FARTHEST else None
 
 
 def _number(path: Path, line: int, column: str, cell: str) -> float:
     cell = cell.strip()
     if not cell:
         return math.nan
+    place = f"line {line}, column {column[:40]}"
     try:
         value = float(cell)
     except ValueError:
-        raise FileError(path, f"line {line}, column {column}", f"{cell[:40]!r} is not a number") from None
+        raise FileError(path, place, f"{ascii(cell)[:40]} is not a number") from None
     if not math.isfinite(value):
-        raise FileError(
-            path, f"line {line}, column {column}", f"{cell!r} is not a finite number; leave a missing sample blank"
-        )
+        raise FileError(path, place, f"{ascii(cell)[:40]} is not a finite number; leave a missing sample blank")
+    if not _PLAIN.fullmatch(cell):
+        raise FileError(path, place, f"{ascii(cell)[:40]} is not a number of digits 0 to 9")
+    if abs(value) > FARTHEST:
+        raise FileError(path, place, f"{cell[:40]} is no measured value; at most {FARTHEST:g} is read")
     return value
 
 
@@ -106,20 +137,21 @@ def _check_times(path: Path, t: np.ndarray) -> None:
 
 def _markers(path: Path, columns: dict[str, np.ndarray]) -> np.ndarray:
     markers = [np.stack([columns[axis] for axis in "xyz"], axis=1)]
-    numbers = sorted({int(m.group(1)) for name in columns if (m := re.fullmatch(r"m(\d+)[xyz]", name))})
-    for index, number in enumerate(numbers, start=2):
+    found = {m.group(1) for name in columns if (m := re.fullmatch(r"m([0-9]+)[xyz]", name))}
+    for number in sorted(found, key=lambda digits: (len(digits), digits)):
         names = [f"m{number}{axis}" for axis in "xyz"]
         missing = [name for name in names if name not in columns]
         if missing:
             raise FileError(path, "line 1", f"marker {number} lacks column {', '.join(missing)}")
-        if number != index:
-            raise FileError(path, "line 1", f"marker m{index} is missing; extra markers are m2, m3, … without a gap")
+        expected = f"{len(markers) + 1}"
+        if number != expected:
+            raise FileError(path, "line 1", f"marker m{expected} is missing; extra markers are m2, m3, … without a gap")
         markers.append(np.stack([columns[name] for name in names], axis=1))
     return np.stack(markers, axis=1)
 
 
 def _per_cable(path: Path, columns: dict[str, np.ndarray], letter: str, cables: int) -> np.ndarray | None:
-    present = [name for name in columns if re.fullmatch(rf"{letter}[1-9]\d*", name)]
+    present = [name for name in columns if re.fullmatch(rf"{letter}[1-9][0-9]*", name)]
     wanted = [f"{letter}{cable}" for cable in range(1, cables + 1)]
     if not present:
         return None

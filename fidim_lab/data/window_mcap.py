@@ -12,15 +12,18 @@ from typing import Any
 
 import numpy as np
 
+from fidim_lab.data.input_file import MIB, unseen
 from fidim_lab.data.mcap_encoder import McapEncoder, nanoseconds
 from fidim_lab.data.mcap_file import McapContents, read_mcap
 from fidim_lab.data.mcap_schemas import ROW, messages
-from fidim_lab.data.window_csv import MIN_SAMPLES, WindowColumns
+from fidim_lab.data.window_csv import FARTHEST, MIN_SAMPLES, WindowColumns
 from fidim_lab.errors import FileError
 
 ROWS = "/window"
 """topic of the rows"""
 PROFILE = "fidim-window/1"
+LIMIT = 64 * MIB
+"""bytes; ten minutes of window with all that was seen beside it have 20 MiB"""
 FURTHER = "further"
 """key of the channel's metadata with the names of further columns"""
 
@@ -39,7 +42,7 @@ def read_window_mcap(path: Path, cables: int) -> WindowColumns:
 
     Raises FileError with file and row: also for a file without its end, which is not a window (`read_unfinished`).
     """
-    contents = read_mcap(path)
+    contents = read_mcap(path, LIMIT)
     if not contents.complete:
         hint = "Record the window again; fidim export --unfinished shows what is left."
         raise FileError(path, "", f"{contents.problem}.", hint=hint)
@@ -89,6 +92,7 @@ def _columns(contents: McapContents, cables: int) -> WindowColumns:
     if not rows:
         raise FileError(contents.path, f"topic {ROWS}", f"there are no messages of the type {ROW}")
     path = contents.path
+    _check_types(path, rows[0].DESCRIPTOR)
     t = np.array([row.t for row in rows], dtype=float)
     for k in np.flatnonzero(~np.isfinite(t)):
         raise FileError(path, f"row {k + 1}", "a sample without its time")
@@ -103,10 +107,21 @@ def _columns(contents: McapContents, cables: int) -> WindowColumns:
             raise FileError(path, f"topic {ROWS}, {name}", f"{series.shape[1]} values for a robot of {cables} cables")
     further = _series(path, rows, "further")
     names = contents.channels[ROWS].get(FURTHER, "").split(",")
+    if any(unseen(name) for name in names):
+        raise FileError(path, f"topic {ROWS}", "the name of a further column holds a control character")
     if further is not None and further.shape[1] != len(names):
         raise FileError(path, f"topic {ROWS}", f"{further.shape[1]} further columns, named are {', '.join(names)}")
     kept = {} if further is None else dict(zip(names, further.T, strict=True))
     return WindowColumns(t, markers.reshape(len(t), -1, 3), lengths, currents, kept)
+
+
+def _check_types(path: Path, descriptor: Any) -> None:
+    """Raises FileError where a row of our name has other fields than ours."""
+    for name in ("t", "markers", "lengths", "currents", "further"):
+        field = descriptor.fields_by_name.get(name)
+        if field is None or field.type != field.TYPE_DOUBLE or field.is_repeated != (name != "t"):
+            numbers = "a number of 64 bits" if name == "t" else "a list of numbers of 64 bits"
+            raise FileError(path, f"topic {ROWS}, {name}", f"{'is missing' if field is None else 'is not'} {numbers}")
 
 
 def _series(path: Path, rows: Sequence[Any], name: str) -> np.ndarray | None:
@@ -117,6 +132,6 @@ def _series(path: Path, rows: Sequence[Any], name: str) -> np.ndarray | None:
         if len(row) != width:
             raise FileError(path, f"row {k + 1}, {name}", f"{len(row)} values, the first row has {width}")
     table = np.array(values, dtype=float).reshape(len(rows), width)
-    if np.isinf(table).any():
-        raise FileError(path, name, "a value is infinite; a missing sample is NaN")
+    if (np.abs(table) > FARTHEST).any():
+        raise FileError(path, name, f"a value above {FARTHEST:g} or infinite; a missing sample is NaN")
     return table if width else None

@@ -1,13 +1,15 @@
 """An EDS file as object dictionary of a simulated drive (parsed by `canopen`, nothing else of which is used)."""
 
 import configparser
+import io
 import struct
 import warnings
 from pathlib import Path
 from typing import Any
 
-import canopen
+from canopen.objectdictionary.eds import import_eds
 
+from fidim_lab.data.eds_text import read_eds_text
 from fidim_lab.errors import FileError
 from sim_backends.drive.dictionary import Dictionary, ObjectSpec, Value
 
@@ -22,11 +24,9 @@ def read_eds(path: Path, node_id: int) -> Dictionary:
     or gives a default that its type or range does not allow.
     """
     try:
-        with path.open(encoding="utf-8-sig", errors="replace") as stream, warnings.catch_warnings():
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # canopen's own, where [DeviceInfo] is missing
-            tree: Any = canopen.import_od(stream, node_id=node_id)
-    except OSError as problem:
-        raise FileError(path, "", f"cannot be read: {problem}") from problem
+            tree: Any = import_eds(io.StringIO(read_eds_text(path)), node_id)
     except (ValueError, LookupError, TypeError, AttributeError, configparser.Error) as problem:
         raise FileError(path, "", f"is no EDS file: {problem}") from problem
     variables: list[Any] = []

@@ -108,5 +108,5 @@ def test_an_unknown_field_is_an_error(tmp_path):
 
 
 def test_a_missing_journal_is_an_error(tmp_path):
-    with pytest.raises(FileError, match="cannot be read"):
+    with pytest.raises(FileError, match="no such file"):
         read_journal(tmp_path / "nowhere")

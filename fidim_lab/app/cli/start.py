@@ -11,6 +11,7 @@ import click
 
 from fidim_lab.app.cli.root import fidim
 from fidim_lab.errors import FidimError
+from fidim_lab.say import printable
 
 EXIT_WRONG_USE = 2
 EXIT_OUR_BUG = 3
@@ -46,7 +47,7 @@ def _explain(error: Exception, debug: bool) -> None:
     if debug:
         traceback.print_exception(error)
     sentence = str(error) if isinstance(error, FidimError) else f"{type(error).__name__}: {error}"
-    click.echo(f"fidim: {sentence}", err=True)
+    click.echo(f"fidim: {printable(sentence)}", err=True)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:

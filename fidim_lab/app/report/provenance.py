@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from fidim_lab.app.manifest import MANIFEST, read_manifest
+from fidim_lab.app.manifest import LARGEST, MANIFEST, read_manifest
 from fidim_lab.app.verify import verify
-from fidim_lab.errors import FileError
+from fidim_lab.data.input_file import open_input
+from fidim_lab.say import printable
 
 LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "pydantic", "canopen", "python-can", "matplotlib", "jinja2")
 DERIVED = ("result.json", "explanation.json")
@@ -74,12 +75,9 @@ def _is_source(folder: Path, path: Path) -> bool:
 
 
 def _source(folder: Path, path: Path) -> SourceFile:
-    try:
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return SourceFile(path.relative_to(folder).as_posix(), path.stat().st_size, digest)
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read: {error.strerror}") from None
+    with open_input(path, LARGEST) as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return SourceFile(printable(path.relative_to(folder).as_posix()), path.stat().st_size, digest)
 
 
 def _version(distribution: str) -> str:

@@ -19,6 +19,7 @@ import numpy as np
 from fidim_lab.data.importers.matlab import MatStruct, load_struct, variables
 from fidim_lab.data.importers.recording import Recording, RobotLog
 from fidim_lab.data.importers.vicon_text import read_trajectories
+from fidim_lab.data.input_file import TEXT_LIMIT, open_input
 from fidim_lab.data.records import Body, Cable, Robot
 from fidim_lab.errors import FileError, SetupError
 
@@ -82,7 +83,7 @@ def find_sources(sources: Sequence[Path]) -> Sources:
 
 def _role(path: Path) -> str | None:
     if path.suffix.lower() == ".txt":
-        with path.open("rb") as file:
+        with open_input(path, TEXT_LIMIT) as file:
             return "markers" if file.read(15).lstrip(b"\xef\xbb\xbf").startswith(b"Trajectories") else None
     if path.suffix.lower() == ".mat":
         names = variables(path)

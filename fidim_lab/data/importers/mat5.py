@@ -32,8 +32,10 @@ REFUSED = {3: "an object", 5: "a sparse matrix", 16: "a function handle", 17: "a
 COMPLEX = 0x0800
 DEEPEST = 32
 HEAD_BYTES = 1024
-LARGEST = 1 << 30
-"""bytes that one compressed variable may unpack to"""
+LARGEST = 1 << 27
+"""bytes that one compressed variable may unpack to, half an hour of 30 channels at 200 Hz six times over"""
+MOST_VALUES = 1 << 24
+"""of one array: as numbers of 8 bytes 0.13 GB, whatever the file keeps them as"""
 
 
 class DamagedError(ValueError):
@@ -199,6 +201,8 @@ def _integers(element: Element, order: str) -> tuple[int, ...]:
 
 
 def _shaped(values: np.ndarray, head: Head) -> np.ndarray:
+    if head.count > MOST_VALUES:
+        raise DamagedError(f"{head.name[:40]!r} has {head.count} values; at most {MOST_VALUES} are read")
     if len(values) != head.count:
         wanted = " × ".join(str(size) for size in head.dimensions)
         raise DamagedError(f"{head.name[:40]!r} has {len(values)} values for {wanted}")

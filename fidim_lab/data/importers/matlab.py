@@ -12,7 +12,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fidim_lab.data.importers.mat5 import DamagedError, read_names, read_variables
+from fidim_lab.data.input_file import MIB, read_bytes
 from fidim_lab.errors import FileError
+
+LIMIT = 256 * MIB
+"""bytes; the largest public recording has 20 MiB"""
 
 T = TypeVar("T")
 
@@ -87,15 +91,9 @@ def load_struct(path: Path, variable: str) -> MatStruct:
 
 def _carefully(path: Path, read: Callable[[bytes], T]) -> T:
     try:
-        return read(path.read_bytes())
+        return read(read_bytes(path, LIMIT))
     except DamagedError as error:
         raise FileError(path, "", f"is damaged or no .mat file: {error}") from None
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file") from None
-    except IsADirectoryError:
-        raise FileError(path, "", "is a folder, a file was expected") from None
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read: {error.strerror}") from None
 
 
 def _items(value: Any) -> Sequence[Any]:

@@ -91,5 +91,5 @@ def test_a_full_disk_never_reaches_the_receiver(tmp_path: Path, monkeypatch: pyt
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be written"):
         CandumpLog(tmp_path / "no" / "can.log")
-    with pytest.raises(FileError, match="cannot be read"):
+    with pytest.raises(FileError, match="no such file"):
         list(read_candump(tmp_path / "none.log"))

@@ -64,7 +64,7 @@ def test_each_difference_is_named(folder, tmp_path, capsys, spoil, says):
 
 
 def test_what_is_computed_from_the_files_is_not_part_of_them(folder):
-    for name in ("result.json", "report.html", "export/a.parquet", ".hidden"):
+    for name in ("result.json", "report.html", "export/a.parquet"):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text("x")
     assert verify(folder).intact

@@ -174,7 +174,7 @@ def test_what_is_wrong_in_a_window_is_named(tmp_path):
     encoder.add(encoder.add_channel("/window", MessageSchema("x", "ros2msg", b""), "cdr"), 1, b"")
     refused(encoder.finish(), "encoded as 'cdr'")
     refused(b"t,x,y,z\n", "is not an MCAP file")
-    with pytest.raises(FileError, match="No such file"):
+    with pytest.raises(FileError, match="no such file"):
         read_window_mcap(tmp_path / "none.mcap", 3)
 
 

@@ -148,7 +148,7 @@ def test_node_id_is_resolved():
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        (None, "cannot be read"),
+        (None, "no such file"),
         ("[DeviceInfo]\n", "holds no objects"),
         ("no section\n", "is no EDS file"),
         ("[DeviceInfo]\n[1000]\nParameterName=x\nDataType=zz\nAccessType=ro\n", "is no EDS file"),
