@@ -92,6 +92,8 @@ class Resumption:
     """recordings begun, by window"""
     place: LastPlace | None
     """None where no winch was ever seen"""
+    part: int = 1
+    """of the run that begins now; the first one was 0"""
     goes_on: bool = False
     """the procedure may have more to do than the plan's windows"""
 
@@ -135,7 +137,8 @@ def read_resumption(folder: Path, roles: Mapping[str, Role]) -> Resumption:
     for window, said in verdicts.items():
         if window not in rows and window in roles and said.step == GiveUp.__name__:
             rows[window] = WindowRow(window, roles[window], said.outcome, said.reason, attempts.get(window, 0))
-    return Resumption(entries, rows, attempts, _place(journal))
+    part = 1 + sum(entry.kind is Kind.CONTINUED for entry in journal)
+    return Resumption(entries, rows, attempts, _place(journal), part)
 
 
 def _attempts(journal: Iterable[Entry]) -> dict[str, int]:

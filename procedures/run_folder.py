@@ -1,7 +1,10 @@
 """The folder of one run: a valid campaign from the first accepted window on, with the journal and what was rejected."""
 
 import errno
-from collections.abc import Sequence
+import fcntl
+import os
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +17,8 @@ from fidim_lab.errors import SetupError
 from procedures.disk import disk_error, sync
 from procedures.journal import NAME as JOURNAL
 
+WITHOUT_LOCKS = (errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
+"""NFS takes locks on files opened for writing only"""
 DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
@@ -46,8 +51,7 @@ class RunFolder:
         except OSError as error:
             if error.errno in DISK_FAULTS:
                 raise disk_error(path, error) from error
-            what = f"{path}: the run folder cannot be made: {error.strerror or error}."
-            raise SetupError(what, hint="Nothing was moved. Give another folder.") from error
+            raise _not_made(path, error) from error
 
     @property
     def journal(self) -> Path:
@@ -65,6 +69,41 @@ class RunFolder:
         except OSError as error:
             raise disk_error(self.path / INDEX, error) from error
         self._entries = entries
+
+
+@contextmanager
+def one_writer(path: Path) -> Generator[None]:
+    """Hold a run's folder, which is made where there is none, from the first look at it until all is written.
+
+    The lock is the operating system's, on the folder itself: it leaves no file, and ends with the process. Network file
+    systems that lock no folders have none. Raises SetupError while another process writes there.
+    """
+    made = not path.exists()
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError as error:
+        raise _not_made(path, error) from error
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            what = f"{path}: another process writes this run."
+            raise SetupError(what, hint="One run folder has one writer; wait for it, or stop it.") from None
+        except OSError as error:
+            if error.errno not in WITHOUT_LOCKS:
+                raise
+        yield
+    finally:
+        os.close(descriptor)
+        if made:
+            with suppress(OSError):  # no run has begun in it
+                path.rmdir()
+
+
+def _not_made(path: Path, error: OSError) -> SetupError:
+    what = f"{path}: the run folder cannot be made: {error.strerror or error}."
+    return SetupError(what, hint="Nothing was moved. Give another folder.")
 
 
 def require_new(path: Path) -> None:

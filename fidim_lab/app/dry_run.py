@@ -11,13 +11,15 @@ from pathlib import Path
 from rich.table import Table
 
 from fidim_lab.app import compose, console
+from fidim_lab.app.dry_run_spec import DryRunSpec, write_dry_run
 from fidim_lab.app.identify import run_identify, summary
 from fidim_lab.app.model_check import Checked, ModelCheck
 from fidim_lab.app.report.write import write_report
 from fidim_lab.app.run_display import display
 from fidim_lab.app.run_records import RunRecords
 from fidim_lab.app.working import Working, windows_of
-from fidim_lab.data.plan_file import write_plan
+from fidim_lab.data.campaign import ROBOT
+from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import HardwareError
@@ -27,9 +29,10 @@ from fidim_lab.identification.results.result_file import write_result
 from procedures.catalogue import experiment as procedure_of
 from procedures.events import Event, RunFinished
 from procedures.report import RunReport
+from procedures.resumption import Resumption, read_resumption
 from procedures.robot_guards import LogGuard
 from procedures.run import Experiment, run_procedure
-from procedures.run_folder import require_new
+from procedures.run_folder import one_writer, require_new
 from procedures.settings import MotionSettings, Settings
 
 SIMULATED_DAY = "2000-01-01T00:00:00Z"
@@ -69,23 +72,50 @@ def run_dry_run(options: DryRunOptions) -> int:
 
         return run_ui_dry_run(options, folder)
     require_new(folder)
+    spec = DryRunSpec(seed=options.seed, hide=options.hide, real_time=options.real_time, excite=options.excite)
     world = compose.simulated_world(robot, options.seed, options.hide)
-    with Working("planning: equilibria where the robot can rest and swing", options.equilibria + options.validation):
-        taste = UNTOUCHED if options.excite else None
-        plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, taste)
-        motion = MotionSettings(length_limits=compose.length_limits(plan))
-        procedure = "excite" if options.excite else "identify"
-        experiment = procedure_of(procedure, plan, robot, Settings(motion=motion))
-    truth = compose.world_truth(world, plan.name, options.seed)
-    rehearsal = _Rehearsal(robot, plan, experiment, folder, options, truth)
-    report = rehearsal.run(world)
+    with one_writer(folder):
+        with Working(
+            "planning: equilibria where the robot can rest and swing", options.equilibria + options.validation
+        ):
+            taste = UNTOUCHED if options.excite else None
+            plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, taste)
+            experiment = _experiment(spec, plan, robot)
+        return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world), options.json_file)
+
+
+def resume_dry_run(folder: Path, spec: DryRunSpec, json_file: Path | None) -> int:
+    """Go on with what is left of a dry run, in the same world; returns its exit code.
+
+    Windows with their verdict stay as they are. Raises FileError for a damaged folder.
+    """
+    with one_writer(folder):
+        robot = read_robot(folder / ROBOT)
+        plan = read_plan(folder / PLAN, robot.n)
+        resumption = read_resumption(folder, {window.id: window.role for window in plan.windows})
+        world = compose.simulated_world(robot, spec.seed, spec.hide)
+        if len(resumption.rows) == len(plan.windows):  # the journal may end while it was identified
+            _identify(folder, compose.world_truth(world, plan.name, spec.seed), json_file)
+            return 0
+        experiment = _experiment(spec, plan, robot, resumption)
+        return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world, resumption), json_file)
+
+
+def _experiment(spec: DryRunSpec, plan: Plan, robot: Robot, resumption: Resumption | None = None) -> Experiment:
+    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+    return procedure_of("excite" if spec.excite else "identify", plan, robot, settings, resumption=resumption)
+
+
+def _finish(rehearsal: "_Rehearsal", json_file: Path | None) -> int:
+    """Carry it out, and identify what was recorded; returns the exit code."""
+    report, folder = rehearsal.run(), rehearsal.folder
     console.out.print(_says(report), markup=False)
     if not report.accepted:
         console.out.print(f"Nothing to identify. The run folder is {folder}", markup=False)
         return report.exit_code
     if report.exit_code == 0:
         try:
-            _identify(folder, truth, options)
+            _identify(folder, rehearsal.truth, json_file)
         except OSError as error:
             what = f"{error.filename or folder}: cannot be written: {error.strerror or error}."
             hint = f"All windows are recorded. Free some space, then: fidim identify {folder}"
@@ -98,12 +128,12 @@ def _says(report: RunReport) -> str:
     return f"run {report.outcome}: {report.reason or 'all windows have their verdict.'} {report.held_says}"
 
 
-def _identify(folder: Path, truth: dict[str, object], options: DryRunOptions) -> None:
+def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) -> None:
     with Working("identifying", windows_of(folder)):
         result = run_identify(folder)
     write_result(folder / RESULT, result)
-    if options.json_file is not None:
-        write_result(options.json_file, result)
+    if json_file is not None:
+        write_result(json_file, result)
     console.out.print(summary(result))
     console.out.print(truth_table(result, truth))
     report = write_report(folder, result)
@@ -144,21 +174,23 @@ class _Rehearsal:
         plan: Plan,
         experiment: Experiment,
         folder: Path,
-        options: DryRunOptions,
-        truth: dict[str, object],
+        spec: DryRunSpec,
+        world: compose.World,
+        resumption: Resumption | None = None,
     ) -> None:
-        self._robot, self._plan, self._experiment, self._folder = robot, plan, experiment, folder
-        self._options = options
-        self._truth = truth
+        self.folder = folder
+        self.truth = compose.world_truth(world, plan.name, spec.seed)
+        self._robot, self._plan, self._experiment = robot, plan, experiment
+        self._spec, self._world, self._resumption = spec, world, resumption
         self._records: RunRecords | None = None
         self._ended: RunReport | None = None
 
-    def run(self, world: compose.World) -> RunReport:
+    def run(self) -> RunReport:
         """Carry it out. Ctrl-C ends in a report too: the robot is held, and what was recorded is there."""
-        title = "dry run" + (" in real time" if self._options.real_time else "")
+        title = "dry run" + (" in real time" if self._spec.real_time else "")
         with display(console.err, title) as shown:
             try:
-                report = compose.run_loop(self._carry_out(world, shown), real_time=self._options.real_time)
+                report = compose.run_loop(self._carry_out(shown), real_time=self._spec.real_time)
             except KeyboardInterrupt:
                 if self._ended is None:
                     raise
@@ -174,23 +206,31 @@ class _Rehearsal:
             console.warn([error])
         return report
 
-    async def _carry_out(self, world: compose.World, shown: object) -> RunReport:
-        options = self._options
+    async def _carry_out(self, shown: object) -> RunReport:
+        spec, resumption = self._spec, self._resumption
+        place = None if resumption is None else resumption.place
         async with compose.simulated_rig(
-            self._robot, self._plan, world, options.seed, real_time=options.real_time
+            self._robot,
+            self._plan,
+            self._world,
+            spec.seed,
+            real_time=spec.real_time,
+            start=None if place is None else place.end,
+            part=0 if resumption is None else resumption.part,
         ) as simulated:
-            self._records = records = RunRecords(self._folder, simulated.rig, self._write_papers)
+            self._records = records = RunRecords(self.folder, simulated.rig, self._write_papers)
             simulated.transport.tap(records.on_frame)
-            planned = len(self._experiment.roles) if options.real_time else 0  # time that jumps waits for nobody
-            check = ModelCheck(self._folder, planned, _say_checked)
+            planned = len(self._experiment.roles) if spec.real_time else 0  # time that jumps waits for nobody
+            check = ModelCheck(self.folder, planned, _say_checked)
             try:
                 report = await run_procedure(
                     self._experiment,
                     simulated.rig,
-                    self._folder,
-                    wall_time=_wall_time if options.real_time else lambda: SIMULATED_DAY,
+                    self.folder,
+                    wall_time=_wall_time if spec.real_time else lambda: SIMULATED_DAY,
                     listeners=(records.on_event, self._on_event, shown, check),  # type: ignore[arg-type]
                     guards=(LogGuard(records.error),),
+                    resumption=resumption,
                 )
                 await records.after_run()
                 await check.close()
@@ -203,8 +243,11 @@ class _Rehearsal:
             self._ended = event.report
 
     def _write_papers(self) -> None:
-        write_plan(self._folder / PLAN, self._plan)
-        (self._folder / TRUTH).write_text(json.dumps(self._truth, indent=1) + "\n", encoding="utf-8")
+        if self._resumption is not None:
+            return  # they are there
+        write_plan(self.folder / PLAN, self._plan)
+        (self.folder / TRUTH).write_text(json.dumps(self.truth, indent=1) + "\n", encoding="utf-8")
+        write_dry_run(self.folder, self._spec)
 
 
 def _say_checked(checked: Checked) -> None:

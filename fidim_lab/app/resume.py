@@ -12,6 +12,7 @@ from pathlib import Path
 from drivers.ports import DriveState
 from fidim_lab.app import console
 from fidim_lab.app.answer_file import write_summary
+from fidim_lab.app.dry_run_spec import read_dry_run
 from fidim_lab.app.run_process import start_and_watch
 from fidim_lab.app.service.lock import holder
 from fidim_lab.app.service.place import place_of
@@ -40,6 +41,10 @@ def resume_command(options: ResumeOptions) -> int:
     RefusedError as well where a person does not undo an emergency stop, or does not trust a procedure's file.
     """
     folder = options.folder
+    if (dry := read_dry_run(folder)) is not None:
+        from fidim_lab.app.dry_run import resume_dry_run
+
+        return resume_dry_run(folder, dry, options.json_file)
     spec = again(read_spec(folder), folder.absolute()).model_copy(update={"accept_place": options.accept_place})
     if not options.trust:
         spec = trusted(spec)

@@ -49,7 +49,7 @@ def terminal(tmp_path):
 
     def open_terminal(*words):
         command = " ".join(
-            [f"FIDIM_RUNTIME_DIR={tmp_path}", "TERM=tmux-256color", sys.executable, "-c", f"'{FIDIM}'", *words]
+            [f"FIDIM_RUNTIME_DIR={tmp_path / 'rt'}", "TERM=tmux-256color", sys.executable, "-c", f"'{FIDIM}'", *words]
         )
         folder = tmp_path / f"t{len(opened)}"
         folder.mkdir()
@@ -99,7 +99,7 @@ def test_a_dry_run_by_keys_with_an_emergency_stop_left_and_attached_again(termin
 
 
 @pytest.mark.slow
-def test_the_emergency_stop_key_ends_a_run_and_stays_latched(terminal, tmp_path):
+def test_after_the_emergency_stop_key_a_run_goes_on_by_keys_alone(terminal, tmp_path):
     lab = terminal("dry-run", "--ui", "--equilibria", "1", "--validate", "0", "--out", str(tmp_path / "run"))
     lab.until("L A T C H E D")
     lab.press("r")
@@ -115,3 +115,26 @@ def test_the_emergency_stop_key_ends_a_run_and_stays_latched(terminal, tmp_path)
     lab.press("Escape")
     lab.until("emergency stop by fidim ui")
     assert (tmp_path / "run" / "journal.jsonl").exists()
+    lab.until("starts the service again")
+    lab.press("r")
+    lab.until("Go on with this run?")
+    lab.press("y")
+    lab.until("resets it")
+    lab.until("emergency stop by fidim ui")
+    lab.press("g")
+    lab.until("emergency stop is latched")
+    lab.press("r")
+    lab.until("Has the cause gone?")
+    lab.press("y")
+    lab.until("Is nobody near the platform")
+    lab.press("n")
+    lab.press("r")
+    lab.until("Has the cause gone?")
+    lab.press("y")
+    lab.until("Is nobody near the platform")
+    lab.press("y")
+    lab.until("the emergency stop is reset")
+    lab.press("g")
+    lab.until("RUNNING")
+    lab.until("[d] done")
+    lab.press("q")

@@ -3,7 +3,7 @@
 import contextlib
 import math
 import time
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,6 @@ from drivers.mocap.source import StreamMarkerSource
 from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import Operator, Rig
 from fidim_lab.app.compose.loop import running
-from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Body, Campaign, Plan, Robot
 from fidim_lab.errors import InfeasibleError
 from sim_backends.drive.node import SimulatedDrive
@@ -109,18 +108,21 @@ async def simulated_rig(
     operator: Operator | None = None,
     faults: Faults | None = None,
     acceleration: float = 1.0,
+    start: Sequence[float] | None = None,
+    part: int = 0,
 ) -> AsyncGenerator[SimulatedRig]:
     """The drivers on simulated devices, running, until the context ends.
 
     In process on the running loop's clock; with `real_time` over a python-can bus and a UDP socket. The robot rests at
-    the plan's first lengths. acceleration: m/s² that a winch may do at most. Raises SetupError or
-    InfeasibleError where such a laboratory cannot be.
+    the plan's first lengths, or at `start` (m). acceleration: m/s² that a winch may do at most. part: of a run that
+    goes on, whose noise is new. Raises SetupError or InfeasibleError where such a laboratory cannot be.
     """
     clock = LoopClock()
     now: Callable[[], float] = time.monotonic if real_time else clock.now
-    start = _start(plan)
+    begin = plan.windows[0].lengths if start is None else np.array(start)
     grain = GRAIN if real_time else 0.0
-    laboratory = Laboratory(robot, world, start, np.random.default_rng([seed, 1]), now, grain=grain)
+    random = np.random.default_rng([seed, 1, part] if part else [seed, 1])
+    laboratory = Laboratory(robot, world, begin, random, now, grain=grain)
     configs = _winch_configs(robot, plan, laboratory, acceleration)
     drives = laboratory.drives(configs[0].eds)
     names = tuple(f"marker{k}" for k in range(1, len(robot.markers) + 1))
@@ -159,10 +161,6 @@ def length_limits(plan: Plan) -> tuple[tuple[float, float], ...]:
     lengths = np.array([window.lengths for window in plan.windows])
     shortest = np.maximum(SHORTEST, lengths.min(axis=0) - REACH)
     return tuple(zip(shortest.tolist(), (lengths.max(axis=0) + REACH).tolist(), strict=True))
-
-
-def _start(plan: Plan) -> PerCable:
-    return plan.windows[0].lengths
 
 
 def _winch_configs(robot: Robot, plan: Plan, laboratory: Laboratory, acceleration: float) -> tuple[WinchConfig, ...]:

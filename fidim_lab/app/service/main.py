@@ -45,6 +45,7 @@ from procedures.report import RunReport, WindowRow
 from procedures.resumption import Resumption, read_resumption
 from procedures.robot_guards import LogGuard
 from procedures.run import Experiment, run_procedure
+from procedures.run_folder import one_writer
 from procedures.settings import Settings
 from procedures.steps import MoveTo
 from procedures.steps.compare import Explain
@@ -202,7 +203,8 @@ def main(arguments: Sequence[str]) -> int:
     """The process: a file with a RunSpec as its argument. What goes wrong is said on standard error."""
     try:
         spec = read_json_as(Path(arguments[0]), RunSpec.model_validate)
-        return run_service(prepare(spec))
+        with one_writer(spec.out):  # before what is there is read
+            return run_service(prepare(spec))
     except FidimError as error:
         sys.stderr.write(f"fidim: {error}\n")
         return error.exit_code

@@ -61,7 +61,7 @@ def _what_is_left(view: View, status: Status, width: int) -> list[Line]:
     """How to go on with a run that was cut off."""
     if view.welcome is None or all(row.state == "done" for row in status.equilibria):
         return []
-    says = f"What is left goes on with: fidim resume {shlex.quote(view.welcome.folder)}"
+    says = f"What is left goes on with r, or: fidim resume {shlex.quote(view.welcome.folder)}"
     return [line(Span(text, "key")) for text in wrapped(says, width)]
 
 

@@ -328,7 +328,7 @@ def test_a_step_that_nobody_has_begun(fake):
 def test_a_run_that_was_cut_off_says_how_it_goes_on_and_one_that_is_whole_does_not(fake):
     fake.become(phase="ended", step=None, latched=True, latched_why="by hand")
     ended = View(contact=Contact.ENDED, welcome=replace_folder("/r/a run"), status=fake.state, age=3.0)
-    assert "What is left goes on with: fidim resume '/r/a run'" in text_of(session_lines(ended, 79))
+    assert "What is left goes on with r, or: fidim resume '/r/a run'" in text_of(session_lines(ended, 79))
     assert "r starts the service again" in text_of(state_lines(ended, 80))  # there is none to reset
     fake.become(equilibria=fake.state.equilibria[:1])
     whole = View(contact=Contact.ENDED, welcome=WELCOME, status=fake.state, age=3.0)
