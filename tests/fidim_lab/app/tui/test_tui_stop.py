@@ -8,6 +8,7 @@ import itertools
 import json
 import os
 import threading
+from typing import ClassVar
 
 import pytest
 
@@ -17,6 +18,8 @@ from fidim_lab.app.tui.app import FidimUi
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.link import Link
 from fidim_lab.app.tui.screens.bars import TABS
+from fidim_lab.app.ui import run_ui
+from fidim_lab.errors import OurBugError
 
 SCREENS = tuple(str(k + 1) for k in range(len(TABS)))
 OVER = {
@@ -259,3 +262,53 @@ def test_yes_and_no_of_a_dialog_answer_no_prompt_below_it(opened):
         await screen.until(lambda: screen.service.asked == [AnswerPrompt(prompt=1, choice="no")], "the answer")
 
     _run(see, opened)
+
+
+class _Failing:
+    """Screens that fail, one after the other, then one that a person leaves."""
+
+    made: ClassVar[list["_Failing"]] = []
+    faults: ClassVar[list[Exception | None]] = []
+
+    def __init__(self, link, clock, folder, *, light, says):
+        self.says, self.fault = says, None
+        self.made.append(self)
+
+    def run(self):
+        self.fault = self.faults.pop(0)
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    monkeypatch.setattr("fidim_lab.app.ui.FidimUi", _Failing)
+    monkeypatch.setattr(_Failing, "made", [])
+    return _Failing
+
+
+def test_a_screen_that_fails_begins_anew_and_says_why(failing):
+    failing.faults = [KeyError("ours"), None]
+    run_ui(Finder(), None)
+    assert [one.says for one in failing.made] == ["", "✗ The screen has failed and begun anew (KeyError: 'ours')."]
+
+
+def test_a_screen_that_fails_again_and_again_sends_to_another_stop(failing):
+    failing.faults = [KeyError("ours")] * 9
+    with pytest.raises(OurBugError, match="fidim stop does"):
+        run_ui(Finder(), None)
+    assert len(failing.made) == 3
+
+
+def test_what_ends_the_screen_is_kept_and_no_stack_is_printed(fake, monkeypatch, capsys):
+    monkeypatch.setattr(FidimUi, "action_order", lambda self, verb: {}["ours"])
+    apps = []
+
+    async def main():
+        clock = LoopClock()
+        apps.append(FidimUi(Link(Finder(socket=fake.socket), clock), clock))
+        async with apps[0].run_test() as pilot:
+            await pilot.press("g")
+
+    with pytest.raises(KeyError):
+        asyncio.run(main())
+    assert isinstance(apps[0].fault, KeyError)
+    assert "Traceback" not in "".join(capsys.readouterr())
