@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.page import table
 from fidim_lab.app.benchmark.statistics import Share
 from fidim_lab.app.judgement import HOPEFUL
-from fidim_lab.mismatch.next_experiment.proposal import CLEAR
+from fidim_lab.mismatch.next_experiment.thresholds import NEXT_EXPERIMENT
 
 IDENTIFY, VALIDATE = 3, 2
 MORE = 4
@@ -41,12 +41,12 @@ class Row:
     @property
     def is_sure(self) -> bool:
         """What was recorded in the end was likely to separate them."""
-        return (self.promised or 0.0) >= CLEAR
+        return (self.promised or 0.0) >= NEXT_EXPERIMENT.proposal_clear
 
     @property
     def is_likely(self) -> bool:
         """It was worth recording."""
-        return HOPEFUL <= (self.promised or 0.0) < CLEAR
+        return HOPEFUL <= (self.promised or 0.0) < NEXT_EXPERIMENT.proposal_clear
 
     @property
     def is_unable(self) -> bool:

@@ -6,7 +6,7 @@
 The fit of the windows so far is the start of the next, and a new window first finds its own initial state, so a look
 takes a second where `explain` takes many. It refits no effect and predicts nothing held out: what it suspects are
 scores, to be followed up by `explain` once the campaign is whole. Evidence is a ratio of likelihoods, so the chance
-that a sound model is ever suspected, however often one looks, is below e^−ENOUGH for each hypothesis (Ville's
+that a sound model is ever suspected, however often one looks, is below e^−SCORES.enough for each hypothesis (Ville's
 inequality).
 """
 
@@ -28,8 +28,6 @@ from fidim_lab.mismatch.fitting.baseline import context_of, ready
 from fidim_lab.mismatch.fitting.fit_data import (
     BESIDE,
     IN_PASSING,
-    NEAR,
-    SHORT,
     as_fit,
     ground_of,
     nearer,
@@ -37,10 +35,11 @@ from fidim_lab.mismatch.fitting.fit_data import (
     short_fit,
     whole_ground,
 )
+from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import hypotheses
 from fidim_lab.mismatch.scores.score import Projected, Score, WindowGram, projected, single_scores, window_grams
-from fidim_lab.mismatch.scores.views import ENOUGH, SHORTEST
+from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.model.sensitivity.integrate import States
 
 FEWEST = 3
@@ -134,7 +133,7 @@ class Watch:
         found = None
         if self._found is not None:
             found = extended(self._found, self._windows[self._fitted :], self._seconds)
-        if found is None or (self._seconds != SHORTEST and found.excess >= NEAR):
+        if found is None or (self._seconds != SCORES.shortest_view and found.excess >= FITTING.near):
             self._grams = []
             found = self._begun()
         self._found, self._fitted = found, len(self._windows)
@@ -144,12 +143,12 @@ class Watch:
         """From nominal values, with growing horizons, as far as the model follows."""
         windows = self._campaign(self._windows).windows
         short = short_fit(self._mechanism, windows)
-        if short.excess < NEAR:
+        if short.excess < FITTING.near:
             whole = followed(short, windows)
-            self._seconds = SHORT if whole is None else None
+            self._seconds = FITTING.first_seconds if whole is None else None
             return whole or short
-        self._seconds = SHORTEST
-        return nearer(short, SHORTEST) or short
+        self._seconds = SCORES.shortest_view
+        return nearer(short, SCORES.shortest_view) or short
 
     def _scored(self, found: Fit) -> tuple[Projected, tuple[Score, ...]]:
         """All scores; of windows that have been looked at before, their first-order statements are carried along."""
@@ -171,7 +170,7 @@ def followed(short: Fit, windows: Sequence[Window]) -> Fit | None:
     ground = whole_ground(ground_of(short), windows)
     everything, prior = np.ones(len(short.values), dtype=bool), ground.prior(np.zeros(0), np.zeros(0))
     found = settle(ground, short, short.likelihood.mechanism, short.journey.optimum.point, prior, everything)
-    return found if found is not None and found.excess < NEAR and not found.journey.lost else None
+    return found if found is not None and found.excess < FITTING.near and not found.journey.lost else None
 
 
 def extended(found: Fit, windows: Sequence[Window], seconds: float | None) -> Fit | None:
@@ -223,14 +222,14 @@ def _told(found: Fit, scored: tuple[Projected, tuple[Score, ...]], refusal: str)
     rms = float(np.sqrt(np.mean([one.rms**2 for one in found.remainders])))
     holds = not (left or suspected or refusal)
     says = f"{_windows(count)} so far: χ²/dof {found.excess:.3g}"
-    says += f" over the first {seconds:.0f} s" if seconds <= SHORT + 1e-9 else ""
+    says += f" over the first {seconds:.0f} s" if seconds <= FITTING.first_seconds + 1e-9 else ""
     if holds:
         says += ", the model holds: nothing but noise is left, and no effect is suspected."
     elif suspected:
         best = suspected[0]
         place = "" if best.cable is None else f" (cable {best.cable})"
-        says += f"; suspected: {best.id}{place}, log-evidence {best.log_evidence:.0f} ({ENOUGH:g} is enough); it would "
-        says += f"leave {best.would_leave:.3g}."
+        says += f"; suspected: {best.id}{place}, log-evidence {best.log_evidence:.0f} ({SCORES.enough:g} is enough); "
+        says += f"it would leave {best.would_leave:.3g}."
         others = dict.fromkeys(other.id for other in suspected[1:] if other.id != best.id)
         says += f" Next: {', '.join(others)}." if others else ""
     else:
@@ -242,7 +241,7 @@ def _told(found: Fit, scored: tuple[Projected, tuple[Score, ...]], refusal: str)
 def _suspected(found: Fit, seen: Projected, singles: Sequence[Score]) -> tuple[Suspicion, ...]:
     chosen: dict[object, Score] = {}
     for score in singles:
-        if score.log_evidence > ENOUGH:
+        if score.log_evidence > SCORES.enough:
             chosen.setdefault(score.tried[0].effect, score)
     scale = max(1, seen.dof) * found.noise_ratio**2
     return tuple(

@@ -12,26 +12,12 @@ from jaxtyping import Float
 from scipy.special import chdtri
 
 from fidim_lab.data.records import Window
-from fidim_lab.mismatch.cleaning.contacts import POOLED, SOONER, Contact, at_the_same_time
-from fidim_lab.mismatch.cleaning.restarts import (
-    AWAY,
-    CHANCE,
-    MUCH_MORE,
-    STEP,
-    Parts,
-    left_outside,
-    made_good,
-    pairs_of,
-    parts_of,
-    shortest,
-    taken,
-)
-from fidim_lab.mismatch.cleaning.segments import LENGTH, Segmented
+from fidim_lab.mismatch.cleaning.contacts import Contact, at_the_same_time
+from fidim_lab.mismatch.cleaning.restarts import Parts, left_outside, made_good, pairs_of, parts_of, shortest, taken
+from fidim_lab.mismatch.cleaning.segments import Segmented
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.residuals.whiteness import whiteness
-
-SHARPER = 3.0
-"""times what a smooth hill over the whole window would lose as far away, that the gain of a new start must lose"""
 
 
 def find_common_push(model: Completed, held: Sequence[Window]) -> tuple[Contact, ...]:
@@ -52,7 +38,7 @@ def find_common_push(model: Completed, held: Sequence[Window]) -> tuple[Contact,
 
 def _segmented(window: Window, one: Parts, level: float) -> Segmented:
     """A window's segments, each with a start of its own and the lengths that the motors hold left free."""
-    edges = np.arange(0, len(one.t), round(LENGTH / STEP))
+    edges = np.arange(0, len(one.t), round(CLEANING.segments_length / CLEANING.restarts_step))
     grams = np.diff(one.grams[edges], axis=0)
     dof = np.maximum(np.diff(one.count[edges]) - one.kept.shape[1], 1).astype(float)
     left = grams[:, -1, -1] - taken(grams[:, :-1, :-1], grams[:, :-1, -1])
@@ -62,7 +48,7 @@ def _segmented(window: Window, one: Parts, level: float) -> Segmented:
 def _at_one_moment(parts: Mapping[str, Parts], level: float) -> tuple[Contact, ...]:
     """Where all windows of one length gain by a new start at one moment, and clearly less a second away from it."""
     alike = max(({id: one for id, one in parts.items() if _alike(one, other)} for other in parts.values()), key=len)
-    if len(alike) < max(POOLED, len(parts) / 2):
+    if len(alike) < max(CLEANING.contacts_pooled, len(parts) / 2):
         return ()
     first = next(iter(alike.values()))
     pairs = pairs_of(first)
@@ -72,7 +58,7 @@ def _at_one_moment(parts: Mapping[str, Parts], level: float) -> tuple[Contact, .
     single, double = lefts.sum(axis=0)
     inside = np.sum([one.count[pairs[:, 1]] - one.count[pairs[:, 0]] for one in alike.values()], axis=0)
     more = sum(one.kept.shape[1] for one in alike.values())
-    if (single - double).max() < chdtri(more, CHANCE / len(pairs)):
+    if (single - double).max() < chdtri(more, CLEANING.restarts_chance / len(pairs)):
         return ()
     times = first.t[pairs]
     moment = _moment(times, single - double - more)
@@ -87,10 +73,10 @@ def _at_one_moment(parts: Mapping[str, Parts], level: float) -> tuple[Contact, .
     return tuple(
         Contact(
             id,
-            round(float(one.t[0]) + begin - SOONER, 2),
-            round(float(one.t[0]) + end + SOONER, 2),
+            round(float(one.t[0]) + begin - CLEANING.hand_times_sooner, 2),
+            round(float(one.t[0]) + end + CLEANING.hand_times_sooner, 2),
             float(before / after),
-            SOONER,
+            CLEANING.hand_times_sooner,
             float(before - after),
         )
         for (id, one), (before, after) in zip(alike.items(), lefts[:, :, best], strict=True)
@@ -107,9 +93,11 @@ def _moment(times: Float[np.ndarray, "P 2"], gain: Float[np.ndarray, " P"]) -> f
     single = times[:, 0] == times[:, 1]
     at, gain = times[single, 0], gain[single]
     top = int(np.argmax(gain))
-    far = np.abs(at - at[top]) >= AWAY
+    far = np.abs(at - at[top]) >= CLEANING.restarts_away
     if not far.any():
         return None
-    hill = (2 * AWAY / (at[-1] - at[0])) ** 2
-    sharp = gain[top] - gain[far].max() > max(MUCH_MORE, SHARPER * hill * gain[top])
+    hill = (2 * CLEANING.restarts_away / (at[-1] - at[0])) ** 2
+    sharp = gain[top] - gain[far].max() > max(
+        CLEANING.restarts_much_more, CLEANING.common_push_sharper * hill * gain[top]
+    )
     return float(at[top]) if sharp else None

@@ -17,39 +17,11 @@ import numpy as np
 from scipy.stats import theilslopes
 
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.mismatch.cleaning.hand_times import SOONER, hand_times
+from fidim_lab.mismatch.cleaning.hand_times import hand_times
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments
-from fidim_lab.mismatch.markers.neighbours import MAD
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
-ABOVE = 1.8
-"""times its neighbours' χ²/dof that a segment with a hand has; missing physics: up to 1.4"""
-FAR_ABOVE = 3.0
-"""the same where the kinematics are contradicted; and what a hand has whose times each window shows by itself"""
-AT_AN_END = 5.0
-"""the same where there is one neighbour only"""
-CERTAIN = 8.0
-"""standard deviations of χ²/dof"""
-LIVELY, OFTEN = 1.4, 1 / 3
-"""χ²/dof of a first segment over that of a usual one, and share of the windows that may begin so: more, and it is not a
-hand but how every motion begins"""
-FORESEEN = 3.0
-"""robust standard deviations above what segments as lively as this one have, within which none stands out"""
-STEEPEST = 10.0
-"""power of the liveliness with which the excess of χ²/dof may grow"""
-LASTING = 0.25
-"""of the windows: more that are disturbed up to their ends show how the robot moves"""
-MOST = 0.6
-"""of a window's segments; beyond, nothing in it is known to be free"""
-AS_NOISE = 4.0
-"""standard deviations of the usual χ²/dof up to which all windows' segments of one time are noise"""
-MEDIAN = 1.25
-"""times the standard deviation of a mean: that of the median, which a hand on a few windows does not move"""
-SAME_TIME = 0.1
-"""s by which the edges of segments may differ that are pooled"""
-POOLED = 4
-"""windows, and at least half of all"""
-WORTH = 1.0
-"""s of free motion, without which a part is not kept"""
 PART = ", part "
 """what the id of all but a window's first part goes on with"""
 
@@ -93,7 +65,7 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
     strict: where the kinematics are contradicted already (wrong geometry, soft cables) segments differ more, and some
     poses lie on the wrong side of a fold; then only what stands far above free motion on both sides counts.
     """
-    above = FAR_ABOVE if strict else ABOVE
+    above = CLEANING.contacts_far_above if strict else CLEANING.contacts_above
     foreseen = _foreseen(segments)
     runs = [
         (one, run)
@@ -106,7 +78,7 @@ def find_contacts(segments: Segments, *, strict: bool = False) -> tuple[Contact,
     else:
         runs += _lasting(segments, {one.window.id for one, _ in runs})
     begins = [float(one.chi2_per_dof[0]) / one.level for one in segments.windows]
-    if np.nanmean(np.array(begins) > LIVELY) > OFTEN:
+    if np.nanmean(np.array(begins) > CLEANING.contacts_lively) > CLEANING.contacts_often:
         runs = [(one, run) for one, run in runs if run[0] > 0]
     common = {contact.window: contact for contact in at_the_same_time(segments.windows)}
     found = [_timed(segments, one, first, end) for one, (first, end) in runs]
@@ -140,7 +112,7 @@ def _parts(window: Window, contacts: Sequence[Contact]) -> list[Window]:
     free = [(window.t > b) & (window.t < e) for b, e in zip(begins, ends, strict=True)]
     found: list[Window] = []
     for use in free:
-        if use.sum() < 2 or window.t[use][-1] - window.t[use][0] < WORTH:
+        if use.sum() < 2 or window.t[use][-1] - window.t[use][0] < CLEANING.contacts_worth:
             continue
         markers = np.where(use[:, np.newaxis, np.newaxis], window.markers, np.nan)
         name = window.id if not found else f"{window.id}{PART}{len(found) + 1}"
@@ -154,9 +126,9 @@ def _runs(one: Segmented, above: float) -> list[tuple[int, int]]:
     chi2 = np.nan_to_num(one.chi2_per_dof, nan=level)
     if not np.isfinite(level) or len(chi2) < 3:
         return []
-    spread = CERTAIN * np.sqrt(2 / np.nan_to_num(one.dof, nan=1.0))
+    spread = CLEANING.contacts_certain * np.sqrt(2 / np.nan_to_num(one.dof, nan=1.0))
     high = (chi2 > max(1.0, level) * (1 + spread)) & (chi2 > above * level)
-    if high.mean() > MOST:
+    if high.mean() > CLEANING.contacts_most:
         return []
     edges = np.flatnonzero(np.diff(np.concatenate([[0], high.astype(int), [0]])))
     runs = [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
@@ -169,34 +141,45 @@ def _lasting(segments: Segments, seen: set[str]) -> list[tuple[Segmented, tuple[
     found: list[tuple[Segmented, tuple[int, int]]] = []
     for one in segments.windows:
         known = np.flatnonzero(np.isfinite(one.chi2_per_dof))
-        high = one.chi2_per_dof[known] > AT_AN_END * max(1.0, usual)
+        high = one.chi2_per_dof[known] > CLEANING.contacts_at_an_end * max(1.0, usual)
         first = int(np.argmax(high)) if high.any() else 0
         free = one.chi2_per_dof[known[:first]]
-        if one.window.id not in seen and first and high[first:].all() and (free < ABOVE * max(1.0, usual)).all():
+        if (
+            one.window.id not in seen
+            and first
+            and high[first:].all()
+            and (free < CLEANING.contacts_above * max(1.0, usual)).all()
+        ):
             found.append((one, (int(known[first]), len(one.chi2_per_dof))))
-    return found if len(found) <= max(1.0, LASTING * len(segments.windows)) else []
+    return found if len(found) <= max(1.0, CLEANING.contacts_lasting * len(segments.windows)) else []
 
 
 def at_the_same_time(windows: Sequence[Segmented]) -> tuple[Contact, ...]:
     """One contact in every window, where the median over all of them is noise before and after one time, not then."""
     alike = max(([one for one in windows if _cut_alike(one, other)] for other in windows), key=len)
-    if len(alike) < max(POOLED, len(windows) / 2) or len(alike[0].dof) < 3:
+    if len(alike) < max(CLEANING.contacts_pooled, len(windows) / 2) or len(alike[0].dof) < 3:
         return ()
     chi2, dof = np.array([one.chi2_per_dof for one in alike]), np.array([one.dof for one in alike])
     if np.isnan(chi2).all(axis=0).any():
         return ()
     pooled, of_all = np.nanmedian(chi2, axis=0), np.nansum(dof, axis=0)
     level = max(1.0, float(np.quantile(pooled, 0.4)))
-    beyond = (pooled / level - 1) / (MEDIAN * np.sqrt(2 / of_all))
-    high = beyond > AS_NOISE
+    beyond = (pooled / level - 1) / (CLEANING.contacts_median * np.sqrt(2 / of_all))
+    high = beyond > CLEANING.contacts_as_noise
     first, end = int(np.argmax(high)), len(high) - int(np.argmax(high[::-1]))
-    if not beyond.max() > CERTAIN or first == 0 or end == len(high) or not high[first:end].all():
+    if not beyond.max() > CLEANING.contacts_certain or first == 0 or end == len(high) or not high[first:end].all():
         return ()
     ratio = float(pooled[first:end].max() / level)
     if ratio < level:
         return ()  # more is left at all other times: physics that is a little more at work here
     return tuple(
-        Contact(one.window.id, round(float(one.edges[first]), 2), round(float(one.edges[end]), 2), ratio, SOONER)
+        Contact(
+            one.window.id,
+            round(float(one.edges[first]), 2),
+            round(float(one.edges[end]), 2),
+            ratio,
+            CLEANING.hand_times_sooner,
+        )
         for one in alike
     )
 
@@ -205,7 +188,7 @@ def _cut_alike(one: Segmented, other: Segmented) -> bool:
     """Whether the segments of both begin and end at the same times since their first."""
     if len(one.edges) != len(other.edges):
         return False
-    return bool(np.abs(one.edges - one.edges[0] - (other.edges - other.edges[0])).max() < SAME_TIME)
+    return bool(np.abs(one.edges - one.edges[0] - (other.edges - other.edges[0])).max() < CLEANING.contacts_same_time)
 
 
 def _sharper(common: dict[str, Contact], timed: Sequence[Contact]) -> dict[str, Contact]:
@@ -215,9 +198,11 @@ def _sharper(common: dict[str, Contact], timed: Sequence[Contact]) -> dict[str, 
     """
     wide = [(one, common[one.window]) for one in timed if one.window in common]
     within = [
-        (one, all_of) for one, all_of in wide if all_of.begin - SOONER <= one.begin and one.end <= all_of.end + SOONER
+        (one, all_of)
+        for one, all_of in wide
+        if all_of.begin - CLEANING.hand_times_sooner <= one.begin and one.end <= all_of.end + CLEANING.hand_times_sooner
     ]
-    if len(within) <= len(common) / 2 or np.median([one.ratio for one, _ in within]) < FAR_ABOVE:
+    if len(within) <= len(common) / 2 or np.median([one.ratio for one, _ in within]) < CLEANING.contacts_far_above:
         return common
     later = round(float(np.median([one.begin - all_of.begin for one, all_of in within])), 2)
     sooner = round(float(np.median([all_of.end - one.end for one, all_of in within])), 2)
@@ -226,23 +211,26 @@ def _sharper(common: dict[str, Contact], timed: Sequence[Contact]) -> dict[str, 
 
 def _foreseen(segments: Segments) -> list[np.ndarray]:
     """χ²/dof up to which each segment is as those that swing as far, by a robust power law over all windows."""
-    excess = [np.log(np.maximum(one.chi2_per_dof - 1, CERTAIN * np.sqrt(2 / one.dof))) for one in segments.windows]
+    excess = [
+        np.log(np.maximum(one.chi2_per_dof - 1, CLEANING.contacts_certain * np.sqrt(2 / one.dof)))
+        for one in segments.windows
+    ]
     lively = [np.log(one.liveliness) for one in segments.windows]
     x, y = np.concatenate(lively), np.concatenate(excess)
     known = np.isfinite(x) & np.isfinite(y)
     if known.sum() < 3 or np.ptp(x[known]) < 1e-9:
         return [np.ones(len(one)) for one in lively]
     law = theilslopes(y[known], x[known])
-    power = float(np.clip(law.slope, 0.0, STEEPEST))
+    power = float(np.clip(law.slope, 0.0, CLEANING.contacts_steepest))
     level = float(np.median(y[known] - power * x[known]))
-    scatter = float(np.median(np.abs(y[known] - power * x[known] - level))) / MAD
-    return [1 + np.exp(level + power * one + FORESEEN * scatter) for one in lively]
+    scatter = float(np.median(np.abs(y[known] - power * x[known] - level))) / MARKERS.neighbours_mad
+    return [1 + np.exp(level + power * one + CLEANING.contacts_foreseen * scatter) for one in lively]
 
 
 def _stands_out(chi2: np.ndarray, first: int, end: int, above: float) -> bool:
     """Whether every segment of the run is far above both its neighbours."""
     beside = [chi2[k] for k in (first - 1, end) if 0 <= k < len(chi2)]
-    factor = above if len(beside) == 2 else AT_AN_END
+    factor = above if len(beside) == 2 else CLEANING.contacts_at_an_end
     return bool(chi2[first:end].max() > factor * max(beside) and chi2[first:end].min() > above * min(beside))
 
 
@@ -250,4 +238,4 @@ def _timed(segments: Segments, one: Segmented, first: int, end: int) -> Contact:
     chi2 = one.chi2_per_dof
     ratio = float(np.nanmax(chi2[first:end]) / np.nanmedian(np.delete(chi2, slice(first, end))))
     begin, finish = hand_times(segments, one, first, end, ratio)
-    return Contact(one.window.id, round(begin, 2), round(finish, 2), ratio, SOONER)
+    return Contact(one.window.id, round(begin, 2), round(finish, 2), ratio, CLEANING.hand_times_sooner)

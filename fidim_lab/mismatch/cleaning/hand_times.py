@@ -7,18 +7,8 @@ import numpy as np
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments, part
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.held_body import followed
-
-DEPARTED, RISEN = (1.4, 3.0), 3.6
-"""least and most rms residual over `SMOOTH` numbers, in what it usually is, beyond which the motion is not free any
-more; between them a share of what it rises to: what a strong hand leaves bends the fit of the body, too"""
-SMOOTH = 48
-KNOWN = 2
-"""segments on either side, from which the motion is carried on"""
-NOT_FITTED, EARLIER = 0.75, 1.0
-"""s before the segments with a contact: what is not fitted, and the most by which it may begin earlier"""
-SOONER = 0.25
-"""s by which a soft push begins before it shows"""
 
 
 def hand_times(segments: Segments, one: Segmented, first: int, end: int, ratio: float) -> tuple[float, float]:
@@ -28,9 +18,9 @@ def hand_times(segments: Segments, one: Segmented, first: int, end: int, ratio: 
     """
     window, edges = one.window, one.edges
     begin, finish = float(edges[first]), float(edges[end])
-    above = float(np.clip(np.sqrt(ratio) / RISEN, *DEPARTED))
+    above = float(np.clip(np.sqrt(ratio) / CLEANING.risen, *CLEANING.departed))
     if first > 0:
-        since = float(edges[max(0, first - KNOWN)])
+        since = float(edges[max(0, first - CLEANING.hand_times_known)])
         use = (window.t >= since) & (window.t <= finish)
         forward = _departure(segments, part(window, use, window.id), begin - since, above)
         begin = begin if forward is None else since + forward
@@ -38,14 +28,21 @@ def hand_times(segments: Segments, one: Segmented, first: int, end: int, ratio: 
         finish = _free_again(segments, one, first, end, above)
     if begin >= finish:
         # so weak that it shows only after it has ended: nothing more is known than the segments
-        begin, finish = float(edges[first]) + SOONER, float(edges[end]) - SOONER
-    begin, finish = max(float(window.t[0]), begin - SOONER), min(float(window.t[-1]), finish + SOONER)
+        begin, finish = float(edges[first]) + CLEANING.hand_times_sooner, float(edges[end]) - CLEANING.hand_times_sooner
+    begin, finish = (
+        max(float(window.t[0]), begin - CLEANING.hand_times_sooner),
+        min(float(window.t[-1]), finish + CLEANING.hand_times_sooner),
+    )
     return begin, finish
 
 
 def _free_again(segments: Segments, one: Segmented, first: int, end: int, above: float) -> float:
     """When motion is free again after the segments from `first` to `end`, s on the window's own clock."""
-    window, last, finish = one.window, float(one.edges[min(len(one.edges) - 1, end + KNOWN)]), float(one.edges[end])
+    window, last, finish = (
+        one.window,
+        float(one.edges[min(len(one.edges) - 1, end + CLEANING.hand_times_known)]),
+        float(one.edges[end]),
+    )
     if not segments.fit.likelihood.mechanism.effects:
         use = (window.t >= one.edges[first]) & (window.t < last)
         whole, until = part(window, use, window.id), float(window.t[use][-1])
@@ -54,7 +51,7 @@ def _free_again(segments: Segments, one: Segmented, first: int, end: int, above:
         return finish if backward is None else until - backward
     # what dissipates cannot be followed backwards: the earliest time from which on it is followed forwards
     held, free = float(one.edges[first]), finish
-    while free - held > SOONER:
+    while free - held > CLEANING.hand_times_sooner:
         middle = (held + free) / 2
         whole = part(window, (window.t >= middle) & (window.t < last), window.id)
         found = None if whole is None else followed(segments.fit, whole, last - middle)
@@ -69,7 +66,7 @@ def _departure(segments: Segments, window: Window | None, free: float, above: fl
     above: rms residual, in what it usually is, beyond which it has.
     What is fitted ends before that: where the segments change a soft push may have begun already.
     """
-    found = None if window is None else followed(segments.fit, window, max(free - NOT_FITTED, free / 2))
+    found = None if window is None else followed(segments.fit, window, max(free - CLEANING.not_fitted, free / 2))
     return None if found is None else _first_large(*found, free, above)
 
 
@@ -79,9 +76,9 @@ def _first_large(left: Remainder, noise: float, free: float, above: float) -> fl
     numbers = np.isfinite(squares).sum(axis=(1, 2))
     squares = np.nan_to_num(np.nansum(squares, axis=(1, 2)) / np.maximum(numbers, 1), nan=1.0)
     t = left.t - left.t[0]
-    width = int(np.ceil(SMOOTH / max(1.0, float(np.median(numbers)))))
+    width = int(np.ceil(CLEANING.hand_times_smooth / max(1.0, float(np.median(numbers)))))
     rms = np.sqrt(np.convolve(squares, np.full(width, 1 / width), mode="same"))
-    known = t <= free - NOT_FITTED
+    known = t <= free - CLEANING.not_fitted
     usual = max(1.0, float(np.sqrt(squares[known].mean())) if known.any() else 1.0)
-    large = np.flatnonzero((rms > above * usual) & (t > max(free - EARLIER, free / 2)))
+    large = np.flatnonzero((rms > above * usual) & (t > max(free - CLEANING.earlier, free / 2)))
     return float(t[large[0]]) if len(large) else float(t[-1])

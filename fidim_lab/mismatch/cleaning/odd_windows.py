@@ -11,20 +11,10 @@ import numpy as np
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.cleaning.contacts import Contact
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.held_body import followed, left_of
 from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_name
-from fidim_lab.mismatch.markers.lost_frames import MOST_LOST
-
-GOOD = 1.5
-"""times what is usual, up to which a window is as good as the others"""
-BESIDE = 2.0
-"""s of free motion on either side of a contact that are compared"""
-CARRIED = 9.0
-"""χ²/dof up to which a motion carried on over a contact still fits: it is less certain than a fitted one"""
-INSTANT = 0.35
-"""s at an edge of a window: shorter than any hand, and what samples a few rows from the edge cannot be judged alone"""
-BETTER = 6.0
-"""times smaller than without the fault"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
@@ -33,12 +23,16 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
     The motion before is carried on over the contact. After a hand it is another motion; after lost frames it is the
     same some frames later, after a jump the same elsewhere.
     """
-    if contact.end - contact.begin < INSTANT and (contact.begin <= window.t[0] or contact.end >= window.t[-1]):
+    if contact.end - contact.begin < CLEANING.odd_windows_instant and (
+        contact.begin <= window.t[0] or contact.end >= window.t[-1]
+    ):
         t = (contact.begin, contact.end)
         says = f"Window {window.id}: samples between {t[0]:.2f} and {t[1]:.2f} s, at its edge, are off the motion."
         return Finding(Kind.SPIKE, window.id, marker_channel(0, 0), t, 0.0, "m", says)
     step = float(np.median(np.diff(window.t)))
-    near = (window.t > contact.begin - BESIDE) & (window.t < contact.end + BESIDE)
+    near = (window.t > contact.begin - CLEANING.odd_windows_beside) & (
+        window.t < contact.end + CLEANING.odd_windows_beside
+    )
     rows = np.flatnonzero(near)
     before = window.t[rows] < contact.begin
     if before.sum() < 20 or (window.t[rows] > contact.end).sum() < 20:
@@ -46,21 +40,26 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
     predicted = _carried_on(found, window, rows, before, step)
     if predicted is None:
         return None
-    # what stands in the file at row k may have been seen up to MOST_LOST frames later
+    # what stands in the file at row k may have been seen up to MARKERS.most_lost frames later
     later = np.flatnonzero(window.t[rows] > contact.end)
     seen, noise = window.markers[rows[later]], found.likelihood.noise
-    off = np.stack([seen - predicted[later + k] for k in range(MOST_LOST + 1)]) / noise
+    off = np.stack([seen - predicted[later + k] for k in range(MARKERS.most_lost + 1)]) / noise
     chi2 = np.nanmean(off**2, axis=(1, 2, 3))
     moved = off[0] - np.nanmean(off[0], axis=0)
     still = float(np.nanmean(moved**2))
     t, best = (contact.begin, contact.end), int(np.argmin(chi2))
-    if best and chi2[best] < CARRIED and BETTER * chi2[best] < chi2[0] and chi2[best] < still:
+    if (
+        best
+        and chi2[best] < CLEANING.odd_windows_carried
+        and CLEANING.odd_windows_better * chi2[best] < chi2[0]
+        and chi2[best] < still
+    ):
         says = (
             f"Window {window.id}: {best} frames ({best * step * 1e3:.0f} ms) are lost between {t[0]:.2f} and "
             f"{t[1]:.2f} s, though the time stamps go on: with them put back the motion is free."
         )
         return Finding(Kind.SKIP, window.id, "t", t, float(best), "samples", says)
-    if still < CARRIED and BETTER * still < chi2[0]:
+    if still < CLEANING.odd_windows_carried and CLEANING.odd_windows_better * still < chi2[0]:
         by = noise * np.nanmean(off[0], axis=0)
         marker = int(np.argmax(np.linalg.norm(by, axis=1)))
         axis, size = int(np.argmax(np.abs(by[marker]))), float(np.linalg.norm(by[marker]))
@@ -73,12 +72,12 @@ def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:
 
 
 def _carried_on(found: Fit, window: Window, rows: np.ndarray, before: np.ndarray, step: float) -> np.ndarray | None:
-    """Markers (rows + MOST_LOST, M, 3) predicted from what is `before`, and some frames beyond the last row."""
-    beyond = window.t[rows[-1]] + step * np.arange(1, MOST_LOST + 1)
+    """Markers (rows + MARKERS.most_lost, M, 3) predicted from what is `before`, and some frames beyond the last row."""
+    beyond = window.t[rows[-1]] + step * np.arange(1, MARKERS.most_lost + 1)
     markers = window.markers[rows].copy()
     # only times are needed of what is not fitted: any place will do there
     markers[~before] = np.nanmean(markers[before], axis=0)
-    filled = np.concatenate([markers, np.repeat(markers[-1:], MOST_LOST, axis=0)])
+    filled = np.concatenate([markers, np.repeat(markers[-1:], MARKERS.most_lost, axis=0)])
     filled = np.where(np.isfinite(filled), filled, np.nanmean(markers, axis=0))
     t = np.concatenate([window.t[rows], beyond])
     lengths = None if window.lengths is None else np.tile(np.nanmean(window.lengths, axis=0), (len(t), 1))
@@ -103,7 +102,10 @@ def slipped_encoder(found: Fit, window: Window, level: float) -> Finding | None:
     chi2 = np.array([one.chi2_per_dof for one in left])
     best = int(np.argmin(chi2))
     others = np.delete(chi2, best)
-    if chi2[best] > GOOD * max(1.0, level) or others.min() < GOOD * chi2[best]:
+    if (
+        chi2[best] > CLEANING.odd_windows_good * max(1.0, level)
+        or others.min() < CLEANING.odd_windows_good * chi2[best]
+    ):
         return None
     t = (float(window.t[0]), float(window.t[-1]))
     says = (

@@ -14,29 +14,18 @@ import numpy as np
 
 from fidim_lab.data.records import Window
 from fidim_lab.mismatch.cleaning.clean import Cleaned
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.markers.clock_check import EvenGrid, even_grid
 from fidim_lab.mismatch.markers.displaced import Limits
 from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_jump, marker_name
-from fidim_lab.mismatch.markers.levels import SAME, displaced_rows
-from fidim_lab.mismatch.residuals.break_rivals import CLEARER
+from fidim_lab.mismatch.markers.levels import displaced_rows
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 from fidim_lab.mismatch.residuals.breaks import breaks_of
 from fidim_lab.mismatch.residuals.residual import Leftover
 
-OFF = 6.0
-"""standard deviations of the noise that no sample of a fitted motion is off"""
-MOST_OFF = 0.2
-"""of a marker's samples in a window that may be spikes"""
-MANY, OFTEN = 5, 3
-"""spikes of a marker, and windows in which it jumps, from which on it is known to be faulty"""
-ABOUT = 0.15
-"""s, within which jumps of several windows are at the same time; found they are to a tenth"""
 NEVER = (np.inf, np.inf)
 CLOSER = Limits(4.2, 4.7)
 """of its single samples: of 20 000 good ones about one and a half are lost"""
-CLEARER_ASTRAY = 5 * CLEARER
-"""as `CLEARER`, of a fit far astray: what it leaves turns as sharply as the motion does"""
-FEWEST = 30
-"""samples, without which nothing is looked for"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +43,7 @@ class _Off:
         """(N,) rows to be taken out."""
         window, marker = self.window, self.marker
         seen = np.asarray(np.isfinite(window.markers[:, marker]).all(axis=1))
-        found = displaced_rows(window.t, seen, self.steps, SAME * self.noise)
+        found = displaced_rows(window.t, seen, self.steps, MARKERS.levels_same * self.noise)
         found[list(self.spikes)] = True
         return found
 
@@ -86,7 +75,7 @@ def without_breaks(cleaned: Cleaned, left: Sequence[Leftover], *, astray: bool =
     for one in left:
         for marker in range(one.values.shape[1]):
             found = off.setdefault((one.window, marker), _Off(windows[one.window], marker, one.noise, {}, {}))
-            _add(found, one, strict, known, CLEARER_ASTRAY if astray else CLEARER)
+            _add(found, one, strict, known, CLEANING.clearer_astray if astray else MARKERS.rivals_clearer)
     found = [one for one in off.values() if one.spikes or one.steps]
     if not found:
         return cleaned
@@ -123,8 +112,8 @@ class _Known:
                 first = jumps.setdefault(marker, {})
                 first[fault.window] = min(fault.t[0], first.get(fault.window, np.inf))
         return _Known(
-            frozenset(marker for marker, count in spikes.items() if count >= MANY),
-            {marker: windows for marker, windows in jumps.items() if len(windows) >= OFTEN},
+            frozenset(marker for marker, count in spikes.items() if count >= CLEANING.off_motion_many),
+            {marker: windows for marker, windows in jumps.items() if len(windows) >= CLEANING.off_motion_often},
         )
 
     def expected(self, marker: int, window: str) -> tuple[float, float]:
@@ -135,20 +124,20 @@ class _Known:
         windows = self.jumps.get(marker, {})
         times = np.array(list(windows.values()))
         usual = float(np.median(times)) if len(times) else np.nan
-        often = window not in windows and np.sum(np.abs(times - usual) < ABOUT) > len(times) / 2
-        return (usual - ABOUT, usual + ABOUT) if often else NEVER
+        often = window not in windows and np.sum(np.abs(times - usual) < CLEANING.off_motion_about) > len(times) / 2
+        return (usual - CLEANING.off_motion_about, usual + CLEANING.off_motion_about) if often else NEVER
 
 
 def _add(off: _Off, left: Leftover, limits: Limits, known: _Known, clearer: float) -> None:
     """What is found in one leftover."""
     values = left.values[:, off.marker]
-    if np.isfinite(values).all(axis=1).sum() < FEWEST:
+    if np.isfinite(values).all(axis=1).sum() < MARKERS.samples_fewest:
         return
     grid = even_grid(left.t)
     spikes = CLOSER if off.marker in known.spiking else None
     jumps = _rows(left, grid, known.expected(off.marker, left.window)) if off.marker in known.jumps else None
     found = breaks_of(grid.spread(values), grid.step, limits, clearer=clearer, spikes=spikes, jumps=jumps)
-    for row in found.spikes if len(found.spikes) < MOST_OFF * len(values) else ():
+    for row in found.spikes if len(found.spikes) < CLEANING.most_off * len(values) else ():
         size = float(np.abs(values[np.searchsorted(grid.slots, row)]).max())
         off.spikes[_row(off.window, left, grid, row)] = size * left.noise
     for row, by in found.steps:

@@ -18,14 +18,16 @@ from fidim_lab.data.records import Role
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.cleaning.clean import Cleaned
-from fidim_lab.mismatch.cleaning.contacts import FAR_ABOVE, Contact, find_contacts, whole_id, without
+from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, whole_id, without
 from fidim_lab.mismatch.cleaning.odd_windows import slipped_encoder, stumble
 from fidim_lab.mismatch.cleaning.off_motion import without_breaks
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments, fit_segments
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.baseline import Baseline
-from fidim_lab.mismatch.fitting.fit_data import NEAR, short_fit
+from fidim_lab.mismatch.fitting.fit_data import short_fit
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predict
 from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel
 from fidim_lab.mismatch.residuals.residual import of_fit
 from fidim_lab.mismatch.residuals.whiteness import whiteness
@@ -33,14 +35,6 @@ from fidim_lab.say import Say
 
 NOT_PREDICTED = HeldOut(chi2=0.0, dof=0, rms=float("nan"), refused={})
 """what a model that not even follows the windows it is fitted to says of others: nothing that would show a fault"""
-ROUNDS = 3
-"""of looking at segments: what is weak shows only when what is stronger is gone"""
-ODD = 1.5
-"""times the median χ²/dof of the windows: far beyond chance (0.03 in 10 s); what is then done must be shown to help"""
-USUAL = 1.2
-"""the most that this median may be: where every window lacks something it is not a fault of one"""
-MOST_ODD = 0.25
-"""of the windows: more are not odd (but one may always be)"""
 
 
 def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) -> Cleaned:
@@ -55,7 +49,7 @@ def audit(cleaned: Cleaned, baseline: Baseline, *, say: Say = lambda _: None) ->
     astray = not baseline.follows
     after = without_breaks(cleaned, left, astray=astray)
     say("looking for hands and single bad windows")
-    for _ in range(ROUNDS):
+    for _ in range(CLEANING.residual_checks_rounds):
         try:
             segments = fit_segments(found.likelihood.mechanism, after.campaign.windows, hasty=astray)
         except RefusedError:
@@ -77,7 +71,7 @@ def _looked_again(cleaned: Cleaned, found: Fit) -> Cleaned:
     Where something else bends it, even over the first seconds, it shows nothing more than the segments did.
     """
     mechanism, identify = found.likelihood.mechanism, cleaned.campaign.of_role(Role.IDENTIFY)
-    if short_fit(mechanism, identify).excess >= NEAR:
+    if short_fit(mechanism, identify).excess >= FITTING.near:
         return cleaned
     again = fit(mechanism, identify, start=found.body)
     model = Completed((), again, whole=True)
@@ -124,7 +118,9 @@ def _gone(cleaned: Cleaned, one: Segmented, contact: Contact) -> Finding | None:
     window, chi2 = one.window, one.chi2_per_dof
     later, sooner = one.edges[:-1] >= contact.begin, one.edges[1:] <= contact.end
     before, after = chi2[~later & sooner & np.isfinite(chi2)], chi2[later & np.isfinite(chi2)]
-    lasting = len(before) and len(after) and after.min() > FAR_ABOVE * max(1.0, float(np.median(before)))
+    lasting = (
+        len(before) and len(after) and after.min() > CLEANING.contacts_far_above * max(1.0, float(np.median(before)))
+    )
     end = float(window.t[-1])
     if not cleaned.faults or not (lasting or contact.end >= end):
         return None
@@ -140,7 +136,7 @@ def _without_encoders(cleaned: Cleaned, found: Fit, held: HeldOut, say: Say) -> 
     odd = _odd(found, held)
     identify = cleaned.campaign.of_role(Role.IDENTIFY)
     rest = [window for window in identify if window.id not in odd]
-    if not odd or len(odd) > max(1.0, MOST_ODD * len(identify)) or not rest:
+    if not odd or len(odd) > max(1.0, CLEANING.most_odd * len(identify)) or not rest:
         return cleaned
     again = fit(found.likelihood.mechanism, rest, start=found.body)
     if not whiteness(of_fit(again)).is_white:
@@ -163,4 +159,8 @@ def _odd(found: Fit, held: HeldOut) -> set[str]:
     fitted = zip(found.likelihood.recordings, found.remainders, strict=True)
     chi2 = {recording.window.id: left.chi2_per_dof for recording, left in fitted} | held.of_window
     usual = float(np.median(list(chi2.values())))
-    return {window for window, one in chi2.items() if one > ODD * usual} if usual < USUAL else set()
+    return (
+        {window for window, one in chi2.items() if one > CLEANING.residual_checks_odd * usual}
+        if usual < CLEANING.residual_checks_usual
+        else set()
+    )

@@ -19,32 +19,12 @@ from scipy.special import chdtri
 
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, WindowLinear, linearised
-from fidim_lab.mismatch.cleaning.contacts import SOONER, Contact
+from fidim_lab.mismatch.cleaning.contacts import Contact
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predictions
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.residuals.residual import Leftover
 from fidim_lab.mismatch.residuals.whiteness import whiteness
-
-STEP = 0.25
-"""s, between the times that are tried"""
-APART = 0.75
-"""s of free motion on either side"""
-LONGEST = 3.0
-"""s that a push lasts at most"""
-CHANCE = 1e-4
-"""of one push found in all windows together where there is none"""
-FEW = 0.2
-"""of the windows: more are no hand (but one may always be)"""
-CERTAIN = 2.0
-"""standard deviations by which a longer push must leave less"""
-WELL = 5.0
-"""standard deviations of χ² beyond its expectation, up to which two starts make good a window"""
-AWAY = 1.0
-"""s from a push, from where on a new start must do worse"""
-MUCH_MORE = 40.0
-"""χ², that must be left beyond the best with a new start away from it: 100 and more for hands, under 25 for physics"""
-UNSEEN = 1e-11
-"""of the largest eigenvalue of scaled normal equations, below which a direction is not seen at all"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +59,7 @@ def find_pushes(model: Completed, predicted: HeldOut, held: Sequence[Window]) ->
     pairs = len(leftovers) * max((len(pairs_of(one)) for one in parts.values()), default=0)
     if not pairs:
         return ()  # too short for two starts
-    pushed = [_push(id, one, level, CHANCE / pairs) for id, one in parts.items()]
+    pushed = [_push(id, one, level, CLEANING.restarts_chance / pairs) for id, one in parts.items()]
     seen = tuple(contact for contact in pushed if contact is not None)
     return seen if len(seen) == len(odd) else ()
 
@@ -90,7 +70,7 @@ def _odd(leftovers: Sequence[Leftover]) -> set[str]:
         return set()
     chances = {one.window: whiteness([one]).p_value for one in leftovers}
     worst = sorted(chances, key=lambda id: chances[id])
-    for few in range(1, max(1, int(FEW * len(leftovers))) + 1):
+    for few in range(1, max(1, int(CLEANING.restarts_few * len(leftovers))) + 1):
         odd = set(worst[:few])
         if whiteness([one for one in leftovers if one.window not in odd]).is_white:
             return odd
@@ -122,7 +102,7 @@ def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear)
     rows = np.column_stack([linear.by_own, linear.residual])
     timed, untimed = rows[: int(seen.sum())], rows[int(seen.sum()) :]
     t = recording.t[use]
-    grid = np.arange(0.0, float(t[-1]) + STEP, STEP)
+    grid = np.arange(0.0, float(t[-1]) + CLEANING.restarts_step, CLEANING.restarts_step)
     of_sample = np.repeat(t, seen.sum(axis=(1, 2)))
     cell = np.searchsorted(grid, of_sample, side="right") - 1
     cells = [timed[cell == k] for k in range(len(grid))]
@@ -135,12 +115,12 @@ def _parts(likelihood: Likelihood, simulation: Simulation, linear: WindowLinear)
 
 def pairs_of(one: Parts) -> Int[np.ndarray, "P 2"]:
     """Places on the grid where a push may begin and end."""
-    first, last = one.t[0] + APART, one.t[-1] - APART
+    first, last = one.t[0] + CLEANING.restarts_apart, one.t[-1] - CLEANING.restarts_apart
     begin, end = np.nonzero(
         (one.t[:, np.newaxis] >= first)
         & (one.t <= last)
         & (one.t >= one.t[:, np.newaxis])
-        & (one.t <= one.t[:, np.newaxis] + LONGEST)
+        & (one.t <= one.t[:, np.newaxis] + CLEANING.restarts_longest)
     )
     return np.column_stack([begin, end])
 
@@ -164,12 +144,19 @@ def _push(id: str, one: Parts, level: float, chance: float) -> Contact | None:
         return None
     begin, end = (float(t) for t in times[best])
     ratio = float(single[best] / double[best])
-    return Contact(id, round(begin - SOONER, 2), round(end + SOONER, 2), ratio, SOONER, float(gain.max()))
+    return Contact(
+        id,
+        round(begin - CLEANING.hand_times_sooner, 2),
+        round(end + CLEANING.hand_times_sooner, 2),
+        ratio,
+        CLEANING.hand_times_sooner,
+        float(gain.max()),
+    )
 
 
 def made_good(chi2: float, free: int) -> bool:
     """Whether χ² with two starts is what noise leaves, or nearly."""
-    return chi2 <= free + WELL * np.sqrt(2.0 * free)
+    return chi2 <= free + CLEANING.restarts_well * np.sqrt(2.0 * free)
 
 
 def left_outside(one: Parts, pairs: Int[np.ndarray, "P 2"]) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
@@ -195,15 +182,15 @@ def _has_its_moment(times: Float[np.ndarray, "P 2"], whole: Float[np.ndarray, " 
     times: begin and end of each pair, s. whole: χ² with two starts, what is between them being noise.
     """
     (begin, end), at = times[best], times[:, 0]
-    far = (times[:, 0] == times[:, 1]) & ((at <= begin - AWAY) | (at >= end + AWAY))
-    return not far.any() or whole[far].min() - whole[best] > MUCH_MORE
+    far = (times[:, 0] == times[:, 1]) & ((at <= begin - CLEANING.restarts_away) | (at >= end + CLEANING.restarts_away))
+    return not far.any() or whole[far].min() - whole[best] > CLEANING.restarts_much_more
 
 
 def shortest(left: Float[np.ndarray, " P"], inside: Int[np.ndarray, " P"]) -> int:
     """Of the pairs that leave, with noise alone between them, as little as the best but for chance, the closest."""
     whole = left + inside
     best = int(np.argmin(whole))
-    chance = CERTAIN * np.sqrt(2.0 * np.maximum(inside[best] - inside, 0))
+    chance = CLEANING.restarts_certain * np.sqrt(2.0 * np.maximum(inside[best] - inside, 0))
     near = np.flatnonzero(whole <= whole[best] + chance)
     return int(near[np.argmin(inside[near])])
 
@@ -213,5 +200,5 @@ def taken(normal: Float[np.ndarray, "P m m"], right: Float[np.ndarray, "P m"]) -
     scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-300))
     values, vectors = np.linalg.eigh(normal * scale[:, :, np.newaxis] * scale[:, np.newaxis])
     along = (np.swapaxes(vectors, 1, 2) @ (right * scale)[..., np.newaxis])[..., 0]
-    seen = values > UNSEEN * values[:, -1:]
+    seen = values > CLEANING.restarts_unseen * values[:, -1:]
     return (np.where(seen, along**2, 0.0) / np.where(seen, values, 1.0)).sum(axis=1)

@@ -17,16 +17,12 @@ from fidim_lab.identification.mle.held_out import predict as predicted
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact, whole_id, without
-from fidim_lab.mismatch.cleaning.off_motion import OFF
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.markers.finding import Finding, Kind
 from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.say import Say
-
-ALIKE = 4.0
-"""times χ²/dof of the windows in which no hand was seen, within which a window is followed like them: a hand left in
-throws a prediction off by hundreds"""
 
 
 def restored(cleaned: Cleaned, audited: Cleaned, model: Completed, say: Say = lambda _: None) -> Cleaned:
@@ -91,7 +87,7 @@ def without_needless_contacts(cleaned: Cleaned, audited: Cleaned, unnamed: Fit) 
     ]
     if not usual:
         return audited
-    allowed = ALIKE * max(1.0, *usual)
+    allowed = CLEANING.restored_alike * max(1.0, *usual)
     robot = likelihood.mechanism.robot
     for window in cleaned.campaign.windows:
         if window.id not in touched:
@@ -130,4 +126,4 @@ def _follows(model: Completed, windows: Sequence[Window]) -> bool:
     if held.refused or not held.leftovers:
         return False
     largest = max(float(np.nanmax(np.abs(one.values))) for one in held.leftovers)
-    return largest < OFF and whiteness(held.leftovers).is_white
+    return largest < CLEANING.off_motion_off and whiteness(held.leftovers).is_white

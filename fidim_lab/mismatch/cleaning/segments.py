@@ -15,15 +15,11 @@ from jaxtyping import Bool, Float
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.holdout import predictions
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
 from fidim_lab.model.mechanism import Mechanism
-
-LENGTH = 2.0
-"""s"""
-FEWEST = 20
-"""samples with a marker, without which a segment says nothing"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +67,7 @@ class Segments:
 
 
 def fit_segments(
-    mechanism: Mechanism, windows: Sequence[Window], length: float = LENGTH, *, hasty: bool = False
+    mechanism: Mechanism, windows: Sequence[Window], length: float = CLEANING.segments_length, *, hasty: bool = False
 ) -> Segments:
     """Fit body and segments' starts; hasty: as `fit`. Raises RefusedError where no segment can be used."""
     cut = _cut(windows, length)
@@ -80,7 +76,7 @@ def fit_segments(
     return Segments(cut.segmented(dict(zip(ids, found.remainders, strict=True))), found)
 
 
-def predict_segments(model: Completed, windows: Sequence[Window], length: float = LENGTH) -> Segments:
+def predict_segments(model: Completed, windows: Sequence[Window], length: float = CLEANING.segments_length) -> Segments:
     """Fit segments' starts alone, by a model with its body and effects: none need be followed for long."""
     cut = _cut(windows, length)
     found = predictions(model.fit, cut.pieces).found
@@ -127,7 +123,7 @@ def piece(window: Window, edges: Float[np.ndarray, " edges"], k: int) -> Window 
 
 def part(window: Window, use: Bool[np.ndarray, " N"], name: str) -> Window | None:
     """Some rows of a window, with the lengths of the whole: what the motors hold does not change."""
-    if np.isfinite(window.markers[use]).all(axis=2).any(axis=-1).sum() < FEWEST:
+    if np.isfinite(window.markers[use]).all(axis=2).any(axis=-1).sum() < CLEANING.segments_fewest:
         return None
     return replace(
         window,

@@ -6,7 +6,7 @@ Where another effect in the place of a named one loses less than 5 nats, the dat
 import numpy as np
 
 from fidim_lab.mismatch.fitting.refit import evidence
-from fidim_lab.mismatch.scores.views import ENOUGH
+from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.confounders import imitators
 from fidim_lab.mismatch.selection.select import Selection
 
@@ -18,7 +18,7 @@ def alike(found: Selection, k: int) -> tuple[str, ...]:
     losses = {one.tried.effect.id: one.loss for one in seen}
     for id, loss in _by_fits(found, k).items():
         losses[id] = min(loss, losses.get(id, np.inf))
-    close = sorted((loss, id) for id, loss in losses.items() if id != named and loss < ENOUGH)
+    close = sorted((loss, id) for id, loss in losses.items() if id != named and loss < SCORES.enough)
     return tuple(id for _, id in close)
 
 

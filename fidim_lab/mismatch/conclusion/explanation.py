@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
 from fidim_lab.mismatch.unknown_force.unknown import Unknown
-
-MOST_ALIKE = 3
-"""effects in `equivalent_to` of the file, by FORMAT.md; the others are in `further_equivalent`"""
 
 
 class Verdict(StrEnum):
@@ -144,8 +142,8 @@ def _effect(cause: NamedCause) -> dict[str, Any]:
     return {
         "id": cause.id,
         "cable": cause.cable,
-        "equivalent_to": list(cause.equivalent_to[:MOST_ALIKE]),
-        "further_equivalent": list(cause.equivalent_to[MOST_ALIKE:]),
+        "equivalent_to": list(cause.equivalent_to[: CONCLUSION.most_alike]),
+        "further_equivalent": list(cause.equivalent_to[CONCLUSION.most_alike :]),
         "parameters": {name: vars(value) for name, value in cause.parameters.items()},
         "says": cause.says,
     }

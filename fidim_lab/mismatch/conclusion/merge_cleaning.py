@@ -5,12 +5,9 @@ from dataclasses import replace
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Place, Verdict
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.markers.finding import Finding
 
-PLACES = 6
-"""faults that are listed each in a place of its own; the others are counted in the message"""
-REPEATED = 3
-"""faults of sensors from which on a contradiction of the kinematics that has no name is put down to them"""
 HAND = "hand-contact"
 
 
@@ -42,7 +39,7 @@ def with_cleaning(explanation: Explanation, cleaned: Cleaned) -> Explanation:
 def _sensors_alone(cleaned: Cleaned, verdict: Verdict) -> bool:
     """Whether faults of sensors are all that is known to be wrong."""
     if verdict is Verdict.UNKNOWN_PHYSICS:
-        return len(cleaned.faults) >= REPEATED and cleaned.screening.contradicts_kinematics
+        return len(cleaned.faults) >= CONCLUSION.merge_cleaning_repeated and cleaned.screening.contradicts_kinematics
     return bool(cleaned.faults) and verdict is Verdict.NOTHING_MISSING
 
 
@@ -60,7 +57,10 @@ def _hand(contacts: tuple[Contact, ...]) -> NamedCause:
 def _places(cleaned: Cleaned) -> tuple[Place, ...]:
     contacts = [Place(c.window, (c.begin, c.end), "all", None, 0.0, c.says) for c in cleaned.contacts]
     faults = sorted(cleaned.faults, key=lambda fault: -fault.size)
-    return (*contacts, *(_place(fault) for fault in faults[:PLACES] if fault.window is not None))
+    return (
+        *contacts,
+        *(_place(fault) for fault in faults[: CONCLUSION.merge_cleaning_places] if fault.window is not None),
+    )
 
 
 def _place(fault: Finding) -> Place:

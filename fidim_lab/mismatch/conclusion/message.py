@@ -19,19 +19,18 @@ from fidim_lab.mismatch.conclusion.explanation import (
     Verdict,
 )
 from fidim_lab.mismatch.conclusion.ranking import ranking
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline
-from fidim_lab.mismatch.fitting.fit_data import SHORT
 from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.residuals.locate import locate
 from fidim_lab.mismatch.residuals.residual import of_fit
 from fidim_lab.mismatch.scores.alarms import alarm_rate
-from fidim_lab.mismatch.scores.views import ENOUGH
+from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.unknown_force.unknown import Unknown as Wrench
-
-MOST_PLACES = 5
 
 
 def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -> Explanation:
@@ -57,7 +56,7 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
 
 def _places(found: Fit) -> tuple[Place, ...]:
     """Where the model as it is leaves structure, the largest share first."""
-    places = locate(of_fit(found), MOST_PLACES)
+    places = locate(of_fit(found), CONCLUSION.most_places)
     return tuple(Place(p.window, p.t, p.channel, p.frequency, p.share, p.says) for p in places)
 
 
@@ -96,9 +95,10 @@ def _next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | N
 
 def _limits(baseline: Baseline, found: Selection) -> str:
     """What the figures mean: false alarms, a model that was not fitted to whole windows, what was not tried."""
-    said = f" {alarm_rate(found.first.projected, ENOUGH).says}"
+    said = f" {alarm_rate(found.first.projected, SCORES.enough).says}"
     if baseline.whole is None:
-        said += f" Without effects the model follows no whole window: it was fitted to the first {SHORT:g} s of each."
+        said += " Without effects the model follows no whole window: "
+        said += f"it was fitted to the first {FITTING.first_seconds:g} s of each."
     refused = found.best.held_out.refused
     if refused:
         said += f" Held-out windows without figures: {'; '.join(refused.values())}"
@@ -114,8 +114,8 @@ def best_of_all(found: Selection) -> str:
         return ""
     best = every[0]
     said = f"; the best of {len(every)} hypotheses, {best.label}, has log-evidence {best.log_evidence:.1f}"
-    if best.log_evidence < ENOUGH:
-        return f"{said} ({ENOUGH:g} would be needed)"
+    if best.log_evidence < SCORES.enough:
+        return f"{said} ({SCORES.enough:g} would be needed)"
     if not found.baseline.held_out.dof:
         return f"{said} on the fitted windows, of which it does not take enough"
     return f"{said} on the fitted windows, but held-out windows are predicted no better with it"

@@ -12,18 +12,14 @@ import numpy as np
 from fidim_lab.data.records import Campaign, Role
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.verdict import Judged
-from fidim_lab.mismatch.scores.views import ENOUGH
+from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.select import Selection
 from fidim_lab.mismatch.selection.single_force import wrench_beside
 from fidim_lab.mismatch.unknown_force.unknown import Unknown
 from fidim_lab.say import Say
-
-MANY = 9
-"""parameters of effects, from which they may stand for anything, and all is tried that has no name"""
-SEVERAL = 2
-"""effects, from which a single wrench is asked for that does nearly all"""
 
 
 def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Say) -> Judged:
@@ -33,8 +29,8 @@ def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Sa
     windows alone.
     """
     named, baseline = judged.named, found.baseline
-    many = sum(len(term.effect.parameters) for term in named.model.tried) >= MANY
-    doubted = judged.known and (many or len(named.model.tried) >= SEVERAL)
+    many = sum(len(term.effect.parameters) for term in named.model.tried) >= CONCLUSION.parsimony_check_many
+    doubted = judged.known and (many or len(named.model.tried) >= CONCLUSION.parsimony_check_several)
     if not doubted or not named.model.whole or named.model.mechanism.springs:
         return judged
     if not campaign.of_role(Role.VALIDATE):
@@ -60,7 +56,7 @@ def _says_more(rival: Unknown, named: Candidate) -> bool:
     gained = named.model.chi2 * dof / named.model.dof - sum(left.chi2 for left in rival.fit.remainders)
     price = 0.5 * np.log(dof) * (_unknowns(rival.fit) - _unknowns(fitted))
     foretold = named.held_out.chi2 * rival.after.dof / named.held_out.dof - rival.after.chi2
-    return min(0.5 * gained / level - price, 0.5 * foretold / level) > ENOUGH
+    return min(0.5 * gained / level - price, 0.5 * foretold / level) > SCORES.enough
 
 
 def _unknowns(fit: Fit) -> int:

@@ -5,16 +5,12 @@ from collections.abc import Sequence
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch.conclusion.explanation import Ranked
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.selection.candidates import Candidate, common_scale
 from fidim_lab.mismatch.selection.select import Selection
-
-LISTED = 8
-"""entries of the ranking that were scored but not fitted"""
-BRIEFLY = 4
-"""entries that were fitted to the first seconds alone"""
 
 
 def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranked, ...]:
@@ -24,14 +20,14 @@ def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranke
     brief: dict[tuple[str, ...], Ranked] = {}
     for model in _best_first(found.passing):
         names = tuple(_name(h.effect) for h in model.tried)
-        if _key(model.tried) not in known and names not in brief and len(brief) < BRIEFLY:
+        if _key(model.tried) not in known and names not in brief and len(brief) < CONCLUSION.ranking_briefly:
             brief[names] = _fitted_briefly(names, model, context)
     scored: list[Ranked] = []
     seen: set[object] = set()
     for score in found.first.singles:
         effect = score.tried[0].effect
         listed = _key(score.tried) in known or (_name(effect),) in brief
-        if effect in seen or listed or len(scored) == LISTED:
+        if effect in seen or listed or len(scored) == CONCLUSION.ranking_listed:
             continue
         seen.add(effect)
         scored.append(Ranked((_name(effect),), None, _possible(score, context) is None, _why_not_fitted(score)))

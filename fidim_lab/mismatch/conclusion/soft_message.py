@@ -20,26 +20,18 @@ from fidim_lab.mismatch.conclusion.explanation import (
     Verdict,
 )
 from fidim_lab.mismatch.conclusion.soft_cables import Compared, Elastic
-from fidim_lab.mismatch.scores.views import ENOUGH
-
-NO_WORSE = 1.1
-"""times the held-out rms without a term, up to which it is not predicted worse with it"""
-ALIKE = 1.25
-"""times the held-out rms, up to which friction elsewhere predicts as well: windows differ by as much"""
-AT_BOUND = 0.99
-"""of the largest possible size: beyond, more is asked for than can be"""
-HALF = 0.5
-"""of what held-out windows lack, that both terms together must take"""
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
+from fidim_lab.mismatch.scores.thresholds import SCORES
 
 
 def soft_answer(told: Explanation, compared: Compared, robot: Robot, softness: str) -> Explanation | None:
     """The answer of the elastic models in the place of that on rigid cables; None where they name nothing.
 
-    A term is named where the fitted windows ask for it by more than `ENOUGH` nats and held-out windows are not
+    A term is named where the fitted windows ask for it by more than `enough` nats and held-out windows are not
     predicted worse with it; nothing is, unless both terms take half of what held-out windows lack (sum of squares).
     """
     whole, without = compared.whole, compared.without
-    if not whole.held_out**2 < HALF * without.held_out**2:
+    if not whole.held_out**2 < CONCLUSION.soft_message_half * without.held_out**2:
         return None
     named = [effect for effect in compared.dissipation if _is_asked_for(compared, effect)]
     if not named:
@@ -67,14 +59,16 @@ def _is_asked_for(compared: Compared, effect: NamedEffect) -> bool:
     if not lacking:
         return False
     rest = lacking[0]
-    evident = compared.behind(rest) > ENOUGH
-    return evident and compared.whole.held_out < NO_WORSE * rest.held_out
+    evident = compared.behind(rest) > SCORES.enough
+    return evident and compared.whole.held_out < CONCLUSION.soft_message_no_worse * rest.held_out
 
 
 def _cause(compared: Compared, effect: NamedEffect) -> NamedCause:
     values, sds, high = compared.whole.theta_of(effect)
     parameters = {
-        p.name: EffectParameter(float(value), float(sd) if 0 < value < AT_BOUND * most else None, p.unit)
+        p.name: EffectParameter(
+            float(value), float(sd) if 0 < value < CONCLUSION.soft_message_at_bound * most else None, p.unit
+        )
         for p, value, sd, most in zip(effect.parameters, values, sds, high, strict=True)
     }
     others = compared.elsewhere if effect == compared.dissipation[0] else ()
@@ -83,7 +77,7 @@ def _cause(compared: Compared, effect: NamedEffect) -> NamedCause:
 
 
 def _as_good(one: Elastic, other: Elastic) -> bool:
-    return other.held_out < ALIKE * one.held_out
+    return other.held_out < CONCLUSION.soft_message_alike * one.held_out
 
 
 def _impossible(one: Elastic) -> bool:
@@ -95,7 +89,11 @@ def _at_largest(one: Elastic) -> list[str]:
     """Parameters of the first effect that are held at the largest size that can be."""
     effect = one.effects[0]
     values, _, high = one.theta_of(effect)
-    return [p.name for p, value, most in zip(effect.parameters, values, high, strict=True) if value > AT_BOUND * most]
+    return [
+        p.name
+        for p, value, most in zip(effect.parameters, values, high, strict=True)
+        if value > CONCLUSION.soft_message_at_bound * most
+    ]
 
 
 def _ranking(compared: Compared) -> tuple[Ranked, ...]:

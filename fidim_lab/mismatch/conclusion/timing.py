@@ -14,22 +14,11 @@ from scipy.interpolate import CubicSpline
 
 from fidim_lab.data.records import Campaign
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.fitting.refit import Completed
 
-OFFSET, RATE = "time-offset", "clock-rate"
-CLEAR = 5.0
-"""standard deviations beyond which an offset is named: once in a million without one"""
-SMALLEST = 3e-4
-"""s; less matters to nobody, and current loops lag as much"""
-SLOWEST = 5e-5
-"""of a rate: what cheap quartz clocks have, and less than anybody would notice"""
-FARTHEST, STRIDE = 0.3, 0.01
-"""s, of the first look"""
-ROUNDS = 4
-FEWEST = 3
-"""courses"""
-SAMPLES = 50
-"""of a window, with fewer of which it is not asked"""
+OFFSET = "time-offset"
+RATE = "clock-rate"
 DISTORTED = frozenset(("pulley-friction",))
 """friction between winch and platform makes currents differ from tensions as an offset would"""
 
@@ -50,23 +39,25 @@ class Timing:
     @property
     def is_off(self) -> bool:
         """Whether an offset is believed."""
-        return abs(self.offset) > max(CLEAR * self.sd, SMALLEST)
+        return abs(self.offset) > max(CONCLUSION.timing_clear * self.sd, CONCLUSION.timing_smallest)
 
     @property
     def runs_away(self) -> bool:
         """Whether another rate is believed."""
-        return abs(self.rate) > max(CLEAR * self.rate_sd, SLOWEST)
+        return abs(self.rate) > max(CONCLUSION.timing_clear * self.rate_sd, CONCLUSION.timing_slowest)
 
 
 def timing(model: Completed) -> Timing | None:
     """By the motor currents of the windows that were fitted; None where there are none, or too few that tell."""
     courses = [course for w in range(len(model.fit.likelihood.recordings)) for course in _courses(model, w)]
-    if len(courses) < FEWEST:
+    if len(courses) < CONCLUSION.timing_fewest:
         return None
-    looks = np.arange(-FARTHEST, FARTHEST + STRIDE / 2, STRIDE)
+    looks = np.arange(
+        -CONCLUSION.timing_farthest, CONCLUSION.timing_farthest + CONCLUSION.timing_stride / 2, CONCLUSION.timing_stride
+    )
     start = float(looks[np.argmin([sum(course.misfit(look) for course in courses) for look in looks])])
     found, steps, weights = np.array([start, 0.0]), np.zeros((0, 2)), np.zeros((0, 2, 2))
-    for _ in range(ROUNDS):
+    for _ in range(CONCLUSION.timing_rounds):
         tries = [course.step(*found.tolist()) for course in courses]
         steps, weights = np.array([step for step, _ in tries]), np.array([weight for _, weight in tries])
         found = found + _mean(steps, weights)
@@ -172,11 +163,13 @@ def _courses(model: Completed, w: int) -> list[_Course]:
     trajectories, place = simulation.trajectory_of(w)
     nodes = trajectories.grid.t
     t = window.t - window.t[0] - recording.begin
-    inside = (t > FARTHEST) & (t < min(float(simulation.ends[w]), nodes[-1]) - FARTHEST)
+    inside = (t > CONCLUSION.timing_farthest) & (
+        t < min(float(simulation.ends[w]), nodes[-1]) - CONCLUSION.timing_farthest
+    )
     found: list[_Course] = []
     for k in range(window.currents.shape[1]):
         use = inside & np.isfinite(window.currents[:, k])
         values = trajectories.tensions[place, :, k]
-        if use.sum() >= SAMPLES and np.isfinite(values).all() and np.ptp(window.currents[use, k]) > 0:
+        if use.sum() >= CONCLUSION.timing_samples and np.isfinite(values).all() and np.ptp(window.currents[use, k]) > 0:
             found.append(_Course(t[use], window.currents[use, k], CubicSpline(nodes, values)))
     return found

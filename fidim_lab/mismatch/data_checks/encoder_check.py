@@ -3,16 +3,8 @@
 import numpy as np
 
 from fidim_lab.data.records import Window
+from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.mismatch.markers.finding import Finding, Kind
-
-FEWEST = 10
-"""samples on either side of a step"""
-STEPS = 5.0
-"""encoder resolutions: smaller is not a slip"""
-CERTAIN = 8.0
-"""standard deviations of what is left on either side, over √N"""
-SHARE = 0.5
-"""of the variance that one step must explain; a length that follows the tension is compliance, not a slip"""
 
 
 def check_encoders(window: Window, resolution: float) -> tuple[tuple[Finding, ...], np.ndarray]:
@@ -40,17 +32,20 @@ def check_encoders(window: Window, resolution: float) -> tuple[tuple[Finding, ..
 def _best_step(column: np.ndarray, resolution: float) -> tuple[int, float] | None:
     """First sample after the step, and its size (m); None where no single step explains the column."""
     count = len(column)
-    if count < 3 * FEWEST or np.ptp(column) < STEPS * resolution:
+    if count < 3 * DATA_CHECKS.encoder_check_fewest or np.ptp(column) < DATA_CHECKS.encoder_check_steps * resolution:
         return None
     x = column - column.mean()
-    before = np.cumsum(x)[FEWEST - 1 : count - FEWEST]
-    k = np.arange(FEWEST, count - FEWEST + 1)
+    before = np.cumsum(x)[DATA_CHECKS.encoder_check_fewest - 1 : count - DATA_CHECKS.encoder_check_fewest]
+    k = np.arange(DATA_CHECKS.encoder_check_fewest, count - DATA_CHECKS.encoder_check_fewest + 1)
     gain = before**2 * count / (k * (count - k))
     best = int(np.argmax(gain))
     total, at = float(x @ x), int(k[best])
     size = float(column[at:].mean() - column[:at].mean())
     left = np.sqrt(max(total - float(gain[best]), 0.0) / count)
     sharp = abs(float(column[at : at + 3].mean() - column[at - 3 : at].mean())) > 0.7 * abs(size)
-    certain = abs(size) > CERTAIN * left / np.sqrt(min(at, count - at))
-    enough = gain[best] > SHARE * total and abs(size) > STEPS * resolution
+    certain = abs(size) > DATA_CHECKS.encoder_check_certain * left / np.sqrt(min(at, count - at))
+    enough = (
+        gain[best] > DATA_CHECKS.encoder_check_share * total
+        and abs(size) > DATA_CHECKS.encoder_check_steps * resolution
+    )
     return (at, size) if enough and certain and sharp else None

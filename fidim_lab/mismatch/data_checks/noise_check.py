@@ -6,16 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Window
+from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.mismatch.markers.clock_check import even_grid
 from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel
 from fidim_lab.mismatch.markers.neighbours import noise_of
-
-SPREAD = 0.055
-"""standard deviation of the logarithm of `noise_of` for one coordinate of 1000 samples"""
-CERTAIN = 6.0
-"""standard deviations"""
-CAMPAIGN, CHANNEL, WINDOW = 0.08, 0.15, 0.3
-"""relative differences that are worth a word: all from the declared, one coordinate or one window from the others"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +47,7 @@ def check_noise(windows: tuple[Window, ...], levels: NoiseLevels) -> tuple[Findi
     """Where the noise is not what the robot file says: in all, in a coordinate, in a window."""
     with np.errstate(divide="ignore"):
         logs = np.log(levels.by_window / levels.declared)
-    sd = SPREAD * np.sqrt(1000 / np.maximum(levels.samples, 1))[:, np.newaxis, np.newaxis]
+    sd = DATA_CHECKS.noise_check_spread * np.sqrt(1000 / np.maximum(levels.samples, 1))[:, np.newaxis, np.newaxis]
     seen = np.isfinite(logs)
     if not seen.any():
         return ()
@@ -61,18 +55,26 @@ def check_noise(windows: tuple[Window, ...], levels: NoiseLevels) -> tuple[Findi
     values = np.where(seen, logs, 0.0)
     overall = float((weights * values).sum() / weights.sum())
     found: list[Finding] = []
-    if abs(overall) > max(CERTAIN / np.sqrt(weights.sum()), np.log1p(CAMPAIGN)):
+    if abs(overall) > max(
+        DATA_CHECKS.noise_check_certain / np.sqrt(weights.sum()), np.log1p(DATA_CHECKS.noise_check_campaign)
+    ):
         found.append(_finding(None, "x", np.exp(overall), levels.declared, "the markers' noise is", "declared"))
     per_channel = (weights * values).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-300)
     for m, axis in np.argwhere(seen.any(axis=0)):
         away = per_channel[m, axis] - overall
-        if abs(away) > max(CERTAIN / np.sqrt(weights[:, m, axis].sum()), np.log1p(CHANNEL)):
+        if abs(away) > max(
+            DATA_CHECKS.noise_check_certain / np.sqrt(weights[:, m, axis].sum()),
+            np.log1p(DATA_CHECKS.noise_check_channel),
+        ):
             ratio, name = float(np.exp(per_channel[m, axis])), marker_channel(int(m), int(axis))
             found.append(_finding(None, name, ratio, levels.declared, f"the noise of {name} is", "declared"))
     for w, window in enumerate(windows):
         for m in np.flatnonzero(seen[w].all(axis=1)):
             away = float((logs[w, m] - per_channel[m]).mean())
-            if abs(away) > max(CERTAIN * float(sd[w, 0, 0]) / np.sqrt(3), np.log1p(WINDOW)):
+            if abs(away) > max(
+                DATA_CHECKS.noise_check_certain * float(sd[w, 0, 0]) / np.sqrt(3),
+                np.log1p(DATA_CHECKS.noise_check_window),
+            ):
                 ratio = float(np.exp(logs[w, m].mean()))
                 says = f"window {window.id}: noise is"
                 found.append(_finding(window, marker_channel(int(m), 0), ratio, levels.declared, says, "declared"))

@@ -6,7 +6,8 @@
     currents-statics   what the motor currents lift on average, against the weight
 
 What enters as a force leaves the first three at their noise; what enters as geometry or stretch does not. Noise is
-taken down by local smoothing first (to about a half), with samples `EVERY` seconds apart that are then independent.
+taken down by local smoothing first (to about a half), with samples `redundancy_every` seconds apart that are then
+independent.
 """
 
 from dataclasses import dataclass
@@ -19,20 +20,10 @@ from fidim_lab.data.records import Campaign, Window
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.motion import rigid, surface
 from fidim_lab.identification.motion.measured import held_lengths, rest_pose
+from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.mismatch.markers.clock_check import even_grid
 from fidim_lab.mismatch.markers.neighbours import half_width, look
 from fidim_lab.model.mechanism import Mechanism
-
-EVERY = 0.1
-"""s"""
-WORST_CONDITION = 5.0
-"""of the free motions as markers see them: beyond, near a fold of the surface, the pose may be on the wrong side"""
-CONTRADICTS = 1.5
-"""times what noise and encoder resolution give"""
-FEWEST = 5
-"""samples"""
-LIFT = 0.05
-"""of the weight: losses and scale of currents make that much"""
 
 
 @dataclass(frozen=True)
@@ -77,13 +68,14 @@ def pose_window(mechanism: Mechanism, window: Window, sigma: Float[np.ndarray, "
     try:
         lengths = held_lengths(window)
         t, markers, noise = smoothed(window, sigma)
-        if len(t) < FEWEST:
-            return f"Window {window.id}: {len(t)} samples have whole neighbourhoods, {FEWEST} are needed."
+        if len(t) < DATA_CHECKS.redundancy_fewest:
+            needed = DATA_CHECKS.redundancy_fewest
+            return f"Window {window.id}: {len(t)} samples have whole neighbourhoods, {needed} are needed."
         body_markers = mechanism.robot.markers[: markers.shape[1]]
         poses = surface.poses(mechanism, lengths, body_markers, markers, rest_pose(mechanism, window))
         jacobian = surface.marker_jacobian(poses.rotations, body_markers)
         structure = mechanism.structure_matrix(poses.positions, poses.rotations)
-        good = poses.settled & (surface.conditioning(structure, jacobian) < WORST_CONDITION)
+        good = poses.settled & (surface.conditioning(structure, jacobian) < DATA_CHECKS.worst_condition)
         return Posed(window, lengths, t, markers, noise, poses, jacobian, structure, good)
     except (FidimError, np.linalg.LinAlgError) as error:
         return f"Window {window.id}: {error}"
@@ -92,12 +84,12 @@ def pose_window(mechanism: Mechanism, window: Window, sigma: Float[np.ndarray, "
 def smoothed(
     window: Window, sigma: Float[np.ndarray, "M 3"]
 ) -> tuple[Series, Float[np.ndarray, "S M 3"], Float[np.ndarray, "S M 3"]]:
-    """Times, markers and their noise (m) every `EVERY` seconds, where all markers have their neighbours."""
+    """Times, markers and their noise (m) every `redundancy_every` seconds, where all markers have their neighbours."""
     grid = even_grid(window.t)
     columns = grid.spread(window.markers.reshape(len(window.t), -1))
     half = half_width(1 / grid.step)
     local = look(columns, half)
-    every = max(1, round(EVERY / grid.step))
+    every = max(1, round(DATA_CHECKS.redundancy_every / grid.step))
     rows = np.arange(half, len(columns) - half, every)
     rows = rows[np.isfinite(local.value_norm[rows]).all(axis=1)]
     shape = (len(rows), window.markers.shape[1], 3)
@@ -108,7 +100,11 @@ def smoothed(
 def markers_against_lengths(mechanism: Mechanism, posed: list[Posed]) -> Redundancy | None:
     """Distance of the markers from the surface, per coordinate; None where they are not redundant."""
     name, resolution = "markers-lengths", mechanism.robot.sensors.encoder_resolution
-    rows = [one for one in posed if one.good.sum() >= FEWEST and one.jacobian.shape[1] > mechanism.freedoms]
+    rows = [
+        one
+        for one in posed
+        if one.good.sum() >= DATA_CHECKS.redundancy_fewest and one.jacobian.shape[1] > mechanism.freedoms
+    ]
     if not rows:
         return None
     found, expected = [], []
@@ -135,7 +131,7 @@ def rigid_markers(campaign: Campaign, windows: list[tuple[Window, np.ndarray, np
     rows, found, expected = [], [], []
     for window, markers, noise in windows:
         count = markers.shape[1]
-        if count < 2 or len(markers) < FEWEST:
+        if count < 2 or len(markers) < DATA_CHECKS.redundancy_fewest:
             continue
         first, second = np.triu_indices(count, 1)
         body = campaign.robot.markers[:count]
@@ -181,7 +177,7 @@ def currents_against_statics(mechanism: Mechanism, posed: list[Posed]) -> Redund
     lifts: list[tuple[str, float]] = []
     for one in posed:
         tension = _tensions(one, scale)
-        if tension is None or one.good.sum() < FEWEST:
+        if tension is None or one.good.sum() < DATA_CHECKS.redundancy_fewest:
             continue
         up = one.structure[one.good, :, :3] @ robot.gravity / g
         lifts.append((one.window.id, float(np.mean((up * tension[one.good]).sum(axis=1)))))
@@ -190,13 +186,15 @@ def currents_against_statics(mechanism: Mechanism, posed: list[Posed]) -> Redund
     weight = robot.mass * g
     away = np.array([lift for _, lift in lifts]) - weight
     mean, rms = float(away.mean()), float(np.sqrt(np.mean(away**2)))
-    contradicts = abs(mean) > LIFT * weight
+    contradicts = abs(mean) > DATA_CHECKS.redundancy_lift * weight
     verdict = "mass, winch constants or losses are not as the robot file says" if contradicts else "they agree"
     says = (
         f"By the motor currents the cables lift {weight + mean:.1f} N on average, the weight is {weight:.1f} N "
         f"({mean / weight:+.1%}): {verdict}."
     )
-    return Redundancy("currents-statics", contradicts, rms, LIFT * weight, "N", tuple(lifts), says)
+    return Redundancy(
+        "currents-statics", contradicts, rms, DATA_CHECKS.redundancy_lift * weight, "N", tuple(lifts), says
+    )
 
 
 def _tensions(one: Posed, scale: np.ndarray) -> CableSeries | None:
@@ -214,7 +212,7 @@ def _compared(
 ) -> Redundancy:
     """The figures of all windows as one; what is found and expected are mean squares, m²."""
     rms, noise = float(np.sqrt(np.mean(found))), float(np.sqrt(np.mean(expected)))
-    contradicts = rms > CONTRADICTS * noise
+    contradicts = rms > DATA_CHECKS.redundancy_contradicts * noise
     ids = [row.id if isinstance(row, Window) else row.window.id for row in rows]
     worst = int(np.argmax(found))
     says = f"Over {len(rows)} windows {what} {rms * 1e3:.3g} mm rms, {rms / noise:.1f} times what noise gives"

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Cable, Robot
+from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
 
 UNITS = (
     (1e-3, "millimetres for metres"),
@@ -18,8 +19,6 @@ UNITS = (
     (0.01, "centimetres for metres"),
     (0.0254, "inches for metres"),
 )
-FEW = 5
-"""cables, of which all orders are tried"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +77,7 @@ def _reversed(words: str) -> str:
 def _orders(cables: int) -> Iterator[tuple[int, ...]]:
     """All orders of few cables; of many those with two exchanged, and those counted from another or the other way."""
     identity = tuple(range(cables))
-    if cables <= FEW:
+    if cables <= DATA_CHECKS.robot_changes_few:
         yield from (order for order in permutations(identity) if order != identity)
         return
     for first, second in combinations(identity, 2):

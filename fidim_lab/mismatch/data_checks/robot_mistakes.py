@@ -16,27 +16,9 @@ from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.motion import surface
 from fidim_lab.mismatch.data_checks.robot_changes import Change, robot_changes
+from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.mismatch.markers.clock_check import even_grid
 from fidim_lab.model.mechanism import Mechanism
-
-SAMPLES = 4
-"""poses of each window"""
-WINDOWS = 8
-CLOSE = 1e-3
-"""m, to which markers and lengths are weighted"""
-UPRIGHT = 0.25
-"""rad, how far the platform may lean"""
-ROUNDS = 12
-LONGEST = 0.3
-"""m or rad in one step"""
-BETTER = 5.0
-"""times smaller the misfit must become"""
-TIE = 1.5
-"""within this factor of the best, another change is named beside it"""
-PART = 5e-3
-"""m, from which on something is wrong besides"""
-HOPELESS = 0.05
-"""m: what misses by more is no fit, and no effect of the catalogue makes as much"""
 
 
 @dataclass(frozen=True)
@@ -76,15 +58,19 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
     ]
     tried.sort(key=lambda pair: pair[0])
     best = tried[0][0]
-    if best < HOPELESS and best * BETTER < min(before, 1e3):
-        return tuple(_mistake(change, before, after) for after, change in tried[:3] if after <= TIE * best)
-    return (_uncured(tried[0][1], before, best, len(tried)),) if before > HOPELESS else ()
+    if best < DATA_CHECKS.hopeless and best * DATA_CHECKS.robot_mistakes_better < min(before, 1e3):
+        return tuple(
+            _mistake(change, before, after)
+            for after, change in tried[:3]
+            if after <= DATA_CHECKS.robot_mistakes_tie * best
+        )
+    return (_uncured(tried[0][1], before, best, len(tried)),) if before > DATA_CHECKS.hopeless else ()
 
 
 def _mistake(change: Change, before: float, after: float) -> Mistake:
     says = f"{change.says}: with that undone, markers and cable lengths agree within {after * 1e3:.2g} mm; "
     says += f"as the files are, {_missed(before)}."
-    if after > PART:
+    if after > DATA_CHECKS.robot_mistakes_part:
         says += " That is still too much: something else is wrong as well."
     return Mistake(says, before, after, None if change.order is None else tuple(k + 1 for k in change.order))
 
@@ -104,15 +90,15 @@ def _sampled(robot: Robot, windows: tuple[Window, ...]) -> _Sample | None:
     """Markers averaged over five samples, at a few places of a few windows."""
     markers, lengths = [], []
     most = min((w.markers.shape[1] for w in windows), default=0)
-    for window in windows[:: max(1, len(windows) // WINDOWS)]:
+    for window in windows[:: max(1, len(windows) // DATA_CHECKS.robot_mistakes_windows)]:
         if window.lengths is None or not np.isfinite(window.lengths).any(axis=0).all():
             continue
         held = np.nanmean(window.lengths, axis=0)
         columns = even_grid(window.t).spread(window.markers[:, :most].reshape(len(window.t), -1))
         rows = np.flatnonzero(np.isfinite(columns).all(axis=1))
-        if len(rows) < SAMPLES:
+        if len(rows) < DATA_CHECKS.robot_mistakes_samples:
             continue
-        for row in rows[np.linspace(0, len(rows) - 1, SAMPLES + 2).astype(int)[1:-1]]:
+        for row in rows[np.linspace(0, len(rows) - 1, DATA_CHECKS.robot_mistakes_samples + 2).astype(int)[1:-1]]:
             markers.append(columns[row].reshape(most, 3))
             lengths.append(held)
     if not markers or len(lengths[0]) != robot.n:
@@ -131,7 +117,7 @@ def _misfit(change: Change, sample: _Sample, mechanism: Mechanism | None) -> flo
     R = np.tile(np.eye(3), (len(markers), 1, 1))
     p = (markers - body).mean(axis=1)
     try:
-        for _ in range(ROUNDS):
+        for _ in range(DATA_CHECKS.robot_mistakes_rounds):
             step = _step(made, lengths, markers, body, p, R)
             p = p + step[:, :3]
             R[:] = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ R
@@ -139,7 +125,9 @@ def _misfit(change: Change, sample: _Sample, mechanism: Mechanism | None) -> flo
     except (FidimError, np.linalg.LinAlgError):
         return np.inf
     lean = np.linalg.norm(Rotation.from_matrix(R).as_rotvec(), axis=1)
-    each = np.sqrt((left**2).sum(axis=1) / max(1, left.shape[1] - 6)) + 0.01 * np.maximum(0.0, lean - 2 * UPRIGHT)
+    each = np.sqrt((left**2).sum(axis=1) / max(1, left.shape[1] - 6)) + 0.01 * np.maximum(
+        0.0, lean - 2 * DATA_CHECKS.robot_mistakes_upright
+    )
     return float(np.median(each)) if np.isfinite(each).all() else np.inf
 
 
@@ -154,13 +142,23 @@ def _step(
     prior = np.zeros((len(p), 3, 6))
     prior[:, :, 3:] = np.eye(3)
     rows = np.concatenate(
-        [surface.marker_jacobian(R, body) / CLOSE, made.structure_matrix(p, R) / CLOSE, prior / UPRIGHT], axis=1
+        [
+            surface.marker_jacobian(R, body) / DATA_CHECKS.robot_mistakes_close,
+            made.structure_matrix(p, R) / DATA_CHECKS.robot_mistakes_close,
+            prior / DATA_CHECKS.robot_mistakes_upright,
+        ],
+        axis=1,
     )
     turned = Rotation.from_matrix(R).as_rotvec()
     right = np.concatenate(
-        [_off(markers, body, p, R) / CLOSE, (lengths - made.lengths(p, R)) / CLOSE, -turned / UPRIGHT], axis=1
+        [
+            _off(markers, body, p, R) / DATA_CHECKS.robot_mistakes_close,
+            (lengths - made.lengths(p, R)) / DATA_CHECKS.robot_mistakes_close,
+            -turned / DATA_CHECKS.robot_mistakes_upright,
+        ],
+        axis=1,
     )
     across = np.swapaxes(rows, 1, 2)
     step = np.linalg.solve(across @ rows, (across @ right[..., np.newaxis]))[..., 0]
     size = np.abs(step).max(axis=1, keepdims=True)
-    return step * np.minimum(1.0, LONGEST / np.maximum(size, 1e-300))
+    return step * np.minimum(1.0, DATA_CHECKS.robot_mistakes_longest / np.maximum(size, 1e-300))

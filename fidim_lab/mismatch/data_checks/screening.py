@@ -30,16 +30,13 @@ from fidim_lab.mismatch.data_checks.redundancy import (
     smoothed,
 )
 from fidim_lab.mismatch.data_checks.robot_mistakes import Mistake, find_mistakes
+from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.mismatch.markers.displaced import Limits
 from fidim_lab.mismatch.markers.finding import Finding
-from fidim_lab.mismatch.markers.rigid_steps import CHANCE, without_rigid_steps
+from fidim_lab.mismatch.markers.rigid_steps import without_rigid_steps
 from fidim_lab.mismatch.markers.samples import Inspected, inspect
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 from fidim_lab.model.mechanism import Mechanism
-
-GROSS = 5e-3
-"""m of kinematic misfit, from which simple mistakes of the robot file are looked for"""
-FEW = 3
-"""windows that are compared when the robot file is plainly wrong"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +92,13 @@ def screen(campaign: Campaign) -> Screening:
     samples = sum(window.markers.shape[0] * window.markers.shape[1] for window in campaign.windows)
     limits = Limits.for_tests(samples)
     inspected = [_inspected(campaign, window, levels, limits) for window in campaign.windows]
-    chance = CHANCE / len(inspected)
+    chance = MARKERS.rigid_steps_chance / len(inspected)
     inspected = [without_rigid_steps(one, levels.declared, chance) for one in inspected]
     cleaned = replace(campaign, windows=tuple(one.window for one in inspected))
     levels = noise_levels(cleaned.windows, declared)
     findings = [finding for one in inspected for finding in one.findings]
-    mistakes = find_mistakes(campaign.robot, cleaned.windows, GROSS)
-    posable = replace(cleaned, windows=cleaned.windows[:FEW]) if mistakes else cleaned
+    mistakes = find_mistakes(campaign.robot, cleaned.windows, DATA_CHECKS.screening_gross)
+    posable = replace(cleaned, windows=cleaned.windows[: DATA_CHECKS.screening_few]) if mistakes else cleaned
     redundancy, unposed = _redundancy(posable, levels.by_channel)
     return Screening(
         campaign=cleaned,

@@ -11,9 +11,10 @@ import numpy as np
 from fidim_lab.data.records import Campaign, Motion, Robot, Role, Window
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.fitting.fit_data import NEAR, Ground, ground_of, settle, short_fit, whole_ground
+from fidim_lab.mismatch.fitting.fit_data import Ground, ground_of, settle, short_fit, whole_ground
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predict
 from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, hypotheses
 from fidim_lab.model.mechanism import Mechanism
@@ -45,7 +46,7 @@ class Baseline:
     @property
     def follows(self) -> bool:
         """Whether whole windows are followed, so that first-order statements about them hold."""
-        return self.whole is not None and self.whole.excess < NEAR and not self.whole.journey.lost
+        return self.whole is not None and self.whole.excess < FITTING.near and not self.whole.journey.lost
 
     @property
     def held_out(self) -> tuple[Window, ...]:
@@ -78,7 +79,7 @@ def ready(robot: Robot, *, native: bool) -> Mechanism:
 
 
 def fit_baseline(
-    campaign: Campaign, *, native: bool, say: Say, mechanism: Mechanism | None = None, hopeless: float = NEAR
+    campaign: Campaign, *, native: bool, say: Say, mechanism: Mechanism | None = None, hopeless: float = FITTING.near
 ) -> Baseline:
     """Fit the windows of role `identify` with nothing beside the rigid model.
 

@@ -18,30 +18,16 @@ from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_TRIAL, Effort, optimise
 from fidim_lab.identification.mle.trajectories.recordings import Recording
 from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, Journey, grow
-from fidim_lab.mismatch.fitting.sprung import (
-    AT_LAST,
-    CRAWL,
-    NEAR,
-    begins_anew,
-    bounded,
-    carried_on,
-    grown,
-    likelihood_with,
-)
+from fidim_lab.mismatch.fitting.sprung import AT_LAST, begins_anew, bounded, carried_on, grown, likelihood_with
+from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
 
-SHORT = 3.0
-"""s"""
-HORIZONS = (3.0, 10.0)
-"""s; the start is that of a good fit, so the strides may be long"""
-IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6, crawl=CRAWL)
+IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6, crawl=FITTING.crawl)
 """a short look at one of many models"""
-IN_FULL = replace(ON_TRIAL, creep=0.1, crawl=CRAWL, idle=0.3)
+IN_FULL = replace(ON_TRIAL, creep=0.1, crawl=FITTING.crawl, idle=0.3)
 """whole windows for the first time: what gets nowhere is given up"""
-HOPELESS = 30.0
-"""χ²/dof of a model of the first seconds that is not tried on whole windows; of whole windows, what is not judged"""
 BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
 """whole windows that are followed already: to a tenth of a standard deviation"""
 
@@ -72,7 +58,7 @@ def short_fit(mechanism: Mechanism, windows: Sequence[Window]) -> Fit:
 
     Raises RefusedError where no window can be fitted at all.
     """
-    found = fit(mechanism, [shortened(window, SHORT) for window in windows])
+    found = fit(mechanism, [shortened(window, FITTING.first_seconds) for window in windows])
     return replace(found, prior=Prior(found.prior.mean, found.plausible))
 
 
@@ -104,7 +90,7 @@ def settle(
     """
     prior = bounded(prior, mechanism)
     if begins_anew(mechanism, donor):
-        if donor.excess < NEAR and _is_whole(ground, donor):
+        if donor.excess < FITTING.near and _is_whole(ground, donor):
             found = carried_on(ground.likelihood, donor, mechanism, start, prior, free)
         else:
             found = grown(ground.likelihood, donor, mechanism, prior, free)
@@ -112,9 +98,11 @@ def settle(
     likelihood = likelihood_with(ground.likelihood, mechanism, start.shared)
     if ground.whole and not _is_whole(ground, donor):
         nearby = replace(prior, sd=prior.sd / FAR_PRIOR)
-        in_full = replace(IN_FULL, hopeless=HOPELESS * donor.noise_ratio**2)
+        in_full = replace(IN_FULL, hopeless=FITTING.hopeless * donor.noise_ratio**2)
         last = replace(AT_LAST if mechanism.springs else in_full, wanted=wanted)
-        journey = grow(likelihood, start, nearby, free, HORIZONS, last, once=donor.excess >= NEAR)
+        journey = grow(
+            likelihood, start, nearby, free, FITTING.fit_data_horizons, last, once=donor.excess >= FITTING.near
+        )
     else:
         effort = replace(BESIDE if ground.whole else IN_PASSING, wanted=wanted)
         ends = np.minimum(donor.journey.ends, [recording.end for recording in likelihood.recordings])

@@ -16,10 +16,8 @@ from fidim_lab.identification.mle.trajectories.optimise import ON_THE_WAY, optim
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.trajectories.stages import grow
 from fidim_lab.mismatch.fitting.sprung import guesses_of
+from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.model.sensitivity.grid import QUICK
-
-HORIZONS = (0.5, 3.0)
-"""s"""
 
 
 def followed(found: Fit, window: Window, seconds: float) -> tuple[Remainder, float] | None:
@@ -41,7 +39,7 @@ def left_of(found: Fit, windows: Sequence[Window]) -> tuple[Remainder, ...] | No
     if prepared is None:
         return None
     likelihood, start, prior, held = prepared
-    journey = grow(likelihood, start, prior, held, HORIZONS)
+    journey = grow(likelihood, start, prior, held, FITTING.held_body_horizons)
     if journey is None:
         return None
     return tuple(remainder(likelihood, journey.optimum.simulation, w) for w in range(len(windows)))

@@ -13,18 +13,15 @@ from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import Point
 from fidim_lab.mismatch.fitting.fit_data import Ground, settle
 from fidim_lab.mismatch.fitting.sprung import are_stiff, begins_anew, stiffest
-from fidim_lab.mismatch.linearised.hypotheses import BROAD, Hypothesis
+from fidim_lab.mismatch.fitting.thresholds import FITTING
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
+from fidim_lab.mismatch.linearised.thresholds import LINEARISED
 from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
 from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.starts import tied
-
-ROUNDS = 3
-"""how often parameters may be put back on their bounds"""
-TINY = 1e-300
-"""below any share of prior variance"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +106,7 @@ class Completed:
         wide = np.concatenate([_theta_sd(h) for h in self.tried])
         told = self.fit.covariance[BODY:, BODY:] * scale / np.outer(wide, wide)
         shares = np.linalg.eigvalsh(told) if np.isfinite(told).all() else np.ones(1)
-        return float(-0.5 * np.log(np.clip(shares, TINY, 1.0)).sum()) + sum(h.choice for h in self.tried)
+        return float(-0.5 * np.log(np.clip(shares, FITTING.refit_tiny, 1.0)).sum()) + sum(h.choice for h in self.tried)
 
 
 def evidence(model: Completed, than: Completed, scale: float) -> float:
@@ -161,7 +158,7 @@ def refit(
     if phases is not None and len(phases) == len(states.positions):
         others = np.zeros((len(phases), extra_count(mechanism) - 1)) if states.astray is None else states.astray
         states = replace(states, astray=np.column_stack([others, phases]))
-    for _ in range(ROUNDS):
+    for _ in range(FITTING.refit_rounds):
         start = Point(shared, tied(mechanism, shared, states, ground.likelihood.begins))
         found = settle(ground, donor, mechanism, start, prior, free, wanted)
         if found is None:
@@ -218,4 +215,4 @@ def _bounds(tried: Sequence[Hypothesis], context: Context) -> tuple[np.ndarray, 
 
 
 def _theta_sd(tried: Hypothesis) -> np.ndarray:
-    return np.array([BROAD * parameter.scale for parameter in tried.effect.parameters])
+    return np.array([LINEARISED.hypotheses_broad * parameter.scale for parameter in tried.effect.parameters])

@@ -14,18 +14,13 @@ from fidim_lab.data.records import Robot
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loose_mass import LooseMass
+from fidim_lab.mismatch.linearised.thresholds import LINEARISED
 
 NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown", "time-offset")
 """found by other means: screening, what is left at the end, motor currents"""
 PERIODIC = ("periodic-force", "frame-sway")
-PERIODIC_SIZE = 6
-"""parameters of a periodic hypothesis that have a score: sin and cos in x, y, z"""
 RIDING = (LooseMass,)
 """effects whose own states follow from the platform's motion alone where their amplitude is 0 (`resonance`)"""
-MOST_SCANNED = 20
-"""scan points of one effect"""
-BROAD = 10.0
-"""times a parameter's scale: standard deviation of what is expected of it before any data"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,17 +108,17 @@ def general(simple: Hypothesis, effect: NamedEffect, start: np.ndarray) -> Hypot
     scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
     absent = start.copy()
     absent[list(scored)] = 0.0
-    prior = np.array([BROAD * effect.parameters[k].scale for k in scored])
+    prior = np.array([LINEARISED.hypotheses_broad * effect.parameters[k].scale for k in scored])
     return Hypothesis(effect, absent, scored, prior, simple.alike)
 
 
 def _can_be_scored(effect: NamedEffect) -> bool:
     """A hose with a rest length has too many scan points; states of their own are known for what merely rides along."""
     known = not effect.extra_states or isinstance(effect, RIDING)
-    return known and effect.id not in PERIODIC and len(effect.scan_points) <= MOST_SCANNED
+    return known and effect.id not in PERIODIC and len(effect.scan_points) <= LINEARISED.most_scanned
 
 
 def _at_scan_points(effect: NamedEffect, alike: int) -> Iterable[Hypothesis]:
     scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
-    prior = np.array([BROAD * effect.parameters[k].scale for k in scored])
+    prior = np.array([LINEARISED.hypotheses_broad * effect.parameters[k].scale for k in scored])
     return [Hypothesis(effect, point, scored, prior, alike) for point in effect.scan_points]

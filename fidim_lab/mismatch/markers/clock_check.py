@@ -7,11 +7,7 @@ import numpy as np
 from fidim_lab.arrays import Series
 from fidim_lab.data.records import Window
 from fidim_lab.mismatch.markers.finding import Finding, Kind
-
-UNEVEN = 0.02
-"""of a step: stamps farther than this from the grid are said to be uneven"""
-OTHER_RATE = 0.005
-"""of the sample rate"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +43,13 @@ def check_clock(window: Window, rate: float) -> tuple[Finding, ...]:
     grid = even_grid(window.t)
     begin, end = float(window.t[0]), float(window.t[-1])
     found: list[Finding] = []
-    if abs(grid.step * rate - 1) > OTHER_RATE:
+    if abs(grid.step * rate - 1) > MARKERS.other_rate:
         says = (
             f"Window {window.id}: samples come every {grid.step * 1e3:.4g} ms; the campaign says {1e3 / rate:.4g} ms "
             f"({rate:g} Hz)."
         )
         found.append(Finding(Kind.CLOCK, window.id, "t", (begin, end), grid.step - 1 / rate, "s", says))
-    if grid.jitter > UNEVEN:
+    if grid.jitter > MARKERS.clock_check_uneven:
         worst = int(np.argmax(np.abs(np.diff(window.t) - np.diff(grid.slots) * grid.step)))
         size, at = grid.jitter * grid.step, float(window.t[worst + 1])
         says = f"Window {window.id}: time stamps are uneven by up to {size * 1e3:.3g} ms (at {at:.3f} s)."

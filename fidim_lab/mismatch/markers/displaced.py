@@ -15,20 +15,9 @@ from scipy.special import chdtri, ndtri
 
 from fidim_lab.identification.motion.signals import runs
 from fidim_lab.mismatch.markers.lost_frames import LostFrames, lost_frames
-from fidim_lab.mismatch.markers.neighbours import FEWEST_BESIDE_STEP, look
+from fidim_lab.mismatch.markers.neighbours import look
 from fidim_lab.mismatch.markers.rivals import Verdict, What, judge
-
-FALSE_ALARM = 1e-3
-"""per campaign, for each of the two tests (single coordinate, three together)"""
-MARGIN = 1.05
-"""for noise that was underestimated"""
-NOTHING = 0.8
-"""of what a score must be: steps that add up to less cancel"""
-CLEARER = 1.15
-"""times as telling a step must be, where a spike would do; a true one is 1.4 times"""
-ROUNDS = 60
-SHORT = 3
-"""samples: displaced stretches up to this are spikes"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True)
@@ -40,11 +29,11 @@ class Limits:
 
     @staticmethod
     def for_tests(samples: int) -> "Limits":
-        """For so many samples of markers in the campaign: `FALSE_ALARM` over all of them."""
+        """For so many samples of markers in the campaign: `false_alarm` over all of them."""
         tests = 2 * max(1, samples)
         return Limits(
-            MARGIN * float(-ndtri(FALSE_ALARM / (6 * tests))),
-            MARGIN * float(np.sqrt(chdtri(3, FALSE_ALARM / tests))),
+            MARKERS.displaced_margin * float(-ndtri(MARKERS.false_alarm / (6 * tests))),
+            MARKERS.displaced_margin * float(np.sqrt(chdtri(3, MARKERS.false_alarm / tests))),
         )
 
 
@@ -61,7 +50,7 @@ class Displacement:
     to_the_end: bool
     """a step without return"""
     by_steps: bool = False
-    """longer than `SHORT`: which side of the steps is the true one is not said"""
+    """longer than `displaced_short`: which side of the steps is the true one is not said"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +89,7 @@ def search(markers: Float[np.ndarray, "G M 3"], sigma: Float[np.ndarray, "M 3"],
     work = _Work(markers.reshape(len(markers), -1).copy(), np.arange(len(markers)))
     lost: list[LostFrames] = []
     found = _Events({}, {}, set())
-    for _ in range(ROUNDS):
+    for _ in range(MARKERS.displaced_rounds):
         peaks = [peak for peak in _peaks(work.columns, sigma, half, limits) if not found.is_innocent(work, peak)]
         if not peaks:
             break
@@ -118,7 +107,7 @@ def search(markers: Float[np.ndarray, "G M 3"], sigma: Float[np.ndarray, "M 3"],
         if skip is not None:
             lost.append(LostFrames(int(work.rows[skip.at]), skip.frames))
             work = _inserted(work, skip)
-    least = NOTHING * limits.single * sigma
+    least = MARKERS.displaced_nothing * limits.single * sigma
     displaced = _stretches(found.spikes, found.steps, least, len(markers), count)
     return Search(
         tuple(sorted(displaced, key=lambda one: one.begin)),
@@ -172,9 +161,9 @@ def _edge(columns: np.ndarray, what: Verdict) -> range:
     if what.what is not What.STEP:
         return range(0)
     first = what.rows[0]
-    if first < FEWEST_BESIDE_STEP:
+    if first < MARKERS.fewest_beside_step:
         return range(first)
-    return range(first, len(columns)) if len(columns) - first < FEWEST_BESIDE_STEP else range(0)
+    return range(first, len(columns)) if len(columns) - first < MARKERS.fewest_beside_step else range(0)
 
 
 def _peaks(columns: np.ndarray, sigma: np.ndarray, half: int, limits: Limits) -> list[_Peak]:
@@ -194,7 +183,7 @@ def _peaks(columns: np.ndarray, sigma: np.ndarray, half: int, limits: Limits) ->
     amplitudes = [np.nan_to_num(a.reshape(shape)) for a in (local.spike, local.step)]
     found: list[_Peak] = []
     for row, marker in np.argwhere(standing):
-        is_step = bool(strength[1][row, marker] > CLEARER * strength[0][row, marker])
+        is_step = bool(strength[1][row, marker] > MARKERS.displaced_clearer * strength[0][row, marker])
         amplitude = amplitudes[int(is_step)][row, marker]
         found.append(_Peak(int(row), int(marker), is_step, float(best[row, marker]), amplitude))
     return found
@@ -226,10 +215,10 @@ def _stretches(
                 alone[row] += amplitude
         moved, off = ((np.abs(offset) > least[m]).any(axis=1) for offset in (lasting, lasting + alone))
         for begin, end in runs(np.asarray(off)):
-            if end - begin <= SHORT:
+            if end - begin <= MARKERS.displaced_short:
                 found.append(_stretch(m, begin, end, lasting + alone))
         for begin, end in runs(np.asarray(moved)):
-            if end - begin > SHORT:
+            if end - begin > MARKERS.displaced_short:
                 found.append(replace(_stretch(m, begin, end, lasting), by_steps=True))
         short = {row for one in found if one.marker == m and not one.by_steps for row in range(one.begin, one.end)}
         apart = np.asarray(np.abs(alone).any(axis=1))

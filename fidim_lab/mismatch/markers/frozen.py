@@ -6,11 +6,7 @@ from jaxtyping import Float
 from fidim_lab.data.records import Window
 from fidim_lab.identification.motion.signals import runs
 from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_name
-
-SHORTEST = 3
-"""identical samples"""
-CHANCE = 1e-6
-"""probability, in a window, that rounding of noisy values gives such a run"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 def frozen_runs(markers: Float[np.ndarray, "N M 3"], noise: float) -> list[tuple[int, int | None, int, int]]:
@@ -33,8 +29,8 @@ def frozen_runs(markers: Float[np.ndarray, "N M 3"], noise: float) -> list[tuple
 
 def _long(same: np.ndarray, chance: float, axes: int) -> list[tuple[int, int]]:
     """Runs with their first sample, those only that are too long for chance."""
-    repeats = np.log(CHANCE / max(1, len(same))) / (axes * np.log(max(chance, 1e-12)))
-    needed = max(SHORTEST, 1 + int(np.ceil(repeats)))
+    repeats = np.log(MARKERS.frozen_chance / max(1, len(same))) / (axes * np.log(max(chance, 1e-12)))
+    needed = max(MARKERS.frozen_shortest, 1 + int(np.ceil(repeats)))
     return [(begin - 1, end) for begin, end in runs(same) if end - begin + 1 >= needed]
 
 

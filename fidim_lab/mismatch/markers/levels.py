@@ -7,11 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import Series
-
-ENOUGH = 2.0
-"""s"""
-SAME = 2.0
-"""standard deviations of a coordinate, within which a marker that was displaced twice is where it was"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 def displaced_rows(
@@ -22,9 +18,9 @@ def displaced_rows(
 ) -> Bool[np.ndarray, " N"]:
     """Rows to be taken out, after steps (first row → by how much, m) that may add up or cancel.
 
-    What is where the marker was at first is kept, unless less than `ENOUGH` seconds of samples that are `seen`, or half
-    of the window, are there; then the place where it was longest. same: m of a coordinate, within which two places are
-    one.
+    What is where the marker was at first is kept, unless less than `levels_enough` seconds of samples that are `seen`,
+    or half of the window, are there; then the place where it was longest. same: m of a coordinate, within which two
+    places are one.
     """
     if not steps:
         return np.zeros(len(t), dtype=bool)
@@ -34,7 +30,7 @@ def displaced_rows(
     duration = float(t[-1] - t[0])
     seconds = duration / max(1, np.count_nonzero(seen))
     lasted = alike @ np.array([seconds * np.count_nonzero(seen[begin:end]) for begin, end in pairwise(edges)])
-    kept = alike[0] if lasted[0] >= min(ENOUGH, duration / 2) else alike[int(np.argmax(lasted))]
+    kept = alike[0] if lasted[0] >= min(MARKERS.levels_enough, duration / 2) else alike[int(np.argmax(lasted))]
     found = np.zeros(len(t), dtype=bool)
     for (begin, end), keeps in zip(pairwise(edges), kept, strict=True):
         found[begin:end] = not keeps

@@ -9,14 +9,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
-SIDE, SMOOTH = 10, 7
-"""samples on either side, and degree, of the polynomial through a place where frames may be lost"""
-MOST_LOST = 20
-"""frames"""
-PLAINER = 0.7
-"""times the χ²/dof of one displaced sample, or a step, that lost frames must come down to"""
-FITS = 2.0
-"""χ²/dof up to which the motion with lost frames is smooth"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True)
@@ -29,12 +22,16 @@ class LostFrames:
 
 def lost_frames(columns: Float[np.ndarray, "G K"], sigma: Float[np.ndarray, " K"], near: int) -> LostFrames | None:
     """How many frames are lost within ±2 rows of `near`, if that number makes all coordinates smooth; else None."""
-    places = [at for at in range(near - 2, near + 3) if SIDE <= at <= len(columns) - SIDE]
-    pieces = [columns[at - SIDE : at + SIDE] / sigma for at in places]
+    places = [
+        at
+        for at in range(near - 2, near + 3)
+        if MARKERS.lost_frames_side <= at <= len(columns) - MARKERS.lost_frames_side
+    ]
+    pieces = [columns[at - MARKERS.lost_frames_side : at + MARKERS.lost_frames_side] / sigma for at in places]
     whole = [(at, piece) for at, piece in zip(places, pieces, strict=True) if np.isfinite(piece).all()]
     if not whole:
         return None
-    dof = (2 * SIDE - SMOOTH - 1) * columns.shape[1]
+    dof = (2 * MARKERS.lost_frames_side - MARKERS.lost_frames_smooth - 1) * columns.shape[1]
     stacked = np.stack([piece for _, piece in whole])
     costs = np.einsum("msr,prk->mpsk", _projectors(), stacked)
     chi2_per_dof = (costs**2).sum(axis=(2, 3)) / dof
@@ -42,29 +39,35 @@ def lost_frames(columns: Float[np.ndarray, "G K"], sigma: Float[np.ndarray, " K"
     at = whole[place][0]
     otherwise = np.einsum("asr,mrk->amsk", _displaced_projectors(), stacked)
     as_displaced = float((otherwise**2).sum(axis=(2, 3)).min()) / (dof - columns.shape[1])
-    if frames == 0 or chi2_per_dof[frames, place] > min(FITS, PLAINER * as_displaced):
+    if frames == 0 or chi2_per_dof[frames, place] > min(MARKERS.lost_frames_fits, MARKERS.plainer * as_displaced):
         return None
     return LostFrames(at, frames)
 
 
 @cache
 def _projectors() -> Float[np.ndarray, "F 20 20"]:
-    """What a polynomial leaves of 2 SIDE samples with 0, 1, 2 … frames lost in their middle."""
+    """What a polynomial leaves of 2 MARKERS.lost_frames_side samples with 0, 1, 2 … frames lost in their middle."""
     return np.stack(
-        [_left_by(np.arange(2 * SIDE) + frames * (np.arange(2 * SIDE) >= SIDE)) for frames in range(MOST_LOST + 1)]
+        [
+            _left_by(
+                np.arange(2 * MARKERS.lost_frames_side)
+                + frames * (np.arange(2 * MARKERS.lost_frames_side) >= MARKERS.lost_frames_side)
+            )
+            for frames in range(MARKERS.most_lost + 1)
+        ]
     )
 
 
 @cache
 def _displaced_projectors() -> Float[np.ndarray, "A 20 20"]:
     """The same without lost frames, but with a step in the middle, or one sample displaced on either side of it."""
-    rows = np.arange(2 * SIDE)
-    others = (rows >= SIDE, rows == SIDE, rows == SIDE - 1)
+    rows = np.arange(2 * MARKERS.lost_frames_side)
+    others = (rows >= MARKERS.lost_frames_side, rows == MARKERS.lost_frames_side, rows == MARKERS.lost_frames_side - 1)
     return np.stack([_left_by(rows, other.astype(float)) for other in others])
 
 
 def _left_by(place: np.ndarray, *further: np.ndarray) -> np.ndarray:
     scaled = 2 * (place - place[0]) / (place[-1] - place[0]) - 1
-    basis = np.column_stack([np.polynomial.legendre.legvander(scaled, SMOOTH), *further])
+    basis = np.column_stack([np.polynomial.legendre.legvander(scaled, MARKERS.lost_frames_smooth), *further])
     orthonormal = np.linalg.qr(basis)[0]
     return np.eye(len(place)) - orthonormal @ orthonormal.T

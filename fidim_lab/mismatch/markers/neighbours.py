@@ -14,19 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 
-DEGREE = 6
-REACH = 0.08
-"""s on either side"""
-FEWEST_SPARE = 2
-"""neighbours beyond the coefficients of the polynomial, without which a sample is not judged"""
-FEWEST_BESIDE_STEP = 4
-"""samples on either side of a step: with fewer it cannot be told from spikes"""
-SMALLEST_NORM = 0.1
-"""a displacement that the polynomial follows to 99 % cannot be judged"""
-MAD = 0.6745
-"""median of |normal| in standard deviations"""
-MUCH_LESS = 0.85
-"""of the noise by fourth differences: below, by eighth, it is believed instead (three standard deviations)"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +35,7 @@ class Local:
 
 def half_width(rate: float) -> int:
     """Neighbours on either side at a sample rate (Hz)."""
-    return int(np.clip(round(REACH * rate), 5, 12))
+    return int(np.clip(round(MARKERS.neighbours_reach * rate), 5, 12))
 
 
 def look(columns: Float[np.ndarray, "N K"], half: int) -> Local:
@@ -84,10 +72,12 @@ def _look(columns: np.ndarray, seen: Bool[np.ndarray, " N"], half: int) -> list[
 def _taps(masks: Float[np.ndarray, "P width"], half: int) -> tuple[np.ndarray, np.ndarray]:
     """Filters (P, 3, width) for value, spike and step under each pattern of known samples, and their norms (P, 3)."""
     place = np.arange(-half, half + 1) / half
-    basis = np.polynomial.legendre.legvander(place, DEGREE)
+    basis = np.polynomial.legendre.legvander(place, MARKERS.neighbours_degree)
     known = masks[:, :, np.newaxis] * basis
-    normal = np.swapaxes(known, 1, 2) @ known + 1e-10 * np.eye(DEGREE + 1)
-    at_middle = np.linalg.solve(normal, np.broadcast_to(basis[half], (len(masks), DEGREE + 1))[..., np.newaxis])
+    normal = np.swapaxes(known, 1, 2) @ known + 1e-10 * np.eye(MARKERS.neighbours_degree + 1)
+    at_middle = np.linalg.solve(
+        normal, np.broadcast_to(basis[half], (len(masks), MARKERS.neighbours_degree + 1))[..., np.newaxis]
+    )
     value = (known @ at_middle)[..., 0]
     wanted = np.stack([place == 0, place >= 0], axis=1).astype(float)
     wanted = masks[:, :, np.newaxis] * wanted
@@ -95,10 +85,10 @@ def _taps(masks: Float[np.ndarray, "P width"], half: int) -> tuple[np.ndarray, n
     left = np.swapaxes(left, 1, 2)
     norms = np.linalg.norm(left, axis=2)
     value_norm = np.linalg.norm(value, axis=1)
-    enough = masks.sum(axis=1) >= DEGREE + 1 + FEWEST_SPARE
+    enough = masks.sum(axis=1) >= MARKERS.neighbours_degree + 1 + MARKERS.fewest_spare
     here = masks[:, half] > 0
-    norms = np.where((enough & here)[:, np.newaxis] & (norms > SMALLEST_NORM), norms, np.nan)
-    both = np.minimum(masks[:, :half].sum(axis=1), masks[:, half:].sum(axis=1)) >= FEWEST_BESIDE_STEP
+    norms = np.where((enough & here)[:, np.newaxis] & (norms > MARKERS.neighbours_smallest_norm), norms, np.nan)
+    both = np.minimum(masks[:, :half].sum(axis=1), masks[:, half:].sum(axis=1)) >= MARKERS.fewest_beside_step
     norms[~both, 1] = np.nan
     value_norm = np.where(enough & (value_norm < 1), value_norm, np.nan)
     taps = np.concatenate([value[:, np.newaxis], left / norms[..., np.newaxis] ** 2], axis=1)
@@ -111,7 +101,7 @@ def noise_of(columns: Float[np.ndarray, "N K"]) -> Float[np.ndarray, " K"]:
     By eighth differences where these say much less: quick motion sampled slowly is not smooth enough for the fourth.
     """
     fourth, eighth = (_by_differences(columns, order) for order in (4, 8))
-    return np.where(eighth < MUCH_LESS * fourth, eighth, fourth)
+    return np.where(eighth < MARKERS.much_less * fourth, eighth, fourth)
 
 
 def _by_differences(columns: Float[np.ndarray, "N K"], order: int) -> Float[np.ndarray, " K"]:
@@ -119,5 +109,9 @@ def _by_differences(columns: Float[np.ndarray, "N K"], order: int) -> Float[np.n
     out = np.full(columns.shape[1], np.nan)
     usable = np.isfinite(differences).sum(axis=0) >= 20
     if usable.any():
-        out[usable] = np.nanmedian(np.abs(differences[:, usable]), axis=0) / MAD / np.sqrt(comb(2 * order, order))
+        out[usable] = (
+            np.nanmedian(np.abs(differences[:, usable]), axis=0)
+            / MARKERS.neighbours_mad
+            / np.sqrt(comb(2 * order, order))
+        )
     return out

@@ -16,26 +16,10 @@ from scipy.special import chdtri
 from fidim_lab.data.records import Window
 from fidim_lab.mismatch.markers.clock_check import even_grid
 from fidim_lab.mismatch.markers.finding import marker_jump
-from fidim_lab.mismatch.markers.levels import SAME, displaced_rows
+from fidim_lab.mismatch.markers.levels import displaced_rows
 from fidim_lab.mismatch.markers.neighbours import noise_of
 from fidim_lab.mismatch.markers.samples import Inspected
-
-REACH = 1.0
-"""s on either side, over which distances are averaged"""
-FEWEST = 20
-"""samples on either side"""
-CHANCE = 1e-3
-"""of one step found in a whole campaign in which none is"""
-STILL = 4.0
-"""times the largest change elsewhere in the window, in χ², that a step makes"""
-OTHERS = 3
-"""markers, without which nothing says which of two has jumped"""
-UNSURE = 12.0
-"""χ², within which of the best another sample may be the first after the step, or another marker the one that jumps"""
-MOST = 4
-"""steps of one window"""
-SEEN = 0.2
-"""of the largest: directions that distances show less are not said to be moved in"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +46,9 @@ def without_rigid_steps(inspected: Inspected, noise: float, chance: float) -> In
     for marker in {step.marker for step in steps}:
         ours = [step for step in steps if step.marker == marker]
         seen = np.asarray(np.isfinite(window.markers[:, marker]).all(axis=1))
-        bad[:, marker] |= displaced_rows(window.t, seen, {step.row: step.by for step in ours}, SAME * noise)
+        bad[:, marker] |= displaced_rows(
+            window.t, seen, {step.row: step.by for step in ours}, MARKERS.levels_same * noise
+        )
         for step in ours:
             bad[step.unsure[0] : step.unsure[1] + 1, marker] = True
     markers = np.where(bad[..., np.newaxis], np.nan, window.markers)
@@ -78,15 +64,15 @@ def without_rigid_steps(inspected: Inspected, noise: float, chance: float) -> In
 def _steps_of(window: Window, chance: float) -> list[_Step]:
     """The steps of a window, the plainest first."""
     count = window.markers.shape[1]
-    if count < OTHERS or len(window.t) < 2 * FEWEST:
+    if count < MARKERS.rigid_steps_others or len(window.t) < 2 * MARKERS.rigid_steps_fewest:
         return []
     grid = even_grid(window.t)
-    half = max(FEWEST, round(REACH / grid.step))
+    half = max(MARKERS.rigid_steps_fewest, round(MARKERS.rigid_steps_reach / grid.step))
     pairs = np.array(list(combinations(range(count), 2)))
     between = window.markers[:, pairs[:, 1]] - window.markers[:, pairs[:, 0]]
     apart = grid.spread(np.linalg.norm(between, axis=2))
     found: list[_Step] = []
-    while len(found) < MOST:
+    while len(found) < MARKERS.rigid_steps_most:
         changes, sd = _changes(apart, half)
         place = _plainest(changes / sd, pairs, half, chance)
         if place is None:
@@ -96,7 +82,7 @@ def _steps_of(window: Window, chance: float) -> list[_Step]:
         towards = np.nanmean(between[max(0, at - half) : at + half, ours], axis=0)
         towards *= np.where(pairs[ours, 1] == marker, 1.0, -1.0)[:, np.newaxis]
         towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        by = np.linalg.pinv(towards, rcond=SEEN) @ changes[at, ours]
+        by = np.linalg.pinv(towards, rcond=MARKERS.rigid_steps_seen) @ changes[at, ours]
         row, first, last = (int(np.searchsorted(grid.slots, slot)) for slot in (at, first, last))
         found.append(_Step(marker, row, (first, last), by))
         apart[at:, ours] -= changes[at, ours]
@@ -117,10 +103,10 @@ def _plainest(
     among_others = float(steps[at] ** 2 @ (1 - ours[marker]))
     elsewhere = np.abs(np.arange(len(gains)) - at) >= 2 * half
     usual = float(np.nanmax(gains[elsewhere], initial=0.0))
-    certain = best > chdtri(len(ours) - 1, chance / gains.size) and best > second + UNSURE
-    if not certain or best < STILL * max(usual, among_others):
+    certain = best > chdtri(len(ours) - 1, chance / gains.size) and best > second + MARKERS.rigid_steps_unsure
+    if not certain or best < MARKERS.rigid_steps_still * max(usual, among_others):
         return None
-    near = np.flatnonzero(gains[:, marker] > best - UNSURE)
+    near = np.flatnonzero(gains[:, marker] > best - MARKERS.rigid_steps_unsure)
     return at, marker, (int(near[0]), int(near[-1]))
 
 
@@ -131,6 +117,9 @@ def _changes(apart: Float[np.ndarray, "G P"], half: int) -> tuple[Float[np.ndarr
     counts = np.cumsum(np.vstack([np.zeros(apart.shape[1]), seen]), axis=0)
     rows = np.arange(len(apart))
     low, high = np.maximum(rows - half, 0), np.minimum(rows + half, len(apart))
-    before, after = (np.where(n < FEWEST, np.nan, n) for n in (counts[rows] - counts[low], counts[high] - counts[rows]))
+    before, after = (
+        np.where(n < MARKERS.rigid_steps_fewest, np.nan, n)
+        for n in (counts[rows] - counts[low], counts[high] - counts[rows])
+    )
     change = (sums[high] - sums[rows]) / after - (sums[rows] - sums[low]) / before
     return change, noise_of(apart) * np.sqrt(1 / before + 1 / after)

@@ -14,18 +14,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
-REACH, DEGREE = 7, 5
-"""samples on either side, and degree of the polynomial"""
-SHARPER = (7, 9)
-"""degrees of motion that turns more sharply"""
-MOST_BAD = 3
-"""samples that may be displaced at once"""
-NEAR_BAD = 3
-"""samples on either side among which they are looked for"""
-FEWEST = 3
-"""samples beyond all unknowns, without which nothing is said"""
-CLEARER = 12.0
-"""by which the criterion must prefer a fault to motion and blow: a factor of 400 in odds"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 class What(Enum):
@@ -64,16 +53,16 @@ class _Rivals:
 
 def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row: int) -> Verdict | None:
     """What stands out around `row` of one marker on an even grid (NaN: missing); None where too few samples tell."""
-    width = 2 * REACH + 1
+    width = 2 * MARKERS.rivals_reach + 1
     piece = np.full((width, 3), np.nan)
-    first, last = max(0, row - REACH), min(len(samples), row + REACH + 1)
-    piece[first - row + REACH : last - row + REACH] = samples[first:last] / sigma
+    first, last = max(0, row - MARKERS.rivals_reach), min(len(samples), row + MARKERS.rivals_reach + 1)
+    piece[first - row + MARKERS.rivals_reach : last - row + MARKERS.rivals_reach] = samples[first:last] / sigma
     seen = np.asarray(np.isfinite(piece).all(axis=1))
     rivals = _rivals()
     kept = rivals.kept * seen
     deletes = np.array([what is What.BAD for what in rivals.what])
     deleted = seen.sum() - kept.sum(axis=1)
-    useful = (kept.sum(axis=1) - rivals.degree - 2 >= FEWEST) & (~deletes | (deleted == rivals.freedom))
+    useful = (kept.sum(axis=1) - rivals.degree - 2 >= MARKERS.rivals_fewest) & (~deletes | (deleted == rivals.freedom))
     if not useful[0]:
         return None
     costs, sizes = _costs(np.where(seen[:, np.newaxis], piece, 0.0), kept, rivals)
@@ -82,7 +71,7 @@ def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row:
     innocent = [k for k, what in enumerate(rivals.what) if what in (What.MOTION, What.BLOW)]
     if rivals.what[best] in (What.BAD, What.STEP):
         rival = min(innocent, key=lambda k: costs[k])
-        best = best if costs[best] + CLEARER < costs[rival] else rival
+        best = best if costs[best] + MARKERS.rivals_clearer < costs[rival] else rival
     rows = tuple(row + place for place in rivals.places[best])
     return Verdict(rivals.what[best], rows, sizes[best] * sigma)
 
@@ -105,25 +94,28 @@ def _costs(piece: np.ndarray, kept: np.ndarray, rivals: _Rivals) -> tuple[np.nda
 
 @cache
 def _basis() -> Float[np.ndarray, "width D"]:
-    return np.polynomial.legendre.legvander(np.arange(-REACH, REACH + 1) / REACH, max(SHARPER))
+    return np.polynomial.legendre.legvander(
+        np.arange(-MARKERS.rivals_reach, MARKERS.rivals_reach + 1) / MARKERS.rivals_reach, max(MARKERS.rivals_sharper)
+    )
 
 
 @cache
 def _rivals() -> _Rivals:
-    rows = np.arange(-REACH, REACH + 1)
+    rows = np.arange(-MARKERS.rivals_reach, MARKERS.rivals_reach + 1)
     whole, nothing = np.ones(len(rows)), np.zeros(len(rows))
     found: list[tuple[What, tuple[int, ...], np.ndarray, np.ndarray, float, int]] = [
-        (What.MOTION, (), whole, nothing, float(degree - DEGREE), degree) for degree in (DEGREE, *SHARPER)
+        (What.MOTION, (), whole, nothing, float(degree - MARKERS.rivals_degree), degree)
+        for degree in (MARKERS.rivals_degree, *MARKERS.rivals_sharper)
     ]
     # a kink lies between samples too, and is as free in time as in size
     for at in np.arange(-2.5, 2.51, 0.5):
-        found.append((What.BLOW, (round(at),), whole, np.maximum(rows - at, 0.0), 4 / 3, DEGREE))
+        found.append((What.BLOW, (round(at),), whole, np.maximum(rows - at, 0.0), 4 / 3, MARKERS.rivals_degree))
     for at in range(-2, 3):
-        found.append((What.STEP, (at,), whole, (rows >= at).astype(float), 4 / 3, DEGREE))
-    near = range(-NEAR_BAD, NEAR_BAD + 1)
-    for count in range(1, MOST_BAD + 1):
+        found.append((What.STEP, (at,), whole, (rows >= at).astype(float), 4 / 3, MARKERS.rivals_degree))
+    near = range(-MARKERS.rivals_near_bad, MARKERS.rivals_near_bad + 1)
+    for count in range(1, MARKERS.rivals_most_bad + 1):
         for bad in combinations(near, count):
             kept = np.where(np.isin(rows, bad), 0.0, 1.0)
-            found.append((What.BAD, bad, kept, nothing, float(count), DEGREE))
+            found.append((What.BAD, bad, kept, nothing, float(count), MARKERS.rivals_degree))
     what, places, kept, further, freedom, degree = zip(*found, strict=True)
     return _Rivals(what, places, np.array(kept), np.array(further), np.array(freedom), np.array(degree))

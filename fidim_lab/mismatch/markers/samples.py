@@ -1,7 +1,7 @@
 """One window's samples by themselves: what is wrong with them, and the window without the bad ones.
 
 Nothing is repaired and nothing is spliced: a bad sample becomes missing. After a step without return, or lost frames,
-only one side is kept, the earlier one unless that is shorter than `ENOUGH`.
+only one side is kept, the earlier one unless that is shorter than `levels_enough`.
 """
 
 from dataclasses import dataclass, replace
@@ -12,15 +12,13 @@ from jaxtyping import Bool, Float
 from fidim_lab.data.records import Window
 from fidim_lab.identification.motion.signals import runs
 from fidim_lab.mismatch.markers.clock_check import check_clock, even_grid
-from fidim_lab.mismatch.markers.displaced import SHORT, Displacement, Limits, search
+from fidim_lab.mismatch.markers.displaced import Displacement, Limits, search
 from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_name
 from fidim_lab.mismatch.markers.frozen import check_frozen
-from fidim_lab.mismatch.markers.levels import ENOUGH, displaced_rows
+from fidim_lab.mismatch.markers.levels import displaced_rows
 from fidim_lab.mismatch.markers.lost_frames import LostFrames
 from fidim_lab.mismatch.markers.neighbours import half_width, noise_of
-
-FEWEST = 30
-"""samples, without which a window is not looked at"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +35,7 @@ class Inspected:
 def inspect(window: Window, rate: float, noise: float, sigma: Float[np.ndarray, "M 3"], limits: Limits) -> Inspected:
     """Look at one window; `noise` is the declared standard deviation (m), `sigma` the one seen in the campaign."""
     bad = np.zeros(window.markers.shape[:2], dtype=bool)
-    if len(window.t) < FEWEST:
+    if len(window.t) < MARKERS.samples_fewest:
         return Inspected(window, (), bad)
     found = [*check_clock(window, rate), *_gaps(window)]
     frozen, bad = check_frozen(window, noise)
@@ -66,7 +64,7 @@ def inspect(window: Window, rate: float, noise: float, sigma: Float[np.ndarray, 
 
 
 def _enough(window: Window, row: int) -> bool:
-    return float(window.t[row - 1] - window.t[0]) >= min(ENOUGH, window.duration / 2)
+    return float(window.t[row - 1] - window.t[0]) >= min(MARKERS.levels_enough, window.duration / 2)
 
 
 def _timed(t: np.ndarray, columns: np.ndarray, grid: np.ndarray) -> np.ndarray:
@@ -102,7 +100,7 @@ def _displaced(window: Window, one: Displacement, begin: int, end: int) -> Findi
     size = float(np.linalg.norm(one.offset))
     axis = int(np.argmax(np.abs(one.offset)))
     who, much = marker_name(one.marker), f"{size * 1e3:.3g} mm (mostly {'xyz'[axis]})"
-    if end - begin <= SHORT and not (one.to_the_end and end - begin > 1):
+    if end - begin <= MARKERS.displaced_short and not (one.to_the_end and end - begin > 1):
         kind, what = Kind.SPIKE, f"{who} is {much} off its neighbours at {t[0]:.3f} s"
         what += "." if end - begin == 1 else f", {end - begin} samples."
     else:

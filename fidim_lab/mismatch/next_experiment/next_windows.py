@@ -19,11 +19,9 @@ from fidim_lab.identification.design.task import Criterion, DesignTask
 from fidim_lab.identification.design.windows import place
 from fidim_lab.identification.mle.starts.possible import scales
 from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, Proposal, Trial
-from fidim_lab.mismatch.next_experiment.separate import MOST_WINDOWS, Known, completed, separating, with_markers
+from fidim_lab.mismatch.next_experiment.separate import Known, completed, separating, with_markers
+from fidim_lab.mismatch.next_experiment.thresholds import NEXT_EXPERIMENT
 from fidim_lab.model.mechanism import Mechanism
-
-POOL = 36
-"""random windows among which the best is chosen"""
 
 Reach = Sequence[tuple[float, float]]
 """m, the shortest and longest length of each cable that its winch allows"""
@@ -93,12 +91,14 @@ def _proposed(known: Known, claim: Claim, trials: Sequence[Trial], more: int, *,
     if first.separates or not more_markers:
         return first
     marked = replace(known, marked=with_markers(known.robot))
-    better = separating(marked, claim, trials, more=MOST_WINDOWS)
+    better = separating(marked, claim, trials, more=NEXT_EXPERIMENT.most_windows)
     return better if better.after[-1].non_centrality > 2 * first.after[-1].non_centrality else first
 
 
 def _pool(mechanism: Mechanism, task: DesignTask, seed: int, reach: Reach | None) -> pool.Pool:
-    drawn = pool.draw(mechanism, task, POOL, np.random.default_rng([seed, 3]), lambda _: None)
+    drawn = pool.draw(
+        mechanism, task, NEXT_EXPERIMENT.next_windows_pool, np.random.default_rng([seed, 3]), lambda _: None
+    )
     if reach is None:
         return drawn
     low, high = np.array(reach).T

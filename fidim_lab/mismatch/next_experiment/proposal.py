@@ -6,9 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Pose
-
-CLEAR = 0.9
-"""odds at which an experiment is said to separate"""
+from fidim_lab.mismatch.next_experiment.thresholds import NEXT_EXPERIMENT
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Odds:
     @property
     def clear(self) -> bool:
         """Whether that is often enough."""
-        return self.probability >= CLEAR
+        return self.probability >= NEXT_EXPERIMENT.proposal_clear
 
 
 @dataclass(frozen=True, eq=False)

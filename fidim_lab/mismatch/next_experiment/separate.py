@@ -23,19 +23,16 @@ from fidim_lab.identification.mle.trajectories.recordings import Recording
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.next_experiment.proposal import Claim, Odds, Proposal, Trial
+from fidim_lab.mismatch.next_experiment.thresholds import NEXT_EXPERIMENT
 from fidim_lab.mismatch.scores.score import eliminated, imitated, window_grams
-from fidim_lab.mismatch.scores.views import ENOUGH
+from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import Resolution
 from fidim_lab.model.sensitivity.integrate import States
 
-RATE = 25.0
-"""samples a second that are computed with; the noise is made smaller for those left out"""
 EXACT = Resolution(intervals=16)
 """of integration: less finely, effects that imitate each other exactly would seem to be told apart"""
-MOST_WINDOWS = 12
-"""further windows that a set may have"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +79,7 @@ def separating(known: Known, claim: Claim, pool: Sequence[Trial], *, more: int =
     grams = known.grams(tried, pool)
     judge = _Judge(tried, _theta(tried, claim), Context.of(known.robot))
     told, fresh = grams[: len(known.recorded)].sum(axis=0), grams[len(known.recorded) :]
-    most = min(more, MOST_WINDOWS)
+    most = min(more, NEXT_EXPERIMENT.most_windows)
     rivals, beyond = judge.rivals, tuple[str, ...]()
     chosen, after = _greedy(judge, told, fresh, rivals, most)
     if len(rivals) > 1 and not (after and after[-1].clear):
@@ -106,7 +103,9 @@ def completed(known: Known, claim: Claim) -> Claim:
     gram = known.grams(tried).sum(axis=0)
     judge = _Judge(tried, _theta(tried, claim), Context.of(known.robot))
     further = (id for id in judge.rivals if id not in claim.rivals)
-    return replace(claim, open=tuple(id for id in further if judge.odds(gram, (id,)).non_centrality < 2 * ENOUGH))
+    return replace(
+        claim, open=tuple(id for id in further if judge.odds(gram, (id,)).non_centrality < 2 * SCORES.enough)
+    )
 
 
 def evidence(known: Known, claim: Claim) -> float:
@@ -156,7 +155,7 @@ class _Judge:
                 _, taken = imitated(rest[at, at], rest[at, :own] @ self.theta, *self._possible(rival))
                 found.append((max(0.0, whole - taken), rival.effect.id))
         least, id = min(found)
-        probability = float(ncx2.sf(2 * ENOUGH, df=own, nc=least)) if least > 0 else 0.0
+        probability = float(ncx2.sf(2 * SCORES.enough, df=own, nc=least)) if least > 0 else 0.0
         return Odds(id, least, probability)
 
     def _possible(self, rival: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
@@ -225,9 +224,9 @@ def _grams(
         np.array([one.start.rotation for one in trials]),
         np.zeros((len(trials), 6)),
     )
-    t = np.arange(0.0, 10.0 + 1e-9, 1 / RATE)
+    t = np.arange(0.0, 10.0 + 1e-9, 1 / NEXT_EXPERIMENT.separate_rate)
     recordings = tuple(_recording(robot, one, t, f"trial {k + 1}") for k, one in enumerate(trials))
-    sparser = np.sqrt(RATE / 100.0)
+    sparser = np.sqrt(NEXT_EXPERIMENT.separate_rate / 100.0)
     likelihood = Likelihood(
         mechanism,
         recordings,

@@ -13,30 +13,8 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fidim_lab.mismatch.markers.neighbours import MAD
-
-REACH, KNOWN_REACH = 0.3, 0.5
-"""s on either side; of a marker that is known to jump"""
-FEWEST, MOST = 12, 60
-"""samples on either side, at least if so many lie within `FARTHEST`, and at most"""
-FARTHEST = 0.8
-"""s"""
-ENOUGH = 8
-"""samples on either side, without which a place at an end can only be a sample that is off"""
-DEGREES = (2, 4, 6)
-"""of the polynomial beside a kink, a step or bad samples; motion alone may turn more sharply"""
-SHARPER = (8, 10)
-NEAR, NEAR_BAD = 2, 5
-"""samples by which a step may be elsewhere; among which further samples may be off"""
-MOST_BAD = 3
-CLEARER = 12.0
-"""by which the criterion must prefer a fault to motion and blow: a factor of 400 in odds"""
-RAMPS = (3, 5, 8, 12)
-"""samples, within which a body may have moved quickly, instead of a step between two"""
-FAINT = 4.0
-"""standard deviations: missing physics in quick motion looks like steps of three"""
-FITS = 1.25
-"""times the noise that the samples beside a fault may scatter, robustly"""
+from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 
 
 class Break(Enum):
@@ -75,7 +53,7 @@ def judge(
     step: float,
     row: int,
     *,
-    clearer: float = CLEARER,
+    clearer: float = MARKERS.rivals_clearer,
     spiking: bool = False,
     jumps: bool = False,
 ) -> Judged:
@@ -85,7 +63,7 @@ def judge(
     need not prefer them clearly. jumps: it is known to jump; a faint step, or one that might be a blow or a quick
     move, is then believed.
     """
-    rows = _beside(values, step, row, KNOWN_REACH if jumps else REACH)
+    rows = _beside(values, step, row, RESIDUALS.known_reach if jumps else RESIDUALS.break_rivals_reach)
     if rows is None:
         return Judged(Break.NONE)
     time = (rows - rows[0]) / (rows[-1] - rows[0]) * 2 - 1
@@ -96,10 +74,10 @@ def judge(
     if best.what not in (Break.SPIKES, Break.STEP):
         return Judged(best.what)
     innocent = min(one[1] for one in tried if one[0].what in (Break.NONE, Break.KINK))
-    scatter = float(np.median(np.abs(left[best.kept]))) / MAD
-    faint = best.what is Break.STEP and not jumps and float(np.linalg.norm(size)) < FAINT
+    scatter = float(np.median(np.abs(left[best.kept]))) / MARKERS.neighbours_mad
+    faint = best.what is Break.STEP and not jumps and float(np.linalg.norm(size)) < RESIDUALS.break_rivals_faint
     needed = 0.0 if spiking and best.what is Break.SPIKES else clearer
-    if cost + needed > innocent or scatter > FITS or faint:
+    if cost + needed > innocent or scatter > RESIDUALS.break_rivals_fits or faint:
         return Judged(Break.NONE)
     return Judged(best.what, best.rows, size if best.what is Break.STEP else None)
 
@@ -107,12 +85,12 @@ def judge(
 def _beside(values: Float[np.ndarray, "G 3"], step: float, row: int, reach: float) -> np.ndarray | None:
     """Rows with a sample on either side of a place."""
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
-    most = int(np.clip(round(reach / step), FEWEST, MOST))
+    most = int(np.clip(round(reach / step), RESIDUALS.break_rivals_fewest, RESIDUALS.break_rivals_most))
     at = int(np.searchsorted(seen, row))
     before, after = seen[max(0, at - most) : at], seen[at : at + most]
-    before = before[(before[-1:] - before) * step <= FARTHEST]
-    after = after[(after - after[:1]) * step <= FARTHEST]
-    return None if len(before) + len(after) < 2 * ENOUGH else np.concatenate([before, after])
+    before = before[(before[-1:] - before) * step <= RESIDUALS.break_rivals_farthest]
+    after = after[(after - after[:1]) * step <= RESIDUALS.break_rivals_farthest]
+    return None if len(before) + len(after) < 2 * RESIDUALS.break_rivals_enough else np.concatenate([before, after])
 
 
 def _cost(rival: _Rival, piece: Float[np.ndarray, "S 3"]) -> tuple[float, np.ndarray, np.ndarray]:
@@ -126,15 +104,22 @@ def _cost(rival: _Rival, piece: Float[np.ndarray, "S 3"]) -> tuple[float, np.nda
 
 def _rivals(rows: np.ndarray, time: np.ndarray, row: int) -> list[_Rival]:
     whole = np.ones(len(rows), dtype=bool)
-    basis = np.polynomial.legendre.legvander(time, max(SHARPER))
+    basis = np.polynomial.legendre.legvander(time, max(RESIDUALS.break_rivals_sharper))
     at = int(np.searchsorted(rows, row))
-    found = [_Rival(Break.NONE, (), basis[:, : d + 1], whole, d) for d in (*DEGREES, *SHARPER)]
-    near = [k for k in range(at - NEAR_BAD, at + NEAR_BAD + 1) if 0 <= k < len(rows)]
-    sides = min(at, len(rows) - at) >= ENOUGH
-    for degree in DEGREES:
+    found = [
+        _Rival(Break.NONE, (), basis[:, : d + 1], whole, d)
+        for d in (*RESIDUALS.break_rivals_degrees, *RESIDUALS.break_rivals_sharper)
+    ]
+    near = [
+        k
+        for k in range(at - RESIDUALS.break_rivals_near_bad, at + RESIDUALS.break_rivals_near_bad + 1)
+        if 0 <= k < len(rows)
+    ]
+    sides = min(at, len(rows) - at) >= RESIDUALS.break_rivals_enough
+    for degree in RESIDUALS.break_rivals_degrees:
         smooth = basis[:, : degree + 1]
         found += _lasting(rows, time, smooth, at) if sides else []
-        for count in range(MOST_BAD):
+        for count in range(MARKERS.rivals_most_bad):
             for further in combinations([k for k in near if k != at], count):
                 bad = sorted((at, *further))
                 kept = ~np.isin(np.arange(len(rows)), bad)
@@ -147,13 +132,13 @@ def _lasting(rows: np.ndarray, time: np.ndarray, smooth: np.ndarray, at: int) ->
     """Kinks, steps and quick moves beside a polynomial."""
     whole, degree = np.ones(len(rows), dtype=bool), smooth.shape[1] - 1
     found: list[_Rival] = []
-    for place in np.arange(-NEAR - 0.5, NEAR + 0.51, 0.5):  # a kink lies between samples too
+    for place in np.arange(-RESIDUALS.near - 0.5, RESIDUALS.near + 0.51, 0.5):  # a kink lies between samples too
         bent = np.maximum(time - np.interp(at + place, np.arange(len(time)), time), 0.0)
         found.append(_Rival(Break.KINK, (), np.column_stack([smooth, bent]), whole, degree + 4 / 3))
-    for place in range(at - NEAR, at + NEAR + 1):
+    for place in range(at - RESIDUALS.near, at + RESIDUALS.near + 1):
         later = (np.arange(len(rows)) >= place).astype(float)
         found.append(_Rival(Break.STEP, (int(rows[place]),), np.column_stack([smooth, later]), whole, degree + 4 / 3))
-        for width in RAMPS if degree < max(DEGREES) else ():
+        for width in RESIDUALS.break_rivals_ramps if degree < max(RESIDUALS.break_rivals_degrees) else ():
             share = np.clip((np.arange(len(rows)) - place + 0.5) / width + 0.5, 0.0, 1.0)
             moved = np.column_stack([smooth, share**2 * (3 - 2 * share)])
             found.append(_Rival(Break.RAMP, (), moved, whole, degree + 4 / 3))

@@ -15,26 +15,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import maximum_filter1d
 
 from fidim_lab.mismatch.markers.displaced import Limits
-from fidim_lab.mismatch.markers.neighbours import MAD, noise_of
-from fidim_lab.mismatch.residuals.break_rivals import CLEARER, Break, judge
+from fidim_lab.mismatch.markers.neighbours import noise_of
+from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.mismatch.residuals.break_rivals import Break, judge
+from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 
-SCALES = ((0.5, 4), (0.5, 6), (0.25, 4), (0.25, 6), (0.12, 4))
-"""s on either side, and degree of the polynomial: the more telling first"""
-FEWEST = 8
-"""samples on either side, whatever the rate"""
-CALM, LEVEL = 1.25, 2.0
-"""times the noise: scatter of samples about their neighbours, and of steps from place to place, up to which samples
-follow a polynomial"""
-AROUND, SAMPLES = 2.0, 100
-"""s, and samples at least, over which that is looked at"""
-GAP = 3
-"""missing samples from which on a step may hide behind them"""
-PLAIN = 3 * CLEARER
-"""by how much a step must be preferred behind a gap, over which no scan sees how smooth the motion is"""
 NOWHERE = slice(0, 0)
-ROUNDS = 12
-SMALLEST_NORM = 0.3
-"""a break that the polynomial follows to 90 % cannot be judged"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +38,7 @@ def breaks_of(
     step: float,
     limits: Limits,
     *,
-    clearer: float = CLEARER,
+    clearer: float = MARKERS.rivals_clearer,
     spikes: Limits | None = None,
     jumps: slice | None = None,
 ) -> Breaks:
@@ -68,13 +54,13 @@ def breaks_of(
     steps: dict[int, np.ndarray] = {}
     looked: set[int] = set()
     expected = jumps or NOWHERE
-    for _ in range(ROUNDS):
+    for _ in range(RESIDUALS.breaks_rounds):
         peaks = [row for row in _peaks(work, step, limits, spikes or limits, expected) if row not in looked]
         behind = [row for row in _after_gaps(work) if row not in looked and row not in peaks]
         if not peaks and not behind:
             break
         for row in (*peaks, *behind):
-            needed = max(clearer, PLAIN) if row in behind and jumps is None else clearer
+            needed = max(clearer, RESIDUALS.breaks_plain) if row in behind and jumps is None else clearer
             found = judge(work, step, row, clearer=needed, spiking=spikes is not None, jumps=jumps is not None)
             looked.update((row,) if found.what is Break.SPIKES else range(row - 2, row + 3))
             if found.what is Break.SPIKES:
@@ -93,14 +79,14 @@ def _peaks(
     """Rows that stand out most among their neighbours, and the first of those expected, the most telling first."""
     strength = np.zeros(len(work))
     undecided = np.ones(len(work), dtype=bool)
-    for reach, degree in SCALES:
-        scan = _scan(work, max(FEWEST, round(reach / step)), degree)
-        calm = undecided & scan.calm(max(SAMPLES, round(AROUND / step)))
+    for reach, degree in RESIDUALS.breaks_scales:
+        scan = _scan(work, max(RESIDUALS.breaks_fewest, round(reach / step)), degree)
+        calm = undecided & scan.calm(max(RESIDUALS.breaks_samples, round(RESIDUALS.breaks_around / step)))
         strength[calm] = scan.strength(limits, spikes)[calm]
         undecided &= ~calm
         if not undecided.any():
             break
-    standing = (strength > 1) & (strength == maximum_filter1d(strength, 2 * FEWEST + 1))
+    standing = (strength > 1) & (strength == maximum_filter1d(strength, 2 * RESIDUALS.breaks_fewest + 1))
     if strength[expected].any():
         standing[expected.start + np.argmax(strength[expected])] = True
     rows = np.flatnonzero(standing)
@@ -110,7 +96,7 @@ def _peaks(
 def _after_gaps(work: Float[np.ndarray, "G 3"]) -> list[int]:
     """First rows after gaps."""
     seen = np.flatnonzero(np.isfinite(work).all(axis=1))
-    return [int(seen[k + 1]) for k in np.flatnonzero(np.diff(seen) > GAP)]
+    return [int(seen[k + 1]) for k in np.flatnonzero(np.diff(seen) > RESIDUALS.breaks_gap)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +108,14 @@ class _Scan:
 
     def calm(self, around: int) -> Bool[np.ndarray, " G"]:
         """Where the neighbours follow their polynomials."""
-        size = np.concatenate([np.abs(self.spike) / CALM, np.abs(self.step) / LEVEL], axis=1) / MAD
+        size = (
+            np.concatenate(
+                [np.abs(self.spike) / RESIDUALS.breaks_calm, np.abs(self.step) / RESIDUALS.breaks_level], axis=1
+            )
+            / MARKERS.neighbours_mad
+        )
         rows = np.flatnonzero(np.isfinite(size).all(axis=1))
-        if len(rows) < FEWEST:
+        if len(rows) < RESIDUALS.breaks_fewest:
             return np.zeros(len(size), dtype=bool)
         blocks = np.array_split(rows, max(1, len(rows) // around))
         scatter = [np.median(size[block], axis=0).max() for block in blocks]
@@ -157,8 +148,8 @@ def _scan(work: Float[np.ndarray, "G 3"], half: int, degree: int) -> _Scan:
     norm2 = np.stack([seen.astype(float), masks @ later], axis=1) - np.einsum("gds,gds->gs", wanted, solved)
     here = np.stack([np.where(seen[:, np.newaxis], work, 0.0), later @ values], axis=1)
     left = here - np.einsum("gds,gdk->gsk", solved, right)
-    enough = seen & (masks.sum(axis=1) >= degree + FEWEST)
-    beside = np.minimum(masks[:, :half].sum(axis=1), masks[:, half:].sum(axis=1)) >= FEWEST
-    usable = np.stack([enough, enough & beside], axis=1) & (norm2 > SMALLEST_NORM)
+    enough = seen & (masks.sum(axis=1) >= degree + RESIDUALS.breaks_fewest)
+    beside = np.minimum(masks[:, :half].sum(axis=1), masks[:, half:].sum(axis=1)) >= RESIDUALS.breaks_fewest
+    usable = np.stack([enough, enough & beside], axis=1) & (norm2 > RESIDUALS.breaks_smallest_norm)
     z = left / np.sqrt(np.where(usable, norm2, np.nan))[..., np.newaxis]
     return _Scan(z[:, 0], z[:, 1])

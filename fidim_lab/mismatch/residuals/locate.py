@@ -15,17 +15,7 @@ from scipy.special import chdtrc, chdtri
 from fidim_lab.identification.motion.signals import runs
 from fidim_lab.mismatch.markers.finding import marker_channel
 from fidim_lab.mismatch.residuals.residual import Leftover
-
-SEGMENT = 0.5
-"""s over which energy is summed up"""
-CHANCE = 1e-4
-"""per campaign, that a segment or window of noise stands out"""
-WORTH = 0.5
-"""of the correlation, from which a companion is named"""
-FINER = 4
-"""times finer than 1/duration is the periodogram"""
-HIGHEST = 25.0
-"""Hz"""
+from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 
 
 @dataclass(frozen=True)
@@ -74,8 +64,8 @@ def locate(leftovers: Sequence[Leftover], most: int = 12) -> tuple[Where, ...]:
     total = sum(excess.values())
     found: list[Where] = []
     for one in usable:
-        busy = _busy(one, CHANCE / len(usable))
-        whole = chdtrc(max(1, one.count - one.own), one.chi2) < CHANCE / len(usable)
+        busy = _busy(one, RESIDUALS.locate_chance / len(usable))
+        whole = chdtrc(max(1, one.count - one.own), one.chi2) < RESIDUALS.locate_chance / len(usable)
         if busy is None and not whole:
             continue
         found.append(_where(one, busy or (0, len(one.t)), total))
@@ -86,7 +76,7 @@ def _busy(one: Leftover, chance: float) -> tuple[int, int] | None:
     """Rows (begin, end) of the most energetic stretch whose sliding energy noise does not reach."""
     z = np.nan_to_num(one.values.reshape(len(one.t), -1))
     seen = np.isfinite(one.values.reshape(len(one.t), -1)).sum(axis=1).astype(float)
-    width = max(3, round(SEGMENT / float(np.median(np.diff(one.t)))))
+    width = max(3, round(RESIDUALS.locate_segment / float(np.median(np.diff(one.t)))))
     energy = uniform_filter1d((z**2).sum(axis=1), width, mode="constant") * width
     dof = np.maximum(uniform_filter1d(seen, width, mode="constant") * width, 1.0)
     tests = max(1, len(one.t) // max(1, width // 4))
@@ -137,25 +127,29 @@ def strongest_line(one: Leftover, column: int) -> Line:
     x = values[:, column]
     seen = np.isfinite(x)
     count = int(seen.sum())
-    lines = np.fft.rfft(np.where(seen, x, 0.0), FINER * len(x))
-    frequencies = np.fft.rfftfreq(FINER * len(x), step)
-    inside = (frequencies >= 1 / (step * len(x))) & (frequencies < HIGHEST)  # less than one cycle is a drift, no line
+    lines = np.fft.rfft(np.where(seen, x, 0.0), RESIDUALS.locate_finer * len(x))
+    frequencies = np.fft.rfftfreq(RESIDUALS.locate_finer * len(x), step)
+    inside = (frequencies >= 1 / (step * len(x))) & (
+        frequencies < RESIDUALS.locate_highest
+    )  # less than one cycle is a drift, no line
     height = np.where(inside, np.abs(lines) ** 2 / max(1, count), 0.0)
     at = int(np.argmax(height))
-    independent = max(1.0, inside.sum() / FINER) * 2.5  # peaks between the bins, of an oversampled periodogram
+    independent = (
+        max(1.0, inside.sum() / RESIDUALS.locate_finer) * 2.5
+    )  # peaks between the bins, of an oversampled periodogram
     chance = -np.expm1(independent * np.log1p(-np.exp(-min(float(height[at]), 700.0))))
     phase = float(np.angle(1j * lines[at]) - 2 * np.pi * frequencies[at] * one.t[0])
     phase = float(np.mod(phase + np.pi, 2 * np.pi) - np.pi)
     return Line(float(frequencies[at]), phase, float(2 * np.abs(lines[at]) / max(1, count)), float(chance))
 
 
-def goes_along(one: Leftover, column: int, least: float = WORTH) -> tuple[Companion, ...]:
+def goes_along(one: Leftover, column: int, least: float = RESIDUALS.locate_worth) -> tuple[Companion, ...]:
     """What the course of one channel, or its energy, follows, strongest first; empty without a motion."""
     x = one.values.reshape(len(one.t), -1)[:, column]
     seen = np.isfinite(x)
     if seen.sum() < 20:
         return ()
-    width = max(3, round(SEGMENT / float(np.median(np.diff(one.t)))))
+    width = max(3, round(RESIDUALS.locate_segment / float(np.median(np.diff(one.t)))))
     filled = np.where(seen, x, 0.0)
     energy = uniform_filter1d(filled**2, width)
     found = [Companion(name, _along(energy, feature)) for name, feature in _slow(one, width).items()]

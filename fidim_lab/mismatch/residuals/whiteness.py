@@ -2,9 +2,9 @@
 
 The global χ²/dof cannot see 300 of 54 000. Structure of a mechanism lies at low frequencies, in few windows or in a
 line, so χ² is looked at by octave bands, over all windows and in each, and line by line; each against the noise level
-above `REFERENCE` Hz, which no rigid motion reaches (a wrong declared noise does not matter). The p-value counts all
-these tests (Bonferroni). The windows' own fitted unknowns take energy out of the low bands: exactly accounted for where
-their derivatives are given, else ignored, which makes the test conservative.
+above `whiteness_reference` Hz, which no rigid motion reaches (a wrong declared noise does not matter). The p-value
+counts all these tests (Bonferroni). The windows' own fitted unknowns take energy out of the low bands: exactly
+accounted for where their derivatives are given, else ignored, which makes the test conservative.
 """
 
 from collections.abc import Sequence
@@ -16,17 +16,7 @@ from jaxtyping import Float
 from scipy.special import chdtrc, fdtrc
 
 from fidim_lab.mismatch.residuals.residual import Leftover
-
-EDGES = (0.0, 0.75, 1.5, 3.0, 6.0, 10.0)
-"""Hz, of the bands"""
-REFERENCE = 10.0
-"""Hz"""
-KINDS = 3
-"""families of tests: bands over all windows, bands of each window, lines"""
-WHITE = 1e-3
-"""p-value from which on a remainder is called white"""
-FEWEST_REFERENCE = 100
-"""degrees of freedom above `REFERENCE`; with fewer the declared noise is believed"""
+from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +41,7 @@ class Whiteness:
     window: str | None
     """id where one window tells most, else None"""
     excess: float
-    """χ² below `REFERENCE` beyond that of the noise"""
+    """χ² below `whiteness_reference` beyond that of the noise"""
     level: float
     """standard deviation of the noise, over the declared"""
     says: str
@@ -59,7 +49,7 @@ class Whiteness:
     @property
     def is_white(self) -> bool:
         """Nothing but noise is left."""
-        return self.p_value > WHITE
+        return self.p_value > RESIDUALS.whiteness_white
 
 
 def spectrum(leftover: Leftover) -> Spectrum:
@@ -99,7 +89,9 @@ def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
     spectra = [spectrum(one) for one in leftovers if one.count > 0 and len(one.t) > 3]
     ids = [one.window for one in leftovers if one.count > 0 and len(one.t) > 3]
     if not spectra:
-        return Whiteness(1.0, 1.0, (0.0, REFERENCE), None, 0.0, 1.0, "There is no residual to test.")
+        return Whiteness(
+            1.0, 1.0, (0.0, RESIDUALS.whiteness_reference), None, 0.0, 1.0, "There is no residual to test."
+        )
     level, reference = _noise_level(spectra)
     found = np.array([[_band(s, low, high) for low, high in _bands()] for s in spectra])  # W, B, (χ², dof)
     total = found.sum(axis=0)
@@ -109,7 +101,7 @@ def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
         (*_line(spectra, level), "lines"),
     ]
     p, place, kind = min(tests, key=lambda test: test[0])
-    p = min(1.0, KINDS * p)
+    p = min(1.0, RESIDUALS.whiteness_kinds * p)
     bands = _bands()
     window: str | None = None
     if kind == "bands":
@@ -124,7 +116,7 @@ def whiteness(leftovers: Sequence[Leftover]) -> Whiteness:
 
 
 def _bands() -> list[tuple[float, float]]:
-    return list(pairwise(EDGES))
+    return list(pairwise(RESIDUALS.whiteness_edges))
 
 
 def _band(found: Spectrum, low: float, high: float) -> tuple[float, float]:
@@ -133,9 +125,9 @@ def _band(found: Spectrum, low: float, high: float) -> tuple[float, float]:
 
 
 def _noise_level(spectra: list[Spectrum]) -> tuple[float, float]:
-    """Variance of the noise above `REFERENCE` and its degrees of freedom (infinite where it is believed)."""
-    parts = np.array([_band(s, REFERENCE, np.inf) for s in spectra]).sum(axis=0)
-    if parts[1] < FEWEST_REFERENCE:
+    """Variance of the noise above `whiteness_reference` and its degrees of freedom (infinite where it is believed)."""
+    parts = np.array([_band(s, RESIDUALS.whiteness_reference, np.inf) for s in spectra]).sum(axis=0)
+    if parts[1] < RESIDUALS.fewest_reference:
         return 1.0, np.inf
     return float(parts[0] / parts[1]), float(parts[1])
 
@@ -161,7 +153,7 @@ def _line(spectra: list[Spectrum], level: float) -> tuple[float, int]:
     heights, places, lines = [], [], 0
     for s in spectra:
         usual = s.dof > 0.5 * np.median(s.dof)
-        height = np.where(usual & (s.frequencies < REFERENCE)[:, np.newaxis], s.chi2, 0.0)
+        height = np.where(usual & (s.frequencies < RESIDUALS.whiteness_reference)[:, np.newaxis], s.chi2, 0.0)
         height[0] = 0.0
         places.append(int(np.argmax(height)))
         heights.append(float(height.max()))
@@ -185,9 +177,9 @@ def _line_at(
 
 def _words(p: float, ratio: float, band: tuple[float, float], window: str | None, excess: float) -> str:
     where = "all windows together" if window is None else f"window {window}"
-    if p > WHITE:
+    if p > RESIDUALS.whiteness_white:
         return f"What is left is white: the most unusual band has a chance of {p:.2g} in noise."
     return (
         f"What is left is not white: between {band[0]:.2g} and {band[1]:.2g} Hz in {where} it has {ratio:.3g} times "
-        f"the noise (chance {p:.1g}); χ² is {excess:.0f} too large below {REFERENCE:g} Hz."
+        f"the noise (chance {p:.1g}); χ² is {excess:.0f} too large below {RESIDUALS.whiteness_reference:g} Hz."
     )

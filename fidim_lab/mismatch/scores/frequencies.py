@@ -11,19 +11,13 @@ from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.residuals.residual import Leftover
 from fidim_lab.mismatch.residuals.whiteness import spectrum
 from fidim_lab.mismatch.scores.score import Score
-
-TURN = 0.2
-"""turns in a whole window between the frequencies that are tried at last"""
-LOUDEST = 16
-"""frequencies of the scan that are tried"""
-FEW = 50
-"""samples, with fewer of which a window has no spectrum"""
+from fidim_lab.mismatch.scores.thresholds import SCORES
 
 
 def likely_frequencies(leftovers: Sequence[Leftover], scan: Sequence[float]) -> frozenset[float]:
     """Where what is left of all windows is loudest: a steady tone that nothing models is heard at its own frequency."""
-    spectra = [spectrum(one) for one in leftovers if len(one.t) > FEW]
-    if not spectra or len(scan) <= LOUDEST:
+    spectra = [spectrum(one) for one in leftovers if len(one.t) > SCORES.frequencies_few]
+    if not spectra or len(scan) <= SCORES.frequencies_loudest:
         return frozenset(scan)
     width = max(s.frequencies[1] for s in spectra)
     loudness: dict[float, float] = {}
@@ -32,7 +26,7 @@ def likely_frequencies(leftovers: Sequence[Leftover], scan: Sequence[float]) -> 
         power = sum(float(s.chi2[rows].sum()) for s, rows in zip(spectra, near, strict=True))
         freedom = sum(float(s.dof[rows].sum()) for s, rows in zip(spectra, near, strict=True))
         loudness[f] = power / max(freedom, 1e-9)
-    return frozenset(sorted(scan, key=lambda f: -loudness[f])[:LOUDEST])
+    return frozenset(sorted(scan, key=lambda f: -loudness[f])[: SCORES.frequencies_loudest])
 
 
 def between(scanned: Sequence[Hypothesis], tones: Sequence[Score], seconds: float) -> tuple[Hypothesis, ...]:
@@ -41,7 +35,7 @@ def between(scanned: Sequence[Hypothesis], tones: Sequence[Score], seconds: floa
     Half a step off, a tone near a mode comes out of phase at both ends of long windows, and a fit from there may end
     with phases that belong to no tone.
     """
-    count = int(np.ceil(SCAN * seconds / TURN))
+    count = int(np.ceil(SCAN * seconds / SCORES.frequencies_turn))
     if not tones or count < 2:
         return ()
     best = max(tones, key=lambda tone: tone.log_evidence).tried[0]

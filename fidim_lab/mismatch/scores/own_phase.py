@@ -18,13 +18,7 @@ from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.scores.score import Projected, Score, WindowGram
-
-ROUNDS = 6
-"""of finding phases and amplitude in turn"""
-PHASES = 72
-"""angles that are tried"""
-SAME = 0.85
-"""of what tones with amplitudes of their own would take in each window"""
+from fidim_lab.mismatch.scores.thresholds import SCORES
 
 
 def own_phase_scores(found: Projected, grams: Sequence[WindowGram], robot: Robot) -> tuple[Score, ...]:
@@ -38,7 +32,7 @@ def own_phase_scores(found: Projected, grams: Sequence[WindowGram], robot: Robot
         if effect is not None and tried.effect.id in PERIODIC:
             windows = _turned(grams, place)
             score = _score(found, windows, replace(tried, effect=effect))
-            scores += [score] if score.gain > SAME * _own_gain(*windows, found.inflation) else []
+            scores += [score] if score.gain > SCORES.own_phase_same * _own_gain(*windows, found.inflation) else []
     return tuple(scores)
 
 
@@ -89,9 +83,9 @@ def _found(curvature: np.ndarray, gradient: np.ndarray, prior: np.ndarray) -> tu
     pointers = (own[:, 3:] - 1j * own[:, :3]) * (weight / size)[:, np.newaxis]
     phases = np.angle(np.linalg.svd(pointers, full_matrices=False)[0][:, 0])
     amplitude = np.zeros(6)
-    angles = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
+    angles = np.linspace(-np.pi, np.pi, SCORES.own_phase_phases, endpoint=False)
     every = rotations(angles)
-    for _ in range(ROUNDS):
+    for _ in range(SCORES.own_phase_rounds):
         turns = rotations(phases)
         total = (np.swapaxes(turns, 1, 2) @ curvature @ turns).sum(axis=0) + ridge
         amplitude = np.linalg.solve(total, np.einsum("wji,wj->i", turns, gradient))

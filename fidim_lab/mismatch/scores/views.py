@@ -9,8 +9,9 @@ import numpy as np
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.fitting.fit_data import NEAR, SHORT, nearer
+from fidim_lab.mismatch.fitting.fit_data import nearer
 from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.columns import Scorer, frequency_of
 from fidim_lab.mismatch.linearised.columns_sprung import SprungScorer
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypotheses, Hypothesis
@@ -24,25 +25,7 @@ from fidim_lab.mismatch.scores.score import (
     single_scores,
     window_grams,
 )
-
-ENOUGH = 5.0
-"""log-evidence below which a term is not believed: never reached in 20 000 draws without an effect (FINDINGS.md)"""
-SHORTEST = 1.0
-"""s, of the view where not even the first seconds are followed"""
-SINGLES, PAIRS = 3, 3
-"""how many are fitted"""
-NEARLY = 0.5
-"""of the best log-evidence: what has less is not fitted"""
-RACING, RACING_NEARLY, OF_ONE_KIND = 8, 0.25, 2
-"""the same where the model follows less than it was fitted to: fits are short there, and scores far off"""
-TIE, SLIGHT = 10.0, 0.02
-"""nats, and share of the best log-evidence, by which a score may be off where the motion is followed"""
-FEEBLE = 0.25
-"""of what is left: an addition to whole windows that takes less, and leaves structure, ends the search"""
-MOST = 0.85
-"""of what is left: a tone that takes as much is tried before anything else; of what frictions leave one takes half"""
-PERIODS = 2.0
-"""of such a tone, beside other terms, within what is looked at"""
+from fidim_lab.mismatch.scores.thresholds import SCORES
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +68,8 @@ class View:
         singles = self._singles(room)
         pairs: list[Score] = []
         if room > 1 and singles:
-            least = singles[0].log_evidence + ENOUGH
-            pairs = list(_varied([pair for pair in self.pairs if pair.log_evidence > least]))[:PAIRS]
+            least = singles[0].log_evidence + SCORES.enough
+            pairs = list(_varied([pair for pair in self.pairs if pair.log_evidence > least]))[: SCORES.views_pairs]
         return (*self._near(singles, 0.0), *self._near(pairs, singles[0].gain if singles else 0.0))
 
     def _singles(self, room: int) -> list[Score]:
@@ -95,33 +78,33 @@ class View:
         inside = {h.effect.id for h in self.model.tried if h.effect.id in PERIODIC}
         for score in self.singles:
             allowed = room > 0 or score.tried[0].effect.id in inside
-            if allowed and score.log_evidence > ENOUGH:
+            if allowed and score.log_evidence > SCORES.enough:
                 chosen.setdefault(score.tried[0].effect, score)
         if not self.races:
-            return list(chosen.values())[:SINGLES]
+            return list(chosen.values())[: SCORES.views_singles]
         counts = Counter[str]()
         varied: list[Score] = []
         for score in chosen.values():
             id = score.tried[0].effect.id
             counts[id] += 1
-            varied += [score] if counts[id] <= OF_ONE_KIND else []
-        return [score for k, score in enumerate(varied) if k < RACING or score.tried[0].has_scan]
+            varied += [score] if counts[id] <= SCORES.of_one_kind else []
+        return [score for k, score in enumerate(varied) if k < SCORES.views_racing or score.tried[0].has_scan]
 
     def _near(self, scores: Sequence[Score], less: float) -> tuple[Score, ...]:
         """Those that come near the first; `less`: χ² that fewer terms take."""
         if not scores:
             return ()
         best = scores[0].log_evidence
-        if self.model.excess >= NEAR:
-            least = best * (RACING_NEARLY if self.races else NEARLY)
+        if self.model.excess >= FITTING.near:
+            least = best * (SCORES.racing_nearly if self.races else SCORES.views_nearly)
             return tuple(score for score in scores if score.log_evidence >= least)
-        least = best - TIE - SLIGHT * best
+        least = best - SCORES.views_tie - SCORES.slight * best
         return tuple(score for score in scores if score.log_evidence >= least and self._takes_enough(score, less))
 
     def _takes_enough(self, score: Score, less: float) -> bool:
         """Whether noise alone would be left, or at least a good part of what fewer terms leave would be gone."""
         noise = 4 * self.model.fit.noise_ratio**2 * float(np.sqrt(2 * self.projected.dof))
-        return score.gain - less > FEEBLE * (self.rest - less) or self.rest - score.gain < noise
+        return score.gain - less > SCORES.feeble * (self.rest - less) or self.rest - score.gain < noise
 
 
 def view(model: Completed, tried: Hypotheses, context: Context) -> View:
@@ -130,7 +113,7 @@ def view(model: Completed, tried: Hypotheses, context: Context) -> View:
     seconds = float(found.journey.ends.max())
     # in a few seconds a tone at any phase passes for much of what other effects leave, but not for nearly all of it
     anyhow = not model.tried or (model.whole and found is model.fit)
-    heard = _ANYHOW if anyhow else _Heard(MOST, PERIODS / seconds)
+    heard = _ANYHOW if anyhow else _Heard(SCORES.nearly_all_by_a_tone, SCORES.views_periods / seconds)
     return _seen(model, found, _without(tried, model.tried), context, heard)
 
 
@@ -163,7 +146,7 @@ def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, hear
     likely = likely_frequencies(leftovers, scan)
     left = replace(left, periodic=tuple(h for h in left.periodic if frequency_of(h) in likely))
     seen, singles = _scored(model, found, left, context, heard)
-    least = max(ENOUGH, NEARLY * singles[0].log_evidence) if singles else ENOUGH
+    least = max(SCORES.enough, SCORES.views_nearly * singles[0].log_evidence) if singles else SCORES.enough
     evident = [one for one in singles if one.tried[0].effect.id in PERIODIC and one.log_evidence > least]
     finer = between(left.periodic, evident, float(found.journey.ends.max()))
     if finer:
@@ -201,11 +184,11 @@ def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) ->
     inside = {h.effect.id for h in model.tried if h.effect.of_each_window}
     least: dict[str, float] = {}
     for score in same:
-        least.setdefault(score.tried[0].effect.id, score.log_evidence + ENOUGH)
+        least.setdefault(score.tried[0].effect.id, score.log_evidence + SCORES.enough)
     found: list[Score] = []
     for score in own:
         effect = score.tried[0].effect
-        evident = score.log_evidence > least.get(effect.id, ENOUGH)
+        evident = score.log_evidence > least.get(effect.id, SCORES.enough)
         if evident and effect.id not in inside:
             found.append(score)
     return tuple(found)
@@ -213,9 +196,9 @@ def _own_phase(same: Sequence[Score], own: Sequence[Score], model: Completed) ->
 
 def _followed(found: Fit) -> Fit:
     """The fit of as long a part of the windows as the model follows."""
-    for seconds in (SHORT, SHORTEST):
+    for seconds in (FITTING.first_seconds, SCORES.shortest_view):
         longest = max(recording.end for recording in found.likelihood.recordings)
-        if found.excess < NEAR or longest <= seconds:
+        if found.excess < FITTING.near or longest <= seconds:
             continue
         short = nearer(found, seconds)
         found = found if short is None else short

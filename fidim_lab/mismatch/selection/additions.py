@@ -15,18 +15,15 @@ import numpy as np
 
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.starts.springs import stretches
-from fidim_lab.mismatch.fitting.fit_data import NEAR, Ground
+from fidim_lab.mismatch.fitting.fit_data import Ground
 from fidim_lab.mismatch.fitting.refit import Completed, evidence, refit
+from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.scores.score import Score
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.candidates import common_scale
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.model.side_by_side import side_by_side
-
-SCANNED = 6
-"""values of a scanned parameter that are tried, as long as none leaves only noise"""
-FINALISTS = 4
-"""of those that raced"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +80,13 @@ def _finalists(short: Completed, raced: Sequence[Addition]) -> tuple[Addition, .
 
     apart = [one for one in raced if not _may_race(short, one.score)]
     others = sorted((one for one in raced if _may_race(short, one.score)), key=convincing, reverse=True)
-    apart = apart[: 0 if len(short.tried) > 1 else FINALISTS // 2]
-    return (*apart, *others[: FINALISTS - len(apart)])
+    apart = apart[: 0 if len(short.tried) > 1 else SELECTION.additions_finalists // 2]
+    return (*apart, *others[: SELECTION.additions_finalists - len(apart)])
 
 
 def _may_race(short: Completed, score: Score) -> bool:
     """Whether terms can begin at a fit of the short time: cables that stretch only where it follows the motion."""
-    return short.excess < NEAR or not _stretches(score)
+    return short.excess < FITTING.near or not _stretches(score)
 
 
 def _stretches(score: Score) -> bool:
@@ -134,7 +131,7 @@ def _scanned(seen: View, score: Score) -> Iterator[Score]:
     effect = score.tried[0].effect
     if len(score.tried) == 1 and effect.id not in PERIODIC:
         others = (s for s in seen.singles if s is not score and s.tried[0].effect == effect)
-        yield from islice(others, SCANNED - 1)
+        yield from islice(others, SELECTION.additions_scanned - 1)
 
 
 def _beside(

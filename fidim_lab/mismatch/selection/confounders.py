@@ -16,12 +16,11 @@ from fidim_lab.mismatch.fitting.fit_data import Ground
 from fidim_lab.mismatch.fitting.refit import Completed, refit
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.scores.score import eliminated, imitated
-from fidim_lab.mismatch.scores.views import SLIGHT, TIE, View
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.scores.views import View
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.model.side_by_side import found_side_by_side
 from fidim_lab.say import Say
-
-FITTED = 2
-"""of those that may stand for one term"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,7 @@ def imitators(seen: View, k: int, *, any_cable: bool = False) -> tuple[Imitator,
     return tuple(sorted(found.values(), key=lambda one: one.loss))
 
 
-def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SLIGHT) -> list[Completed]:
+def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SCORES.slight) -> list[Completed]:
     """The model that was looked at with other effects in the place of a term, where they come near; at least two terms.
 
     What has more freedom than the term is left out: it would not convince where it only imitates.
@@ -79,9 +78,9 @@ def in_their_place(seen: View, ground: Ground, say: Say, slight: float = SLIGHT)
     fits: list[Callable[[], Completed | None]] = []
     for k in range(len(model.tried)) if len(model.tried) > 1 else ():
         freedom = len(model.tried[k].scored)
-        near = (one for one in imitators(seen, k, any_cable=True) if one.loss < TIE + slight * one.whole)
+        near = (one for one in imitators(seen, k, any_cable=True) if one.loss < SCORES.views_tie + slight * one.whole)
         simple = (one for one in near if len(one.tried.scored) <= freedom)
-        for other in islice(simple, FITTED):
+        for other in islice(simple, SELECTION.confounders_fitted):
             say(f"fitting {model.label} with {other.tried.label} in the place of {model.tried[k].label}")
             fits.append(partial(in_place_of, model, k, other.tried, other.theta, ground, seen.context))
     return found_side_by_side(fits)

@@ -14,9 +14,10 @@ from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts
 from fidim_lab.mismatch.cleaning.restarts import find_pushes
 from fidim_lab.mismatch.cleaning.segments import predict_segments
 from fidim_lab.mismatch.fitting.baseline import Baseline
-from fidim_lab.mismatch.fitting.fit_data import HOPELESS, NEAR
 from fidim_lab.mismatch.fitting.refit import Completed, again, evidence, refit
-from fidim_lab.mismatch.scores.views import MOST, View
+from fidim_lab.mismatch.fitting.thresholds import FITTING
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.additions import Addition
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import (
@@ -28,23 +29,12 @@ from fidim_lab.mismatch.selection.candidates import (
     most_convincing,
 )
 from fidim_lab.mismatch.selection.confounders import in_their_place
-from fidim_lab.mismatch.selection.trials import MOST_TERMS, Trials
+from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.mismatch.selection.trials import Trials
 from fidim_lab.mismatch.selection.unions import unions
 from fidim_lab.mismatch.selection.whole_windows import WholeWindows
 from fidim_lab.model.side_by_side import found_side_by_side
 from fidim_lab.say import Say
-
-CLOSE = 25.0
-"""nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
-SHORTLIST = 3
-SAME = 1.0
-"""χ² between two fits of one optimum"""
-SIMPLE = 2
-"""parameters of a term that takes the share of no other"""
-SIBLINGS = 0.15
-"""of a term's evidence, that another in its place may miss where structure stays"""
-PUSH_COST = 20.0
-"""nats: what the freedom of another start costs, as a few terms of a wide prior do"""
 
 
 class Search:
@@ -92,9 +82,9 @@ class Search:
         if not (_is_simple(best) and best.is_white):
             best = most_convincing(best, self._together())
         scale = common_scale([best, *self.trials.passing])
-        near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < CLOSE]
+        near = [m for m in self.trials.passing if m is not best and evidence(best, m, scale) < SELECTION.search_close]
         near.sort(key=lambda m: evidence(best, m, scale))
-        return [m for m in _distinct([best, *near])[:SHORTLIST] if m.tried]
+        return [m for m in _distinct([best, *near])[: SELECTION.search_shortlist] if m.tried]
 
     def _exchanged(self, seen: View) -> Completed:
         """The model of the first seconds that was looked at, or it with another effect in the place of a term.
@@ -104,7 +94,7 @@ class Search:
         best = seen.model
         if best.is_white:
             return best
-        fresh = in_their_place(seen, self.start.short_ground, self.say, SIBLINGS)
+        fresh = in_their_place(seen, self.start.short_ground, self.say, SELECTION.search_siblings)
         self.trials.passing += fresh
         return most_convincing(best, fresh)
 
@@ -127,7 +117,7 @@ class Search:
         start, well = self.start, [*self.trials.raced, *self.trials.passing]
         fits = [
             partial(refit, start.short_ground, start.short, terms, [h.absent for h in terms], start.context)
-            for terms in (() if self.patience.ended else unions(well, MOST_TERMS))
+            for terms in (() if self.patience.ended else unions(well, SELECTION.most_terms))
         ]
         fresh = found_side_by_side(fits)
         self.trials.passing += fresh
@@ -177,10 +167,10 @@ class Search:
 
     def _tones(self, best: Candidate, seen: View) -> tuple[Addition, ...]:
         """Tones that take most of what is left of whole windows, where only the first seconds were looked at."""
-        if not seen.races or best.is_white or best.model.excess > HOPELESS or self.patience.ended:
+        if not seen.races or best.is_white or best.model.excess > FITTING.hopeless or self.patience.ended:
             return ()
         heard = self.trials.look_for_tones(best.model)
-        if not heard.singles or heard.singles[0].gain < MOST * heard.rest:
+        if not heard.singles or heard.singles[0].gain < SCORES.nearly_all_by_a_tone * heard.rest:
             return ()
         return self.trials.additions(heard)
 
@@ -241,13 +231,13 @@ class Search:
             return False
         found = find_pushes(best.model, best.held_out, self.start.held_out)
         gain = sum(push.gain or 0.0 for push in found)
-        said = 0.5 * gain / inflation - PUSH_COST * len(found)
+        said = 0.5 * gain / inflation - SELECTION.push_cost * len(found)
         self.pushes = found if said > least else ()
         return bool(self.pushes)
 
     def _pushed_alike(self, best: Candidate) -> tuple[Contact, ...]:
         """A push at the same time of every window, softer than what the model as it is misses elsewhere."""
-        if not self.look_for_pushes or best.is_white or best.model.excess > NEAR:
+        if not self.look_for_pushes or best.is_white or best.model.excess > FITTING.near:
             return ()
         return find_common_push(best.model, self.start.held_out)
 
@@ -258,14 +248,14 @@ def _distinct(models: Sequence[Completed]) -> list[Completed]:
     for model in models:
         terms = {h.effect for h in model.tried}
         alike = (one for one in found if {h.effect for h in one.tried} == terms)
-        if not any(abs(one.chi2 - model.chi2) < SAME for one in alike):
+        if not any(abs(one.chi2 - model.chi2) < SELECTION.search_same for one in alike):
             found.append(model)
     return found
 
 
 def _is_simple(model: Completed) -> bool:
     """Whether it is one term of so little freedom that it can have taken no other's share."""
-    return len(model.tried) == 1 and len(model.tried[0].scored) <= SIMPLE
+    return len(model.tried) == 1 and len(model.tried[0].scored) <= SELECTION.search_simple
 
 
 def _best_score(seen: View) -> tuple[float, float]:

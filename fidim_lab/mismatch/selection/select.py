@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.scores.views import ENOUGH, PERIODIC, View
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.scores.views import PERIODIC, View
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import (
     Candidate,
@@ -24,14 +25,11 @@ from fidim_lab.mismatch.selection.candidates import (
     rank,
 )
 from fidim_lab.mismatch.selection.confounders import in_their_place
-from fidim_lab.mismatch.selection.search import SIBLINGS, Search
+from fidim_lab.mismatch.selection.search import Search
 from fidim_lab.mismatch.selection.single_force import LoneWrench
-from fidim_lab.mismatch.selection.trials import MOST_TERMS
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.unknown_force.unknown import Unknown
 from fidim_lab.say import Say
-
-FITS = 1.05
-"""χ²/dof of a fit that leaves next to nothing"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +110,7 @@ def _with_imitators(search: Search, best: Candidate, last: View) -> tuple[Candid
         return best, last
     fresh = [search.trials.judged(model) for model in in_their_place(last, search.start.whole_ground, search.say)]
     search.trials.tried += fresh
-    as_good = [c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * ENOUGH]
+    as_good = [c for c in fresh if c.held_out.chi2 < best.held_out.chi2 + 2 * SCORES.enough]
     chosen = of_model(most_convincing(best.model, [c.model for c in as_good]), as_good)
     return (best, last) if chosen is None else search.over_whole_windows(search.trials.without_needless(chosen))
 
@@ -122,11 +120,15 @@ def _with_siblings(search: Search, best: Candidate, last: View) -> tuple[Candida
 
     What a drag of the speed imitates of a drag of its square comes out elsewhere, and not where it swings wildest.
     """
-    fitting = [c.model for c in search.trials.tried if c.model.whole and c.model.excess < FITS and c.model.tried]
+    fitting = [
+        c.model
+        for c in search.trials.tried
+        if c.model.whole and c.model.excess < SELECTION.select_fits and c.model.tried
+    ]
     if best.is_white or not fitting:
         return best, last
     seen = search.trials.look(best_of(fitting))
-    exchanged = in_their_place(seen, search.start.whole_ground, search.say, SIBLINGS)
+    exchanged = in_their_place(seen, search.start.whole_ground, search.say, SELECTION.search_siblings)
     fresh = [search.trials.judged(model) for model in exchanged]
     search.trials.tried += fresh
     further = accepted(best, fresh)
@@ -158,7 +160,7 @@ def _less_doubtful(best: Candidate) -> list[list[int]]:
     every = range(len(model.tried))
     steady = [k for k in every if model.tried[k].effect.id not in PERIODIC]
     options = [steady] if 0 < len(steady) < len(model.tried) else []
-    if len(model.tried) == MOST_TERMS:
+    if len(model.tried) == SELECTION.most_terms:
         cheapest = min(every, key=lambda k: price(model, k))
         dearer = [k for k in every if k != cheapest]
         options += [dearer] if dearer not in options else []

@@ -17,7 +17,7 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.fitting.fit_data import ground_of, whole_ground
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.scores.views import ENOUGH
+from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.candidates import Candidate, candidate
 from fidim_lab.mismatch.unknown_force.unknown import Unknown, model_unknown
 from fidim_lab.say import Say
@@ -44,7 +44,7 @@ class LoneWrench:
         found, judged = self.found, self._judged
         if found is None or judged is None or not judged.is_white:
             return False
-        return all(nats_beyond(found.fit, one.fit) / judged.whiteness.level**2 > ENOUGH for one in short)
+        return all(nats_beyond(found.fit, one.fit) / judged.whiteness.level**2 > SCORES.enough for one in short)
 
     @cached_property
     def _judged(self) -> Candidate | None:

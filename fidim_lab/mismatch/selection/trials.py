@@ -11,7 +11,8 @@ from fidim_lab.mismatch.fitting.baseline import Baseline
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed, refit
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, general
-from fidim_lab.mismatch.scores.views import ENOUGH, PERIODIC, View, tones, view
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.scores.views import PERIODIC, View, tones, view
 from fidim_lab.mismatch.selection.additions import Addition, additions
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import (
@@ -25,21 +26,9 @@ from fidim_lab.mismatch.selection.candidates import (
 )
 from fidim_lab.mismatch.selection.confounders import in_place_of
 from fidim_lab.mismatch.selection.generalise import general_forms, widened
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.model.side_by_side import side_by_side
 from fidim_lab.say import Say
-
-MOST_TERMS = 3
-WIDENED = 0.5
-"""of the rest: a term that leaves more is not tried in a wider form"""
-NEARLY = 25.0
-"""nats by which a further term beats a simpler model, within which a wider form of that one may do the same"""
-FARTHER = 4.0
-"""times the nats that doing without terms costs to first order, and some: a fit without them that leaves as much has
-ended before its optimum"""
-MORE_TURNS, HELPS = 4, 0.99
-"""how often such a fit goes on; times what χ² was before, that it must reach each time"""
-DROPPABLE = 200.0
-"""nats, to first order, above which nobody tries to do without a term"""
 
 
 class Trials:
@@ -72,7 +61,7 @@ class Trials:
 
     def additions(self, seen: View) -> tuple[Addition, ...]:
         """What is worth fitting beside the model that was looked at."""
-        room = MOST_TERMS - len(seen.model.tried)
+        room = SELECTION.most_terms - len(seen.model.tried)
         return additions(seen, room, self.start.ground(seen.model), self.start.context)
 
     def added(self, addition: Addition, others: Sequence[Completed]) -> Completed | None:
@@ -86,7 +75,7 @@ class Trials:
             return None
         self._remember(found)
         fewer = [best, *(other for other in others if len(other.tried) < len(found.tried))]
-        if self.patience.ended or rest_of(found) > WIDENED * min(rest_of(other) for other in fewer):
+        if self.patience.ended or rest_of(found) > SELECTION.trials_widened * min(rest_of(other) for other in fewer):
             return found  # it takes so little that no wider form of it can be the truth
         return widened(self.start, found, addition.score.tried)
 
@@ -122,7 +111,7 @@ class Trials:
         found: list[Candidate] = []
         for one in others:
             simpler = 0 < len(one.model.tried) < len(further.model.tried) and one.is_white
-            if simpler and advantage(further.model, one.model) < NEARLY:
+            if simpler and advantage(further.model, one.model) < SELECTION.trials_nearly:
                 wide = general_forms(self.start, one.model, {term.effect for term in one.model.tried})
                 found += [self.judged(model) for model in wide]
         return found
@@ -131,9 +120,9 @@ class Trials:
         """Without terms, and freedoms of them, that the others have made needless."""
         for k in range(len(model.tried)):
             less = self._simpler(model, k)
-            if less is None and len(model.tried) > 1 and price(model, k) < DROPPABLE:
+            if less is None and len(model.tried) > 1 and price(model, k) < SELECTION.trials_droppable:
                 less = self.keeping(model, [j for j in range(len(model.tried)) if j != k])
-            if less is not None and advantage(model, less) < ENOUGH:
+            if less is not None and advantage(model, less) < SCORES.enough:
                 return self.pruned(less)
         return model
 
@@ -150,7 +139,7 @@ class Trials:
         term, theta = model.tried[k], model.thetas[k]
         narrow = term.effect.narrower(theta) if len(model.tried) > 1 else None
         simple = term.effect.parts(theta) or (() if narrow is None else (narrow,))
-        if not simple or len(model.tried) + len(simple) - 1 > MOST_TERMS:
+        if not simple or len(model.tried) + len(simple) - 1 > SELECTION.most_terms:
             return None
         tried = [*model.tried[:k], *(general(term, *one) for one in simple), *model.tried[k + 1 :]]
         thetas = [*model.thetas[:k], *(values for _, values in simple), *model.thetas[k + 1 :]]
@@ -181,9 +170,9 @@ class Trials:
     def _gone_on(self, found: Completed, model: Completed, kept: Sequence[int]) -> Completed:
         """A fit with some of a model's terms, from where it ended on, as long as that is too early and helps."""
         ground, turns = self.start.ground(model), 0
-        while turns < MORE_TURNS and _falls_short(found, model, kept):
+        while turns < SELECTION.more_turns and _falls_short(found, model, kept):
             further = refit(ground, found.fit, found.tried, found.thetas, self.start.context)
-            if further is None or further.chi2 > HELPS * found.chi2:
+            if further is None or further.chi2 > SELECTION.trials_helps * found.chi2:
                 break
             found, turns = further, turns + 1
         return found
@@ -209,7 +198,7 @@ def _falls_short(known: Completed, model: Completed, kept: Sequence[int]) -> boo
     """Whether a fit with some of a model's terms leaves far more than doing without the others can cost."""
     foretold = sum(price(model, k) for k in range(len(model.tried)) if k not in kept)
     cost = 0.5 * (known.chi2 - model.chi2) / common_scale([model, known])
-    return cost > FARTHER * (foretold + ENOUGH)
+    return cost > SELECTION.trials_farther * (foretold + SCORES.enough)
 
 
 def _terms(tried: Sequence[Hypothesis]) -> tuple[object, ...]:

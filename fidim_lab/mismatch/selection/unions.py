@@ -11,11 +11,7 @@ from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypothesis
 from fidim_lab.mismatch.selection.candidates import rest_of
-
-WELL = 3.0
-"""times what the best of the first seconds leaves of these, up to which a model did well, too"""
-FEW = 2
-"""unions that are tried"""
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 
 
 def unions(raced: Sequence[Completed], most: int) -> list[tuple[Hypothesis, ...]]:
@@ -26,7 +22,7 @@ def unions(raced: Sequence[Completed], most: int) -> list[tuple[Hypothesis, ...]
     """
     if not raced:
         return []
-    least = WELL * min(rest_of(one) for one in raced)
+    least = SELECTION.unions_well * min(rest_of(one) for one in raced)
     well = sorted((one for one in raced if rest_of(one) <= least), key=rest_of)
     seen = {frozenset(one.tried) for one in raced}
     found: list[tuple[Hypothesis, ...]] = []
@@ -36,7 +32,7 @@ def unions(raced: Sequence[Completed], most: int) -> list[tuple[Hypothesis, ...]
         if able and frozenset(terms) not in seen and not any(_begins_somewhere(h) for h in terms):
             seen.add(frozenset(terms))
             found.append(terms)
-    return found[:FEW]
+    return found[: SELECTION.unions_few]
 
 
 def _begins_somewhere(tried: Hypothesis) -> bool:

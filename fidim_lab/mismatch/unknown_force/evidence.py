@@ -21,18 +21,11 @@ from fidim_lab.mismatch.unknown_force.family import Courses, Family
 from fidim_lab.mismatch.unknown_force.knocks import knocks
 from fidim_lab.mismatch.unknown_force.own_times import own_times
 from fidim_lab.mismatch.unknown_force.responses import Responses
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.side_by_side import side_by_side
 
 STRENGTHS = np.logspace(-4, 3, 15)
 """prior sd of weights, relative to the size at which they would explain everything by themselves"""
-FOLDS = 12
-WEAKER = (1.0, 0.3, 0.1, 0.03)
-"""times the prior sd with the most evidence: windows left out decide which"""
-BEST_STARTS = 2
-SEARCH = 90
-"""evaluations from each of the best starts"""
-UNSEEN = 1e-200
-"""curvature of a push that falls between two samples, or after the last one: rounding"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +103,14 @@ class Evidence:
         top, shape = found[0][0], shapes[found[0][1]]
         steps = courses.family.steps
         if steps is not None:
-            for _, k in found[:BEST_STARTS]:
+            for _, k in found[: UNKNOWN_FORCE.evidence_best_starts]:
                 simplex = np.vstack([shapes[k], shapes[k] + np.diag(steps)])
-                options: Any = {"initial_simplex": simplex, "maxfev": SEARCH, "xatol": 1e-3, "fatol": 0.1}
+                options: Any = {
+                    "initial_simplex": simplex,
+                    "maxfev": UNKNOWN_FORCE.evidence_search,
+                    "xatol": 1e-3,
+                    "fatol": 0.1,
+                }
                 result = minimize(self._cost, shapes[k], args=(courses,), method="Nelder-Mead", options=options)
                 if -float(result.fun) > top:
                     top, shape = -float(result.fun), np.asarray(result.x)
@@ -126,7 +124,7 @@ class Evidence:
     def with_left_out(self, one: Weighed) -> Weighed:
         """The same with what it predicts for windows left out."""
         grams = self._grams(one.courses, one.shape)
-        found = [(self._left_out(grams.all, factor * one.prior_sd), factor) for factor in WEAKER]
+        found = [(self._left_out(grams.all, factor * one.prior_sd), factor) for factor in UNKNOWN_FORCE.evidence_weaker]
         left_out, factor = max(found)
         return replace(self._at_strength(one, factor * one.prior_sd), left_out=left_out)
 
@@ -219,7 +217,7 @@ class Evidence:
 
     def _left_out(self, grams: np.ndarray, prior_sd: np.ndarray) -> float:
         total, s = grams.sum(axis=0), self.shared
-        folds = np.arange(len(grams)) % min(FOLDS, len(grams))
+        folds = np.arange(len(grams)) % min(UNKNOWN_FORCE.evidence_folds, len(grams))
         gained = 0.0
         for fold in range(int(folds.max()) + 1):
             mine = grams[folds == fold].sum(axis=0)
@@ -260,7 +258,7 @@ def _squares(gram: np.ndarray, step: np.ndarray) -> float:
 def _modes(curvature: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Eigenvalues and vectors of A over its mean size, and the root of that; 1 where nothing that it does is seen."""
     square = float(np.trace(curvature)) / max(1, len(curvature))
-    size = float(np.sqrt(square)) if square > UNSEEN else 1.0
+    size = float(np.sqrt(square)) if square > UNKNOWN_FORCE.evidence_unseen else 1.0
     values, vectors = np.linalg.eigh(curvature / size**2)
     return np.maximum(values, 0.0), vectors, size
 

@@ -9,9 +9,7 @@ from jaxtyping import Float
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.unknown_force.family import Courses
 from fidim_lab.mismatch.unknown_force.latent import LatentForce
-
-EVERY = 3
-"""nodes: about 30 samples a second"""
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +58,7 @@ def _window(found: Fit, latents: Sequence[LatentForce], only: int | None, w: int
     simulation, shared = found.journey.optimum.simulation, found.values
     phases = found.journey.optimum.point.states.astray
     trajectories, place = simulation.trajectory_of(w)
-    use = np.flatnonzero(trajectories.grid.t <= simulation.ends[w] + 1e-9)[::EVERY]
+    use = np.flatnonzero(trajectories.grid.t <= simulation.ends[w] + 1e-9)[:: UNKNOWN_FORCE.field_every]
     t = trajectories.begins[place] + trajectories.grid.t[use]
     positions, rotations = trajectories.positions[place][use], trajectories.rotations[place][use]
     twists = trajectories.twists[place][use]

@@ -11,13 +11,12 @@ from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort, optimise
 from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, Journey, grow
 from fidim_lab.mismatch.unknown_force.latent import LatentForce
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
 from fidim_lab.model.sensitivity.starts import tied
 
-STRIDES = (5.0, 10.0)
-"""s; from the horizon at which the unknown was looked at to whole windows"""
 JOINTLY = Effort(resolution=FINE, promise=0.1, rounds=15, damping=1e-6, idle=3.0)
 """to a third of a standard deviation: beyond, a wrench without a name creeps along what the data do not tell"""
 
@@ -56,7 +55,7 @@ def fitted(base: Fit, donor: Point, latent: LatentForce, seconds: float) -> Fit 
             return None
         point = first.point
     # `grow` takes FAR_PRIOR times the standard deviations beyond its first seconds: these are meant as they stand
-    strides = tuple(h for h in STRIDES if h > seconds) or (longest,)
+    strides = tuple(h for h in UNKNOWN_FORCE.joint_strides if h > seconds) or (longest,)
     journey = grow(likelihood, point, replace(prior, sd=prior.sd / FAR_PRIOR), free, strides, JOINTLY)
     if journey is None:
         return None

@@ -10,14 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from fidim_lab.mismatch.unknown_force.own_times import ROUNDS, OwnTimes, cost_of
-
-PHASES = 48
-"""angles that are tried"""
-WIDTHS = (0.02, 0.04, 0.08, 0.16)
-"""s, standard deviation of a knock"""
-LEADERS = 3
-"""windows, of which each in turn says first which force all feel"""
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.unknown_force.own_times import OwnTimes, cost_of
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 
 
 def knocks(
@@ -30,10 +25,13 @@ def knocks(
     weights = slice(shared, grams.shape[1] - 1)
     curvature, gradient = grams[:, weights, weights], -grams[:, weights, -1]
     train = _Train(frequency, (gradient.shape[1] // directions - 1) // 2)
-    angles = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
-    found = {width: _common_force(train.at(angles, width), curvature, gradient, directions) for width in WIDTHS}
+    angles = np.linspace(-np.pi, np.pi, UNKNOWN_FORCE.knocks_phases, endpoint=False)
+    found = {
+        width: _common_force(train.at(angles, width), curvature, gradient, directions)
+        for width in UNKNOWN_FORCE.knocks_widths
+    }
     width, common = max(found.items(), key=lambda pair: pair[1].gain)
-    phases, step = angles[common.places], np.pi / PHASES
+    phases, step = angles[common.places], np.pi / UNKNOWN_FORCE.knocks_phases
     later = (train.at(phases + step, width) - train.at(phases - step, width)) / (2 * step)
     moved = np.einsum("d,wk->wdk", common.force, later).reshape(gradient.shape)
     return OwnTimes(
@@ -89,9 +87,9 @@ def _common_force(
     taken = (alone * pull).sum(axis=2)
     places, every = taken.argmax(axis=0), np.arange(taken.shape[1])
     tried: list[_Common] = []
-    for w in np.argsort(-taken[places, every])[:LEADERS]:
+    for w in np.argsort(-taken[places, every])[: UNKNOWN_FORCE.knocks_leaders]:
         force, found = alone[places[w], w], places
-        for _ in range(ROUNDS):
+        for _ in range(SCORES.own_phase_rounds):
             gains = 2 * pull @ force - np.einsum("d,awde,e->aw", force, curvature, force, optimize=True)
             found = gains.argmax(axis=0)
             force = np.linalg.solve(curvature[found, every].sum(axis=0) + ridge, pull[found, every].sum(axis=0))

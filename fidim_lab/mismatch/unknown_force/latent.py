@@ -15,14 +15,11 @@ from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.oscillation import PHASE
 from fidim_lab.mismatch.unknown_force.evidence import Weighed
 from fidim_lab.mismatch.unknown_force.family import Family
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.slots import ExtraState, PlatformState
 
 PHASES = tuple(float(x) for x in np.linspace(-np.pi, np.pi, 8, endpoint=False))
 """rad, from which a window's own is looked for: what is short has harmonics"""
-MOST = 24
-"""combinations of weights that are fitted"""
-DETERMINED = 0.05
-"""of a combination's prior variance that the data must take away"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +42,10 @@ class LatentForce(NamedEffect):
         """With the combinations of weights that matter; starts at the weights that were weighed."""
         scaled = found.curvature * np.outer(found.prior_sd, found.prior_sd)
         values, vectors = np.linalg.eigh(scaled)
-        order = np.argsort(-values)[:MOST]
-        order = order[values[order] / (1 + values[order]) > DETERMINED] if len(values) > 3 else order
+        order = np.argsort(-values)[: UNKNOWN_FORCE.latent_most]
+        order = (
+            order[values[order] / (1 + values[order]) > UNKNOWN_FORCE.latent_determined] if len(values) > 3 else order
+        )
         order = order if len(order) else np.array([int(np.argmax(values))])
         basis = found.prior_sd[:, np.newaxis] * vectors[:, order]
         basis = basis if found.combined is None else found.combined @ basis

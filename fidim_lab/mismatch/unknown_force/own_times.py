@@ -10,12 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-ROUNDS = 6
-"""of finding phases and weights in turn"""
-PHASES = 72
-"""angles that are tried"""
-RIDGE = 1e-4
-"""of the curvature by the loudest weight: harmonics of which the windows tell next to nothing stay small"""
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +72,7 @@ def _found(curvature: np.ndarray, gradient: np.ndarray, harmonics: int) -> tuple
     size = gradient.shape[1]
     sine = np.arange(0, size, 2 * harmonics)
     lowest = np.ravel(np.column_stack([sine, sine + 1]))
-    ridge = RIDGE * float(np.diagonal(curvature.sum(axis=0)).max()) + 1e-300
+    ridge = UNKNOWN_FORCE.own_times_ridge * float(np.diagonal(curvature.sum(axis=0)).max()) + 1e-300
     part = curvature[:, lowest[:, np.newaxis], lowest] + ridge * np.eye(len(lowest))
     own = np.linalg.solve(part, gradient[:, lowest, np.newaxis])[..., 0]
     gain = np.sqrt(np.maximum(np.einsum("wi,wi->w", own, gradient[:, lowest]), 0.0))
@@ -84,10 +80,10 @@ def _found(curvature: np.ndarray, gradient: np.ndarray, harmonics: int) -> tuple
     # s sin θ + c cos θ is the real part of (c − i s) exp(i θ)
     pointers = (own[:, 1::2] - 1j * own[:, ::2]) * (gain / size_of)[:, np.newaxis]
     phases = np.angle(np.linalg.svd(pointers, full_matrices=False)[0][:, 0])
-    angles = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
+    angles = np.linspace(-np.pi, np.pi, SCORES.own_phase_phases, endpoint=False)
     every = rotations(angles, harmonics, size)
     weights = np.zeros(size)
-    for _ in range(ROUNDS):
+    for _ in range(SCORES.own_phase_rounds):
         turns = rotations(phases, harmonics, size)
         back = np.swapaxes(turns, 1, 2)
         total = (back @ curvature @ turns).sum(axis=0) + ridge * np.eye(size)

@@ -15,6 +15,7 @@ from scipy.interpolate import BSpline
 
 from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.trajectories.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.batch import over_samples
 from fidim_lab.model.forcing import forcing
 from fidim_lab.model.mechanism import Mechanism
@@ -23,11 +24,6 @@ from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.integrate import Trajectories
 from fidim_lab.model.sensitivity.variation import variations
 from fidim_lab.model.slots import Effect, PlatformState
-
-SPACING = 0.08
-"""s between bumps: force up to about 5 Hz as it is, faster ones weaker; motion answers them with 1/ω² anyway"""
-THIN = 2
-"""every second node is enough for the course of a force"""
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,7 @@ class Responses:
         def filled(parts: Sequence[np.ndarray]) -> np.ndarray:
             return np.stack([np.concatenate([x, np.repeat(x[-1:], count - len(x), axis=0)]) for x in parts])
 
-        thin = np.s_[::THIN]
+        thin = np.s_[:: UNKNOWN_FORCE.responses_thin]
         sample = (
             filled([one.t[thin, np.newaxis] for one in along]),
             filled([one.positions[thin] for one in along]),
@@ -136,7 +132,7 @@ def responses(likelihood: Likelihood, simulation: Simulation) -> Responses:
     return Responses.of([found[w] for w in sorted(found)], len(simulation.point.shared))
 
 
-def splines(t: Float[np.ndarray, " N"], spacing: float = SPACING) -> Float[np.ndarray, "N J"]:
+def splines(t: Float[np.ndarray, " N"], spacing: float = UNKNOWN_FORCE.responses_spacing) -> Float[np.ndarray, "N J"]:
     """Cubic B-splines over the times (s), about `spacing` apart."""
     pieces = max(1, round(float(t[-1] - t[0]) / spacing))
     inner = np.linspace(t[0], t[-1], pieces + 1)
@@ -166,7 +162,9 @@ def _window(
     basis = np.linalg.qr(jacobian[:, :own])[0]
     rest = np.column_stack([jacobian[:, own:], residual.rows])
     rest -= basis @ (basis.T @ rest)
-    return WindowResponse(along, np.linalg.pinv(bumps[::THIN]), rest.T @ rest, len(residual.rows) - own)
+    return WindowResponse(
+        along, np.linalg.pinv(bumps[:: UNKNOWN_FORCE.responses_thin]), rest.T @ rest, len(residual.rows) - own
+    )
 
 
 def _until(one: Trajectories, end: float) -> Trajectories:

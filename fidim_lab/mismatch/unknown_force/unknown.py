@@ -17,6 +17,8 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predictions
+from fidim_lab.mismatch.fitting.thresholds import FITTING
+from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.unknown_force.evidence import Evidence, Weighed, weigh_all
 from fidim_lab.mismatch.unknown_force.families import families, last_families
 from fidim_lab.mismatch.unknown_force.family import Courses, Dependence
@@ -25,28 +27,8 @@ from fidim_lab.mismatch.unknown_force.joint import fitted, near
 from fidim_lab.mismatch.unknown_force.latent import LatentForce
 from fidim_lab.mismatch.unknown_force.reach import Reach
 from fidim_lab.mismatch.unknown_force.responses import responses
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.mismatch.unknown_force.words import words
-
-FOLLOWED = 3.0
-"""χ²/dof up to which whole windows are followed well enough to be looked at to first order"""
-SHORTER = (3.0, 1.0)
-"""s; looked at otherwise"""
-ENOUGH = 5.0
-"""log-evidence below which nothing is believed"""
-FAIR = 0.25
-"""of the best one's gain on windows left out: among families that reach it evidence decides. Windows left out are too
-strict a judge alone: what acts in places that one window visits cannot be foretold by the others"""
-AS_EVIDENT = 0.98
-"""of the log-evidence: what first order says of motions that the base misses by far is not surer"""
-NEARLY_ALL = 0.9
-"""of the excess, of windows left out, too: what takes as much, and does not repeat, spares families that take long"""
-LISTED = 10
-SECOND = 0.2
-"""of the excess: where more is left, a second term is looked for"""
-FEEBLE = 0.25
-"""of that rest: a second term that takes less away from windows left out is none"""
-TERMS = 2
-"""wrenches at most"""
 
 
 @dataclass(frozen=True)
@@ -134,8 +116,8 @@ def model_unknown(
     before = predictions(base, validate).figures if before is None else before
     now, latents, chosen, ranking = base, [], [], ()
     whole = left = _excess(base, base)
-    for _ in range(1 if alone else TERMS):
-        least = NEARLY_ALL if alone else FEEBLE if latents else -np.inf
+    for _ in range(1 if alone else UNKNOWN_FORCE.unknown_terms):
+        least = UNKNOWN_FORCE.nearly_all if alone else UNKNOWN_FORCE.unknown_feeble if latents else -np.inf
         found, tried = _next_term(now, least, late=not alone)
         ranking = ranking or tried
         if found is None:
@@ -145,7 +127,7 @@ def model_unknown(
         if not rest < left:
             break
         left, now, latents, chosen = rest, completed, [*latents, latent], [*chosen, (weighed, tried)]
-        if left < SECOND * whole or latent.extra_states:
+        if left < UNKNOWN_FORCE.unknown_second * whole or latent.extra_states:
             break
     after = predictions(now, validate).figures if latents else before
     terms = _terms(now, latents, chosen)
@@ -196,7 +178,7 @@ def conclusive(first: Weighed | None) -> bool:
     """
     if first is None or first.family.harmonics:
         return False
-    return min(first.explained, first.left_out_share) >= NEARLY_ALL
+    return min(first.explained, first.left_out_share) >= UNKNOWN_FORCE.nearly_all
 
 
 def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
@@ -204,16 +186,20 @@ def chosen(ranking: Sequence[Weighed]) -> Weighed | None:
 
     Or a plainer one that is as good as it but for what first order leaves out, and predicts windows left out better.
     """
-    believed = [one for one in ranking if one.log_evidence > ENOUGH]
+    believed = [one for one in ranking if one.log_evidence > SCORES.enough]
     if not believed:
         return None
     useful = [one for one in believed if one.left_out > 0]
     if not useful:
         return max(believed, key=lambda one: one.log_evidence)
     best = max(one.left_out for one in useful)
-    top = max((one for one in useful if one.left_out >= FAIR * best), key=lambda one: one.log_evidence)
+    top = max(
+        (one for one in useful if one.left_out >= UNKNOWN_FORCE.unknown_fair * best), key=lambda one: one.log_evidence
+    )
     as_good = (
-        one for one in useful if one.log_evidence >= AS_EVIDENT * top.log_evidence and one.left_out >= top.left_out
+        one
+        for one in useful
+        if one.log_evidence >= UNKNOWN_FORCE.unknown_as_evident * top.log_evidence and one.left_out >= top.left_out
     )
     return min(as_good, key=lambda one: one.effective)
 
@@ -222,9 +208,9 @@ def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:
     """The motion as far as the model follows it, and how far that is (s)."""
     longest = float(base.journey.ends.max())
     best = (base.likelihood, base.journey.optimum.simulation, longest)
-    if base.excess < FOLLOWED:
+    if base.excess < FITTING.near:
         return best
-    for seconds in SHORTER:
+    for seconds in UNKNOWN_FORCE.unknown_shorter:
         shorter = near(base, min(seconds, longest))
         if shorter is None:
             continue
@@ -232,7 +218,7 @@ def _looked_at(base: Fit) -> tuple[Likelihood, Simulation, float]:
         simulation = journey.optimum.simulation
         rows = sum(len(residual.rows) for residual in simulation.residuals)
         best = (likelihood, simulation, min(seconds, longest))
-        if journey.optimum.cost / rows < 10 * FOLLOWED * base.noise_ratio**2:
+        if journey.optimum.cost / rows < 10 * FITTING.near * base.noise_ratio**2:
             break
     return best
 
@@ -279,5 +265,6 @@ def _shifts(base: Fit, found: Fit) -> tuple[ParameterShift, ...]:
 
 def _listed(ranking: Sequence[Weighed]) -> tuple[FamilyTried, ...]:
     return tuple(
-        FamilyTried(one.family.label, one.explained, one.left_out_share, one.log_evidence) for one in ranking[:LISTED]
+        FamilyTried(one.family.label, one.explained, one.left_out_share, one.log_evidence)
+        for one in ranking[: UNKNOWN_FORCE.unknown_listed]
     )

@@ -10,13 +10,7 @@ from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.field import Field
 from fidim_lab.mismatch.unknown_force.latent import LatentForce
 from fidim_lab.mismatch.unknown_force.points import Point
-
-CLEARLY = 0.3
-"""mean power over mean of its size, beyond which it is said to brake or to drive"""
-LINEAR = 12
-"""weights of a force that grows in proportion to the place: each component's constant, then its three slopes"""
-OTHERS = 0.9
-"""of the best one's gain: families that explain as much are said too"""
+from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 
 
 def words(
@@ -29,7 +23,7 @@ def words(
     found.append(_size(field))
     found.append(_energy(field))
     best = ranking[0] if ranking else None
-    least = 0.0 if best is None else max(0.0, OTHERS * best.left_out)
+    least = 0.0 if best is None else max(0.0, UNKNOWN_FORCE.words_others * best.left_out)
     alike = [one.family.label for one in ranking[1:] if one.left_out > least]
     if alike:
         found.append(f"About as good or better on windows left out: {', '.join(alike[:3])}.")
@@ -140,7 +134,7 @@ def _brake(latent: LatentForce, shape: np.ndarray, field: Field) -> str:
 def _gradient(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
     """For a linear field its stiffness; else where it is largest."""
     weights = latent.weights(theta)
-    if latent.family is None or latent.family.scale is None or len(weights) != LINEAR:
+    if latent.family is None or latent.family.scale is None or len(weights) != UNKNOWN_FORCE.words_linear:
         return _somewhere(field, "It changes smoothly with the place")
     stiffness = weights.reshape(3, 4)[:, 1:] / latent.family.scale
     along = 0.5 * (stiffness + stiffness.T)
@@ -150,10 +144,12 @@ def _gradient(latent: LatentForce, theta: np.ndarray, field: Field) -> str:
         f"along ({_direction(vectors[:, k])}) it pushes "
         f"{'back, like a spring' if values[k] < 0 else 'away, more the farther it goes'}, {abs(values[k]):.2g} N/m"
         for k in np.argsort(-np.abs(values))
-        if abs(values[k]) > CLEARLY * most
+        if abs(values[k]) > UNKNOWN_FORCE.words_clearly * most
     )
     turning = float(np.linalg.norm(stiffness - along) / max(float(np.linalg.norm(stiffness)), 1e-300))
-    potential = f"{turning:.0%} of it has no potential" if turning > CLEARLY else "it has a potential"
+    potential = (
+        f"{turning:.0%} of it has no potential" if turning > UNKNOWN_FORCE.words_clearly else "it has a potential"
+    )
     return f"It grows in proportion to the place: {said}; {potential}."
 
 
@@ -210,8 +206,8 @@ def _energy(field: Field) -> str:
     mean = float(np.mean(power))
     if size == 0:
         return ""
-    if mean < -CLEARLY * size:
+    if mean < -UNKNOWN_FORCE.words_clearly * size:
         return f"It takes energy from the motion: {-mean:.2g} W on average."
-    if mean > CLEARLY * size:
+    if mean > UNKNOWN_FORCE.words_clearly * size:
         return f"It feeds energy into the motion: {mean:.2g} W on average."
     return "It takes about as much energy from the motion as it gives."

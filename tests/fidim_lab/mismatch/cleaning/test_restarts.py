@@ -10,8 +10,9 @@ from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning import restarts
 from fidim_lab.mismatch.cleaning.clean import clean
-from fidim_lab.mismatch.cleaning.contacts import SOONER, Contact, whole_id, without
-from fidim_lab.mismatch.cleaning.restarts import APART, STEP, _has_its_moment, find_pushes
+from fidim_lab.mismatch.cleaning.contacts import Contact, whole_id, without
+from fidim_lab.mismatch.cleaning.restarts import _has_its_moment, find_pushes
+from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.fitting.fit_data import shortened
 from fidim_lab.mismatch.fitting.holdout import predict
@@ -38,8 +39,8 @@ def pushes(baseline: Baseline) -> tuple[Contact, ...]:
 def test_a_faint_push_is_found_with_its_window_and_times(irma4: Robot, place: int, window: str) -> None:
     (push,) = pushes(fitted(irma4, f"hand-contact:fx=0.15,fy=-0.2,start=2.5,stop=3.3,window={place}"))
     assert push.window == window
-    assert push.begin == pytest.approx(2.5 - SOONER, abs=2 * STEP)
-    assert push.end == pytest.approx(3.3 + SOONER, abs=2 * STEP)
+    assert push.begin == pytest.approx(2.5 - CLEANING.hand_times_sooner, abs=2 * CLEANING.restarts_step)
+    assert push.end == pytest.approx(3.3 + CLEANING.hand_times_sooner, abs=2 * CLEANING.restarts_step)
     assert push.gain is not None
     assert push.gain > 30
     assert f"{push.gain:.0f} less" in push.says
@@ -53,7 +54,10 @@ def test_nobody_pushes_where_nothing_is_missing(irma4: Robot) -> None:
 def test_parts_too_short_for_two_starts_show_no_push(irma4: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     baseline = fitted(irma4)
     first, *others = baseline.campaign.of_role(Role.IDENTIFY)
-    found = fit(baseline.fit.likelihood.mechanism, [shortened(first, 2 * APART - STEP), *others])
+    found = fit(
+        baseline.fit.likelihood.mechanism,
+        [shortened(first, 2 * CLEANING.restarts_apart - CLEANING.restarts_step), *others],
+    )
     model = Completed((), found, whole=True)
     monkeypatch.setattr(restarts, "_odd", lambda leftovers: {first.id})
     assert find_pushes(model, predict(model, ()), ()) == ()

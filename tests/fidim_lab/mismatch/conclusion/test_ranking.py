@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fidim_lab.mismatch.conclusion import ranking as ranked
-from fidim_lab.mismatch.conclusion.ranking import LISTED, ranking
+from fidim_lab.mismatch.conclusion.ranking import ranking
+from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def test_models_of_whole_windows_then_of_the_first_seconds_then_scores() -> None
     )
     told = ranking(found, drag, None)  # type: ignore[arg-type]
     assert [one.effects for one in told[:5]] == [("drag",), (), ("friction", "hose"), ("friction",), ("e0",)]
-    assert len(told) == 4 + LISTED
+    assert len(told) == 4 + CONCLUSION.ranking_listed
     assert told[0].why == "accepted: χ²/dof 1.000 fitted, 1.010 held out. White."
     assert told[1].why == "χ²/dof 9.000 fitted, 9.500 held out. Not white."
     assert told[2].why == "χ²/dof 1.100 of the first 3 s; not fitted to whole windows."

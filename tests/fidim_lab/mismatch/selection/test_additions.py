@@ -8,9 +8,11 @@ import pytest
 from fidim_lab.data.records import Robot
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.scores.score import Score
-from fidim_lab.mismatch.scores.views import OF_ONE_KIND, RACING, View
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection import additions as module
-from fidim_lab.mismatch.selection.additions import FINALISTS, SCANNED, Addition, additions
+from fidim_lab.mismatch.selection.additions import Addition, additions
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 
 FREQUENCY = 1
 """place of f in θ of a loose mass"""
@@ -83,12 +85,12 @@ def test_where_the_motion_is_followed_nothing_races(every: Hypotheses, fits: lis
 
 def test_a_mass_is_tried_at_other_frequencies_and_the_first_that_suits_is_taken(every: Hypotheses, fits: list) -> None:
     loud = sorted(masses(every), key=lambda h: abs(h.absent[FREQUENCY] - 3.2))[:8]  # the score points elsewhere
-    assert [h.absent[FREQUENCY] for h in loud].index(2.4) < SCANNED
+    assert [h.absent[FREQUENCY] for h in loud].index(2.4) < SELECTION.additions_scanned
     (found,) = additions(seen([score(h, 900.0 - k) for k, h in enumerate(loud)], shortened=True), 3, GROUND, None)
     assert found.near is not None
     assert found.near.excess == 1.0
     assert found.near.tried[0].absent[FREQUENCY] == 2.4
-    assert len(fits) == SCANNED
+    assert len(fits) == SELECTION.additions_scanned
     fits.clear()
     suits = [h for h in loud if h.absent[FREQUENCY] == 2.4]
     additions(seen([score(h, 900.0) for h in suits], shortened=True), 3, GROUND, None)
@@ -98,7 +100,7 @@ def test_a_mass_is_tried_at_other_frequencies_and_the_first_that_suits_is_taken(
 def test_no_more_than_some_values_are_tried(every: Hypotheses, fits: list) -> None:
     wrong = [h for h in masses(every) if h.absent[FREQUENCY] != 2.4]
     additions(seen([score(h, 900.0 - k) for k, h in enumerate(wrong)], shortened=True), 3, GROUND, None)
-    assert len(fits) == SCANNED
+    assert len(fits) == SELECTION.additions_scanned
 
 
 def test_the_race_decides_not_the_score(every: Hypotheses, fits: list) -> None:
@@ -109,7 +111,7 @@ def test_the_race_decides_not_the_score(every: Hypotheses, fits: list) -> None:
     mass = next(h for h in masses(every) if h.absent[FREQUENCY] == 2.4)
     scores += [score(of_id["cable-elasticity"], 850.0), score(mass, 800.0)]
     found = [one.score.tried[0].effect.id for one in additions(seen(scores, shortened=True), 3, GROUND, None)]
-    assert len(found) == FINALISTS
+    assert len(found) == SELECTION.additions_finalists
     assert found[:3] == ["cable-elasticity", "loose-mass", "rotational-drag"]
 
 
@@ -174,10 +176,10 @@ def test_where_the_motion_is_followed_terms_begin_from_nothing_but_stiffness(eve
 def test_what_has_scores_at_some_values_only_races_though_others_fill_the_places(every: Hypotheses) -> None:
     """A loose mass whose best scanned value is far from its own says less there than frictions that merely imitate."""
     ids = list(dict.fromkeys(h.effect.id for h in every.direct if h.effect.id != "loose-mass"))
-    others = [next(h for h in every.direct if h.effect.id == id) for id in ids][: RACING + 2]
+    others = [next(h for h in every.direct if h.effect.id == id) for id in ids][: SCORES.views_racing + 2]
     scores = [*(score(h, 900.0 - k) for k, h in enumerate(others)), score(masses(every)[0], 500.0)]
     found = [one.tried[0].effect.id for one in seen(scores, shortened=True).additions(3)]
-    assert found[:RACING] == [h.effect.id for h in others[:RACING]]
+    assert found[: SCORES.views_racing] == [h.effect.id for h in others[: SCORES.views_racing]]
     assert found[-1] == "loose-mass"
 
 
@@ -192,5 +194,5 @@ def test_one_kind_does_not_fill_the_race(every: Hypotheses) -> None:
     others = [next(h for h in every.direct if h.effect.id == id) for id in ("air-drag-linear", "cable-mass")]
     looked = seen([score(h, 900.0 - k) for k, h in enumerate([*frictions, *others])], shortened=True)
     ids = [one.tried[0].effect.id for one in looked.additions(3)]
-    assert ids == ["attachment-friction"] * OF_ONE_KIND + ["air-drag-linear", "cable-mass"]
-    assert len(ids) <= RACING
+    assert ids == ["attachment-friction"] * SCORES.of_one_kind + ["air-drag-linear", "cable-mass"]
+    assert len(ids) <= SCORES.views_racing

@@ -10,7 +10,8 @@ from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import common_scale
 from fidim_lab.mismatch.selection.confounders import imitators, in_their_place
 from fidim_lab.mismatch.selection.search import Search
-from fidim_lab.mismatch.selection.select import SIBLINGS, _with_imitators
+from fidim_lab.mismatch.selection.select import _with_imitators
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 
 RATE = 0.004
 HIDDEN = (f"clock-rate:rate={RATE}", "air-drag-linear:c=0.5")
@@ -88,7 +89,7 @@ def rubbing_at(start: Baseline, *cables: int) -> Completed:
 def test_what_was_found_on_one_cable_may_be_on_all_of_them(rubbing: Baseline) -> None:
     single = rubbing_at(rubbing, 1)
     one, seen = single.tried[0], view(single, rubbing.tried, rubbing.context)
-    everywhere = in_their_place(seen, rubbing.whole_ground, lambda _: None, SIBLINGS)
+    everywhere = in_their_place(seen, rubbing.whole_ground, lambda _: None, SELECTION.search_siblings)
     found = next(m for m in everywhere if (m.tried[0].effect.id, m.tried[0].effect.cable) == (one.effect.id, None))
     assert evidence(found, single, common_scale([found, single])) > 5.0
 
