@@ -10,6 +10,7 @@ from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, general, hypotheses
 from fidim_lab.mismatch.selection import trials as module
 from fidim_lab.mismatch.selection.budget import Patience
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.selection.trials import Trials
 
 
@@ -137,7 +138,7 @@ def refits(monkeypatch: pytest.MonkeyPatch) -> list[list[np.ndarray]]:
         return model(*tried)
 
     monkeypatch.setattr(module, "refit", refit)
-    monkeypatch.setattr(module, "price", lambda model, k: module.DROPPABLE + 1)
+    monkeypatch.setattr(module, "price", lambda model, k: SELECTION.trials_droppable + 1)
     return begun
 
 
