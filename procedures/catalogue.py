@@ -29,7 +29,7 @@ CROSS_VALIDATION = 22
 
 
 def _identify(lab: Lab) -> Steps:
-    return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts, lab.recorded)
+    return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts, lab.recorded, lab.swings)
 
 
 def _excite(lab: Lab) -> Steps:

@@ -40,7 +40,7 @@ def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
 def _compare(lab: Lab, done: AbstractSet[str], protocol: WindowProtocol) -> Steps:
     at = (yield Enable()).values
     yield from free(lab.settings)
-    at, swinging = yield from windows_of(lab.plan, protocol, at, lab.recorded)
+    at, swinging = yield from windows_of(lab.plan, protocol, at, lab.recorded, lab.swings)
     left = [id_ for id_ in FURTHER if id_ not in done]
     while True:
         found = yield Explain(number=len(FURTHER) - len(left) + 1, estimate=ESTIMATE)

@@ -25,14 +25,14 @@ class Records(Protocol):
 
 
 def windows_of(
-    plan: Plan, protocol: Records, at: Lengths, earlier: int = 0
+    plan: Plan, protocol: Records, at: Lengths, earlier: int = 0, swings: bool = False
 ) -> Generator[Step, Result, tuple[Lengths, bool]]:
     """All windows; once the accuracy is reached, those to identify from are left out, held-out ones are not.
 
-    earlier: windows to identify from that an earlier process has kept. Returns where the robot is, and whether it
-    swings: after a crash or a power cut it may do so already.
+    earlier: windows to identify from that an earlier process has kept; swings: how it left the platform.
+    Returns where the robot is, and whether it swings: after a crash or a power cut it may do so already.
     """
-    swinging = not protocol.attended
+    swinging = swings or not protocol.attended
     recorded, enough = earlier, ""
     looked = 0
     for planned in plan.windows:

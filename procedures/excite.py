@@ -48,7 +48,7 @@ def excite(lab: Lab) -> Steps:
     protocol = ExciteProtocol(lab)
     at = (yield Enable()).values
     yield from free(lab.settings)
-    yield from windows_of(lab.plan, protocol, at, lab.recorded)
+    yield from windows_of(lab.plan, protocol, at, lab.recorded, lab.swings)
 
 
 class ExciteProtocol(WindowProtocol):

@@ -1,7 +1,7 @@
 """What is to be run on which robot, checked: `checked_experiment` makes one of a plan and a generator of steps."""
 
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any, TypeVar
 
@@ -55,6 +55,8 @@ class Lab:
     """recordings that an earlier process made, by window"""
     recorded: int = 0
     """windows to identify from that an earlier process has kept"""
+    swings: bool = False
+    """an earlier process has not seen the platform at rest again"""
     memory: Memory = field(default_factory=Memory)
 
 
@@ -84,8 +86,10 @@ def checked_experiment(
         return find_route(workspace, start, goal, via)
 
     left = plan if resumption is None else resumption.left_of(plan)
-    attempts, recorded = ({}, 0) if resumption is None else (resumption.attempts, resumption.recorded)
-    procedure: Procedure = partial(make, Lab(left, robot, settings, route, attempts, recorded))
+    lab = Lab(left, robot, settings, route, {})
+    if resumption is not None:
+        lab = replace(lab, attempts=resumption.attempts, recorded=resumption.recorded, swings=resumption.swings)
+    procedure: Procedure = partial(make, lab)
     check_moves(Outline(procedure).steps, robot, workspace)
     roles = {window.id: window.role for window in plan.windows}
     return Experiment(plan.name, robot, procedure, roles, workspace, settings)

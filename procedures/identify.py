@@ -57,18 +57,19 @@ def identify(
     route: Route = straight,
     made: Mapping[str, int] | None = None,
     recorded: int = 0,
+    swings: bool = False,
 ) -> Steps:
     """The steps of the protocol for a plan.
 
     made: attempts that an earlier run, which this one continues, has made at a window: numbers go on after them.
-    recorded: windows to identify from that it has kept.
+    recorded: windows to identify from that it has kept. swings: it has not seen the platform at rest again.
     A person's skip or retry (`Skipped`, `Retried`) concerns the present window.
     Raises InfeasibleError (from `route`) where no safe way to an equilibrium is known.
     """
     protocol = WindowProtocol(robot, settings or Settings(), route, made or {})
     at = (yield Enable()).values
     yield from free(protocol.settings)
-    yield from windows_of(plan, protocol, at, recorded)
+    yield from windows_of(plan, protocol, at, recorded, swings)
 
 
 class WindowProtocol:

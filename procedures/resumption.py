@@ -20,7 +20,7 @@ from procedures.journal import NAME as JOURNAL
 from procedures.journal import Entry, Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.report import WindowRow
-from procedures.steps import GiveUp, Lengths, MoveTo, Record, Settle, longest_way
+from procedures.steps import Ask, GiveUp, Lengths, MoveTo, Record, Settle, longest_way
 
 Position = tuple[float, float, float]
 
@@ -92,6 +92,8 @@ class Resumption:
     """recordings begun, by window"""
     place: LastPlace | None
     """None where no winch was ever seen"""
+    swings: bool = False
+    """a person was asked to move or calm the platform, and it was not seen at rest since"""
     part: int = 1
     """of the run that begins now; the first one was 0"""
     goes_on: bool = False
@@ -138,7 +140,7 @@ def read_resumption(folder: Path, roles: Mapping[str, Role]) -> Resumption:
         if window not in rows and window in roles and said.step == GiveUp.__name__:
             rows[window] = WindowRow(window, roles[window], said.outcome, said.reason, attempts.get(window, 0))
     part = 1 + sum(entry.kind is Kind.CONTINUED for entry in journal)
-    return Resumption(entries, rows, attempts, _place(journal), part)
+    return Resumption(entries, rows, attempts, _place(journal), _swings(journal), part)
 
 
 def _attempts(journal: Iterable[Entry]) -> dict[str, int]:
@@ -147,6 +149,17 @@ def _attempts(journal: Iterable[Entry]) -> dict[str, int]:
         if entry.kind is Kind.STEP_STARTED and entry.step == Record.__name__:
             found[entry.window] = found.get(entry.window, 0) + 1
     return found
+
+
+def _swings(journal: Iterable[Entry]) -> bool:
+    """So a question that was open when the run broke off is asked again, before the first move."""
+    swings = False
+    for entry in journal:
+        if entry.step == Ask.__name__ and entry.kind is Kind.STEP_STARTED:
+            swings = True
+        elif entry.step == Settle.__name__ and entry.kind is Kind.STEP_FINISHED and entry.outcome.usable:
+            swings = False
+    return swings
 
 
 def _place(journal: Iterable[Entry]) -> LastPlace | None:

@@ -1,6 +1,7 @@
 """`fidim shutdown`: end a service that has nothing to do any more (`fidim run --stay`, a dry run that nobody began)."""
 
 import asyncio
+from contextlib import suppress
 from pathlib import Path
 
 from drivers.clock import LoopClock
@@ -13,8 +14,11 @@ from fidim_lab.app.service.place import Place, all_places, places_of
 from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import SetupError
 from fidim_lab.say import printable
+from procedures.timing import within
 
 FORMAT = "fidim-shutdown/1"
+ANSWER_WITHIN = 2.0
+"""s"""
 ENDS_WITHIN = 10.0
 """s from the command to the end of the process"""
 LOOK = 0.05
@@ -56,20 +60,20 @@ def serves(who: Holder, folder: Path) -> bool:
 
 async def end_service(place: Place) -> str:
     """End a service and wait until its process has let the rig go; returns why not, empty where it has."""
-    try:
-        async with connect(place.socket, name="fidim shutdown", samples=False) as service:
-            await service.take_lease(force=True)
-            answer = await service.command(Shutdown())
-            if not answer.ok:
-                return f"it goes on: {answer.says}."
-    except SetupError as error:
-        return str(error)
-    except ServiceGoneError:
-        pass  # it was ending anyway
     clock = LoopClock()
+    with suppress(SetupError, ServiceGoneError, TimeoutError):  # its socket is closed: it is ending already
+        if says := await within(clock, ANSWER_WITHIN, _refusal(place)):
+            return f"it goes on: {says}."
     end = clock.now() + ENDS_WITHIN
     while holder(place) is not None:
         if clock.now() > end:
             return f"it has not ended within {ENDS_WITHIN:g} s; see {place.log}."
         await clock.sleep(LOOK)
     return ""
+
+
+async def _refusal(place: Place) -> str:
+    async with connect(place.socket, name="fidim shutdown", samples=False) as service:
+        await service.take_lease(force=True)
+        answer = await service.command(Shutdown())
+    return "" if answer.ok else answer.says

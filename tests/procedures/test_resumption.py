@@ -82,6 +82,22 @@ def test_cut_off_at_the_begin_of_any_step_it_goes_on_to_the_whole_campaign(every
         assert not list((cut / "windows").glob("*.part"))
 
 
+def test_a_question_that_was_open_is_asked_again_before_the_first_move(world, lab, tmp_path):
+    """“The platform still swings” was passed over by a resume, which moved."""
+    found = copies(world, lab, tmp_path)
+    still = [cut for cut in found if "still swings" in read_journal(cut / "journal.jsonl")[-1].text]
+    rest = [cut for cut in found if cut.name.endswith("Hold") and not read_resumption(cut, ROLES).swings]
+    assert still
+    assert rest
+    for cut, asks in ((still[-1], True), (rest[-1], False)):
+        number = len(read_journal(cut / "journal.jsonl"))
+        assert read_resumption(cut, ROLES).swings is asks
+        assert resumed(lab.make_world(), lab, cut).outcome is Outcome.PASS
+        new = [entry for entry in read_journal(cut / "journal.jsonl")[number:] if entry.kind is Kind.STEP_STARTED]
+        before = [entry.text for entry in new[: [entry.step for entry in new].index("MoveTo")]]
+        assert any("still swings" in text for text in before) is asks
+
+
 def test_a_torn_journal_line_is_cut_off_and_the_run_goes_on(world, lab, tmp_path):
     cut = next(c for c in copies(world, lab, tmp_path) if "Record" in c.name)
     with (cut / "journal.jsonl").open("ab") as journal:
