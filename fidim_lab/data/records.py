@@ -100,6 +100,51 @@ class Sensors:
 
 
 @dataclass(frozen=True, eq=False)
+class Survey:
+    """How well the geometry of a robot file is known: standard deviations, 0 where it is exact."""
+
+    anchor: np.ndarray
+    """(n, 3) of each D, world frame, m"""
+    attachment: np.ndarray
+    """(n, 3) of each A, body frame, m"""
+    radius: float = 0.0
+    """of each pulley, m"""
+    axis: float = 0.0
+    """of each swivel's axis, rad"""
+    marker: float = 0.0
+    """of each coordinate of a marker, body frame, m"""
+    encoder_zero: float = 0.0
+    """of each cable length, the same error in all windows, m"""
+    frame_shift: float = 0.0
+    """of the motion-capture frame against the robot frame, m"""
+    frame_rotation: float = 0.0
+    """the same, rad"""
+    gravity: float = 0.0
+    """of the direction of gravity in the robot frame, rad"""
+
+    @staticmethod
+    def alike(n: int, anchor: float, attachment: float) -> "Survey":
+        """All anchors of n cables known alike, and all attachments (m); everything else exact."""
+        return Survey(np.full((n, 3), anchor), np.full((n, 3), attachment))
+
+    @property
+    def exact(self) -> bool:
+        """Whether nothing is uncertain."""
+        return not (self.anchor.any() or self.attachment.any() or any(self.scalars.values()))
+
+    @property
+    def scalars(self) -> dict[str, float]:
+        """What is known alike of all cables or markers, by the keys of the robot file."""
+        names = ("radius", "axis", "marker", "encoder_zero", "frame_shift", "frame_rotation", "gravity")
+        return {name: getattr(self, name) for name in names}
+
+    def scaled(self, factor: float) -> "Survey":
+        """All standard deviations so many times as large."""
+        scalars = {name: factor * value for name, value in self.scalars.items()}
+        return Survey(factor * self.anchor, factor * self.attachment, **scalars)
+
+
+@dataclass(frozen=True, eq=False)
 class Robot:
     """A cable-suspended robot as its robot file describes it: geometry, nominal body, limits, sensors."""
 
@@ -116,6 +161,8 @@ class Robot:
     sensors: Sensors = Sensors()
     winches: tuple[Winch, ...] | None = None
     """one for each cable; None where the robot file has no [winch]"""
+    survey: Survey | None = None
+    """how well the geometry is known; None where the robot file does not say"""
 
     @property
     def n(self) -> int:
@@ -160,6 +207,8 @@ class Role(StrEnum):
     IDENTIFY = "identify"
     VALIDATE = "validate"
     """never used for fitting shared parameters"""
+    TEST = "test"
+    """never fitted, never used to choose a model: opened once, for the figures of the answer"""
 
 
 @dataclass(frozen=True, eq=False)

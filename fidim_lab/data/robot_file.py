@@ -8,7 +8,7 @@ import numpy as np
 import tomli_w
 from pydantic import Field, model_validator
 
-from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Winch
+from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Survey, Winch
 from fidim_lab.data.toml_file import NotNegative, Positive, Table, read_toml
 
 FORMAT = "fidim-robot/1"
@@ -18,6 +18,7 @@ BUILT_IN_ROBOTS = MappingProxyType({"irma4": PAPERS_ROBOT})
 """robots that are called by name instead of a file"""
 
 Vector = tuple[float, float, float]
+Spread = tuple[NotNegative, NotNegative, NotNegative]
 
 AXIS_TOLERANCE = 1e-6
 """how far x, y, z of a swivel may be from a right-handed orthonormal triad"""
@@ -62,6 +63,20 @@ class WinchTable(Table):
     torque_constant: Positive
 
 
+class SurveyTable(Table):
+    """`[survey]`: standard deviations of the geometry, 0 where it is exact (a simulation)."""
+
+    anchor: NotNegative = 0.0
+    attachment: NotNegative = 0.0
+    radius: NotNegative = 0.0
+    axis: NotNegative = 0.0
+    marker: NotNegative = 0.0
+    encoder_zero: NotNegative = 0.0
+    frame_shift: NotNegative = 0.0
+    frame_rotation: NotNegative = 0.0
+    gravity: NotNegative = 0.0
+
+
 class CableTable(Table):
     """`[[cable]]`."""
 
@@ -71,6 +86,8 @@ class CableTable(Table):
     x: Vector
     y: Vector
     z: Vector
+    survey_d: Spread | None = None
+    survey_a: Spread | None = None
 
     @model_validator(mode="after")
     def _triad(self) -> "CableTable":
@@ -91,6 +108,7 @@ class RobotTable(Table):
     limits: LimitsTable = LimitsTable()
     sensors: SensorsTable = SensorsTable()
     winch: WinchTable | list[WinchTable] | None = None
+    survey: SurveyTable | None = None
     cable: Annotated[list[CableTable], Field(min_length=1, max_length=5)]
 
     @model_validator(mode="after")
@@ -136,6 +154,21 @@ def _robot(table: RobotTable) -> Robot:
         limits=Limits(table.limits.tension, table.limits.free_displacement),
         sensors=Sensors(table.sensors.marker_noise, table.sensors.encoder_resolution),
         winches=None if winches is None else tuple(Winch(**w.model_dump()) for w in winches),
+        survey=_survey(table),
+    )
+
+
+def _survey(table: RobotTable) -> Survey | None:
+    """A cable's own standard deviations count before those of all; None where nothing is said of any."""
+    own = any(c.survey_d is not None or c.survey_a is not None for c in table.cable)
+    if table.survey is None and not own:
+        return None
+    common = SurveyTable() if table.survey is None else table.survey
+    scalars = common.model_dump(exclude={"anchor", "attachment"})
+    return Survey(
+        anchor=np.array([c.survey_d or 3 * (common.anchor,) for c in table.cable]),
+        attachment=np.array([c.survey_a or 3 * (common.attachment,) for c in table.cable]),
+        **scalars,
     )
 
 
@@ -165,6 +198,8 @@ def _table(robot: Robot) -> dict[str, object]:
         alike = len(set(robot.winches)) == 1
         tables = [dict(vars(w)) for w in robot.winches]
         table["winch"] = tables[0] if alike else tables
+    if robot.survey is not None:
+        table["survey"] = robot.survey.scalars
     table["cable"] = [
         {
             "d": _floats(c.d),
@@ -174,9 +209,16 @@ def _table(robot: Robot) -> dict[str, object]:
             "y": _floats(c.y),
             "z": _floats(c.z),
         }
-        for c in robot.cables
+        | _own_survey(robot.survey, k)
+        for k, c in enumerate(robot.cables)
     ]
     return table
+
+
+def _own_survey(survey: Survey | None, cable: int) -> dict[str, list[float]]:
+    if survey is None:
+        return {}
+    return {"survey_d": _floats(survey.anchor[cable]), "survey_a": _floats(survey.attachment[cable])}
 
 
 def _floats(values: np.ndarray) -> list[float]:

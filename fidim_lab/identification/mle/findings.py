@@ -65,6 +65,11 @@ def non_essential(
     return tls.near_zero(values) & (known > tls.WELL_IDENTIFIED_PERCENT / 100 * np.abs(values))
 
 
+def largest(*known: Float[np.ndarray, "9"] | None) -> Float[np.ndarray, "9"]:
+    """The largest of several standard deviations, of those that are known."""
+    return np.max([sd for sd in known if sd is not None], axis=0)
+
+
 def doubtful(found: Fit, figures: Figures) -> tuple[str, ...]:
     """Parameters that are not near zero and known to no better than 10 %."""
     values = found.values[: len(PARAMETER_NAMES)]
@@ -75,7 +80,7 @@ def doubtful(found: Fit, figures: Figures) -> tuple[str, ...]:
 
 def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> Outcome:
     """How it ended; the worst of what applies. Held-out windows count as much as those of the fit."""
-    if not consistency.can_move(found.body):
+    if not consistency.can_exist(found.body):
         return Outcome.IMPOSSIBLE_BODY
     if len(found.journey.lost) > MOST_LOST * len(found.remainders):
         return Outcome.LOST_PHASE

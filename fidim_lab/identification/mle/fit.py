@@ -116,6 +116,12 @@ class Fit:
         return self.quadratic.covariance
 
     @property
+    def tempered_covariance(self) -> Float[np.ndarray, "shared shared"]:
+        """What may be believed where the model misses more than noise: the data's information over χ²/dof."""
+        temper = max(1.0, self.chi2_per_dof)
+        return spread.Quadratic.of(self.tables / np.sqrt(temper), self.prior_rows).covariance
+
+    @property
     def sd(self) -> Float[np.ndarray, " shared"]:
         """Nominal standard deviations."""
         return np.sqrt(np.diag(self.covariance))

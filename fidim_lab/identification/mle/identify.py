@@ -19,7 +19,9 @@ from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.equations.problem import Problem, build
 from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.mle import findings, held_out, spread
-from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.geometry import Surveyed, fit_surveyed
+from fidim_lab.identification.mle.geometry_words import geometry_warnings, told_geometry
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
@@ -58,9 +60,10 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     soft = fit_soft(campaign, native=native) if soft_mode(campaign) is not None else None
     mechanism = Mechanism(campaign.robot, native=native)
     odd = contradicting(mechanism, campaign.windows) if soft is None else {}
-    found = _fitted(mechanism, campaign, odd) if soft is None else soft.found
+    surveyed = _fitted(mechanism, campaign, odd) if soft is None else Surveyed(soft.found)
+    found = surveyed.found
     side = _side(replace(campaign, windows=tuple(w for w in campaign.windows if w.id not in odd)))
-    predicted = odd | _held_out(mechanism, campaign, found, soft, odd) if predict else {}
+    predicted = odd | _held_out(campaign, found, soft, odd) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
     figures = _figures(campaign, found)
     outcome = findings.outcome(found, figures, windows)
@@ -74,21 +77,27 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         sigma_W=None if side is None else side.estimate.sigma_W,
         C=None if side is None else side.estimate.C,
         windows=windows,
-        warnings=(*(() if soft is None else soft.sentences), *findings.warnings(found, figures, windows)),
+        warnings=(
+            *(() if soft is None else soft.sentences),
+            *geometry_warnings(surveyed),
+            *findings.warnings(found, figures, windows),
+        ),
         seconds=perf_counter() - begin,
         noise_ratio=float(np.sqrt(found.excess)),
         covariance=figures.covariance,
         leave_one_out=figures.leave_one_out,
         attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
         freedoms=campaign.robot.freedoms,
+        geometry=None if soft is not None else told_geometry(surveyed),
     )
 
 
-def _fitted(mechanism: Mechanism, campaign: Campaign, odd: Mapping[str, str]) -> Fit:
+def _fitted(mechanism: Mechanism, campaign: Campaign, odd: Mapping[str, str]) -> Surveyed:
     """On the windows that are not odd; what those are is in its `unused`."""
     windows = campaign.of_role(Role.IDENTIFY)
-    found = fit(mechanism, [window for window in windows if window.id not in odd])
-    return replace(found, unused=found.unused | {w.id: odd[w.id] for w in windows if w.id in odd})
+    surveyed = fit_surveyed(mechanism, [window for window in windows if window.id not in odd])
+    unused = surveyed.found.unused | {w.id: odd[w.id] for w in windows if w.id in odd}
+    return replace(surveyed, found=replace(surveyed.found, unused=unused))
 
 
 def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
@@ -97,12 +106,14 @@ def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
     replicates = None if replicates is None else replicates[:, :BODY]
     bootstrap = spread.bootstrap_sd(found.tables, found.prior_rows)
     bootstrap = None if bootstrap is None else bootstrap[:BODY]
-    covariance = found.covariance[:BODY, :BODY] * max(1.0, found.noise_ratio**2)
-    sd = np.sqrt(np.diag(covariance))
+    covariance = found.tempered_covariance[:BODY, :BODY]
+    nominal_sd = np.sqrt(np.diag(covariance))
+    jackknife = None if replicates is None else jackknife_sd(replicates)
+    sd = nominal_sd if found.excess < findings.MISFIT else findings.largest(nominal_sd, bootstrap, jackknife)
+    covariance = covariance * np.outer(sd / nominal_sd, sd / nominal_sd)
     dropped = findings.non_essential(found.values[:BODY], sd, bootstrap)
     held = np.concatenate([dropped, np.zeros(len(found.values) - BODY, dtype=bool)])
     refitted = found.without(held) if dropped.any() else None
-    jackknife = None if replicates is None else jackknife_sd(replicates)
     nominal = campaign.robot.nominal.vector
     parameters = {
         name: Parameter(
@@ -120,11 +131,12 @@ def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
 
 
 def _held_out(
-    mechanism: Mechanism, campaign: Campaign, found: Fit, soft: SoftFit | None, odd: Mapping[str, str]
+    campaign: Campaign, found: Fit, soft: SoftFit | None, odd: Mapping[str, str]
 ) -> dict[str, held_out.Prediction | str]:
-    """What each validation window that is not odd says; a sentence where it cannot be predicted."""
+    """What each window that is not fitted and not odd says; a sentence where it cannot be predicted."""
     predicted: dict[str, held_out.Prediction | str] = {}
-    for window in campaign.of_role(Role.VALIDATE):
+    mechanism = found.likelihood.mechanism
+    for window in (*campaign.of_role(Role.VALIDATE), *campaign.of_role(Role.TEST)):
         if window.id in odd:
             continue
         try:

@@ -14,7 +14,7 @@ from fidim_lab.identification.motion.trajectory import Prediction
 
 
 class Outcome(Enum):
-    """How it ended. The name, in lower case, goes into files; the value is for people."""
+    """How it ended. `code` goes into files; the value is for people."""
 
     CONVERGED = "The inertial parameters are identified."
     MISFIT = (
@@ -27,12 +27,32 @@ class Outcome(Enum):
     )
     NOT_CONVERGED = "The fit was ended before it had converged; the parameters are not the best ones."
     DOUBTFUL = "Parameters were found, but some that matter are not well identified (over 10 %)."
-    IMPOSSIBLE_BODY = "Parameters were found, but their kinetic energy is negative in some motion; do not use them."
+    IMPOSSIBLE_BODY = "Parameters were found, but no body can have them; do not use them."
 
     @property
     def good(self) -> bool:
         """Whether the parameters may be used."""
         return self is Outcome.CONVERGED
+
+    @property
+    def answers(self) -> bool:
+        """Whether this is an answer to what was asked, if only of a part (exit code 0); else a refusal or failure."""
+        return self in (Outcome.CONVERGED, Outcome.DOUBTFUL)
+
+    @property
+    def code(self) -> str:
+        """As result files have it ("fidim-result/1")."""
+        return _CODES[self]
+
+
+_CODES = {
+    Outcome.CONVERGED: "converged",
+    Outcome.MISFIT: "misfit",
+    Outcome.LOST_PHASE: "not-converged",
+    Outcome.NOT_CONVERGED: "not-converged",
+    Outcome.DOUBTFUL: "partial",
+    Outcome.IMPOSSIBLE_BODY: "impossible",
+}
 
 
 @dataclass(frozen=True)
@@ -41,7 +61,8 @@ class Parameter:
 
     value: float
     sd: float
-    """nominal (Eq. 33)"""
+    """the ± to believe: with the survey of the geometry in it and, where the model misses more than noise, the spread
+    between windows; of methods that work on equations nominal (Eq. 33)"""
     sd_bootstrap: float | None
     """block bootstrap over windows"""
     sd_jackknife: float | None
@@ -56,6 +77,31 @@ class Parameter:
         """The larger of the two spreads between windows; None with fewer than three windows."""
         known = [sd for sd in (self.sd_bootstrap, self.sd_jackknife) if sd is not None]
         return max(known) if known else None
+
+
+@dataclass(frozen=True)
+class Moved:
+    """One piece of the geometry where the recordings have it, against the robot file."""
+
+    what: str
+    """by the key of the robot file's `[survey]`"""
+    cable: int | None
+    """1-based"""
+    by: tuple[float, ...]
+    """m or rad"""
+    sd: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What the recordings say of the robot file's geometry."""
+
+    chi2_gain: float
+    """by how much the sum of squares falls when the geometry is left open, in units of χ²/dof"""
+    moved: tuple[Moved, ...] = ()
+    """everything that was left open; nothing where the file's geometry counts as exact"""
+    says: str = ""
+    """for a person"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +166,8 @@ class IdentificationResult:
     freedoms: int = 2
     scaling_effect: Float[np.ndarray, "9"] | None = None
     """change of the parameters if the columns of W were scaled to norm 1; None for methods that do not depend on it"""
+    geometry: Geometry | None = None
+    """None for methods that take the robot file's geometry as exact"""
 
     @property
     def body(self) -> Body:
@@ -152,7 +200,7 @@ class IdentificationResult:
             "format": "fidim-result/1",
             "campaign": self.campaign,
             "method": self.method.value,
-            "outcome": self.outcome.name.lower().replace("_", "-"),
+            "outcome": self.outcome.code,
             "message": self.message,
             "parameters": {
                 name: {"value": p.value, "sd": p.sd, "sd_bootstrap": p.sd_bootstrap, "nominal": p.nominal}
@@ -172,6 +220,15 @@ class IdentificationResult:
                 }
                 for w in self.windows
             ],
+            "geometry": None
+            if self.geometry is None
+            else {
+                "chi2_gain": self.geometry.chi2_gain,
+                "moved": [
+                    {"what": one.what, "cable": one.cable, "by": list(one.by), "sd": list(one.sd)}
+                    for one in self.geometry.moved
+                ],
+            },
             "seconds": round(self.seconds, 3),
         }
 

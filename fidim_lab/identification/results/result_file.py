@@ -66,6 +66,22 @@ class MassTable(MassEstimateTable):
     payload: PayloadTable
 
 
+class MovedTable(_Strict):
+    """One of `geometry.moved`: a piece of the geometry, m or rad from the robot file's."""
+
+    what: str
+    cable: int | None
+    by: tuple[float, ...]
+    sd: tuple[float, ...]
+
+
+class GeometryTable(_Strict):
+    """`geometry`: what the recordings say of the robot file's geometry."""
+
+    chi2_gain: float
+    moved: tuple[MovedTable, ...]
+
+
 class ResultTable(_Strict):
     """The whole file."""
 
@@ -80,6 +96,7 @@ class ResultTable(_Strict):
     C: float | None
     windows: tuple[WindowTable, ...]
     seconds: Annotated[float, Field(ge=0)]
+    geometry: GeometryTable | None = None
     mass: MassTable | None = None
 
     @property

@@ -1,0 +1,193 @@
+"""A fit with the geometry as its survey leaves it, and whether the recordings ask for that.
+
+Where the robot file states its survey, that is the prior. Where it states nothing, two models are weighed by their
+evidence: the file's geometry to the micrometre, and a usual survey whose standard deviations are multiplied by a common
+factor that the evidence chooses too. Evidence is Laplace's: half the fall of the sum of squares, prior included, less
+the Occam factor ½ ln det(I + prior covariance × information). Where the model misses more than noise (χ²/dof above 1)
+residuals are no independent samples: the data's part of both is divided by χ²/dof.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Robot, Window
+from fidim_lab.identification.mle.fit import Fit, fit, names_of
+from fidim_lab.identification.mle.judge import remainder
+from fidim_lab.identification.mle.trajectories.likelihood import Point
+from fidim_lab.identification.mle.trajectories.normal import Prior
+from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort, optimise
+from fidim_lab.identification.survey import Nuisance, nuisances, prior_sd, typical
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
+
+ODDS = 3.0
+"""nats of evidence (odds of 20) by which either of the two must lead before the file's geometry is called exact or
+not; between them the geometry is left open, which only widens the standard deviations"""
+FACTORS = np.geomspace(0.1, 30.0, 50)
+"""times a usual survey: what robot files are off by, from a tenth of a millimetre to three centimetres"""
+SPREAD_OF_FACTORS = np.log(3.0)
+"""standard deviation of the factor's logarithm about 0, before any data: two of three surveys are within a factor 3"""
+SETTLING = 4
+"""rounds in which χ²/dof and the best point agree to a thousandth"""
+GLANCE = replace(FINAL, rounds=0)
+"""one simulation with derivatives, no step"""
+SAME = 1.3
+"""factors nearer than this change standard deviations by less than the spread of 24 draws tells"""
+
+
+@dataclass(frozen=True, eq=False)
+class Surveyed:
+    """A fit whose geometry has its own prior, and what the recordings say of it."""
+
+    found: Fit
+    geometry: tuple[Nuisance, ...] = ()
+    """what was left open; nothing where the geometry counts as exact"""
+    chi2_gain: float = 0.0
+    """by how much the sum of squares falls with an open geometry, in units of χ²/dof; 0 where that was not tried"""
+    log_bayes: float | None = None
+    """evidence of the open geometry over the exact one, nats; None where the survey is stated"""
+    factor: float = 1.0
+    """times a usual survey, chosen by evidence where the file states none"""
+
+
+def fit_surveyed(mechanism: Mechanism, windows: list[Window]) -> Surveyed:
+    """Fit body and geometry; see the module. Raises RefusedError as `fit`."""
+    robot = mechanism.robot
+    if robot.survey is not None:
+        if robot.survey.exact:
+            return Surveyed(fit(mechanism, windows))
+        opened = nuisances(robot, robot.survey)
+        return Surveyed(_opened(mechanism, windows, opened), opened)
+    exact = fit(mechanism, windows)
+    return _weighed(exact, windows, robot)
+
+
+def _weighed(exact: Fit, windows: list[Window], robot: Robot) -> Surveyed:
+    """The exact geometry against a usual survey."""
+    survey = typical(robot)
+    opened = nuisances(robot, survey)
+    begun = continued(exact, opened, GLANCE)
+    if begun is not None and exact.ending.settled:
+        foretold = _evidence(exact, begun, opened)
+        if foretold.log_bayes < -ODDS:
+            return Surveyed(exact, (), foretold.gain, foretold.log_bayes)
+    found = continued(begun, opened) if begun is not None and not exact.journey.lost else None
+    found = _opened(exact.likelihood.mechanism, windows, opened) if found is None else found
+    weighed = _evidence(exact, found, opened)
+    if not 1 / SAME < weighed.factor < SAME:
+        opened = nuisances(robot, survey.scaled(weighed.factor))
+        found = continued(found, opened) or found
+    if weighed.log_bayes < -ODDS:
+        return Surveyed(exact, (), weighed.gain, weighed.log_bayes)
+    return Surveyed(found, opened, weighed.gain, weighed.log_bayes, weighed.factor)
+
+
+def _opened(mechanism: Mechanism, windows: list[Window], opened: tuple[Nuisance, ...]) -> Fit:
+    effects = tuple(one.effect for one in opened)
+    return fit(Mechanism(mechanism.robot, effects, native=mechanism.native), windows, theta_sd=prior_sd(opened))
+
+
+def continued(found: Fit, opened: tuple[Nuisance, ...], effort: Effort = FINAL) -> Fit | None:
+    """A fit gone on from its optimum with this geometry open (about the file's); None where that cannot be simulated.
+
+    A geometry that is open already keeps its values and takes the new standard deviations.
+    """
+    before = found.likelihood
+    values = np.concatenate([found.values, np.zeros(len(prior_sd(opened)))])[: BODY + len(prior_sd(opened))]
+    effects = tuple(one.effect for one in opened)
+    mechanism = Mechanism(before.mechanism.robot, effects, native=before.mechanism.native)
+    likelihood = replace(before, mechanism=mechanism)
+    plausible = np.concatenate([found.plausible[:BODY], prior_sd(opened)])
+    mean = np.concatenate([found.prior.mean[:BODY], np.zeros(len(values) - BODY)])
+    prior = Prior(mean, np.concatenate([found.prior.sd[:BODY], prior_sd(opened)]), firm=BODY)
+    start = Point(values, found.journey.optimum.point.states)
+    free = np.ones(len(values), dtype=bool)
+    optimum = optimise(likelihood, start, found.journey.ends, prior, effort, free)
+    if optimum is None:
+        return None
+    return replace(
+        found,
+        likelihood=likelihood,
+        journey=replace(found.journey, optimum=optimum),
+        remainders=tuple(remainder(likelihood, optimum.simulation, w) for w in range(len(likelihood.recordings))),
+        prior=prior,
+        plausible=plausible,
+        names=names_of(mechanism),
+    )
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """An open geometry against the exact one, at the best factor."""
+
+    log_bayes: float
+    """nats"""
+    factor: float
+    gain: float
+    """fall of the sum of squares over χ²/dof of the open geometry"""
+
+
+def _evidence(exact: Fit, found: Fit, opened: tuple[Nuisance, ...]) -> _Evidence:
+    """From the linearised problem at a point of the open geometry; see the module."""
+    problem = _Linearised.of(found, prior_sd(opened))
+    before = _cost(exact)
+    tried: list[tuple[float, _Evidence]] = []
+    for factor in FACTORS:
+        left, prior, temper, occam = problem.at(float(factor))
+        log_bayes = 0.5 * ((before - left) / temper - prior - occam)
+        prior_of_factor = -0.5 * (np.log(factor) / SPREAD_OF_FACTORS) ** 2
+        tried.append((log_bayes + prior_of_factor, _Evidence(log_bayes, float(factor), (before - left) / temper)))
+    return max(tried, key=lambda each: each[0])[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearised:
+    """The sum of squares of the data near a point as a quadratic function of [body; θ]."""
+
+    here: float
+    dof: int
+    information: Float[np.ndarray, "shared shared"]
+    gradient: Float[np.ndarray, " shared"]
+    """half of it"""
+    theta: Float[np.ndarray, " theta"]
+    sd: Float[np.ndarray, " theta"]
+    """of the prior at factor 1"""
+
+    @staticmethod
+    def of(found: Fit, sd: Float[np.ndarray, " theta"]) -> "_Linearised":
+        rows = found.tables.reshape(-1, found.tables.shape[2])
+        whole = rows.T @ rows
+        dof = sum(left.dof for left in found.remainders)
+        return _Linearised(_cost(found), dof, whole[:-1, :-1], whole[:-1, -1], found.values[BODY:], sd)
+
+    def at(self, factor: float) -> tuple[float, float, float, float]:
+        """At the best point for a prior so many times as wide: data's sum of squares, prior's, temper, Occam factor."""
+        weight = np.concatenate([np.zeros(BODY), (factor * self.sd) ** -2.0])
+        place = np.concatenate([np.zeros(BODY), self.theta])
+        temper, left, step = max(1.0, self.here / self.dof), self.here, np.zeros(len(weight))
+        for _ in range(SETTLING):
+            inner = self.information / temper + np.diag(weight)
+            step = -_solved(inner, self.gradient / temper + weight * place)
+            left = max(self.here + float(2 * self.gradient @ step + step @ self.information @ step), 0.0)
+            temper = max(1.0, left / self.dof)
+        inner = self.information / temper + np.diag(weight)
+        occam = _logdet(inner) - _logdet(inner[:BODY, :BODY]) + 2 * float(np.log(factor * self.sd).sum())
+        return left, float(weight @ (place + step) ** 2), temper, occam
+
+
+def _cost(found: Fit) -> float:
+    """Of markers, lengths and the windows' own priors: what the shared parameters' prior adds is counted apart."""
+    return found.journey.optimum.simulation.cost
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Of a positive definite matrix whose columns have units of their own."""
+    scale = 1 / np.sqrt(np.diag(matrix))
+    return scale * np.linalg.solve(matrix * np.outer(scale, scale), scale * right)
+
+
+def _logdet(matrix: np.ndarray) -> float:
+    scale = np.sqrt(np.diag(matrix))
+    return float(np.linalg.slogdet(matrix / np.outer(scale, scale))[1] + 2 * np.log(scale).sum())

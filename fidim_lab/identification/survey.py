@@ -1,0 +1,75 @@
+"""What the survey leaves open of a robot's geometry, as nuisance parameters of a fit with normal priors.
+
+A robot file's geometry is measured, not known. Everything with a standard deviation in the file's `[survey]` becomes a
+parameter θ of the model with that prior about 0 (the file's value), so that estimates use what the recordings say of it
+and every standard deviation counts what they do not. Combinations that no recording shows (gauges) stay at their prior.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Robot, Survey
+from fidim_lab.effects.anchor_offset import AnchorOffset
+from fidim_lab.effects.attachment_offset import AttachmentOffset
+from fidim_lab.effects.cable_length_bias import CableLengthBias
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.frame_misalignment import FrameMisalignment
+from fidim_lab.effects.gravity_tilt import GravityTilt
+from fidim_lab.effects.marker_offset import MarkerOffset
+from fidim_lab.effects.pulley_radius import PulleyRadius
+from fidim_lab.effects.swivel_axis import SwivelAxis
+
+TYPICAL_ANCHOR, TYPICAL_ATTACHMENT = 1e-3, 0.5e-3
+"""m: what a total station and a caliper reach on a cable robot; assumed where a robot file says nothing"""
+EXACT = 1e-9
+"""m and rad: the sd of one coordinate that is exact beside others that are not; a thousandth of what is ever told"""
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One piece of the geometry that is uncertain."""
+
+    what: str
+    """by the key of `[survey]`"""
+    effect: NamedEffect
+    sd: tuple[float, ...]
+    """of its θ about 0, m or rad"""
+
+    @property
+    def cable(self) -> int | None:
+        """1-based; None where it concerns none, or all."""
+        return self.effect.cable
+
+
+def typical(robot: Robot) -> Survey:
+    """What is assumed of a robot whose file says nothing: a usual survey of anchors and attachments."""
+    return Survey.alike(robot.n, TYPICAL_ANCHOR, TYPICAL_ATTACHMENT)
+
+
+def nuisances(robot: Robot, survey: Survey) -> tuple[Nuisance, ...]:
+    """Everything that the survey leaves open, in a fixed order; nothing for an exact one."""
+    found: list[Nuisance] = []
+    for k in range(robot.n):
+        cable = k + 1
+        found += [
+            Nuisance("anchor", AnchorOffset(cable), tuple(survey.anchor[k])),
+            Nuisance("attachment", AttachmentOffset(cable), tuple(survey.attachment[k])),
+            Nuisance("axis", SwivelAxis(cable), 2 * (survey.axis,)),
+            Nuisance("encoder_zero", CableLengthBias(cable), (survey.encoder_zero,)),
+        ]
+        if robot.cables[k].radius > 0:
+            found.append(Nuisance("radius", PulleyRadius(cable), (survey.radius,)))
+    found += [
+        Nuisance("marker", MarkerOffset(number=number), 3 * (survey.marker,))
+        for number in range(1, len(robot.markers) + 1)
+    ]
+    found.append(Nuisance("frame", FrameMisalignment(), 3 * (survey.frame_rotation,) + 3 * (survey.frame_shift,)))
+    found.append(Nuisance("gravity", GravityTilt(), 2 * (survey.gravity,)))
+    return tuple(one for one in found if any(one.sd))
+
+
+def prior_sd(open_geometry: tuple[Nuisance, ...]) -> Float[np.ndarray, " theta"]:
+    """Standard deviations of all θ, in the order of the nuisances."""
+    return np.maximum(np.concatenate([np.zeros(0), *(one.sd for one in open_geometry)]), EXACT)
