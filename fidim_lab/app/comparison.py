@@ -16,7 +16,7 @@ CHANCE = 0.01
 """of calling two sessions of one body different: shared evenly among the nine parameters (Bonferroni)"""
 SAME_GEOMETRY = 1e-4
 """m; robot files that differ by more describe different robots"""
-USABLE = frozenset({"converged", "doubtful"})
+USABLE = frozenset({"converged", "partial", "doubtful"})
 """outcomes whose uncertainties mean what they say"""
 
 

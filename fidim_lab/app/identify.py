@@ -35,8 +35,8 @@ SPREAD_SEEN = 5.0
 """spread over nominal sd beyond which the closing sentence speaks of model error"""
 UNUSABLE = (Outcome.IMPOSSIBLE_BODY, Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
 """outcomes with which the command fails"""
-UNFOLLOWED = (Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
-"""outcomes of maximum likelihood that say nothing of the body"""
+FOLLOWED = 1.5
+"""times their noise: maximum likelihood that follows the recordings so closely is not overruled, however it ended"""
 ENOUGH_WINDOWS = 8
 """with fewer, leaving one out can unbalance the excitation: a large spread then says nothing of the model"""
 
@@ -74,16 +74,23 @@ def identify_posed(
     checks = THOROUGH if predict else QUICK
     native = compiler() is not None
     result = identify(campaign, choice.method, recipe, checks, native=native)
-    if asked is None and choice.method is Method.MLE and result.outcome in UNFOLLOWED:
+    if asked is None and choice.method is Method.MLE and _unfollowed(result):
         why = (
             f"Maximum likelihood failed (--method mle shows it): {result.outcome.value} Total least squares, which "
             "needs no simulated motion, is shown instead."
         )
-        choice, result = Choice(Method.TLS, why), identify(campaign, Method.TLS, recipe, checks, native=native)
+        instead = identify(campaign, Method.TLS, recipe, checks, native=native)
+        choice, result = Choice(Method.TLS, why), replace(instead, fallback=why)
     said = (choice.why, *posed.notes) if choice.why else posed.notes
     said = (*said, *aligned(campaign))
     own = result.warnings if not posed.notes else tuple(w for w in result.warnings if not w.startswith(OTHER_NOISE))
     return replace(result, warnings=(*said, *own))
+
+
+def _unfollowed(result: IdentificationResult) -> bool:
+    """Whether maximum likelihood says nothing of the body."""
+    failed = result.outcome in (Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
+    return failed and (result.outcome is Outcome.LOST_PHASE or (result.noise_ratio or np.inf) > FOLLOWED)
 
 
 def aligned(campaign: Campaign) -> tuple[str, ...]:
@@ -135,7 +142,7 @@ def identify_command(
         console.out.print(scaling_table(Forms(paper=result, ours=ours)))
     if report is not None:
         console.out.print(f"Report      {write_report(campaign_folder, result, report)}", markup=False)
-    return 1 if result.outcome in UNUSABLE else 0
+    return 0 if result.outcome.answers and not result.fallback else 1
 
 
 def _from_own_sensors(
@@ -154,7 +161,7 @@ def _from_own_sensors(
     console.out.print(summary(result))
     if beside is not None:
         console.out.print(comparison(posed, result, beside))
-    return 1 if result.outcome in UNUSABLE else 0
+    return 0 if result.outcome.answers and not result.fallback else 1
 
 
 def summary(result: IdentificationResult) -> RenderableType:
@@ -257,6 +264,8 @@ def _cells(name: str, parameter: Parameter) -> tuple[str, ...]:
     spread = parameter.spread
     size = abs(parameter.value)
     digits = _decimals(parameter.sd)
+    if not parameter.seen:
+        return (name, f"{millimetres(parameter.nominal):.3f}", "not seen", "", "", "")
     return (
         name,
         f"{millimetres(parameter.nominal):.3f}",

@@ -8,8 +8,14 @@ reported as such and not refused: a wrong assumption elsewhere (a simulated body
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import minimize
 
 from fidim_lab.data.records import Body
+
+BARRIER = 0.5
+"""nats for each e-fold of det(pseudo-inertia): keeps a body that is moved inside the cone off its boundary"""
+ALLOWED = 3.0
+"""standard deviations by which an estimate may be moved to a body that exists; farther, no such body fits the data"""
 
 
 def pseudo_inertia(body: Body) -> Float[np.ndarray, "4 4"]:
@@ -29,6 +35,32 @@ def can_exist(body: Body) -> bool:
 def can_move(body: Body) -> bool:
     """Whether the inertia about G, and so the mass matrix, is positive definite."""
     return bool(np.linalg.eigvalsh(body.inertia_about_com)[0] > 0)
+
+
+def nearest_existing(body: Body, covariance: Float[np.ndarray, "9 9"]) -> tuple[Body, float]:
+    """The body that exists and is most likely by these normal uncertainties, and how far that is, in sd.
+
+    covariance: of the nine parameters. Directions that recordings do not determine cost nothing to move along. The body
+    itself where it exists; infinitely far where no existing body is within reach.
+    """
+    if can_exist(body):
+        return body, 0.0
+    scale = np.sqrt(np.diag(covariance))
+    values, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, np.newaxis] * axes * np.sqrt(np.maximum(values, 1e-12))
+
+    def cost(u: np.ndarray, lift: float) -> float:
+        spectrum = np.linalg.eigvalsh(pseudo_inertia(Body.from_vector(body.vector + root @ u)))
+        inside = spectrum + lift
+        return np.inf if inside[0] <= 0 else float(0.5 * u @ u - BARRIER * np.log(inside).sum())
+
+    # from outside the cone: a lifted cone that contains the estimate shrinks to the true one
+    u = np.zeros(9)
+    lift = -2.0 * float(np.linalg.eigvalsh(pseudo_inertia(body))[0])
+    for part in (1.0, 0.3, 0.1, 0.03, 0.0):
+        u = minimize(cost, u, args=(part * lift,), method="Nelder-Mead", options={"maxfev": 4000, "adaptive": True}).x
+    found = Body.from_vector(body.vector + root @ u)
+    return (found, float(np.linalg.norm(u))) if can_exist(found) else (body, np.inf)
 
 
 def sentence(body: Body) -> str:

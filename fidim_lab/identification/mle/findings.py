@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fidim_lab.data.records import PARAMETER_NAMES, Role
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.refusals import bare
 from fidim_lab.identification.mle.fit import Fit
@@ -45,6 +45,18 @@ class Figures:
     non_essential: tuple[str, ...]
     covariance: Float[np.ndarray, "9 9"]
     leave_one_out: Float[np.ndarray, "W 9"] | None
+    moved: float = 0.0
+    """sd by which the estimate was moved to a body that exists, along what the recordings hardly tell"""
+
+    @property
+    def body(self) -> Body:
+        """The body of the parameters."""
+        return Body.from_vector(np.array([parameter.value for parameter in self.parameters.values()]))
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Parameters of which these recordings say nothing."""
+        return tuple(name for name, parameter in self.parameters.items() if not parameter.seen)
 
     @property
     def sd(self) -> Float[np.ndarray, "9"]:
@@ -70,42 +82,49 @@ def largest(*known: Float[np.ndarray, "9"] | None) -> Float[np.ndarray, "9"]:
     return np.max([sd for sd in known if sd is not None], axis=0)
 
 
-def doubtful(found: Fit, figures: Figures) -> tuple[str, ...]:
+def doubtful(figures: Figures) -> tuple[str, ...]:
     """Parameters that are not near zero and known to no better than 10 %."""
-    values = found.values[: len(PARAMETER_NAMES)]
+    values = figures.body.vector
     loose = figures.spread > tls.WELL_IDENTIFIED_PERCENT / 100 * np.abs(values)
-    marks = loose & ~tls.near_zero(values)
+    marks = loose & (~tls.near_zero(values) | ~np.array([p.seen for p in figures.parameters.values()]))
     return tuple(name for name, mark in zip(PARAMETER_NAMES, marks, strict=True) if mark)
 
 
 def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> Outcome:
     """How it ended; the worst of what applies. Held-out windows count as much as those of the fit."""
-    if not consistency.can_exist(found.body):
+    if not consistency.can_exist(figures.body) or figures.moved > consistency.ALLOWED:
         return Outcome.IMPOSSIBLE_BODY
     if len(found.journey.lost) > MOST_LOST * len(found.remainders):
         return Outcome.LOST_PHASE
-    if not found.ending.settled:
+    if not found.settled:
         return Outcome.NOT_CONVERGED
     held = _held_out(windows)
     held_excess = float(np.mean(held)) / found.noise_ratio**2 if held else 0.0
     if max(found.excess, held_excess) > MISFIT:
         return Outcome.MISFIT
-    return Outcome.DOUBTFUL if doubtful(found, figures) else Outcome.CONVERGED
+    return Outcome.DOUBTFUL if doubtful(figures) else Outcome.CONVERGED
 
 
 def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     """A paragraph for a person."""
-    eigenvalue, in_sd = distance_to_boundary(found.body, figures.covariance)
+    eigenvalue, in_sd = distance_to_boundary(figures.body, figures.covariance)
     parts = [
         ended.value,
         f"{_counted(len(found.remainders))} used; χ²/dof is {found.chi2_per_dof:.3g}.",
-        consistency.sentence(found.body),
+        consistency.sentence(figures.body),
     ]
-    if eigenvalue > 0:
+    if 0 < figures.moved <= consistency.ALLOWED:
+        parts.append(
+            f"The best fit alone is {figures.moved:.2g} sd outside of what can exist, along what these recordings "
+            "hardly tell; the nearest existing body is given."
+        )
+    elif eigenvalue > 0:
         parts.append(f"It is {min(in_sd, 9999):.3g} nominal sd away from bodies that cannot.")
     if ended is Outcome.NOT_CONVERGED or found.ending is Ending.EDGE:
         parts.append(found.ending.value)
-    if loose := doubtful(found, figures):
+    if figures.unseen:
+        parts.append(f"Not seen by these recordings: {', '.join(figures.unseen)}.")
+    if loose := [name for name in doubtful(figures) if name not in figures.unseen]:
         parts.append(f"Not well identified: {', '.join(loose)}.")
     return " ".join(parts)
 

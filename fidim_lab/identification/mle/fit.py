@@ -79,6 +79,17 @@ class Fit:
         return self.journey.optimum.ending
 
     @property
+    def settled(self) -> bool:
+        """Whether nothing better is near: the search ended so, or a further step promises less than a standard deviation.
+
+        In a valley that the data leave flat a search may go on for ever without a gain that matters.
+        """
+        optimum = self.journey.optimum
+        if optimum.ending.settled or not optimum.foretold:
+            return optimum.ending.settled
+        return optimum.cost - optimum.foretold[-1] < max(1.0, self.chi2_per_dof)
+
+    @property
     def chi2_per_dof(self) -> float:
         """Of all markers and lengths that were used."""
         dof = sum(left.dof for left in self.remainders) - len(self.values)

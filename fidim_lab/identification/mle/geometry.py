@@ -69,7 +69,7 @@ def _weighed(exact: Fit, windows: list[Window], robot: Robot) -> Surveyed:
     survey = typical(robot)
     opened = nuisances(robot, survey)
     begun = continued(exact, opened, GLANCE)
-    if begun is not None and exact.ending.settled:
+    if begun is not None and exact.settled:
         foretold = _evidence(exact, begun, opened)
         if foretold.log_bayes < -ODDS:
             return Surveyed(exact, (), foretold.gain, foretold.log_bayes)
@@ -79,7 +79,7 @@ def _weighed(exact: Fit, windows: list[Window], robot: Robot) -> Surveyed:
     if not 1 / SAME < weighed.factor < SAME:
         opened = nuisances(robot, survey.scaled(weighed.factor))
         found = continued(found, opened) or found
-    if weighed.log_bayes < -ODDS:
+    if weighed.log_bayes < -ODDS or (exact.settled and not found.settled):
         return Surveyed(exact, (), weighed.gain, weighed.log_bayes)
     return Surveyed(found, opened, weighed.gain, weighed.log_bayes, weighed.factor)
 

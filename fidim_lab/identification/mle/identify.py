@@ -13,7 +13,7 @@ import numpy as np
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.choice import soft_mode
-from fidim_lab.identification.equations import total_least_squares
+from fidim_lab.identification.equations import consistency, total_least_squares
 from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.equations.problem import Problem, build
@@ -25,6 +25,7 @@ from fidim_lab.identification.mle.geometry_words import geometry_warnings, told_
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
+from fidim_lab.identification.mle.starts.possible import scales
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.motion.recipe import BEST
@@ -35,6 +36,8 @@ from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.sampling import sampled
 
+UNSEEN = 1.0
+"""of what is plausible beforehand (`scales`): a parameter known no better than that is not seen by the recordings"""
 VARIANT = "trajectory"
 """how a window's motion was measured: as a simulated one that fits"""
 
@@ -111,23 +114,26 @@ def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
     jackknife = None if replicates is None else jackknife_sd(replicates)
     sd = nominal_sd if found.excess < findings.MISFIT else findings.largest(nominal_sd, bootstrap, jackknife)
     covariance = covariance * np.outer(sd / nominal_sd, sd / nominal_sd)
+    body, moved = consistency.nearest_existing(found.body, covariance)
+    seen = sd < UNSEEN * scales(found.start)
     dropped = findings.non_essential(found.values[:BODY], sd, bootstrap)
     held = np.concatenate([dropped, np.zeros(len(found.values) - BODY, dtype=bool)])
-    refitted = found.without(held) if dropped.any() else None
+    refitted = found.without(held) if dropped.any() and seen.all() else None
     nominal = campaign.robot.nominal.vector
     parameters = {
         name: Parameter(
-            value=float(found.values[k]),
+            value=float(body.vector[k]),
             sd=float(sd[k]),
             sd_bootstrap=None if bootstrap is None else float(bootstrap[k]),
             sd_jackknife=None if jackknife is None else float(jackknife[k]),
             nominal=float(nominal[k]),
             without_non_essential=None if refitted is None else float(refitted[k]),
+            seen=bool(seen[k]),
         )
         for k, name in enumerate(PARAMETER_NAMES)
     }
     names = tuple(name for name, drop in zip(PARAMETER_NAMES, dropped, strict=True) if drop)
-    return findings.Figures(parameters, names, covariance, replicates)
+    return findings.Figures(parameters, names, covariance, replicates, moved)
 
 
 def _held_out(

@@ -26,7 +26,7 @@ class Outcome(Enum):
         "parameters."
     )
     NOT_CONVERGED = "The fit was ended before it had converged; the parameters are not the best ones."
-    DOUBTFUL = "Parameters were found, but some that matter are not well identified (over 10 %)."
+    DOUBTFUL = "Identified in part: some parameters that matter are not seen, or known to no better than 10 %."
     IMPOSSIBLE_BODY = "Parameters were found, but no body can have them; do not use them."
 
     @property
@@ -71,6 +71,8 @@ class Parameter:
     """what the robot file (CAD) says"""
     without_non_essential: float | None = None
     """value of the re-fit without the non-essential parameters, where there is one"""
+    seen: bool = True
+    """whether the recordings say anything of it; where not, the value is only one that a body can have"""
 
     @property
     def spread(self) -> float | None:
@@ -168,6 +170,8 @@ class IdentificationResult:
     """change of the parameters if the columns of W were scaled to norm 1; None for methods that do not depend on it"""
     geometry: Geometry | None = None
     """None for methods that take the robot file's geometry as exact"""
+    fallback: str = ""
+    """why this method is shown in the place of the one that suits the campaign; empty where it is that one"""
 
     @property
     def body(self) -> Body:
@@ -203,7 +207,13 @@ class IdentificationResult:
             "outcome": self.outcome.code,
             "message": self.message,
             "parameters": {
-                name: {"value": p.value, "sd": p.sd, "sd_bootstrap": p.sd_bootstrap, "nominal": p.nominal}
+                name: {
+                    "value": p.value if p.seen else None,
+                    "sd": p.sd if p.seen else None,
+                    "sd_bootstrap": p.sd_bootstrap if p.seen else None,
+                    "nominal": p.nominal,
+                    "seen": p.seen,
+                }
                 for name, p in self.parameters.items()
             },
             "non_essential": list(self.non_essential),

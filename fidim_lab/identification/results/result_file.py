@@ -20,10 +20,17 @@ class _Strict(BaseModel):
 class ParameterTable(_Strict):
     """`parameters.NAME`."""
 
-    value: float
+    value: float | None
+    """None where the recordings do not show it"""
     sd: float | None = None
     sd_bootstrap: float | None = None
     nominal: float | None = None
+    seen: bool = True
+
+    @property
+    def best(self) -> float:
+        """The value, or what the robot file (CAD) says where the recordings do not show it."""
+        return self.value if self.value is not None else self.nominal or 0.0
 
 
 class WindowTable(_Strict):
@@ -101,8 +108,8 @@ class ResultTable(_Strict):
 
     @property
     def body(self) -> Body:
-        """The identified body."""
-        return Body.from_vector(np.array([self.parameters[name].value for name in PARAMETER_NAMES]))
+        """The identified body, by CAD in what was not seen."""
+        return Body.from_vector(np.array([self.parameters[name].best for name in PARAMETER_NAMES]))
 
 
 def write_result(path: Path, result: IdentificationResult, *, mass: dict[str, object] | None = None) -> None:

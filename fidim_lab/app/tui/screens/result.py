@@ -7,7 +7,7 @@ from fidim_lab.app.tui.papers import Papers
 from fidim_lab.identification.results.result_file import ParameterTable, ResultTable
 from fidim_lab.units import millimetres, percent
 
-GOOD, WRONG = "converged", ("impossible-body", "lost-phase", "misfit", "not-converged")
+GOOD, WRONG = "converged", ("impossible", "misfit", "not-converged")
 INTERVAL = 1.96
 """standard deviations of a 95 % interval"""
 WEAK = 0.1
@@ -56,22 +56,22 @@ def _scale(result: ResultTable, name: str) -> float:
     """
     kind, _, axes = name.partition("_")
     if kind == "s":
-        return math.hypot(*(result.parameters[f"s_{axis}"].value for axis in "xyz"))
-    moments = [abs(result.parameters[f"I_{axis}{axis}"].value) for axis in axes]
+        return math.hypot(*(result.parameters[f"s_{axis}"].best for axis in "xyz"))
+    moments = [abs(result.parameters[f"I_{axis}{axis}"].best) for axis in axes]
     return math.sqrt(math.prod(moments))
 
 
 def _parameter(name: str, found: ParameterTable, before: ParameterTable | None, *, weak: bool) -> Line:
     sd = _sd(found)
-    off = None if found.nominal is None or not sd else (found.value - found.nominal) / sd
+    off = None if found.nominal is None or found.value is None or not sd else (found.value - found.nominal) / sd
     far: Style = "warn" if off is not None and abs(off) > 3 else ""
     return line(
         Span(left(f"{name}{' ~ weak' if weak else ''}", 16), "warn" if weak else "head"),
-        Span(right(f"{millimetres(found.value):.3f}", 10), "head"),
+        Span(right("not seen" if found.value is None else f"{millimetres(found.value):.3f}", 10), "head"),
         right("–" if sd is None else f"{millimetres(INTERVAL * sd):.3f}", 9),
         right("–" if found.nominal is None else f"{millimetres(found.nominal):.3f}", 10),
         Span(right("–" if off is None else f"{off:+.1f}{' !' if far else '  '}", 13), far),
-        right("–" if before is None else f"{millimetres(before.value):.3f}", 19),
+        right("–" if before is None or before.value is None else f"{millimetres(before.value):.3f}", 19),
     )
 
 
