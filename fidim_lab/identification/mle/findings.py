@@ -96,7 +96,7 @@ def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) ->
         return Outcome.IMPOSSIBLE_BODY
     if len(found.journey.lost) > MOST_LOST * len(found.remainders):
         return Outcome.LOST_PHASE
-    if not found.settled:
+    if not found.settled and not _explained(found):  # the edge of what can move may keep a search from settling
         return Outcome.NOT_CONVERGED
     held = _held_out(windows)
     held_excess = float(np.mean(held)) / found.noise_ratio**2 if held else 0.0
@@ -243,6 +243,12 @@ def _beyond_noise(found: Fit) -> float:
     return sum(left.chi2 for left in found.remainders) / max(expected, 1e-300)
 
 
+def _explained(found: Fit) -> bool:
+    """Whether nothing but noise is left, by χ²."""
+    dof = sum(left.dof for left in found.remainders)
+    return (_beyond_noise(found) - 1) * np.sqrt(dof / 2) <= SURPRISE
+
+
 def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str]:
     said: list[str] = []
     declared = found.likelihood.noise
@@ -251,8 +257,7 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
             f"{OTHER_NOISE} {found.noise_ratio * declared * 1e3:.3g} mm, the robot file says "
             f"{declared * 1e3:.3g} mm (sensors, marker_noise)."
         )
-    dof = sum(left.dof for left in found.remainders)
-    if (_beyond_noise(found) - 1) * np.sqrt(dof / 2) > SURPRISE:
+    if not _explained(found):
         left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
         said.append(
             f"χ²/dof is {found.chi2_per_dof:.3g}: besides noise, {left:.2g} mm rms are left that the model does not "

@@ -80,7 +80,7 @@ class Fit:
 
     @property
     def settled(self) -> bool:
-        """Whether nothing better is near: the search ended so, or a further step promises less than a standard deviation.
+        """Whether nothing better is near: the search ended so, or a step promises less than a standard deviation.
 
         In a valley that the data leave flat a search may go on for ever without a gain that matters.
         """
