@@ -120,11 +120,12 @@ def continued(found: Fit, opened: tuple[Nuisance, ...], effort: Effort = FINAL) 
 
 @dataclass(frozen=True)
 class _Evidence:
-    """An open geometry against the exact one, at the best factor."""
+    """An open geometry against the exact one."""
 
     log_bayes: float
-    """nats"""
+    """nats, averaged over the factor's prior"""
     factor: float
+    """the most likely"""
     gain: float
     """fall of the sum of squares over χ²/dof of the open geometry"""
 
@@ -133,13 +134,15 @@ def _evidence(exact: Fit, found: Fit, opened: tuple[Nuisance, ...]) -> _Evidence
     """From the linearised problem at a point of the open geometry; see the module."""
     problem = _Linearised.of(found, prior_sd(opened))
     before = _cost(exact)
-    tried: list[tuple[float, _Evidence]] = []
-    for factor in FACTORS:
+    weights = -0.5 * (np.log(FACTORS) / SPREAD_OF_FACTORS) ** 2
+    gains, evidences = np.zeros(len(FACTORS)), np.zeros(len(FACTORS))
+    for k, factor in enumerate(FACTORS):
         left, prior, temper, occam = problem.at(float(factor))
-        log_bayes = 0.5 * ((before - left) / temper - prior - occam)
-        prior_of_factor = -0.5 * (np.log(factor) / SPREAD_OF_FACTORS) ** 2
-        tried.append((log_bayes + prior_of_factor, _Evidence(log_bayes, float(factor), (before - left) / temper)))
-    return max(tried, key=lambda each: each[0])[1]
+        gains[k] = (before - left) / temper
+        evidences[k] = 0.5 * (gains[k] - prior - occam)
+    best = int(np.argmax(evidences + weights))
+    over_factors = float(np.logaddexp.reduce(evidences + weights) - np.logaddexp.reduce(weights))
+    return _Evidence(over_factors, float(FACTORS[best]), float(gains[best]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,109 @@
+"""Geometry is surveyed: errors of the robot file go into the ±, and a file that is exact stays exact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Body, Campaign, Robot, Survey
+from fidim_lab.data.robot_file import read_robot, write_robot
+from fidim_lab.identification.equations.consistency import can_exist, nearest_existing
+from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.identify import identify
+from fidim_lab.identification.results.result import IdentificationResult, Outcome
+from fidim_lab.identification.survey import nuisances, prior_sd, typical
+
+NOISE = 1e-4
+
+
+def moved(robot: Robot, *, anchors: float, attachments: float, seed: int) -> Robot:
+    """The robot with its pulleys and attachments put elsewhere at random."""
+    random = np.random.default_rng(seed)
+    cables = tuple(
+        replace(c, d=c.d + anchors * random.standard_normal(3), a=c.a + attachments * random.standard_normal(3))
+        for c in robot.cables
+    )
+    return replace(robot, cables=cables)
+
+
+def identified(campaign: Campaign) -> IdentificationResult:
+    return identify(campaign, Method.MLE)
+
+
+def errors(found: IdentificationResult, true_body: Body) -> np.ndarray:
+    sd = np.array([parameter.sd for parameter in found.parameters.values()])
+    return (found.body.vector - true_body.vector) / sd
+
+
+@pytest.fixture(scope="module")
+def campaign(recorded) -> Campaign:
+    return recorded(noise=NOISE, cluster=True, seconds=3.0)
+
+
+def test_an_exact_file_stays_exact(campaign: Campaign, true_body: Body) -> None:
+    found = identified(campaign)
+    assert found.geometry is not None
+    assert found.geometry.moved == ()
+    assert np.abs(errors(found, true_body)).max() < 4
+    assert found.to_json()["geometry"] == {"chi2_gain": found.geometry.chi2_gain, "moved": []}
+
+
+def test_errors_of_a_file_without_survey_are_found_and_counted(campaign: Campaign, true_body: Body) -> None:
+    wrong = replace(campaign, robot=moved(campaign.robot, anchors=1e-3, attachments=5e-4, seed=3))
+    believed = identified(replace(wrong, robot=replace(wrong.robot, survey=Survey.alike(4, 0.0, 0.0))))
+    found = identified(wrong)
+    assert found.geometry is not None
+    assert {one.what for one in found.geometry.moved} == {"anchor", "attachment"}
+    assert believed.outcome is Outcome.MISFIT, "the case must be one that a file believed as exact does not explain"
+    assert np.abs(errors(found, true_body)).max() < 4
+    assert found.outcome is Outcome.CONVERGED
+    assert any("[survey]" in warning for warning in found.warnings)
+
+
+def test_a_stated_survey_is_the_prior(campaign: Campaign) -> None:
+    survey = Survey.alike(4, 2e-3, 0.0)
+    found = identified(replace(campaign, robot=replace(campaign.robot, survey=survey)))
+    assert found.geometry is not None
+    assert [(one.what, one.cable) for one in found.geometry.moved] == [("anchor", k) for k in (1, 2, 3, 4)]
+    assert all(sd <= 2e-3 * 1.001 for one in found.geometry.moved for sd in one.sd)
+    exact = identified(campaign)
+    wider = [found.parameters[name].sd / exact.parameters[name].sd for name in found.parameters]
+    assert min(wider) > 0.99
+    assert max(wider) > 1.5
+
+
+def test_what_each_key_leaves_open(irma4: Robot) -> None:
+    survey = Survey(np.zeros((4, 3)), np.zeros((4, 3)), radius=1e-4, axis=1e-3, marker=1e-4, encoder_zero=1e-3)
+    opened = nuisances(irma4, replace(survey, frame_shift=1e-3, gravity=1e-3))
+    kinds = [one.what for one in opened]
+    assert {kind: kinds.count(kind) for kind in kinds} == {
+        "axis": 4, "encoder_zero": 4, "radius": 4, "marker": 1, "frame": 1, "gravity": 1,
+    }  # fmt: skip
+    assert len(prior_sd(opened)) == 4 * (2 + 1 + 1) + 3 + 6 + 2
+    assert nuisances(irma4, Survey.alike(4, 0.0, 0.0)) == ()
+    assert len(prior_sd(nuisances(irma4, typical(irma4)))) == 24
+
+
+def test_a_robot_file_keeps_its_survey(irma4: Robot, tmp_path) -> None:
+    survey = replace(Survey.alike(4, 1e-3, 5e-4), gravity=2e-3)
+    survey.anchor[1] = (1e-3, 2e-3, 3e-3)
+    write_robot(tmp_path / "robot.toml", replace(irma4, survey=survey))
+    back = read_robot(tmp_path / "robot.toml").survey
+    assert back is not None
+    np.testing.assert_array_equal(back.anchor, survey.anchor)
+    np.testing.assert_array_equal(back.attachment, survey.attachment)
+    assert back.scalars == survey.scalars
+
+
+def test_the_nearest_body_that_exists() -> None:
+    inside = Body(np.array([0.0, 0.0, -0.2]), np.array([0.09, 0.09, 0.06, 0.0, 0.0, 0.0]))
+    sd = np.array([1e-5, 1e-5, 0.04, 0.3, 0.02, 1e-5, 1e-4, 1e-4, 1e-4])
+    assert nearest_existing(inside, np.diag(sd**2)) == (inside, 0.0)
+    outside = replace(inside, inertia=np.array([0.02, 0.09, 0.06, 0.0, 0.0, 0.0]))
+    found, away = nearest_existing(outside, np.diag(sd**2))
+    assert not can_exist(outside)
+    assert can_exist(found)
+    assert away < 1.0, "I_xx alone is hardly known, and moves"
+    np.testing.assert_allclose(found.inertia[2], outside.inertia[2], atol=3e-5)
+    sure = nearest_existing(outside, np.diag((1e-6 * sd) ** 2))[1]
+    assert sure > 100, "what is known well is not moved in silence"
