@@ -14,6 +14,8 @@ from fidim_lab.data.records import Body
 
 BARRIER = 0.5
 """nats for each e-fold of det(pseudo-inertia): keeps a body that is moved inside the cone off its boundary"""
+OUTSIDE = 1e12
+"""nats: the price of a body that cannot exist"""
 ALLOWED = 3.0
 """standard deviations by which an estimate may be moved to a body that exists; farther, no such body fits the data"""
 
@@ -52,7 +54,7 @@ def nearest_existing(body: Body, covariance: Float[np.ndarray, "9 9"]) -> tuple[
     def cost(u: np.ndarray, lift: float) -> float:
         spectrum = np.linalg.eigvalsh(pseudo_inertia(Body.from_vector(body.vector + root @ u)))
         inside = spectrum + lift
-        return np.inf if inside[0] <= 0 else float(0.5 * u @ u - BARRIER * np.log(inside).sum())
+        return OUTSIDE if inside[0] <= 0 else float(0.5 * u @ u - BARRIER * np.log(inside).sum())
 
     # from outside the cone: a lifted cone that contains the estimate shrinks to the true one
     u = np.zeros(9)
