@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
+from drivers.trajectory import Trajectory
+
 
 class Clock(Protocol):
     """Time as a port. `now` is monotonic, in seconds; a simulation's clock jumps instead of waiting."""
@@ -106,12 +108,35 @@ class Winch(Protocol):
         """Stop on the quick-stop ramp: a single write, never waits."""
         ...
 
+    def force_stop(self) -> None:
+        """Stop by the network's own means, where a quick stop is not obeyed: a single write, never waits.
+
+        The drive says nothing in bus cycles from then on.
+        """
+        ...
+
+    def fall_silent(self) -> float:
+        """Give no sign of life to any drive of this winch's bus, for good: their own watchdogs then stop them.
+
+        Returns the s after which that must have happened. Samples end with it; `ask_length` goes on.
+        """
+        ...
+
+    async def ask_length(self) -> float:
+        """The cable length (m) from the encoder, asked for outside the bus cycle. Raises DeviceError."""
+        ...
+
     def power_off(self) -> None:
         """Take the power away: a single write, never waits."""
         ...
 
     def latest(self) -> WinchSample | None:
         """The newest sample, None before the first; look at its time before believing it."""
+        ...
+
+    @property
+    def commanded(self) -> Trajectory | None:
+        """Where the cable (m) was told to be, by the last command; None while the winch has not been given power."""
         ...
 
 

@@ -16,10 +16,10 @@ from drivers.cia402.machine import Command, state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.moves import refuse_beyond_limits
 from drivers.cia402.scale import wrap32
-from drivers.cia402.trajectory import StopRamp, Trajectory, Trapezoid
 from drivers.cia402.winch import STANDSTILL, Cia402Winch, begin_hold, begin_move
 from drivers.cia402.words import Mode, controlword
 from drivers.ports import DriveState, WinchSample
+from drivers.trajectory import Trajectory
 from fidim_lab.errors import DeviceError
 
 _ARRIVED = 2e-4
@@ -35,7 +35,7 @@ class CyclicWinch(Cia402Winch):
         self._demand = 0.0
         """where the drive is asked to be, counts, not wrapped"""
         self._way: tuple[int, Trajectory, int] | None = None
-        """the command it belongs to, the way, and the SYNCs since its beginning"""
+        """the command it belongs to, the way (counts, s since its beginning), and the SYNCs since then"""
         master.before_sync(self._stream)
 
     async def prepare(self, speed: float, acceleration: float) -> None:
@@ -56,7 +56,7 @@ class CyclicWinch(Cia402Winch):
         await self.prepare(speed, acceleration)
         goal = self._demand + wrap32(self._scale.count(length) - wrap32(round(self._demand)))
         per_metre = self._scale.counts_per_metre
-        self._way = order, Trapezoid(self._demand, goal, speed * per_metre, acceleration * per_metre), 0
+        self._way = order, Trajectory(0.0, self._demand, goal, speed * per_metre, acceleration * per_metre), 0
         await self._drive.follow(order)
 
     async def hold(self) -> None:
@@ -67,12 +67,13 @@ class CyclicWinch(Cia402Winch):
         order, values = begin_hold(self._drive, self.config.device)
         if state_of(values.statusword) is DriveState.OPERATION_ENABLED and (way := self._way) is not None:
             position, velocity = way[1].at(way[2] * self._master.period)
-            stop = StopRamp(position, velocity, self._ramp * self._scale.counts_per_metre)
+            stop = Trajectory.stopping(0.0, position, velocity, self._ramp * self._scale.counts_per_metre)
             self._way = order, stop, 0
-            seconds = self.config.step_timeout + 2.0 * stop.duration
+            seconds = self.config.step_timeout + 2.0 * stop.end
             await self._drive.word(order, lambda _word: not self._moving, "the end of the stop ramp", seconds)
         slowest = STANDSTILL * self.config.drive_speed(self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout)
+        self.stands()
 
     def latest(self) -> WinchSample | None:
         """As every winch; the target is reached when the way has ended and the encoder is there."""
@@ -88,12 +89,20 @@ class CyclicWinch(Cia402Winch):
         self._way = None
         self._drive.target = wrap32(round(self._demand))
         self._drive.send(order, controlword(Command.ENABLE_OPERATION))
+        self.stands()
         await self._drive.follow(order)
 
     @property
     def _moving(self) -> bool:
         way = self._way
-        return way is not None and way[0] == self._drive.order and way[2] * self._master.period < way[1].duration
+        return way is not None and way[0] == self._drive.order and way[2] * self._master.period < way[1].end
+
+    def _on(self, way: Trajectory, velocity: float) -> Trajectory:
+        """The rest of a way in cable (m): from the next SYNC on, if no other is late."""
+        per_metre, now = self._scale.counts_per_metre, self._master.clock.now()
+        start, target = (self._scale.length(round(place)) for place in (self._demand, way.target))
+        speed, ramp = way.speed / per_metre, way.acceleration / per_metre
+        return Trajectory(now, start, target, speed, ramp, self._scale.velocity(velocity))
 
     def _stream(self) -> None:
         """Just before each SYNC: the target that the drive takes at it."""
@@ -110,7 +119,8 @@ class CyclicWinch(Cia402Winch):
                 self._way = None  # overtaken: a stop by the drive itself
                 return
             self._way = order, trajectory, steps + 1
-            self._demand = trajectory.at((steps + 1) * self._master.period)[0]
+            self._demand, velocity = trajectory.at((steps + 1) * self._master.period)
+            self._commanded = self._on(trajectory, velocity)
         self._drive.target = wrap32(round(self._demand))
         self.link.send_target(self._drive.target)
 

@@ -124,15 +124,18 @@ class Drive:
             order, lambda v: state_of(v.statusword) is state, f"{state} after {after}", leaves_fault=True
         )
 
-    async def take_set_point(self, order: int, target: int) -> None:
+    async def take_set_point(self, order: int, target: int, begins: Callable[[], None] | None = None) -> None:
         """The handshake of profile position mode: bit 4 low, bit 4 high with the target, acknowledged, bit 4 low again.
 
-        A drive that stands in halt is kept there until the new target replaces the old one, in one frame: letting it go
-        first would resume the old move.
+        The target is there before bit 4 rises: a drive that takes the objects of a frame one by one, controlword first,
+        would go to its old one. A drive that stands in halt is kept there until bit 4 rises: letting it go first would
+        resume the old move. begins: called just before the frame that begins the move.
         """
+        self.target = target
         self.send(order, set_point(new=False, halt=self._halted))
         await self._expect(order, lambda v: not _acknowledged(v), "readiness for a set-point (statusword bit 12 low)")
-        self.target = target
+        if begins is not None:
+            begins()
         self.send(order, set_point(new=True))
         await self._expect(order, _acknowledged, "the set-point acknowledged (statusword bit 12)")
         self.send(order, set_point(new=False))

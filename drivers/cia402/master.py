@@ -82,6 +82,8 @@ class CanopenMaster:
         """s between SYNCs"""
         self.host_id = host_id
         self.sync = SyncTimes()
+        self.silent = False
+        """neither SYNC nor heartbeat is sent any more: a drive did not obey, its own watchdog shall stop it"""
         self.skipped = 0
         """SYNCs that were not sent because the loop came too late"""
         self._rate = sync_rate
@@ -166,6 +168,8 @@ class CanopenMaster:
         if fault is not None:
             self.quick_stop_all()
             raise BusError(f"The CAN bus cannot be trusted any more: {fault}.", hint="The drives were told to stop.")
+        if self.silent:
+            return
         for link in self._links.values():
             link.count_missing()
         for stream in self._before_sync:

@@ -28,6 +28,7 @@ async def switch_mode(winch: Cia402Winch, mode: Mode) -> None:
     Raises DeviceError where the drive moves, does not have the mode (6502), or does not display it (6061) in time.
     """
     drive, link, device = winch.drive, winch.link, winch.config.device
+    winch.free()
     if not await link.sdo.read(0x6502) >> (mode - 1) & 1:
         raise DeviceError(device, f"does not have the mode {mode_name(mode)} (6502).")
     order = drive.begin()

@@ -14,6 +14,7 @@ from drivers.cia402.last_motion import LastMotion
 from drivers.cia402.machine import Command, state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.moves import Beside, make_sample, profile, refuse_beyond_limits
+from drivers.cia402.nmt import NmtCommand
 from drivers.cia402.node import NodeLink
 from drivers.cia402.pdo import DriveValues
 from drivers.cia402.scale import LengthScale
@@ -22,6 +23,7 @@ from drivers.cia402.takeover import take_over
 from drivers.cia402.words import controlword
 from drivers.cia402.zero import Zeroed, read_zero
 from drivers.ports import Clock, DriveState, WinchSample
+from drivers.trajectory import Trajectory
 from fidim_lab.errors import DeviceError, RefusedError
 
 _TRAVEL = 2e-3
@@ -51,6 +53,9 @@ class Cia402Winch:
         """what `set_length` found"""
         self.link.motion = LastMotion(self._scale.magnitude(_TRAVEL))
         self._health = HealthPoll(self.link, master.clock, config.temperature)
+        self._commanded: Trajectory | None = None
+        self._forced = False
+        """stopped by NMT: PDOs are off"""
 
     @property
     def name(self) -> str:
@@ -79,7 +84,8 @@ class Cia402Winch:
         drive has power (unless this winch takes over).
         """
         self._drive.begin()
-        self._prepared = None
+        self._prepared = self._commanded = None
+        self._forced = False
         self.checks = await self._configure(self._master, self.link, self.config)
 
     async def set_length(self, length: float) -> None:
@@ -89,7 +95,7 @@ class Cia402Winch:
         """
         zeroed = await read_zero(self.link.sdo, self.config, self._drive.believed(), length)
         self.config = replace(self.config, home_count=zeroed.count, home_length=length, zero=None)
-        self._scale, self._prepared, self.zeroed = self.config.scale, None, zeroed
+        self._scale, self._prepared, self._commanded, self.zeroed = self.config.scale, None, None, zeroed
 
     async def enable(self) -> None:
         """Power on, standing: the drive is enabled halted, then takes the present position as its set-point.
@@ -100,12 +106,13 @@ class Cia402Winch:
             await self.hold()
             return
         order = self._drive.begin()
+        self.stands()
         await self._drive.walk_to_operation(order)
         await self._take_over(order)
 
     async def _take_over(self, order: int) -> None:
         """Enabled and halted: from now on the drive stands by a set-point of ours."""
-        await self._drive.take_set_point(order, self._drive.healthy().position)
+        await self._drive.take_set_point(order, self._drive.healthy().position, self.stands)
 
     async def prepare(self, speed: float, acceleration: float) -> None:
         """Write and read back speed (m/s) and acceleration (m/s²) of the next move; nothing moves.
@@ -131,7 +138,13 @@ class Cia402Winch:
         order = begin_move(self._drive, self.config.device)
         if self._prepared != (speed, acceleration):
             await self.prepare(speed, acceleration)
-        await self._drive.take_set_point(order, self._scale.count(length))
+
+        def begins() -> None:
+            now = self._master.clock.now()
+            place, velocity = (self._commanded or Trajectory.standing(now, length)).at(now)
+            self._commanded = Trajectory(now, place, length, speed, acceleration, velocity)
+
+        await self._drive.take_set_point(order, self._scale.count(length), begins)
 
     async def hold(self) -> None:
         """Stop on the ramp and stand with power on; returns at standstill.
@@ -141,16 +154,37 @@ class Cia402Winch:
         order, values = begin_hold(self._drive, self.config.device)
         if state_of(values.statusword) is DriveState.OPERATION_ENABLED:
             self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
+            self._stops(self._ramp)
         speed = abs(self.config.cable_speed(values.velocity))
         slowest = STANDSTILL * self.config.drive_speed(self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
+        self.stands()
 
     def quick_stop(self) -> None:
         """Stop on the quick-stop ramp: one frame, never waits."""
+        self._stops(self.config.quick_stop_deceleration)
         quick_stop(self._drive)
+
+    def force_stop(self) -> None:
+        """NMT stop, at which the drive does what 6007 says: one frame, never waits."""
+        self._drive.begin()
+        self._forced = True
+        self.link.send_nmt(NmtCommand.STOP)
+
+    def fall_silent(self) -> float:
+        """No host's heartbeat and no SYNC from now on, to any drive of the bus: each does what 6007 says."""
+        self._master.silent = True
+        return self.config.host_timeout + self.config.max_speed / self.config.quick_stop_deceleration
+
+    async def ask_length(self) -> float:
+        """By SDO. A node that NMT has stopped is made pre-operational for it: PDOs stay off. Raises DeviceError."""
+        if self._forced:
+            self.link.send_nmt(NmtCommand.PRE_OPERATIONAL)
+        return self._scale.length(await self.link.sdo.read(0x6064))
 
     def power_off(self) -> None:
         """Take the power away: one frame, never waits."""
+        self._commanded = None
         self._drive.send(self._drive.begin(), controlword(Command.DISABLE_VOLTAGE))
 
     async def reset_fault(self, acknowledged_by: str) -> None:
@@ -170,6 +204,31 @@ class Cia402Winch:
         self._drive.send(order, controlword(Command.FAULT_RESET))
         await self._drive.reach(order, DriveState.SWITCH_ON_DISABLED, after=Command.FAULT_RESET)
         self._drive.send(order, controlword(Command.DISABLE_VOLTAGE))
+
+    @property
+    def commanded(self) -> Trajectory | None:
+        """Where the cable (m) was told to be; None before power, and while something else than a winch uses it."""
+        return self._commanded
+
+    def stands(self) -> None:
+        """From now on the cable is to be where it is now."""
+        if (sample := self.latest()) is not None:
+            self._commanded = Trajectory.standing(self._master.clock.now(), sample.length)
+
+    def free(self) -> None:
+        """Nothing is commanded for the time being: modes for commissioning move the drive in their own way."""
+        self._commanded = None
+
+    def _stops(self, deceleration: float) -> None:
+        """From what the encoder tells, or from where it was told to be where that is too old."""
+        now, sample = self._master.clock.now(), self.latest()
+        if self._commanded is None or sample is None:
+            return
+        known = sample.state is not DriveState.UNKNOWN
+        place, velocity = (sample.length, sample.velocity) if known else self._commanded.at(now)
+        if known:
+            place += velocity * (now - sample.t)
+        self._commanded = Trajectory.stopping(now, place, velocity, deceleration)
 
     def latest(self) -> WinchSample | None:
         """The newest sample, None before the first. One that is too old to be believed has the state UNKNOWN."""
