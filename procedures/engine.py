@@ -26,7 +26,7 @@ from procedures.pulse import Pulse
 from procedures.settings import GuardSettings
 from procedures.stand import Stand
 from procedures.steps import AfterPause, CheckWindow, Enable, Phase, Procedure, Record, Result, Step, Stop
-from procedures.teardown import quick_stop
+from procedures.stopping import quick_stop
 
 PROGRESS_PERIOD = 0.1
 """s between two progress events"""
@@ -56,6 +56,7 @@ class Engine:
         control: Control,
     ) -> None:
         self.pulse = Pulse()
+        self._tasks: tuple[asyncio.Future[Any], ...] = ()
         self._control = control
         self._pace = Pace()
         self._stopped = asyncio.Event()
@@ -78,6 +79,7 @@ class Engine:
         work = asyncio.ensure_future(self._perform_all(procedure, stand, handlers))
         eyes = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings.period, self._react))
         button = asyncio.ensure_future(self._stopped.wait())
+        self._tasks = work, eyes, button
         self._control.attach(self._judge, self.emergency_stop)
         try:
             await asyncio.wait({work, eyes, button}, return_when=asyncio.FIRST_COMPLETED)
@@ -86,10 +88,23 @@ class Engine:
                 return work.result() if not eyes.done() else _watch_failed(eyes)
         finally:
             self._control.detach()
-            await _end_all(work, eyes, button)
+            await self._cancel_all(hurry=not work.done())
         trip = self.pulse.trip
         where = f" ({self.pulse.step.text})" if self.pulse.step else ""
         raise GuardError(f"The {trip.guard} guard stopped the run{where}: {trip.says}.")
+
+    async def _cancel_all(self, *, hurry: bool) -> None:
+        for task in self._tasks:
+            task.cancel()
+        if not hurry and self.pulse.trip is None:
+            await self.ended()
+
+    async def ended(self) -> None:
+        """Wait for what `run` has left, but not for ever. After the robot is held: a motion must not wait for it."""
+        done, _ = await asyncio.wait(self._tasks, timeout=END_TIMEOUT) if self._tasks else (set(), None)
+        for task in done:
+            if not task.cancelled():
+                task.exception()  # seen: what counts has been raised already
 
     def emergency_stop(self, reason: str) -> None:
         """Quick-stop all winches before this returns, and end the run."""
@@ -219,6 +234,7 @@ class Engine:
             phase=self.pulse.phase,
             winches=tuple(winch.latest() for winch in self._rig.winches),
             frame=self._rig.markers.latest(),
+            commanded=tuple(winch.commanded for winch in self._rig.winches),
         )
 
     def _react(self, trip: Trip) -> None:
@@ -244,13 +260,3 @@ class Engine:
 def _watch_failed(eyes: "asyncio.Future[Trip]") -> Ending:
     """Raise what the guards' own task raised."""
     return Ending(Outcome.ERROR, eyes.result().says)
-
-
-async def _end_all(*tasks: "asyncio.Future[Any]") -> None:
-    """Cancel and wait, but not for ever: the robot is waiting to be held."""
-    for task in tasks:
-        task.cancel()
-    done, _ = await asyncio.wait(tasks, timeout=END_TIMEOUT)
-    for task in done:
-        if not task.cancelled():
-            task.exception()  # seen: what counts has been raised already

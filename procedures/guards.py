@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.ports import Clock, MarkerFrame, WinchSample
+from drivers.trajectory import Trajectory
 from procedures.settings import Reaction
 from procedures.steps import Phase
 
@@ -33,6 +34,8 @@ class Observation:
     phase: Phase
     winches: tuple[WinchSample | None, ...]
     frame: MarkerFrame | None
+    commanded: tuple[Trajectory | None, ...] = ()
+    """where each winch was told to be"""
 
 
 class Guard(Protocol):
@@ -70,6 +73,10 @@ class Reacting:
         return self.guard.look(seen)
 
 
+class Always(Reacting):
+    """A guard that looks as long as any winch has power, while others are still being given it, too."""
+
+
 async def watch(
     clock: Clock, guards: Sequence[Guard], look: Callable[[], Observation], period: float, react: Callable[[Trip], None]
 ) -> Trip:
@@ -81,20 +88,21 @@ async def watch(
     warned: set[str] = set()
     while True:
         seen = look()
-        if seen.phase is not Phase.PREPARING:
-            for guard in guards:
-                says = guard.look(seen)
-                if says is None:
-                    warned.discard(guard.name)
-                    continue
-                trip = Trip(seen.t, guard.name, says, guard.reaction)
-                if trip.reaction is Reaction.REJECT_WINDOW:
-                    react(trip)  # each time: the violation may have begun before the recording
-                    continue
-                if trip.reaction is not Reaction.WARN:
-                    react(trip)
-                    return trip
-                if guard.name not in warned:
-                    warned.add(guard.name)
-                    react(trip)
+        for guard in guards:
+            if seen.phase is Phase.PREPARING and not isinstance(guard, Always):
+                continue
+            says = guard.look(seen)
+            if says is None:
+                warned.discard(guard.name)
+                continue
+            trip = Trip(seen.t, guard.name, says, guard.reaction)
+            if trip.reaction is Reaction.REJECT_WINDOW:
+                react(trip)  # each time: the violation may have begun before the recording
+                continue
+            if trip.reaction is not Reaction.WARN:
+                react(trip)
+                return trip
+            if guard.name not in warned:
+                warned.add(guard.name)
+                react(trip)
         await clock.sleep(period)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from fidim_lab.data.records import Role
 from procedures.outcomes import Measurement, Outcome
+from procedures.stopping import StoppedWinch
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class RunReport:
     held_says: str
     seconds: float
     """as the run's clock counts"""
+    stopped: tuple[StoppedWinch, ...] = ()
+    """how each winch came to its last stop; empty where nothing was moved"""
     interrupted: bool = False
     """cancelled from outside (Ctrl-C)"""
 

@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from drivers.ports import DriveState, MarkerFrame, WinchSample
 from procedures.drive_guards import BusGuard, FollowingErrorGuard, TemperatureGuard
-from procedures.guards import Guard, Observation, Reacting
+from procedures.guards import Always, Guard, Observation, Reacting
+from procedures.motion_guard import MotionGuard, Tolerance
 from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
 
@@ -156,34 +157,6 @@ class MarkerGuard:
         return position is not None and not frozen
 
 
-class SlipGuard:
-    """A motor moves while a window is recorded."""
-
-    name = "slip"
-    reaction = Reaction.HOLD
-
-    def __init__(self, winches: Sequence[str], allowed: float) -> None:
-        self._winches = winches
-        self._allowed = allowed
-        self._places: dict[str, float] = {}
-
-    def look(self, seen: Observation) -> str | None:
-        """The first winch that has left the place it had when recording began."""
-        if seen.phase is not Phase.RECORDING:
-            self._places.clear()
-            return None
-        for winch, sample in zip(self._winches, seen.winches, strict=True):
-            if sample is None:
-                continue
-            moved = sample.length - self._places.setdefault(winch, sample.length)
-            if abs(moved) > self._allowed:
-                return (
-                    f"{winch} moved {moved * 1e3:+.1f} mm while recording, "
-                    f"at most {self._allowed * 1e3:g} mm is allowed"
-                )
-        return None
-
-
 def _shared(wrong: Mapping[str, str], count: int, one: str, many: str) -> str | None:
     """What is wrong with the first winch, said of all (of `count`) with which the same is wrong."""
     if not wrong:
@@ -223,10 +196,14 @@ def standard_guards(
         DriveGuard(winches),
         TensionGuard(newton_per_ampere, low, high, settings),
         MarkerGuard(settings.marker_for),
-        SlipGuard(winches, settings.slip),
+        MotionGuard(winches, Tolerance(settings.slip), "slip", Phase.RECORDING),
         FollowingErrorGuard(winches, settings),
         TemperatureGuard(winches, settings),
         BusGuard(winches, settings.bus_lost),
     )
     reactions = settings.reactions
-    return tuple(Reacting(guard, reactions.get(guard.name, guard.reaction)) for guard in guards)
+    motion = MotionGuard(winches, Tolerance.of(settings))
+    return (
+        Always(motion, reactions.get(motion.name, motion.reaction)),
+        *(Reacting(guard, reactions.get(guard.name, guard.reaction)) for guard in guards),
+    )

@@ -146,6 +146,7 @@ class _Run:
     async def _close(self, ending: Ending, begin: float, error: BaseException | None) -> RunReport:
         """Hold the robot, keep what was recorded, write it down. Cannot be cut short."""
         held = await self._hold()
+        await self._engine.ended()
         kept = self._recorder.abandon()
         reason = ending.reason
         if kept is not None:
@@ -160,6 +161,7 @@ class _Run:
             windows=self._ledger.rows,
             held=held.ok,
             held_says=held.says,
+            stopped=held.winches,
             seconds=self._rig.clock.now() - begin,
             interrupted=isinstance(error, asyncio.CancelledError | KeyboardInterrupt),
         )
@@ -175,8 +177,7 @@ class _Run:
         if not pulse.touched:
             return UNTOUCHED
         latched = pulse.trip is not None and pulse.trip.reaction is Reaction.QUICK_STOP
-        age = settings.guard.sample_age
-        return await hold_robot(self._rig.clock, self._rig.winches, settings.hold, age, latched=latched)
+        return await hold_robot(self._rig.clock, self._rig.winches, settings.hold, settings.guard, latched=latched)
 
     def _write_down(self, report: RunReport) -> HardwareError | None:
         """The journal's last lines; returns why the disk did not take them, which must not hide the report."""
@@ -188,7 +189,8 @@ class _Run:
             outcome = Outcome.PASS if report.held else Outcome.ERROR
             samples = [winch.latest() for winch in self._rig.winches]
             lengths = [round(sample.length, 6) for sample in samples if sample is not None]
-            data = {"lengths": lengths} if len(lengths) == len(samples) else {}
+            data: dict[str, object] = {"lengths": lengths} if len(lengths) == len(samples) else {}
+            data["winches"] = [one.values for one in report.stopped]
             self._journal.write(Kind.HELD, outcome=outcome, reason=report.held_says, data=data)
             windows = {row.id: row.outcome.value for row in report.windows}
             data = {"windows": windows, "seconds": round(report.seconds, 3)}

@@ -19,6 +19,10 @@ from fidim_lab.data.rig_guard_tables import (
     FollowingErrorFor,
     LoopLate,
     MarkerFor,
+    MotionAllowed,
+    MotionLate,
+    MotionSpeed,
+    MotionSpeedFor,
     Overload,
     SampleAge,
     Slack,
@@ -234,6 +238,14 @@ class GuardSettings:
     """s for which a motor current may stay exactly the same while its winch moves"""
     marker_for: MarkerFor = 3.0
     """s for which the main marker may be lost or frozen"""
+    motion: MotionAllowed = 3e-3
+    """m of cable by which an encoder may be off the place where it was told to be: a window with more is rejected"""
+    motion_late: MotionLate = 0.06
+    """s by which it may be early or late on its way: a following error of place over speed, bus and drive cycles"""
+    motion_speed: MotionSpeed = 0.03
+    """m/s besides what was commanded: a drum that holds under a swinging platform stays under 0.012"""
+    motion_speed_for: MotionSpeedFor = 0.03
+    """s: three looks; single values of a differentiated encoder are noise"""
     slip: Positive = 5e-3
     """m by which an encoder may leave its place while a window is recorded"""
     following_error: Positive = 0.015

@@ -1,6 +1,7 @@
-"""How every run ends, whatever ended it: all winches hold, and are seen to stand still.
+"""How every run ends, whatever ended it: all winches stop, and each one's own encoder shows that it stands.
 
-`hold_robot` does it and says what it saw; `deferred_interrupts` keeps an impatient second Ctrl-C away from it.
+`hold_robot` does it and says what it saw, winch by winch; one that does not obey is stopped by stronger means.
+`deferred_interrupts` keeps an impatient second Ctrl-C away from it.
 """
 
 import asyncio
@@ -12,7 +13,9 @@ from dataclasses import dataclass
 from types import FrameType
 
 from drivers.ports import Clock, DriveState, Winch
-from procedures.settings import HoldSettings
+from fidim_lab.errors import FidimError
+from procedures.settings import GuardSettings, HoldSettings
+from procedures.stopping import StoppedWinch, Stopping, quick_stop
 from procedures.timing import POLL, within
 
 POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
@@ -23,37 +26,87 @@ _MAY_HOLD = (DriveState.OPERATION_ENABLED, DriveState.UNKNOWN)
 
 @dataclass(frozen=True)
 class Held:
-    """Whether the robot is held, and a sentence that says how."""
+    """Whether the robot is held, a sentence that says how, and what each encoder told."""
 
     ok: bool
     says: str
+    winches: tuple[StoppedWinch, ...] = ()
 
 
 UNTOUCHED = Held(ok=True, says="Nothing was moved.")
 
 
 async def hold_robot(
-    clock: Clock, winches: Sequence[Winch], settings: HoldSettings, sample_age: float, *, latched: bool
+    clock: Clock, winches: Sequence[Winch], settings: HoldSettings, guard: GuardSettings, *, latched: bool
 ) -> Held:
-    """Hold all winches at once and verify. Never raises for what a device does.
+    """Stop all winches at once and prove it. Never raises for what a device does.
 
     latched: a quick stop was given, which no hold may take back; it is repeated to drives that still run. A winch that
-    refuses to hold, or does not answer in time, gets a quick stop too.
+    refuses to hold, or does not answer in time, gets a quick stop too. One that does not obey that, or is not seen to,
+    is stopped by NMT; then host's heartbeat and SYNC are withheld from all, so that each drive's own watchdog acts.
     """
-    refusals = await asyncio.gather(
-        *(_hold(clock, winch, settings.timeout, sample_age, latched=latched) for winch in winches)
-    )
-    stands = await _stand_still(clock, winches, settings, sample_age)
-    says = [f"{w.name} {what}" for w, what in zip(winches, stands, strict=True) if what]
-    says += [f"{w.name} was quick-stopped ({why})" for w, why in zip(winches, refusals, strict=True) if why]
-    ok = not any(stands)
-    sentence = (
-        "All winches stand still, held." if ok else "NOT VERIFIED that the robot is held: look before you go near it."
-    )
+    stops = [Stopping(winch, clock.now(), settings, guard, quick_stopped=latched) for winch in winches]
+    holds = [
+        asyncio.ensure_future(_hold(clock, winch, settings.timeout, guard.sample_age, latched=latched))
+        for winch in winches
+    ]
+    deadline = clock.now() + settings.timeout
+    while not all(hold.done() for hold in holds) or not all(stop.stands for stop in stops):
+        with contextlib.suppress(asyncio.CancelledError):  # the loop is being closed: go on until it is verified
+            await clock.sleep(POLL)
+        now = clock.now()
+        final = now >= deadline
+        for stop, hold in zip(stops, holds, strict=True):
+            if not stop.look(now, final=final):
+                continue
+            hold.cancel()
+            stop.escalate(now, final=final)
+        if final or any(stop.forced for stop in stops):
+            break
+    refusals = await asyncio.gather(*holds)
+    if any(stop.forced for stop in stops):
+        await _by_watchdog(clock, stops, settings)
+    return _held(winches, [stop.told() for stop in stops], refusals)
+
+
+async def _by_watchdog(clock: Clock, stops: Sequence[Stopping], settings: HoldSettings) -> None:
+    """Give no sign of life until each drive's own watchdog has stopped it, then ask every encoder twice."""
+    seconds = max(stop.winch.fall_silent() for stop in stops)
+    await clock.sleep(seconds)
+    before = await asyncio.gather(*(_ask(clock, stop.winch, settings.timeout) for stop in stops))
+    await clock.sleep(settings.still_for)
+    after = await asyncio.gather(*(_ask(clock, stop.winch, settings.timeout) for stop in stops))
+    for stop, first, last in zip(stops, before, after, strict=True):
+        stop.asked(clock.now(), first, last)
+
+
+async def _ask(clock: Clock, winch: Winch, timeout: float) -> float | None:
+    with contextlib.suppress(FidimError, TimeoutError):
+        return await within(clock, timeout, winch.ask_length())
+    return None
+
+
+def _held(winches: Sequence[Winch], stopped: Sequence[StoppedWinch], refusals: Sequence[str]) -> Held:
+    """The final sentence: only what was measured."""
+    ok = all(one.stands and one.obeyed for one in stopped)
+    unsure = [one.name for one in stopped if not one.stands]
+    disobeyed = [one.name for one in stopped if not one.obeyed]
     unpowered = [w.name for w in winches if ok and (s := w.latest()) is not None and s.state not in POWERED]
-    if unpowered:
+    if unsure:
+        sentence = "NOT VERIFIED that the robot is held: "
+        sentence += "cut the power by hand before" if disobeyed else "look before"
+        sentence += " you go near it."
+    elif disobeyed:
+        sentence = "All winches stand still by now, but cut the power by hand before you go near the robot."
+    elif unpowered:
         sentence = f"All winches stand still, without motor power: {', '.join(unpowered)}."
-    return Held(ok, " ".join([sentence, *(f"{part}." for part in says)]))
+    else:
+        sentence = "All winches stand still, held."
+    says = [one.says for one in stopped if one.says]
+    says += [f"{w.name} was quick-stopped ({why})" for w, why in zip(winches, refusals, strict=True) if why]
+    if not ok and (stand := [one.name for one in stopped if one.stands and one.obeyed]):
+        says.append(f"{', '.join(stand)} {'stands' if len(stand) == 1 else 'stand'} still")
+    return Held(ok, " ".join([sentence, *(f"{part}." for part in says)]), tuple(stopped))
 
 
 async def _hold(clock: Clock, winch: Winch, timeout: float, sample_age: float, *, latched: bool) -> str:
@@ -70,52 +123,6 @@ async def _hold(clock: Clock, winch: Winch, timeout: float, sample_age: float, *
         quick_stop(winch)
         return str(error) or "no answer to the hold command"
     return ""
-
-
-def quick_stop(winch: Winch) -> None:
-    """A single write; a winch that cannot even be written to must not keep the others from being stopped."""
-    with contextlib.suppress(Exception):
-        winch.quick_stop()
-
-
-async def _stand_still(clock: Clock, winches: Sequence[Winch], settings: HoldSettings, sample_age: float) -> list[str]:
-    """What keeps each winch from being called still; empty texts when all are."""
-    deadline = clock.now() + settings.timeout
-    since, places = clock.now(), _lengths(winches)
-    while True:
-        with contextlib.suppress(asyncio.CancelledError):  # the loop is being closed: go on until it is verified
-            await clock.sleep(POLL)
-        now = clock.now()
-        problems = [
-            _problem(winch, place, now, settings, sample_age) for winch, place in zip(winches, places, strict=True)
-        ]
-        if not any(problems) and _oldest(winches) - since >= settings.still_for:
-            return problems
-        if now >= deadline:
-            return problems
-        if any(problems):
-            since, places = now, _lengths(winches)
-
-
-def _oldest(winches: Sequence[Winch]) -> float:
-    """Monotonic s up to which every winch has reported: that one stands still is seen only as long as it does."""
-    return min((sample.t if (sample := winch.latest()) else float("-inf")) for winch in winches)
-
-
-def _problem(winch: Winch, place: float | None, now: float, settings: HoldSettings, sample_age: float) -> str:
-    sample = winch.latest()
-    if sample is None:
-        return "has never reported"
-    if now - sample.t > sample_age:
-        return f"does not answer for {now - sample.t:.2f} s"
-    moved = 0.0 if place is None else abs(sample.length - place)
-    if moved > settings.still:
-        return f"still moves ({moved * 1e3:.1f} mm in {settings.still_for:g} s)"
-    return ""
-
-
-def _lengths(winches: Sequence[Winch]) -> list[float | None]:
-    return [None if (sample := winch.latest()) is None else sample.length for winch in winches]
 
 
 @contextlib.contextmanager

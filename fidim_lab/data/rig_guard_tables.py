@@ -30,6 +30,14 @@ BusLost = Annotated[int, Field(ge=0, le=500)]
 """bus cycles in a second"""
 LoopLate = Annotated[float, Field(gt=0, le=10)]
 """s"""
+MotionAllowed = Annotated[float, Field(gt=0, le=0.02)]
+"""m of cable: more reacts too late at any speed"""
+MotionLate = Annotated[float, Field(ge=0, le=0.5)]
+"""s"""
+MotionSpeed = Annotated[float, Field(gt=0, le=0.2)]
+"""m/s of cable"""
+MotionSpeedFor = Annotated[float, Field(ge=0, le=0.5)]
+"""s"""
 
 
 class DriveGuardTable(Table):
@@ -62,8 +70,18 @@ class MarkerGuardTable(Table):
     lasting: MarkerFor = 3.0
 
 
+class MotionGuardTable(Table):
+    """`[guards.motion]`: a winch that is not where it was told to be, or moves without a command; at all times."""
+
+    reaction: Literal["hold", "quick-stop"] = "quick-stop"
+    allowed: MotionAllowed = 3e-3
+    late: MotionLate = 0.06
+    speed: MotionSpeed = 0.03
+    lasting: MotionSpeedFor = 0.03
+
+
 class SlipGuardTable(Table):
-    """`[guards.slip]`."""
+    """`[guards.slip]`: the same while a window is recorded."""
 
     reaction: Literal["hold", "quick-stop", "reject-window", "warn"] = "hold"
     allowed: Positive = 5e-3
@@ -134,13 +152,15 @@ class GaugesGuardTable(Table):
 class GuardsTable(Table):
     """`[guards]`: what each guard does when it trips, and when that is.
 
-    What protects robot and people (drive, stale winch, tension) always stops; "warn" is for what only spoils a record.
+    What protects robot and people (drive, stale winch, tension, motion) always stops; "warn" is for what only spoils a
+    record.
     """
 
     drive: DriveGuardTable = DriveGuardTable()
     stale_winch: StaleGuardTable = StaleGuardTable()
     tension: TensionGuardTable = TensionGuardTable()
     marker: MarkerGuardTable = MarkerGuardTable()
+    motion: MotionGuardTable = MotionGuardTable()
     slip: SlipGuardTable = SlipGuardTable()
     following_error: FollowingErrorGuardTable = FollowingErrorGuardTable()
     temperature: TemperatureGuardTable = TemperatureGuardTable()

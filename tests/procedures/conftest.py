@@ -15,6 +15,7 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.ports import DriveState, MarkerFrame, Prompt, PromptKind, Rig, WinchSample
+from drivers.trajectory import Trajectory
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from fidim_lab.errors import DeviceError
 from procedures import catalogue
@@ -28,6 +29,10 @@ CYCLE = 0.004
 RATE = 100.0
 FOREVER = math.inf
 NEWTON_PER_AMPERE = 34.0
+NOISE = 1e-9
+"""A of the ammeter"""
+AT_ONCE = 1e6
+"""m/s²"""
 
 
 class FakeWinch:
@@ -46,6 +51,9 @@ class FakeWinch:
         self.hangs = False
         self.creep = 0.0
         self._from, self._to, self._begin, self._speed = 1.4, 1.4, 0.0, 1.0
+        self.commanded: Trajectory | None = None
+        self._answers = False
+        """by SDO, after its PDOs were taken away"""
 
     def _command(self, name: str) -> None:
         self.commands.append(name)
@@ -59,6 +67,7 @@ class FakeWinch:
 
     async def enable(self) -> None:
         self._command("enable")
+        self.commanded = Trajectory.standing(self.world.now(), self.length(self.world.now()))
         await self.world.clock.sleep(0.1)
         self.state = DriveState.OPERATION_ENABLED
 
@@ -69,6 +78,7 @@ class FakeWinch:
         self._command("move_to")
         now = self.world.now()
         self._from, self._to, self._begin, self._speed = self.length(now), length, now, speed
+        self.commanded = Trajectory(now, self._from, length, speed, AT_ONCE)
 
     async def hold(self) -> None:
         self._command("hold")
@@ -82,16 +92,39 @@ class FakeWinch:
         if not self.fault:
             self.state = DriveState.QUICK_STOP_ACTIVE
 
+    def force_stop(self) -> None:
+        self.commands.append("force_stop")
+        self._answers = self.silent_since == FOREVER
+        self.silent_since = self.world.now()
+
+    def fall_silent(self) -> float:
+        self.world.fallen_silent = True
+        return 0.3
+
+    async def ask_length(self) -> float:
+        if self.silent_since < FOREVER and not self._answers:
+            raise DeviceError(self.name, "does not answer.")
+        return self.length(self.world.now())
+
     def power_off(self) -> None:
         self.commands.append("power_off")
 
     def _stay(self) -> None:
-        self._from = self._to = self.length(self.world.now())
+        now = self.world.now()
+        self._from = self._to = self.length(now)
+        self.creep = 0.0
+        if self.commanded is not None:
+            self.commanded = Trajectory.standing(now, self._to)
 
     def length(self, t: float) -> float:
         way = self._to - self._from
         passed = self._speed * (t - self._begin)
         return self._from + math.copysign(min(abs(way), passed), way) + self.creep * max(0.0, t - self._begin)
+
+    def velocity(self, t: float) -> float:
+        way, passed = self._to - self._from, t - self._begin
+        moves = 0.0 <= passed * self._speed < abs(way)
+        return self.creep + (math.copysign(self._speed, way) if moves else 0.0)
 
     def latest(self) -> WinchSample | None:
         if not self.configured:
@@ -104,8 +137,8 @@ class FakeWinch:
             t=t,
             state=DriveState.FAULT if self.fault else self.state,
             length=length,
-            velocity=0.0,
-            current=tension / NEWTON_PER_AMPERE,
+            velocity=self.velocity(t),
+            current=tension / NEWTON_PER_AMPERE + NOISE * (round(t / CYCLE) % 7),
             target_reached=length == self._to,
             fault=self.fault,
         )
@@ -180,6 +213,7 @@ class World:
         self.winches = tuple(FakeWinch(f"winch {k}", self) for k in range(1, robot.n + 1))
         self.markers = FakeMarkers(self)
         self.operator = FakeOperator(self)
+        self.fallen_silent = False
         self.amplitude = 0.0
         self.displacement = 0.03
         self.released = 0.0

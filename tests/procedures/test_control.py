@@ -71,8 +71,8 @@ def test_a_window_interrupted_by_a_pause_is_recorded_again_not_spliced(world, la
 
 def test_resume_is_refused_while_a_winch_is_elsewhere_than_it_was_held(world, lab, control, tmp_path):
     def push():
-        world.winches[1].creep = 0.02
-        world.winches[1]._begin = world.now() - 1.0
+        winch = world.winches[1]
+        winch._from = winch._to = winch._from + 0.0025
 
     world.at("Settle", saying(control, [], Verb.PAUSE), after=0.1)
     world.at("Settle", push, after=5.0)

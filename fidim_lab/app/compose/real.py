@@ -299,6 +299,7 @@ def _tolerance(file: RigFile, tension: TensionSettings) -> float:
 def _guard_settings(guards: Mapping[str, GuardEntry], base: GuardSettings, window: float) -> GuardSettings:
     """window: the drives' own for the following error, m."""
     stale, tension = guards["stale_winch"].thresholds, guards["tension"].thresholds
+    motion = guards["motion"].thresholds
     following, heat = guards["following_error"].thresholds, guards["temperature"].thresholds
     return replace(
         base,
@@ -308,6 +309,10 @@ def _guard_settings(guards: Mapping[str, GuardEntry], base: GuardSettings, windo
         hysteresis=tension["hysteresis"],
         tension_for=tension["lasting"],
         marker_for=guards["marker"].thresholds["lasting"],
+        motion=motion["allowed"],
+        motion_late=motion["late"],
+        motion_speed=motion["speed"],
+        motion_speed_for=motion["lasting"],
         slip=guards["slip"].thresholds["allowed"],
         following_error=following["part"] * window,
         following_error_for=following["lasting"],

@@ -28,16 +28,23 @@ from fidim_lab.app.service.session import ServerSession
 from fidim_lab.app.service.status import Gauges, Watcher
 from fidim_lab.app.service.stop_keeper import StopKeeper
 from fidim_lab.app.service.turn import Turn
+from fidim_lab.data.stop_file import Stopped
+from fidim_lab.errors import FidimError
 from procedures.control import Control
-from procedures.events import Event, Prompted
+from procedures.events import Event, Prompted, RunFinished
+from procedures.held_watch import watch_held, write_moved
+from procedures.journal import NAME as JOURNAL
 from procedures.report import RunReport, WindowRow
 from procedures.robot_guards import standard_guards
 from procedures.run import Experiment
-from procedures.teardown import quick_stop
+from procedures.stopping import quick_stop
+from procedures.teardown import Held
 
 GRACE = 0.3
 """s at the end for what was said to reach those who read"""
 EXIT_UNUSED = 1
+HARDWARE = 3
+"""exit code: a winch has moved after the run"""
 
 Carry = Callable[["Service"], Awaitable[RunReport]]
 """carries the run out with the service's rig, listeners and control"""
@@ -98,6 +105,9 @@ class Service:
         opened.tap(counter)
         gauges = Gauges(self.rig, robot, factors, settings.motion.length_limits, counter.counts, opened.bitrate)
         self._turn = Turn(self.clock)
+        self._helpers: list[asyncio.Future[None]] = []
+        self._after = ""
+        """what moved after the run, in words"""
         levers = Levers(self._turn.start, self._turn.shutdown, self._quick_stop, self.chronicle.note, wall_time)
         self._desk = Desk(self.control, self.board, Latch(self.clock.now, self._keeper()), levers)
         guards = standard_guards(names, factors, robot.limits.tension, settings.guard)
@@ -110,7 +120,8 @@ class Service:
 
     async def serve(self, carry: Carry) -> int:
         """Until the run has ended (or, if it is to stay, until it is shut down); returns the exit code."""
-        helpers = [asyncio.ensure_future(work) for work in (self.broadcast.tell(), self.broadcast.follow_markers())]
+        helpers = self._helpers
+        helpers += [asyncio.ensure_future(work) for work in (self.broadcast.tell(), self.broadcast.follow_markers())]
         code = EXIT_UNUSED
         try:
             while await self._turn.comes(lambda: self.hub.clients):
@@ -123,6 +134,7 @@ class Service:
             raise
         finally:
             self.hub.tell(self.broadcast.status())
+            code = code if not self._after else HARDWARE
             self.hub.tell(Bye(says=self._last_words(), exit_code=code))
             for helper in helpers:
                 helper.cancel()
@@ -134,7 +146,9 @@ class Service:
 
     def _last_words(self) -> str:
         report = self.watcher.report
-        return "nothing was run" if report is None else f"run {report.outcome}: {report.reason} {report.held_says}"
+        if report is None:
+            return "nothing was run"
+        return f"run {report.outcome}: {report.reason} {report.held_says} {self._after}".rstrip()
 
     # what the desk can reach
 
@@ -180,6 +194,18 @@ class Service:
     def _hear(self, event: Event) -> None:
         if isinstance(event, Prompted):
             self.board.window = event.window
+        if isinstance(event, RunFinished):
+            stopped, settings = event.report.stopped, self.experiment.settings
+            watching = watch_held(self.clock, self.rig.winches, stopped, settings, self._moved)
+            self._helpers.append(asyncio.ensure_future(watching))
+
+    def _moved(self, says: str, held: Held) -> None:
+        """A winch has moved after the run; it was stopped once more."""
+        self._after = f"{says} {held.says}"
+        self._desk.latch.latch(Stopped("the motion guard", self._after, wall_time()))
+        self.chronicle.note(kind="guard-tripped", text="motion", reason=self._after)
+        with suppress(FidimError):  # a full disk: everybody has been told
+            write_moved(self.identity.folder / JOURNAL, self.clock, wall_time, says, held)
 
 
 def new_token(path: Path) -> str:

@@ -82,6 +82,7 @@ def summary(report: RunReport) -> dict[str, Any]:
         "reason": report.reason,
         "held": report.held,
         "held_says": report.held_says,
+        "winches": [one.values for one in report.stopped],
         "interrupted": report.interrupted,
         "seconds": round(report.seconds, 3),
         "accepted": len(report.accepted),

@@ -1,10 +1,19 @@
 """Drives that fail, and cables."""
 
+import struct
 from dataclasses import replace
 
 import pytest
 
 from sim_backends.bus_faults import FrameRule
+
+
+def _turn(stage, speed):
+    """As a vendor's tool does it: profile velocity mode (m/s of cable 2, positive pays out)."""
+    drum = stage.rig.laboratory.drums[1]
+    digits = round(drum.direction * speed / drum.metres_per_count)
+    stage.bus.inject(0x602, struct.pack("<BHBi", 0x23, 0x60FF, 0, digits))
+    stage.bus.inject(0x202, struct.pack("<Hbi", 0x0F, 3, 0))
 
 
 @pytest.mark.fault(
@@ -111,13 +120,71 @@ def test_a_drive_without_heartbeat(rehearsal, fault):
 @pytest.mark.fault(
     "drives",
     "an encoder jumps by 60 mm",
-    reaction="hold",
-    within=0.05,
-    says="winch 2 moved -60.0 mm while recording, at most 5 mm is allowed",
+    reaction="quick stop",
+    within=0.03,
+    says="winch 2 is -60.0 mm from where it was told to be, 3 mm is allowed",
     window="kept",
 )
 def test_an_encoder_jump(rehearsal, fault):
     fault.strikes(rehearsal, lambda stage: stage.drive(2).faults.jump_encoder(3000))
+
+
+@pytest.mark.fault(
+    "drives",
+    "another program turns a drum that should hold, at 0.05 m/s",
+    reaction="quick stop",
+    within=0.08,
+    says="winch 2 moves at +0.05",
+    window="kept",
+)
+def test_a_drum_that_another_program_turns(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: _turn(stage, 0.05))
+
+
+@pytest.mark.fault(
+    "drives",
+    "a winch creeps by 1 mm a second while somebody displaces the platform",
+    reaction="quick stop",
+    within=4.0,
+    says="winch 2 is +3.0 mm from where it was told to be, 3 mm is allowed",
+    window="none was open",
+)
+def test_a_winch_that_creeps(rehearsal, fault):
+    fault.strikes(rehearsal, lambda stage: _turn(stage, 0.001), step="Ask", after=0.1)
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive halts alone in a move",
+    reaction="quick stop",
+    within=0.25,
+    says="winch 2 moves at",
+    window="none was open",
+)
+def test_a_drive_that_halts_alone(rehearsal, fault):
+    halt = struct.pack("<Hbi", 0x12F, 1, 0)
+    fault.strikes(rehearsal, lambda stage: stage.bus.inject(0x202, halt), step="MoveTo", after=0.25)
+
+
+@pytest.mark.fault(
+    "drives",
+    "a drive's receive path is dead when all are told to stop",
+    reaction="quick stop",
+    within=0.03,
+    says="winch 3 reports a fault: emergency 0x2310",
+    window="none was open",
+    held=False,
+)
+def test_a_drive_that_hears_no_stop(rehearsal, fault):
+    deaf = FrameRule(frozenset({0x202, 0x602}), drop=True)
+
+    def strike(stage):
+        stage.bus.rules.append(deaf)
+        stage.drive(3).faults.raise_fault(0x2310)
+
+    ended = fault.strikes(rehearsal, strike, step="MoveTo", after=0.25)
+    assert "winch 2 did not obey the stop" in ended.report.held_says
+    assert "cut the power by hand" in ended.report.held_says
 
 
 @pytest.mark.fault(

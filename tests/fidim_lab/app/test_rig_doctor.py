@@ -203,9 +203,10 @@ def test_reactions_of_the_rig_file_reach_the_guards():
     settings = rig_settings(rig)
     guards = {guard.name: guard for guard in standard_guards(["w"] * 4, [34.0] * 4, (20.0, 200.0), settings.guard)}
     told = {"following error", "temperature", "bus errors"}  # what drives say of themselves
-    assert set(guards) == {"drive", "stale winch", "tension", "marker", "slip"} | told
+    assert set(guards) == {"drive", "stale winch", "tension", "marker", "motion", "slip"} | told
     assert guards["slip"].reaction is Reaction.REJECT_WINDOW
     assert guards["marker"].reaction is Reaction.HOLD
+    assert guards["motion"].reaction is Reaction.QUICK_STOP
     assert settings.motion.length_limits == ((0.3, 3.5),) * 4
     assert settings.tension.tolerance == pytest.approx(3.8 / 20.0)
 

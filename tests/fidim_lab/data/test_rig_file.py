@@ -22,7 +22,7 @@ def test_every_example_is_read(path):
     rig = read_rig(path)
     assert len(rig.winches) == rig.robot.n == 4
     assert sorted({winch.node_id for winch in rig.winches}) == [1, 2, 3, 4]
-    robot = {"drive", "stale_winch", "tension", "marker", "slip"}
+    robot = {"drive", "stale_winch", "tension", "marker", "motion", "slip"}
     assert set(rig.guards) >= robot | {"host_loop", "disk", "clock_step"}
     entry = rig.motion_capture
     body = entry.kind is MocapKind.VICON_UDP and entry.subject is not None

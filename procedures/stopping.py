@@ -1,0 +1,136 @@
+"""One winch that is to stop: what its own encoder tells of it, and whether it obeys.
+
+It obeys as long as it is where its ramp has it (`motion_guard.Follower`), and it stands once its encoder has not moved
+for a while. A winch that has had power and is not seen any more counts as one that does not obey.
+"""
+
+import contextlib
+from dataclasses import asdict, dataclass
+
+from drivers.ports import Winch
+from procedures.motion_guard import Follower, Tolerance
+from procedures.settings import GuardSettings, HoldSettings
+
+
+@dataclass(frozen=True)
+class StoppedWinch:
+    """How one winch came to a stop, by its own encoder."""
+
+    name: str
+    stands: bool
+    """whether it was seen to stand still"""
+    obeyed: bool
+    """False where it went on, or was not seen any more, so that stronger means were needed"""
+    moved: float | None
+    """m of cable since the stop was commanded, as seen last; None: nothing was seen"""
+    seconds: float
+    """from the command until it was last seen to move"""
+    place: float | None
+    """m of cable, as seen last"""
+    says: str = ""
+    """what is wrong with it, in words; empty where nothing is"""
+
+    @property
+    def values(self) -> dict[str, str | bool | float | None]:
+        """For journal and summary: m and s."""
+        told = asdict(self)
+        return {key: round(value, 6) if isinstance(value, float) else value for key, value in told.items()}
+
+
+def quick_stop(winch: Winch) -> None:
+    """A single write; a winch that cannot even be written to must not keep the others from being stopped."""
+    with contextlib.suppress(Exception):
+        winch.quick_stop()
+
+
+class Stopping:
+    """One winch from the command to stop until it stands. Make it before the command is given."""
+
+    def __init__(
+        self, winch: Winch, now: float, settings: HoldSettings, guard: GuardSettings, *, quick_stopped: bool
+    ) -> None:
+        self.winch = winch
+        self._quick_stopped = quick_stopped
+        self.forced = False
+        """stopped by NMT: it says nothing any more"""
+        self.stands = False
+        self._settings = settings
+        self._age = guard.sample_age
+        self._tolerance = Tolerance.of(guard)
+        self._follower = Follower(self._tolerance)
+        self._began = self._since = self._told = now
+        sample = winch.latest()
+        self._start = self._place = None if sample is None else sample.length
+        self._anchor = self._place
+        """where it was seen to move last, at `_since`"""
+        self._wrong = self._moves = ""
+        self._unseen = False
+        self._seen = False
+        """whether a sample has come since the command"""
+
+    def look(self, now: float, *, final: bool) -> bool:
+        """Take the newest sample; whether the winch does not obey. final: it must stand by now."""
+        if self.forced:
+            return False
+        sample = self.winch.latest()
+        had_power = self.winch.commanded is not None  # the others have nothing to obey with
+        if sample is None or now - sample.t > self._age:
+            self.stands, self._unseen = False, True
+            self._moves = "has never reported" if sample is None else f"does not answer for {now - sample.t:.2f} s"
+            self._wrong = self._moves if final or self._should_stand(now) else ""
+            return bool(self._wrong) and had_power
+        self._place, self._unseen = sample.length, False
+        self._seen |= sample.t > self._began
+        if self._anchor is None or abs(sample.length - self._anchor) > self._settings.still:
+            self._anchor, self._since = sample.length, sample.t
+        self.stands = sample.t - self._since >= self._settings.still_for
+        self._moves = "" if self.stands else "still moves"
+        self._wrong = self._follower.look(sample, self.winch.commanded)
+        if final:
+            self._wrong = self._wrong or self._moves
+        return bool(self._wrong) and had_power
+
+    def escalate(self, now: float, *, final: bool) -> None:
+        """What was commanded last is not obeyed: a quick stop, and NMT stop after that; both where there is no time."""
+        self._told, self._follower = now, Follower(self._tolerance)
+        if not self._quick_stopped:
+            self._quick_stopped = True
+            quick_stop(self.winch)
+            if not final:
+                return
+        self.forced, self.stands = True, False
+        with contextlib.suppress(Exception):
+            self.winch.force_stop()
+
+    def _should_stand(self, now: float) -> bool:
+        """Whether its ramp should have ended."""
+        commanded = self.winch.commanded
+        return commanded is None or now > max(commanded.end, self._told) + self._tolerance.late
+
+    def asked(self, now: float, first: float | None, last: float | None) -> None:
+        """What the encoder answered at two times, after all drives' watchdogs have acted."""
+        if last is None or first is None:
+            self._moves = "it has not answered since"
+            self.stands = self.stands and not self.forced
+            return
+        self._place, self._seen = last, True
+        self.stands = abs(last - first) <= self._settings.still
+        self._moves = "it stands now" if self.stands else "it still moves"
+        if not self.stands:
+            self._since = now
+
+    def told(self) -> StoppedWinch:
+        """What there is to say of it."""
+        moved = None
+        if self._seen and self._place is not None and self._start is not None:
+            moved = self._place - self._start
+        seconds = max(self._since - self._began, 0.0)
+        says = "" if self.stands else f"{self.winch.name} {self._moves}"
+        if self.forced:
+            how = "was not seen to stop" if self._unseen else "did not obey the stop"
+            went = "" if moved is None else f", {abs(moved) * 1e3:.1f} mm from where it was then"
+            says = (
+                f"{self.winch.name} {how} ({self._wrong}{went}): NMT stop was sent, then heartbeat and SYNC were "
+                f"withheld; {self._moves}"
+            )
+        return StoppedWinch(self.winch.name, self.stands, not self.forced, moved, seconds, self._place, says)

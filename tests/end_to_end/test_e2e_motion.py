@@ -1,0 +1,224 @@
+"""Uncommanded motion, and stops that are not obeyed: the plant's true lengths beside what the run says."""
+
+import asyncio
+import os
+import signal
+import struct
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from drivers.cia402.nmt import NmtCommand
+from procedures.events import RunFinished
+from procedures.held_watch import watch_held
+from procedures.journal import Kind
+from sim_backends.bus_faults import FrameRule
+
+RUN_ON = 0.010
+"""m within which an uncommanded motion at 0.05 m/s must have ended"""
+DEAF = FrameRule(frozenset({0x202, 0x602}), drop=True)
+"""the receive path of drive 2: RPDO and SDO; what it says itself goes on"""
+
+
+@dataclass
+class Truth:
+    """What the plant did from the fault on."""
+
+    lengths: list[np.ndarray] = field(default_factory=list)
+
+    def watch(self, stage):
+        async def sample():
+            laboratory = stage.rig.laboratory
+            while True:
+                now = stage.now()
+                motions = [shaft.motion(now) for shaft in laboratory.shafts]
+                ways = [
+                    d.direction * m.position * d.metres_per_count
+                    for m, d in zip(motions, laboratory.drums, strict=True)
+                ]
+                self.lengths.append(np.array(ways))
+                await stage.rig.rig.clock.sleep(0.005)
+
+        stage.tasks.append(asyncio.ensure_future(sample()))
+
+    @property
+    def moved(self):
+        """m that each cable was paid out or wound since the fault."""
+        return self.lengths[-1] - self.lengths[0]
+
+
+@pytest.fixture
+def truth():
+    return Truth()
+
+
+def rpdo(word, mode, target):
+    return struct.pack("<Hbi", word, mode, target)
+
+
+def moves(stage, cable, metres):
+    """Somebody else sends a set-point, with a rising bit 4."""
+    drum, shaft = stage.rig.laboratory.drums[cable - 1], stage.rig.laboratory.shafts[cable - 1]
+    target = round(shaft.motion(stage.now()).position + drum.direction * metres / drum.metres_per_count)
+    for word in (0x2F, 0x3F, 0x2F):
+        stage.bus.inject(0x200 + cable, rpdo(word, 1, target))
+
+
+def spins(stage):
+    """A vendor's tool turns drum 2 at 0.05 m/s, in profile velocity mode."""
+    drum = stage.rig.laboratory.drums[1]
+    speed = round(drum.direction * 0.05 / drum.metres_per_count)
+    stage.bus.inject(0x602, struct.pack("<BHBi", 0x23, 0x60FF, 0, speed))
+    stage.bus.inject(0x202, rpdo(0x0F, 3, 0))
+
+
+def creeps(stage):
+    """1 mm/s, by a brake or current limit that gives way."""
+
+    async def creep():
+        for _ in range(20):
+            moves(stage, 2, 0.001)
+            await stage.rig.rig.clock.sleep(1.0)
+
+    stage.tasks.append(asyncio.ensure_future(creep()))
+
+
+@pytest.mark.parametrize("step", ["Ask", "Settle", "CheckTension", "AwaitHandsOff", "Record"])
+@pytest.mark.parametrize("fault", [spins, lambda stage: moves(stage, 2, 0.25)], ids=["spinning drum", "set-point"])
+def test_a_winch_that_moves_while_it_should_hold_stops_within_ten_millimetres(rehearsal, truth, step, fault):
+    rehearsal.at(step, lambda stage: (truth.watch(stage), fault(stage)), after=0.02)
+    ended = rehearsal.run()
+    report = ended.check(opened=False)
+    assert ended.trip.guard == "motion"
+    assert report.reason.startswith("The motion guard stopped the run")
+    assert "winch 2" in report.reason
+    assert np.abs(truth.moved).max() <= RUN_ON
+    assert report.accepted == ()
+
+
+def test_all_winches_moved_by_somebody_else_are_seen_and_no_window_is_accepted(rehearsal, truth):
+    rehearsal.at("Ask", lambda s: (truth.watch(s), [moves(s, cable, 0.15) for cable in (1, 2, 3, 4)]), after=0.5)
+    report = rehearsal.run().check(opened=False)
+    assert np.abs(truth.moved).max() <= RUN_ON
+    assert report.accepted == ()
+
+
+def test_a_slow_creep_is_seen_by_its_length(rehearsal, truth):
+    rehearsal.at("Ask", lambda stage: (truth.watch(stage), creeps(stage)), after=0.1)
+    ended = rehearsal.run()
+    ended.check(opened=False)
+    assert ended.trip.guard == "motion"
+    assert np.abs(truth.moved).max() <= 0.005
+
+
+@pytest.mark.parametrize(("step", "counts"), [("Ask", 3000), ("Settle", -3000), ("CheckWindow", 750), ("Record", 200)])
+def test_an_encoder_that_jumps_is_seen_before_the_next_move(rehearsal, scene, step, counts):
+    rehearsal.plan = scene.two
+    rehearsal.at(step, lambda stage: stage.drive(2).faults.jump_encoder(counts), after=0.0)
+    ended = rehearsal.run()
+    ended.check(opened=False)
+    assert ended.trip.guard == "motion"
+    assert ended.trip.t - ended.planted[0] <= 0.03
+    assert len(ended.begun["MoveTo"]) == 1
+
+
+def test_a_drive_that_halts_alone_in_a_move_stops_the_others(rehearsal, truth):
+    rehearsal.at("MoveTo", lambda s: (truth.watch(s), s.bus.inject(0x202, rpdo(0x12F, 1, 0))), after=0.25)
+    ended = rehearsal.run()
+    report = ended.check(opened=False)
+    assert ended.trip.guard == "motion"
+    assert np.ptp(truth.moved) <= 0.012
+    assert all(one.stands and one.obeyed for one in report.stopped)
+
+
+def test_a_set_point_that_one_drive_never_got_stops_the_others(rehearsal, truth):
+    lost = FrameRule(frozenset({0x202}), skip=1, count=1, drop=True)
+    rehearsal.at("MoveTo", lambda stage: (truth.watch(stage), stage.bus.rules.append(lost)))
+    ended = rehearsal.run()
+    ended.check(opened=False)
+    assert ended.trip.guard == "motion"
+    assert np.ptp(truth.moved) <= 0.010
+
+
+def slow(rehearsal):
+    """0.02 m/s: a stop that is not obeyed has time to be seen."""
+    rehearsal.settings = replace(rehearsal.settings, motion=replace(rehearsal.settings.motion, speed=0.02))
+
+
+def silences(ended, since):
+    """Whether neither SYNC nor the host's heartbeat was sent any more for the last half second."""
+    late = [f for f in ended.frames if f.id in (0x080, 0x77F) and f.t > since]
+    return not late
+
+
+@pytest.mark.parametrize("how", ["fault of another", "SIGINT"])
+def test_a_drive_that_does_not_hear_a_stop_is_stopped_by_the_network_and_the_end_says_so(rehearsal, truth, how):
+    slow(rehearsal)
+
+    def strike(stage):
+        truth.watch(stage)
+        stage.bus.rules.append(DEAF)
+        if how == "SIGINT":
+            os.kill(os.getpid(), signal.SIGINT)
+        else:
+            stage.drive(3).faults.raise_fault(0x2310)
+
+    rehearsal.at("MoveTo", strike, after=0.2)
+    ended = rehearsal.run()
+    report = ended.report
+    stop = next(f for f in ended.frames if f.id == 0 and f.data == bytes((NmtCommand.STOP, 2)))
+    assert silences(ended, stop.t + 0.05)
+    assert abs(truth.moved[1]) <= RUN_ON
+    assert not report.held
+    assert report.exit_code == (130 if how == "SIGINT" else 3)
+    assert report.held_says.startswith("NOT VERIFIED that the robot is held: cut the power by hand")
+    assert "winch 2 did not obey the stop" in report.held_says
+    assert "All winches stand still" not in report.held_says
+    obeyed = {one.name: one.obeyed for one in report.stopped}
+    assert obeyed == {"winch 1": True, "winch 2": False, "winch 3": True, "winch 4": True}
+    held = next(e for e in ended.journal if e.kind is Kind.HELD)
+    assert held.data["winches"][1]["obeyed"] is False
+    assert held.data["winches"][1]["moved"] == pytest.approx(truth.moved[1], abs=2e-3)
+
+
+def test_a_drive_that_hears_the_network_only_is_measured_after_it(rehearsal, truth):
+    """Its RPDO is dead; by SDO, after NMT stop and pre-operational, its encoder still answers."""
+    slow(rehearsal)
+    deaf = FrameRule(frozenset({0x202}), drop=True)
+    rehearsal.at("MoveTo", lambda s: (s.bus.rules.append(deaf), s.drive(3).faults.raise_fault(0x2310)), after=0.2)
+    report = rehearsal.run().report
+    assert report.held_says.startswith("All winches stand still by now, but cut the power by hand")
+    assert all(one.stands for one in report.stopped)
+    assert not report.held
+
+
+def test_a_drive_that_restarts_in_a_move_is_asked_for_its_encoder(rehearsal):
+    boot = FrameRule(frozenset({0x702}), count=1, drop=True)
+    rehearsal.at("MoveTo", lambda s: (s.bus.rules.append(boot), s.bus.inject(0x000, bytes([0x81, 2]))), after=0.25)
+    report = rehearsal.run().report
+    assert "winch 2 was not seen to stop" in report.held_says or "winch 2 did not obey the stop" in report.held_says
+    assert {one.name: one.stands for one in report.stopped}["winch 2"]
+
+
+def test_a_winch_that_moves_after_the_run_is_stopped_again(rehearsal):
+    told, after = [], []
+
+    def strike(stage):
+        async def watch():
+            rig = stage.rig.rig
+            while not told:
+                await rig.clock.sleep(0.05)
+            asyncio.get_running_loop().call_later(0.2, moves, stage, 2, 0.25)
+            settings = rehearsal.settings
+            await watch_held(rig.clock, rig.winches, told[0].stopped, settings, lambda *moved: after.append(moved))
+
+        after.append(asyncio.ensure_future(watch()))
+
+    rehearsal.at("MoveTo", strike)
+    rehearsal.listeners = (lambda event: told.append(event.report) if isinstance(event, RunFinished) else None,)
+    rehearsal.run()
+    says, held = after[1]
+    assert says.startswith("After the stop, winch 2 is +3.")
+    assert held.ok
+    assert held.says == "All winches stand still, held."
