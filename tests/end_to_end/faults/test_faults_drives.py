@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.canbus.transport import CanFrame
 from sim_backends.bus_faults import FrameRule
 
 
@@ -12,8 +13,13 @@ def _turn(stage, speed):
     """As a vendor's tool does it: profile velocity mode (m/s of cable 2, positive pays out)."""
     drum = stage.rig.laboratory.drums[1]
     digits = round(drum.direction * speed / drum.metres_per_count)
-    stage.bus.inject(0x602, struct.pack("<BHBi", 0x23, 0x60FF, 0, digits))
-    stage.bus.inject(0x202, struct.pack("<Hbi", 0x0F, 3, 0))
+    _by_its_port(stage, 0x602, struct.pack("<BHBi", 0x23, 0x60FF, 0, digits))
+    _by_its_port(stage, 0x202, struct.pack("<Hbi", 0x0F, 3, 0))
+
+
+def _by_its_port(stage, frame_id, data):
+    """Drive 2's own port: nothing passes on the bus."""
+    stage.drive(2).receive(CanFrame(frame_id, data, stage.now()))
 
 
 @pytest.mark.fault(
@@ -51,7 +57,7 @@ def test_a_drive_fault(rehearsal, fault):
     window="kept",
 )
 def test_a_drive_in_a_wrong_state(rehearsal, fault):
-    fault.strikes(rehearsal, lambda stage: stage.bus.inject(0x202, bytes.fromhex("06000100000000")))
+    fault.strikes(rehearsal, lambda stage: _by_its_port(stage, 0x202, bytes.fromhex("06000100000000")))
 
 
 @pytest.mark.fault(
@@ -133,8 +139,8 @@ def test_an_encoder_jump(rehearsal, fault):
     "drives",
     "another program turns a drum that should hold, at 0.05 m/s",
     reaction="quick stop",
-    within=0.08,
-    says="winch 2 moves at +0.05",
+    within=0.2,
+    says="from where it was told to be, 3 mm is allowed",
     window="kept",
 )
 def test_a_drum_that_another_program_turns(rehearsal, fault):
@@ -163,7 +169,7 @@ def test_a_winch_that_creeps(rehearsal, fault):
 )
 def test_a_drive_that_halts_alone(rehearsal, fault):
     halt = struct.pack("<Hbi", 0x12F, 1, 0)
-    fault.strikes(rehearsal, lambda stage: stage.bus.inject(0x202, halt), step="MoveTo", after=0.25)
+    fault.strikes(rehearsal, lambda stage: _by_its_port(stage, 0x202, halt), step="MoveTo", after=0.25)
 
 
 @pytest.mark.fault(
