@@ -21,12 +21,12 @@ from benchmarks.excite_strokes import LIMITS
 from benchmarks.excite_windows import DESIGN, SEEDS, planned_by_winches
 from benchmarks.page import table
 from fidim_lab.app import compose
-from fidim_lab.app.dry_run import SIMULATED_DAY, UNTOUCHED
+from fidim_lab.app.dry_run import SIMULATED_DAY
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Plan, Robot, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from fidim_lab.model.mechanism import Mechanism
 from procedures.catalogue import experiment
 from procedures.events import Event, StepFinished
@@ -136,7 +136,7 @@ def _far(window: Window) -> float:
 def session(options: argparse.Namespace) -> str:
     """All kinds of session, in several worlds."""
     robot, usual = read_robot(PAPERS_ROBOT), ExciteSettings()
-    by_hand = random_plan(robot, "session", options.runs, 0, WORLDS[0], UNTOUCHED)
+    by_hand = random_plan(robot, "session", options.runs, 0, WORLDS[0], WITHIN_LIMITS)
     for_winches = Plan("session", planned_by_winches(SEEDS[0])[: options.runs])
     cases = [(kind, robot, for_winches if kind.designed else by_hand, seed) for kind in KINDS for seed in WORLDS]
     with ProcessPoolExecutor(options.jobs) as processes:

@@ -292,6 +292,7 @@ class WindowProtocol:
             displacement=limits.free_displacement,
             displacement_tolerance=record.displacement,
             motors_still=record.motors_still,
-            tension=self.settings.hand.tension[0] * limits.tension[0],
+            tension=limits.tension,
+            overload=self.settings.hand.tension[1] * limits.tension[1],
             tension_over=record.tension_over,
         )

@@ -43,7 +43,7 @@ def window_measurements(
         *_displacements(place[seen], equilibrium, limits),
         _stillness(recording.lengths, limits.motors_still),
         _encoder_error(recording.lengths, lengths, limits.motors_still),
-        _smallest_tension(tensions, limits.tension),
+        *_tensions(tensions, limits),
     )
 
 
@@ -120,9 +120,16 @@ def _encoder_error(found: CableSeries, planned: Sequence[float], allowed: float)
     return Measurement(f"encoder error of cable {cable + 1}", float(errors[cable]), "m", high=allowed)
 
 
-def _smallest_tension(tensions: CableSeries, margin: float) -> Measurement:
+def _tensions(tensions: CableSeries, limits: WindowLimits) -> list[Measurement]:
+    """The extremes: marginal beyond the robot's limits, for a motor current is no ground to reject a taut window."""
+    least, most = limits.tension
     if np.isnan(tensions).all(axis=0).any():
-        return Measurement("smallest tension", None, "N", low=0.0)
-    smallest = np.nanmin(tensions, axis=0)
-    cable = int(np.argmin(smallest))
-    return Measurement(f"smallest tension of cable {cable + 1}", float(smallest[cable]), "N", low=0.0, margin=margin)
+        return [Measurement("smallest tension", None, "N", low=0.0)]
+    low, high = np.nanmin(tensions, axis=0), np.nanmax(tensions, axis=0)
+    slack, tight = int(np.argmin(low)), int(np.argmax(high))
+    smallest = f"smallest tension of cable {slack + 1} (limit {least:g} N)"
+    largest = f"largest tension of cable {tight + 1} (limit {most:g} N)"
+    return [
+        Measurement(smallest, float(low[slack]), "N", low=0.0, margin=least),
+        Measurement(largest, float(high[tight]), "N", high=limits.overload, margin=limits.overload - most),
+    ]

@@ -13,7 +13,7 @@ RATE = compose.MARKER_RATE
 
 
 def planned(id_: str, lengths: Sequence[float], position: tuple[float, float, float]) -> PlannedWindow:
-    return PlannedWindow(id_, Role.IDENTIFY, np.array(lengths), np.array([-0.02, 0.03]), np.array(position))
+    return PlannedWindow(id_, Role.IDENTIFY, np.array(lengths), np.array([-0.012, 0.018]), np.array(position))
 
 
 START = planned("s", (1.34283, 1.43119, 1.56772, 1.45231), (1.109, -0.273, -0.405))

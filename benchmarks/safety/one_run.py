@@ -19,13 +19,10 @@ from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import FidimError
 from procedures.events import RunFinished, StepStarted, Tripped, Warned
 
-GENTLE = 0.6
-"""of the rehearsal's displacements: the swings that follow keep the tension limits in this world"""
 LONGEST = 300.0
 """s that a run may take by its clock; one without faults takes 20"""
 HANGS = 900
 """s by the wall in which nothing comes to an end: the program hangs"""
-PLAN = replace(TWO, windows=tuple(replace(w, displacement=GENTLE * w.displacement) for w in TWO.windows))
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,7 @@ def carry_out(plan: Combination) -> Outcome:
 def _prepared(plan: Combination, folder: Path) -> tuple[Rehearsal, Witness]:
     rehearsal, witness = Rehearsal(read_robot(PAPERS_ROBOT), folder), Witness()
     settings = short(repeats=1)
-    rehearsal.plan = PLAN
+    rehearsal.plan = TWO
     rehearsal.settings = replace(settings, motion=replace(settings.motion, speed=plan.speed))
     rehearsal.deadline = LONGEST
     rehearsal.at("", witness.attach)

@@ -23,7 +23,7 @@ from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import HardwareError
-from fidim_lab.identification.random_plan import Taste, random_plan
+from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import write_result
 from procedures.catalogue import experiment as procedure_of
@@ -39,8 +39,6 @@ SIMULATED_DAY = "2000-01-01T00:00:00Z"
 """wall time of a simulated journal: the same seed gives the same bytes"""
 PLAN = "plan.toml"
 TRUTH = "truth.json"
-UNTOUCHED = Taste(taut=1.0, tight=1.0)
-"""places where the swing that a hand would give keeps all tension limits: winches keep them whatever the body is"""
 RESULT = "result.json"
 
 
@@ -78,8 +76,8 @@ def run_dry_run(options: DryRunOptions) -> int:
         with Working(
             "planning: equilibria where the robot can rest and swing", options.equilibria + options.validation
         ):
-            taste = UNTOUCHED if options.excite else None
-            plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, taste)
+            numbers = (options.equilibria, options.validation, options.seed)
+            plan = random_plan(robot, "dry run", *numbers, WITHIN_LIMITS)
             experiment = _experiment(spec, plan, robot)
         return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world), options.json_file)
 

@@ -6,7 +6,7 @@ A campaign appears whole or not at all: it is written beside its place and then 
 
 import json
 import shutil
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +25,7 @@ from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Campaign, Plan, Pose, Robot, Window
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import InfeasibleError, SetupError
-from fidim_lab.identification.random_plan import Trial, random_plan
+from fidim_lab.identification.random_plan import WITHIN_LIMITS, Trial, random_plan
 from fidim_lab.units import millimetres
 from sim_backends.mujoco_world.plant import MujocoPlant
 from sim_backends.plant.hidden import KNOWN, HiddenEffect
@@ -39,9 +39,9 @@ FORMAT = "fidim-simulation/1"
 TRUTH = "truth.json"
 PLAN = "plan.toml"
 MILD = 0.7
-"""of the displacement, for a window in which a cable went slack: the true body is not the one of the plan"""
+"""of the displacement, for a window whose tensions left their limits (Eq. 42): the body is not the one of the plan"""
 MILDER = 3
-"""times that it is tried; then the window stays, and the truth says when the cable was slack"""
+"""times that it is tried; then the window stays, and is told of"""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,10 @@ def simulate_command(options: SimulateOptions) -> int:
 
 
 def _answer(done: Simulated, options: SimulateOptions) -> dict[str, object]:
-    windows = [{"id": r.window.id, "role": r.window.role.value, "slack": bool(r.slack)} for r in done.recorded]
+    windows = [
+        {"id": r.window.id, "role": r.window.role.value, "slack": bool(r.slack), "tension": list(r.tension)}
+        for r in done.recorded
+    ]
     return {"folder": str(options.out), "seed": options.seed, "hidden": list(options.hide), "windows": windows}
 
 
@@ -116,14 +119,14 @@ def _simulate(robot: Robot, platform: SimulatedPlatform, options: SimulateOption
     name = options.out.resolve().name
     with _Progress("planning: places where the robot can rest and swing", wanted) as shown:
         numbers = (options.equilibria, options.validation, options.seed)
-        plan = random_plan(robot, name, *numbers, progress=shown.reached, trial=_trial(platform))
+        plan = random_plan(robot, name, *numbers, taste=WITHIN_LIMITS, progress=shown.reached, trial=_trial(platform))
     done = _recorded(robot, plan, platform, options)
     for _ in range(MILDER):
-        slack = {recorded.window.id for recorded in done.recorded if recorded.slack}
-        if not slack:
+        outside = _outside(done)
+        if not outside:
             break
-        console.warn([f"a cable goes slack in {', '.join(sorted(slack))}; recorded again, displaced less"])
-        done = _recorded(robot, _milder(done.plan, slack), platform, options)
+        console.warn([f"tensions leave their limits in {', '.join(outside)}; recorded again, displaced less"])
+        done = _recorded(robot, _milder(done.plan, outside), platform, options)
     return done
 
 
@@ -142,7 +145,13 @@ def _trial(platform: SimulatedPlatform) -> Trial:
     return works
 
 
-def _milder(plan: Plan, ids: set[str]) -> Plan:
+def _outside(done: Simulated) -> list[str]:
+    """The windows in which the true tensions left the robot's limits at some time of the free motion."""
+    low, high = done.campaign.robot.limits.tension
+    return sorted(r.window.id for r in done.recorded if r.slack or r.tension[0] < low or r.tension[1] > high)
+
+
+def _milder(plan: Plan, ids: Sequence[str]) -> Plan:
     """The plan with smaller displacements in some windows, as an operator would do it."""
     return replace(
         plan,
@@ -262,6 +271,9 @@ def _amplitude(window: Window) -> float:
 def _closing(done: Simulated, world: World, out: Path) -> Iterable[str]:
     slack = [recorded.window.id for recorded in done.recorded if recorded.slack]
     yield "hidden      " + ("; ".join(_says(effect) for effect in world.hidden) or "nothing but the body")
+    if outside := _outside(done):
+        low, high = done.campaign.robot.limits.tension
+        yield f"limits      tensions leave {low:g} to {high:g} N in {', '.join(outside)}: Eq. 42 does not hold there"
     if slack:
         yield f"slack       a cable goes slack in {', '.join(slack)}: no model of free motion holds there"
     yield f"truth       {out / TRUTH}"

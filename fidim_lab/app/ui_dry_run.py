@@ -14,7 +14,7 @@ from pathlib import Path
 import tomli_w
 
 from fidim_lab.app import compose, console
-from fidim_lab.app.dry_run import UNTOUCHED, DryRunOptions
+from fidim_lab.app.dry_run import DryRunOptions
 from fidim_lab.app.run_process import service_process, until_it_listens
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown, TakeLease
@@ -29,7 +29,7 @@ from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot, write_robot
 from fidim_lab.errors import SetupError
-from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from procedures.run_folder import require_new
 
 BUS = {"interface": "slcan", "channel": "socket://127.0.0.1:1", "bitrate": 1_000_000, "sync_rate": 100.0}
@@ -73,8 +73,7 @@ def make_spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
     """What the service is to run, its files in `papers`. Raises SetupError for an effect that nobody knows."""
     robot = with_winches(read_robot(options.robot or PAPERS_ROBOT))
     compose.simulated_world(robot, options.seed, options.hide)  # an effect that nobody knows is said before planning
-    taste = UNTOUCHED if options.excite else None
-    plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, taste)
+    plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, WITHIN_LIMITS)
     write_plan(papers / "plan.toml", plan)
     write_robot(papers / "robot.toml", robot)
     (papers / "rig.toml").write_text(tomli_w.dumps(rig_table(robot)), encoding="utf-8")

@@ -100,7 +100,7 @@ class WinchTable(Table):
     length_limits: tuple[NotNegative, Positive]
     max_speed: Positive
     max_acceleration: Positive
-    quick_stop_deceleration: Positive = 5.0
+    quick_stop_deceleration: Positive = 2.0
     following_error: Positive = 0.02
     following_error_time: Positive = 0.05
     home_count: int = 0

@@ -48,8 +48,10 @@ class WindowLimits:
     """factor on `displacement` beyond which a window is rejected"""
     motors_still: float
     """m, peak to peak of an encoder length"""
-    tension: float
-    """N: above it a cable has margin; marginal below, rejected at 0"""
+    tension: tuple[float, float]
+    """N, the robot's limits (Eq. 42): marginal beyond them; rejected at 0, or at `overload`"""
+    overload: float
+    """N"""
     tension_over: float
     """s, moving average over the current sensor's noise"""
 

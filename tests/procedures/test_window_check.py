@@ -16,7 +16,8 @@ LIMITS = WindowLimits(
     displacement=(0.1, 0.1),
     displacement_tolerance=1.25,
     motors_still=3e-3,
-    tension=5.0,
+    tension=(20.0, 200.0),
+    overload=250.0,
     tension_over=0.05,
 )
 
@@ -90,11 +91,25 @@ CASES = {
         Outcome.MARGINAL,
         "cable 3",
     ),
-    "slack": (lambda r: r.currents[500:530, 1].fill(-0.1), Outcome.FAIL, "smallest tension of cable 2 is -3.4 N"),
+    "slack": (
+        lambda r: r.currents[500:530, 1].fill(-0.1),
+        Outcome.FAIL,
+        "smallest tension of cable 2 (limit 20 N) is -3.4 N",
+    ),
     "nearly slack": (
         lambda r: r.currents[500:530, 1].fill(0.1),
         Outcome.MARGINAL,
-        "smallest tension of cable 2 is 3.4 N",
+        "smallest tension of cable 2 (limit 20 N) is 3.4 N",
+    ),
+    "beyond the upper limit": (
+        lambda r: r.currents[500:530, 2].fill(6.5),
+        Outcome.MARGINAL,
+        "largest tension of cable 3 (limit 200 N) is 221 N",
+    ),
+    "overloaded": (
+        lambda r: r.currents[500:530, 2].fill(7.5),
+        Outcome.FAIL,
+        "largest tension of cable 3 (limit 200 N)",
     ),
     "one bad current": (lambda r: r.currents.__setitem__((500, 1), -1.0), Outcome.PASS, ""),
     "no currents": (lambda r: r.currents.fill(np.nan), Outcome.FAIL, "smallest tension was not measured"),

@@ -13,7 +13,7 @@ import pytest
 from fidim_lab.app import cli
 from fidim_lab.app import simulate as command
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.data.plan_file import read_plan
+from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Role
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.identification.random_plan import Taste, random_plan
@@ -43,7 +43,7 @@ def short(monkeypatch):
     """Windows of half a second, where what is in them does not matter."""
     monkeypatch.setattr(command, "Recording", partial(Recording, duration=0.5))
     monkeypatch.setattr(
-        command, "random_plan", lambda *args, **named: random_plan(*args, taste=Taste(seconds=1.0), **named)
+        command, "random_plan", lambda *args, **named: random_plan(*args, **(named | {"taste": Taste(seconds=1.0)}))
     )
 
 
@@ -224,29 +224,50 @@ def test_a_robot_that_cannot_swing_is_refused(irma4, tmp_path, capsys):
     assert not (tmp_path / "camp").exists()
 
 
-def test_a_window_with_a_slack_cable_is_recorded_again_displaced_less(robot_file, tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize(
+    "beyond",
+    [{"slack": (SlackInterval(3, 1.0, 1.1),)}, {"tension": (19.0, 150.0)}, {"tension": (30.0, 201.0)}],
+    ids=["slack", "under", "over"],
+)
+def test_a_window_beyond_the_tension_limits_is_recorded_again_displaced_less(
+    beyond, robot_file, tmp_path, capsys, monkeypatch
+):
     plans = []
 
-    def once_slack(robot, plan, world, rng, noise: Noise, recording: Recording, *, platform, watch):
+    def once_beyond(robot, plan, world, rng, noise: Noise, recording: Recording, *, platform, watch):
         plans.append(plan)
         first = len(plans) == 1
 
         def see(recorded):
-            loose = (SlackInterval(3, 1.0, 1.1),) if first and recorded.window.id == "i01" else ()
-            watch(replace(recorded, slack=loose))
+            within = {"slack": (), "tension": (30.0, 150.0)}
+            watch(replace(recorded, **within | (beyond if first and recorded.window.id == "i01" else {})))
 
         return simulate_campaign(
             robot, plan, world, rng, noise, replace(recording, duration=0.5), platform=platform, watch=see
         )
 
-    monkeypatch.setattr(command, "simulate_campaign", once_slack)
+    monkeypatch.setattr(command, "simulate_campaign", once_beyond)
     assert cli.run(["simulate", "--robot", robot_file, "--out", str(tmp_path / "camp"), *SMALL]) == 0
-    assert "a cable goes slack in i01; recorded again" in " ".join(capsys.readouterr().err.split())
+    assert "tensions leave their limits in i01; recorded again" in " ".join(capsys.readouterr().err.split())
     before, after = ({w.id: w.displacement for w in plan.windows} for plan in plans)
     np.testing.assert_allclose(after["i01"], command.MILD * before["i01"])
     np.testing.assert_array_equal(after["v01"], before["v01"])
     np.testing.assert_allclose(
         read_plan(tmp_path / "camp" / "plan.toml", 4).windows[0].displacement, after["i01"], atol=1e-5
+    )
+
+
+def test_a_given_plan_that_leaves_the_limits_is_recorded_as_it_is_and_said(robot_file, irma4, tmp_path, capsys):
+    wide = random_plan(irma4, "wide", 1, 0, 11, Taste(amplitudes=(0.08,), tight=2.0, taut=0.05))
+    write_plan(tmp_path / "plan.toml", wide)
+    out = tmp_path / "camp"
+    options = ["--out", str(out), "--plan", str(tmp_path / "plan.toml"), "--json", str(tmp_path / "a.json")]
+    assert cli.run(["simulate", "--robot", robot_file, *options]) == 0
+    assert "tensions leave 20 to 200 N in i01: Eq. 42 does not hold there" in " ".join(capsys.readouterr().out.split())
+    (window,) = json.loads((tmp_path / "a.json").read_text())["windows"]
+    assert window["tension"][0] < 20.0 or window["tension"][1] > 200.0
+    np.testing.assert_allclose(
+        read_plan(out / "plan.toml", 4).windows[0].displacement, wide.windows[0].displacement, atol=1e-5
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 from fidim_lab.data.records import Limits, Plan, Robot, Role
 from fidim_lab.data.robot_file import read_robot, write_robot
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.identification.random_plan import Taste, random_plan
+from fidim_lab.identification.random_plan import WITHIN_LIMITS, Taste, random_plan
 from fidim_lab.identification.workspace import Workspace, displaced, rest_near
 from fidim_lab.model import native
 from fidim_lab.model.dynamics import simulate_free_motion
@@ -44,6 +44,20 @@ def test_windows_rest_and_swing_as_promised(n, irma4: Robot, cable_ring, tmp_pat
         away = np.abs(moved.motion.positions + moved.motion.rotations @ robot.marker - window.position)[:, :2].max(0)
         assert away.max() > 0.015
         assert np.all(away <= np.array(robot.limits.free_displacement) + 1e-3)
+
+
+@pytest.mark.parametrize("seed", [11, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(200))])
+def test_the_free_motion_of_a_plan_keeps_the_tension_limits(seed, irma4: Robot):
+    """Eq. 42, by a finer integration than the one that made the plan; also for a mass 1 % and a centre 2 % off."""
+    mechanism, (low, high) = Mechanism(irma4), irma4.limits.tension
+    heavy = replace(irma4.nominal, com=1.02 * irma4.nominal.com)
+    for window in random_plan(irma4, "plan", 2, 0, seed, WITHIN_LIMITS).windows:
+        for body, mass in ((irma4.nominal, irma4.mass), (heavy, 1.01 * irma4.mass)):
+            rest = pose_from_lengths(mechanism, body, window.lengths)
+            start = displaced(mechanism, rest, window.displacement)
+            moved = simulate_free_motion(mechanism, body, start, np.zeros(6), np.arange(0.0, 10.001, 0.01), 0.005)
+            assert low < moved.tensions.min() * mass
+            assert moved.tensions.max() * mass < high
 
 
 def test_ids_roles_and_distances(plan: Plan, irma4: Robot):
