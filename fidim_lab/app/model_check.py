@@ -74,10 +74,9 @@ class ModelCheck:
             self._working = asyncio.ensure_future(self._work())
 
     async def close(self, patience: float = LAST) -> None:
-        """Wait so long (s) for the last answer, then end the worker."""
+        """Wait so long (s) for the last answer, then end the worker; may be called again."""
         if self._working is not None:
-            with suppress(TimeoutError):
-                await asyncio.wait_for(asyncio.shield(self._working), patience)
+            await asyncio.wait({self._working}, timeout=patience)
             self._working.cancel()
             await asyncio.gather(self._working, return_exceptions=True)
         await self._end_worker()

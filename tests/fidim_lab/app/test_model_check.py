@@ -84,6 +84,22 @@ def test_a_worker_that_dies_is_told_once_and_not_asked_again(monkeypatch, tmp_pa
     assert "is not checked any more" in only.says
 
 
+def test_closing_twice_before_an_answer_has_come_ends_no_run(monkeypatch, tmp_path):
+    """A run that is over closes it once more in its teardown: a service with --stay ended by it."""
+    (tmp_path / "windows").mkdir()
+    (tmp_path / "windows" / "i01.csv").touch()
+    monkeypatch.setattr(model_check, "COMMAND", "import sys; sys.stdin.read()")
+
+    async def run():
+        check = ModelCheck(tmp_path, 12, pytest.fail)
+        check(finished("i01"))
+        await check.close(0.5)
+        await check.close(0.0)
+        return "goes on"
+
+    assert asyncio.run(run()) == "goes on"
+
+
 def test_windows_that_come_while_it_computes_are_one_look(monkeypatch, tmp_path):
     events = [(finished(window), False) for window in ("i01", "i02", "i03")]
     assert [one.window for one in checked(monkeypatch, tmp_path, ECHO, events)] == ["i03"]
