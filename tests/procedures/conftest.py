@@ -30,7 +30,7 @@ RATE = 100.0
 FOREVER = math.inf
 NEWTON_PER_AMPERE = 34.0
 NOISE = 1e-9
-"""A of the ammeter"""
+"""part of its value by which an ammeter scatters"""
 AT_ONCE = 1e6
 """m/s²"""
 
@@ -138,7 +138,7 @@ class FakeWinch:
             state=DriveState.FAULT if self.fault else self.state,
             length=length,
             velocity=self.velocity(t),
-            current=tension / NEWTON_PER_AMPERE + NOISE * (round(t / CYCLE) % 7),
+            current=tension / NEWTON_PER_AMPERE * (1.0 + NOISE * (round(t / CYCLE) % 7)),
             target_reached=length == self._to,
             fault=self.fault,
         )
