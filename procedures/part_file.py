@@ -27,7 +27,7 @@ class PartFile:
         self.failed = False
         """whether the disk has refused anything"""
         try:
-            self._descriptor: int | None = os.open(self.path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o644)
+            self._descriptor: int | None = os.open(self.path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o666)
         except OSError as error:
             raise disk_error(self.path, error) from error
 

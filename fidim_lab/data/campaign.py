@@ -22,6 +22,8 @@ from fidim_lab.errors import FileError
 FORMAT = "fidim-campaign/1"
 INDEX = "campaign.toml"
 ROBOT = "robot.toml"
+OFF_RATE = 1.5
+"""times may samples be farther apart, or closer, than campaign.toml says; of those that bunch up most we saw 1.26"""
 READERS: Mapping[str, Callable[[Path, int], WindowColumns]] = MappingProxyType(
     {".csv": read_window_csv, ".mcap": read_window_mcap}
 )
@@ -85,7 +87,9 @@ def read_campaign(folder: Path) -> Campaign:
     _check_windows(index, table.window)
     robot = read_robot(folder / table.robot)
     alignment = read_alignment(folder / ALIGNMENT)
-    windows = (_read_window(folder, w, robot.n, len(robot.markers)) for w in table.window)
+    windows = [_read_window(folder, w, robot.n, len(robot.markers)) for w in table.window]
+    for window in windows:
+        _check_rate(index, window, table.sample_rate)
     return Campaign(
         name=table.name,
         robot=robot,
@@ -120,12 +124,35 @@ def _check_windows(index: Path, windows: Sequence[WindowTable]) -> None:
         files.add(file)
 
 
+def _check_rate(index: Path, window: Window, rate: float) -> None:
+    """Raises FileError where the times of a window are not those of the rate: in another unit, or of another camera.
+
+    By the median and the mean step alike: packets that come in bunches spoil the one, gaps the other.
+    """
+    steps = np.array([np.median(np.diff(window.t)), np.ptp(window.t) / (len(window.t) - 1)]) * rate
+    if (steps > OFF_RATE).all() or (steps < 1.0 / OFF_RATE).all():
+        found = f"{rate:g} Hz, but the samples of window {window.id} are {steps[0] / rate:.4g} s apart"
+        raise FileError(index, "sample_rate", found, hint="Times are in s, rates in Hz.")
+
+
+def _check_seen(path: Path, columns: WindowColumns) -> None:
+    """Raises FileError where the main marker is never seen, or a cable's length is not above zero."""
+    if np.isnan(columns.markers[:, 0]).any(axis=1).all():
+        raise FileError(path, "x, y, z", "the main marker is in no sample")
+    lengths = columns.lengths
+    if lengths is not None and (lengths <= 0.0).any():
+        row, cable = np.argwhere(lengths <= 0.0)[0]
+        what = f"a length of {lengths[row, cable]:g} m; above 0 is allowed"
+        raise FileError(path, f"sample {row + 1}, l{cable + 1}", what)
+
+
 def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) -> Window:
     path = folder / entry.file
     read = READERS.get(path.suffix)
     if read is None:
         raise FileError(folder / INDEX, f"window {entry.id}, file", f"{entry.file!r} is not a .csv or .mcap file")
     columns = read(path, cables)
+    _check_seen(path, columns)
     found = columns.markers.shape[1]
     if found > markers:
         raise FileError(path, "line 1", f"{found} markers, the robot file has {markers} (platform, extra_markers)")

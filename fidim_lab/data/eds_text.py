@@ -8,9 +8,7 @@ from fidim_lab.errors import FileError
 
 LIMIT = 4 * MIB
 """bytes; the largest of a drive's maker that we know has 0.7 MiB"""
-_COUNT = re.compile(
-    r"^[ \t]*(NrOfEntries|Lines)[ \t]*[=:][ \t]*([0-9]+|0[xX][0-9a-fA-F]+)", re.MULTILINE | re.IGNORECASE
-)
+_COUNT = re.compile(r"^[ \t]*(NrOfEntries|Lines)[ \t]*[=:][ \t]*(0x[0-9a-f]+|[0-9]+)", re.MULTILINE | re.IGNORECASE)
 MOST_ENTRIES = 0xFE
 """sub-indices of one object"""
 

@@ -12,8 +12,9 @@ import re
 import stat
 from collections.abc import Collection, Generator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import Any, NoReturn
 
 from fidim_lab.errors import FileError
 
@@ -48,7 +49,7 @@ class NotAllowedError(ValueError):
 
 
 @contextmanager
-def open_input(path: Path, limit: int) -> Generator[BinaryIO]:
+def open_input(path: Path, limit: int) -> Generator[BufferedReader]:
     """A regular file of at most `limit` bytes, open for reading bytes. Raises FileError for anything else."""
     try:
         with _opened(path, limit) as file:
@@ -59,7 +60,7 @@ def open_input(path: Path, limit: int) -> Generator[BinaryIO]:
         raise FileError(path, "", f"cannot be read: {error.strerror or error}") from None
 
 
-def _opened(path: Path, limit: int) -> BinaryIO:
+def _opened(path: Path, limit: int) -> BufferedReader:
     if "\0" in str(path):
         raise FileError(path, "", "is no file's name: there is a NUL in it")
     _check(path, path.stat(), limit)  # before it is opened: opening a device may already move it

@@ -1,5 +1,6 @@
 """Reading TOML files with manners: every error names the file, the table and the key, all mistakes at once."""
 
+import math
 import re
 import tomllib
 from collections.abc import Collection, Iterable
@@ -18,6 +19,8 @@ NotNegative = Annotated[float, Field(ge=0)]
 LIMIT = MIB // 2
 """bytes, which tomllib takes up to 2 s for; a plan of 1000 windows has half of it"""
 
+SMALLEST, LARGEST = 1e-100, 1e15
+"""of a number: rounding leaves 1e-17 in axes and products of inertia, an encoder counts to 1e10"""
 _TEXTS = re.compile(
     r'''"""(?:[^"\\]++|\\.|"(?!""))*+(?:"""|\Z)|\'{3}(?:[^']++|'(?!''))*+(?:\'{3}|\Z)|'''
     r""""(?:[^"\\\n]++|\\.)*+"?|'[^'\n]*+'?|\#[^\n]*+""",
@@ -43,6 +46,7 @@ def read_toml_table(path: Path, commands: Collection[str] = ()) -> dict[str, Any
         _check_depth(text)  # before it is parsed: tomllib takes a second for 3000 dots in a key
         table = tomllib.loads(text)
         check_values(table, commands)
+        _check_sizes(table)
     except NotAllowedError as error:
         raise FileError(path, place_words(error.place), error.problem) from None
     except (ValueError, RecursionError) as error:  # also whole numbers of thousands of digits
@@ -66,9 +70,11 @@ def validated(path: Path, table: dict[str, Any], schema: type[Schema], wanted_fo
         what = "is missing" if found is None else f"is {found!r}"
         raise FileError(path, "format", f'{what}; this version reads "{wanted_format}"')
     try:
-        return schema.model_validate(table)
+        made = schema.model_validate(table)
     except ValidationError as error:
         raise FileError(path, "", _together(_sentences(error.errors(), schema))) from None
+    _check_types(path, table, made.model_dump(by_alias=True), ())
+    return made
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -153,6 +159,28 @@ def _choices(schema: dict[str, Any], keys: dict[str, Any]) -> list[dict[str, Any
         return _choices(keys["$defs"][schema["$ref"].rpartition("/")[2]], keys)
     inner = [one for word in ("anyOf", "oneOf", "allOf") for one in schema.get(word, ())]
     return [found for one in inner for found in _choices(one, keys)] or [schema]
+
+
+def _check_types(path: Path, written: Any, made: Any, place: tuple[str | int, ...]) -> None:
+    """Raises FileError where a text or true became a number, as pydantic lets it."""
+    if isinstance(written, dict) and isinstance(made, dict):
+        for key in written.keys() & made.keys():
+            _check_types(path, written[key], made[key], (*place, key))
+    elif isinstance(written, list) and isinstance(made, list | tuple):
+        for index, (one, other) in enumerate(zip(written, made, strict=False)):
+            _check_types(path, one, other, (*place, index))
+    elif isinstance(written, str | bool) and isinstance(made, int | float) and not isinstance(made, type(written)):
+        what = "a text" if isinstance(written, str) else "true or false"
+        raise FileError(path, place_words(place), f"{written!r} is {what}; a number was expected")
+
+
+def _check_sizes(value: Any, place: tuple[str | int, ...] = ()) -> None:
+    """Raises NotAllowedError for a number that no quantity of a laboratory has; squares of all others are finite."""
+    if isinstance(value, dict | list):
+        for part, item in value.items() if isinstance(value, dict) else enumerate(value):
+            _check_sizes(item, (*place, part))
+    elif isinstance(value, float) and value and not SMALLEST <= math.fabs(value) <= LARGEST:
+        raise NotAllowedError(place, f"{value:g}; numbers other than 0 are from {SMALLEST:g} to {LARGEST:g}")
 
 
 def _check_depth(text: str) -> None:

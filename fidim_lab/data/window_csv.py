@@ -58,10 +58,9 @@ def read_window_csv(path: Path, cables: int) -> WindowColumns:
     columns = dict(zip(names, _numbers(path, names, lines[1:]).T, strict=True))
     t = columns["t"]
     _check_times(path, t)
-    markers = _markers(path, columns)
     return WindowColumns(
         t=t,
-        markers=markers,
+        markers=_markers(path, columns),
         lengths=_per_cable(path, columns, "l", cables),
         currents=_per_cable(path, columns, "i", cables),
         further={name: values for name, values in columns.items() if not _NAMED.fullmatch(name)},

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from fidim_lab.app.equivalence import EquivalenceTable
 from fidim_lab.data.json_file import read_json_as
+from fidim_lab.identification.results.result_file import BodyNumber
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
 from fidim_lab.mismatch.unknown_force.field import Field
 
@@ -65,9 +66,9 @@ class RankedTable(_Part):
 class BodyParameterTable(_Part):
     """One of the nine."""
 
-    value: float
+    value: BodyNumber
     sd: float
-    nominal: float
+    nominal: BodyNumber
 
 
 class BeforeTable(_Part):

@@ -17,14 +17,18 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+BodyNumber = Annotated[float, Field(ge=-1e6, le=1e6)]
+"""m, m²: no platform is 1 km large; with larger ones the arithmetic overflows"""
+
+
 class ParameterTable(_Strict):
     """`parameters.NAME`."""
 
-    value: float | None
+    value: BodyNumber | None
     """None where the recordings do not show it"""
     sd: float | None = None
     sd_bootstrap: float | None = None
-    nominal: float | None = None
+    nominal: BodyNumber | None = None
     seen: bool = True
 
     @property

@@ -17,7 +17,7 @@ def campaign(irma4) -> Campaign:
     rng = np.random.default_rng(1)
 
     def window(id_: str, role: Role) -> Window:
-        lengths, currents = (np.round(rng.normal(size=(40, 4)), 4) for _ in range(2))
+        lengths, currents = (np.round(rng.uniform(1.0, 3.0, size=(40, 4)), 4) for _ in range(2))
         markers = np.round(rng.normal(size=(40, 1, 3)), 6)
         further = {"temperature": np.round(rng.normal(size=40), 3)}
         return Window(id_, role, np.arange(40) / 100.0, markers, lengths, currents, np.array([1.0, 2.0, 3.0]), further)
