@@ -14,8 +14,8 @@ from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-plan/1"
-WINDOW_ID = re.compile(r"\w[\w.-]*")
-"""it becomes the name of a file"""
+WINDOW_ID = re.compile(r"\w[\w.-]{0,79}")
+"""it becomes the name of a file, which has 255 bytes at most with all that is added"""
 
 
 class PoseTable(Table):
@@ -57,7 +57,7 @@ def wrong_id(ids: Sequence[str]) -> tuple[int, str] | None:
     """The first window, counted from 1, whose id cannot be a file's name or is there twice, and why; None if none."""
     for number, id_ in enumerate(ids, start=1):
         if not WINDOW_ID.fullmatch(id_):
-            return number, f"{id_!r} cannot be a file name; use letters, digits, _ . and -."
+            return number, f"{id_[:100]!r} cannot be a file name; use letters, digits, _ . and -. At most 80."
         if id_ in ids[: number - 1]:
             return number, f"{id_!r} is there twice"
     return None

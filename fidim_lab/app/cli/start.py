@@ -10,7 +10,7 @@ from types import FrameType
 import click
 
 from fidim_lab.app.cli.root import fidim
-from fidim_lab.errors import FidimError
+from fidim_lab.errors import FidimError, SetupError
 from fidim_lab.say import printable
 
 EXIT_WRONG_USE = 2
@@ -36,11 +36,21 @@ def run(arguments: Sequence[str]) -> int:
         return error.exit_code
     except BrokenPipeError:
         return 0
+    except OSError as error:
+        if error.filename is None or debug:
+            return _our_bug(error, debug)
+        place = SetupError(f"{error.filename!s:.160}: {error.strerror or error}")
+        _explain(place, debug)
+        return place.exit_code
     except Exception as error:
-        _explain(error, debug)
-        click.echo("This is a bug of fidim-lab, not yours; --debug shows where it happened.", err=True)
-        return EXIT_OUR_BUG
+        return _our_bug(error, debug)
     return 0
+
+
+def _our_bug(error: Exception, debug: bool) -> int:
+    _explain(error, debug)
+    click.echo("This is a bug of fidim-lab, not yours; --debug shows where it happened.", err=True)
+    return EXIT_OUR_BUG
 
 
 def _explain(error: Exception, debug: bool) -> None:
