@@ -20,6 +20,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from drivers.clock import LoopClock
+from drivers.disk import DiskThreads
 from drivers.ports import DriveState, MarkerFrame, WinchSample
 from fidim_lab.data.mcap_file import read_mcap
 from fidim_lab.data.window_csv import read_window_csv
@@ -94,11 +95,12 @@ def record_for_ever(folder: Path, pipe: int) -> None:
 
     async def main() -> None:
         clock = LoopClock()
-        recorder = Recorder(folder, clock, Source(clock, pipe), (Drum(clock),), 1, 0.2)  # type: ignore[arg-type]
+        source, drums, disk = Source(clock, pipe), (Drum(clock),), DiskThreads()
+        recorder = Recorder(folder, clock, source, drums, 1, 0.2, disk=disk)  # type: ignore[arg-type]
         for number in range(1, 1000):
             os.write(pipe, b"begin\n")
             await recorder.record(f"w{number}", 1, SECONDS, lambda _: None)
-            recorder.accept(f"w{number}")
+            await recorder.accept(f"w{number}")
             os.write(pipe, b"accepted\n")
 
     asyncio.run(main())

@@ -47,12 +47,19 @@ class Bench:
     markers: float = 200.0
     """frames a second"""
     processes: "list[subprocess.Popen[str]]" = field(default_factory=list)
+    further: dict[str, str] = field(default_factory=dict[str, str])
+    """of the environment, for what is started from now on"""
 
     @property
     def environment(self) -> dict[str, str]:
         """As of an installed program: with its bytecode, which some build machines are told not to write."""
         inherited = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-        return {**inherited, "FIDIM_RUNTIME_DIR": str(self.folder / "runtime"), "OPENBLAS_NUM_THREADS": "1"}
+        return {
+            **inherited,
+            "FIDIM_RUNTIME_DIR": str(self.folder / "runtime"),
+            "OPENBLAS_NUM_THREADS": "1",
+            **self.further,
+        }
 
     def make(self, windows: int) -> None:
         """Rig and plan."""
@@ -85,7 +92,7 @@ class Bench:
         self.processes.append(process)
         return process
 
-    def run(self, name: str) -> "subprocess.Popen[str]":
+    def run(self, name: str, *options: str) -> "subprocess.Popen[str]":
         """A run that nobody attends, with short waits between windows."""
         settings = {
             "record.seconds": self.seconds,
@@ -98,13 +105,22 @@ class Bench:
         told = [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
         answers = ["--answer", "displace-and-release=done", "--answer", "steady=done"]
         rig, out = self.folder / "rig.toml", self.folder / name
-        return self.start("run", self.folder / "plan.toml", "--rig", rig, "--unattended", *answers, *told, "--out", out)
+        return self.start(
+            "run", self.folder / "plan.toml", "--rig", rig, "--unattended", *answers, *told, *options, "--out", out
+        )
 
     def service(self) -> int:
         """The process that has the rig; 0 where none has."""
+        return self._holder("pid")
+
+    def port(self) -> int:
+        """Of the service on TCP; 0 where there is none."""
+        return self._holder("port")
+
+    def _holder(self, key: str) -> int:
         for lock in (self.folder / "runtime" / "fidim").glob("*.lock"):
             with suppress(ValueError, KeyError, OSError):
-                return int(json.loads(lock.read_text())["pid"])
+                return int(json.loads(lock.read_text())[key])
         return 0
 
     def end(self) -> None:

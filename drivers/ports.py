@@ -4,10 +4,12 @@ Real and simulated devices differ below these ports only; a procedure cannot tel
 Records are immutable and carry the monotonic time at which they were true; an old value is unknown.
 """
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, TypeVar
+
+T = TypeVar("T")
 
 from drivers.trajectory import Trajectory
 
@@ -21,6 +23,34 @@ class Clock(Protocol):
 
     async def sleep(self, seconds: float) -> None:
         """Let at least `seconds` pass (0 lets other tasks run)."""
+        ...
+
+
+class Disk(Protocol):
+    """The disk as a port: whoever holds a robot never waits for it, however long it takes.
+
+    Jobs are functions that read or write files, and nothing else. They are carried out in the order in which they were
+    given, but a `secure` never keeps a later `put` waiting: what is written survives the process at once.
+    """
+
+    @property
+    def error(self) -> str | None:
+        """Why something that was put or secured is not on the disk, or that the disk does not keep up; for a guard."""
+        ...
+
+    def put(self, job: Callable[[], object], size: int = 0) -> None:
+        """Have it carried out; never waits, never raises: its HardwareError is `error`. size: bytes that wait."""
+        ...
+
+    def secure(self, job: Callable[[], object]) -> None:
+        """As `put`, for what takes long: bringing to the disk (fsync) what was put before."""
+        ...
+
+    async def do(self, job: Callable[[], T], longest: float | None = None) -> T:
+        """Wait until all that was given before is done, and this; returns what it returns, raises what it raises.
+
+        Raises HardwareError as well after `longest` s (a default of its own), and where the disk takes nothing more.
+        """
         ...
 
 

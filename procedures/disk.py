@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from drivers.ports import Disk
 from fidim_lab.errors import HardwareError
 
 
@@ -21,3 +22,14 @@ def sync(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+async def settled(disk: Disk) -> None:
+    """Wait until all that was given to the disk is there. Raises HardwareError where any of it is not."""
+    await disk.do(_nothing)
+    if disk.error is not None:
+        raise HardwareError(disk.error)
+
+
+def _nothing() -> None:
+    pass

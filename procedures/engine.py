@@ -12,6 +12,7 @@ from typing import Any
 from drivers.ports import Prompt, Rig
 from fidim_lab.errors import GuardError, OurBugError
 from procedures.control import Control, Intervention, Verb, Word
+from procedures.disk import settled
 from procedures.events import Prompted, Publisher, StepFinished, StepProgress, StepStarted, Tripped, Warned
 from procedures.guards import Guard, Observation, Reaction, Trip, watch
 from procedures.handlers import Handler
@@ -157,6 +158,8 @@ class Engine:
         interruption = Interruption(stand, self._control, self._journal, self._publish)
         while True:
             self._begin(step)
+            if step.details or isinstance(step, Enable):  # what the disk does not have must not move
+                await settled(stand.disk)
             if step.after_pause is AfterPause.NOT_INTERRUPTED:
                 result: Result | Word = await handler(stand, step)
             else:

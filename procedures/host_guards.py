@@ -7,6 +7,8 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from drivers.disk import InlineDisk
+from drivers.ports import Disk
 from procedures.guards import Guard, Observation, Reacting
 from procedures.settings import GuardSettings, Reaction
 
@@ -44,10 +46,14 @@ class DiskGuard:
     name = "disk"
     reaction = Reaction.HOLD
 
-    def __init__(self, folder: Path, spare: float, free: Callable[[Path], float] | None = None) -> None:
+    def __init__(
+        self, folder: Path, spare: float, free: Callable[[Path], float] | None = None, disk: Disk | None = None
+    ) -> None:
+        """disk: asks, for a share that is gone does not answer."""
         self._folder = folder
         self._spare = spare
         self._free = free or _free
+        self._disk = InlineDisk() if disk is None else disk
         self._next = 0.0
         self._low: float | None = None
 
@@ -55,11 +61,14 @@ class DiskGuard:
         """Whether there is too little space."""
         if seen.t >= self._next:
             self._next = seen.t + DISK_PERIOD
-            free = self._free(self._folder)
-            self._low = free if free < self._spare * (1.0 if self._low is None else SPARE_BACK) else None
+            self._disk.put(self._ask)
         if self._low is None:
             return None
         return f"{self._folder} has {self._low / 1e6:.0f} MB left, {self._spare / 1e6:.0f} MB are wanted"
+
+    def _ask(self) -> None:
+        free = self._free(self._folder)
+        self._low = free if free < self._spare * (1.0 if self._low is None else SPARE_BACK) else None
 
 
 class ClockStepGuard:
@@ -94,7 +103,10 @@ def _free(folder: Path) -> float:
         return float("inf")  # the recorder says better what is wrong with it
 
 
-def host_guards(folder: Path, settings: GuardSettings, wall: Callable[[], float]) -> tuple[Guard, ...]:
+def host_guards(
+    folder: Path, settings: GuardSettings, wall: Callable[[], float], disk: Disk | None = None
+) -> tuple[Guard, ...]:
     """A fresh set for one run into a folder, reacting as the settings say."""
-    guards = (LoopGuard(settings.loop_late), DiskGuard(folder, settings.disk_spare), ClockStepGuard(wall))
+    space = DiskGuard(folder, settings.disk_spare, disk=disk)
+    guards = (LoopGuard(settings.loop_late), space, ClockStepGuard(wall))
     return tuple(Reacting(guard, settings.reactions.get(guard.name, guard.reaction)) for guard in guards)

@@ -61,7 +61,7 @@ class Interruption:
                 f"Aborted{f' by {word.by}' if word.by else ''} at “{step.text}”: {word.reason or 'no reason'}."
             )
         await self._hold()
-        self._stand.recorder.abandon()
+        await self._stand.recorder.abandon()
         if word.verb is Verb.PAUSE:
             word = await self._paused(step, word)
         match word.verb:

@@ -1,6 +1,8 @@
-"""The run's journal: append-only JSON lines, on the disk at every step's end, readable after a crash or power cut.
+"""The run's journal: append-only JSON lines, readable after a crash or power cut.
 
-`Journal` writes, `read_journal` reads back. A torn last line is what a power cut leaves; anything torn before is not.
+Nobody waits for a line: the disk takes it, and secures it at every step's end. What must be there before something
+moves is awaited by who moves (`procedures.disk.settled`). `Journal` writes, `read_journal` reads back. A torn last line
+is what a power cut leaves; anything torn before is not.
 The time of day comes from a callable that the application hands in, so that a simulated run is the same to the byte.
 """
 
@@ -16,7 +18,8 @@ from typing import Any, Self
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from drivers.ports import Clock
+from drivers.disk import InlineDisk
+from drivers.ports import Clock, Disk
 from fidim_lab.data.input_file import read_bytes, unseen
 from fidim_lab.errors import FileError, HardwareError
 from fidim_lab.say import printable
@@ -71,14 +74,16 @@ _LINE: TypeAdapter[Entry] = TypeAdapter(Entry)
 
 
 class Journal:
-    """Appends lines to a file. `write` raises HardwareError when the disk does not take them."""
+    """Appends lines to a file; where the disk does not take one, `Disk.error` says so."""
 
-    def __init__(self, path: Path, clock: Clock, wall_time: WallTime) -> None:
+    def __init__(self, path: Path, clock: Clock, wall_time: WallTime, disk: Disk | None = None) -> None:
+        """Opens the file, and mends it where a power cut has torn it: a job for the disk."""
         self.path = path
         self._clock = clock
         self._wall_time = wall_time
-        kept = _mend(path) if path.exists() else 0
-        self._number = kept
+        self._disk = InlineDisk() if disk is None else disk
+        self._number = _mend(path) if path.exists() else 0
+        self._secured = self._number
         # Unbuffered: what was written is with the operating system before the next statement runs.
         self._file = path.open("ab", buffering=0)
 
@@ -88,23 +93,34 @@ class Journal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
+        self._disk.secure(self._file.close)
 
-    def write(self, kind: Kind, *, sync: bool = True, **fields: Any) -> Entry:
-        """Append one line (fields as in `Entry`); on the disk when this returns, unless `sync` is False."""
-        entry = Entry(self._number + 1, round(self._clock.now(), 6), self._wall_time(), kind, **fields)
-        line = json.dumps(_compact(entry), ensure_ascii=False, allow_nan=False) + "\n"
+    def write(self, kind: Kind, *, sync: bool = True, **fields: Any) -> None:
+        """Append one line (fields as in `Entry`), and bring it to the disk, unless `sync` is False. Never waits."""
+        entry = Entry(0, round(self._clock.now(), 6), self._wall_time(), kind, **fields)
+        self._disk.put(lambda: self._write(entry))
+        if sync:
+            self._disk.secure(self._secure)
+
+    def _write(self, entry: Entry) -> None:
+        """A job: the line, with the number that it has in the file."""
+        line = json.dumps(_compact(replace(entry, number=self._number + 1)), ensure_ascii=False, allow_nan=False) + "\n"
         try:
             self._append(line.encode())
-            if sync:
-                os.fsync(self._file.fileno())
         except OSError as error:
-            raise HardwareError(
-                f"{self.path}: the journal cannot be written: {error.strerror or error}.",
-                hint="Free some space; what was recorded so far is kept.",
-            ) from error
+            raise self._unwritten(error) from error
         self._number += 1
-        return entry
+
+    def _secure(self) -> None:
+        """A job: one fsync for all lines that are there by now."""
+        number = self._number
+        if self._secured == number:
+            return
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise self._unwritten(error) from error
+        self._secured = number
 
     def _append(self, data: bytes) -> None:
         """All of it or, as far as the disk allows, none."""
@@ -116,6 +132,12 @@ class Journal:
             if self._file.seekable():
                 self._file.truncate(start)
             raise
+
+    def _unwritten(self, error: OSError) -> HardwareError:
+        return HardwareError(
+            f"{self.path}: the journal cannot be written: {error.strerror or error}.",
+            hint="Free some space; what was recorded so far is kept.",
+        )
 
 
 def read_journal(path: Path) -> tuple[Entry, ...]:

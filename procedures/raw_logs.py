@@ -8,7 +8,9 @@ from pathlib import Path
 
 from drivers.canbus.candump import CandumpLog
 from drivers.canbus.transport import CanFrame
+from drivers.disk import InlineDisk
 from drivers.mocap.packet_log import PacketLog
+from drivers.ports import Disk
 
 RAW = "raw"
 CAN, MOCAP = "can", "mocap"
@@ -17,18 +19,20 @@ CAN, MOCAP = "can", "mocap"
 class RawLogs:
     """Both raw logs of one run; taps never raise."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, disk: Disk | None = None) -> None:
+        """disk: takes what is logged."""
         self._folder = folder / RAW
+        self._disk = InlineDisk() if disk is None else disk
         self._frames: CandumpLog | None = None
         self._packets: PacketLog | None = None
 
     def open(self) -> None:
-        """Begin to write. Raises FileError or OSError where that cannot be."""
+        """Begin to write: a job for the disk. Raises FileError or OSError where that cannot be."""
         self._folder.mkdir(exist_ok=True)
         number = 1 + len(can_logs(self._folder.parent))
         suffix = "" if number == 1 else f"-{number}"
-        self._frames = CandumpLog(self._folder / f"{CAN}{suffix}.log")
-        self._packets = PacketLog(self._folder / f"{MOCAP}{suffix}.mcap")
+        self._frames = CandumpLog(self._folder / f"{CAN}{suffix}.log", disk=self._disk)
+        self._packets = PacketLog(self._folder / f"{MOCAP}{suffix}.mcap", self._disk)
 
     def on_frame(self, frame: CanFrame) -> None:
         """A tap of the bus."""

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.ports import Clock, Gauge, MarkerFrame, MarkerSource, Winch, WinchSample
+from drivers.disk import InlineDisk
+from drivers.ports import Clock, Disk, Gauge, MarkerFrame, MarkerSource, Winch, WinchSample
 from fidim_lab.data.window_csv import header, row
 from fidim_lab.errors import HardwareError, OurBugError
 from procedures.disk import disk_error
@@ -66,7 +67,11 @@ class Recording:
 
 
 class Recorder:
-    """Records one window at a time into a run folder. Every method raises HardwareError when the disk fails."""
+    """Records one window at a time into a run folder.
+
+    What the disk does not take meanwhile is `Disk.error`, which a guard looks at; what ends a window raises
+    HardwareError.
+    """
 
     def __init__(
         self,
@@ -79,8 +84,10 @@ class Recorder:
         write: WriteBytes = os.write,
         newton_per_ampere: Sequence[float] | None = None,
         gauges: Sequence[Gauge] = (),
+        disk: Disk | None = None,
     ) -> None:
         """`gauges`: their columns follow those that the format names."""
+        self._disk = InlineDisk() if disk is None else disk
         self._gauges = tuple(gauges)
         self._further = [column for gauge in self._gauges for column in gauge.columns]
         self._folder = folder
@@ -102,7 +109,7 @@ class Recorder:
         names = header(len(self._winches), self._markers, further=self._further)
         rows = Rows(self._source.rate, round(duration * self._source.rate) + 1, len(names))
         before = self._source.counters()
-        keep_unfinished(self._folder, window)
+        self._disk.put(lambda: keep_unfinished(self._folder, window))
         files = self._open_files(window, attempt, duration)
         files.csv.add(f"{','.join(names)}\n".encode())
         reader = asyncio.ensure_future(self._read(rows, files, names))
@@ -112,8 +119,9 @@ class Recorder:
             reader.cancel()
             await asyncio.gather(reader, return_exceptions=True)
         self._add(files, names, rows, rows.rest(), None)
-        await asyncio.gather(files.csv.sync_beside(), files.log.sync_beside())  # 50 ms and more, of ten seconds
-        files.csv.close()
+        files.csv.flush()
+        files.log.flush()
+        await self._disk.do(lambda: _finish(files))  # 50 ms and more, of ten seconds
         after = self._source.counters()
         counted = {name: count - before.get(name, 0) for name, count in after.items()}
         self._last = self._recording(window, attempt, rows.array(), counted)
@@ -125,37 +133,35 @@ class Recorder:
             raise OurBugError(f"Recorder: attempt {attempt} of window {window} is not the one recorded last.")
         return self._last
 
-    def accept(self, window: str) -> Path:
+    async def accept(self, window: str) -> Path:
         """Make the window just recorded a part of the campaign; returns its CSV file."""
-        return self._close(self._folder / "windows" / f"{window}.csv")
+        return await self._seal(self._folder / "windows" / f"{window}.csv")
 
-    def put_beside(self, window: str, folder: str) -> Path:
+    async def put_beside(self, window: str, folder: str) -> Path:
         """Keep what was recorded last in a folder of its own (made here): it is no free motion. Returns the file."""
-        to = self._folder / folder / f"{window}.csv"
-        try:
-            to.parent.mkdir(exist_ok=True)
-        except OSError as error:
-            raise disk_error(to.parent, error) from error
-        return self._close(to)
+        return await self._seal(self._folder / folder / f"{window}.csv")
 
-    def reject(self, window: str, attempt: int) -> Path:
+    async def reject(self, window: str, attempt: int) -> Path:
         """Keep the window just recorded aside; returns its CSV file."""
-        return self._close(self._folder / "rejected" / f"{window}-attempt{attempt}.csv")
+        return await self._seal(self._folder / "rejected" / f"{window}-attempt{attempt}.csv")
 
-    def abandon(self) -> Path | None:
+    async def abandon(self) -> Path | None:
         """Keep what an interrupted recording has written; returns its file, None where there is none. Never raises."""
         files, self._open = self._open, None
         if files is None:
             return None
-        close_quietly(files.csv)
-        if not files.log.file.failed:
-            with suppress(HardwareError):  # what the disk did take is kept
-                files.log.flush()
-        close_quietly(files.log.file)
+        files.csv.flush()
+        files.log.flush()
         to = self._folder / "rejected" / f"{files.window}-attempt{files.attempt}.csv"
-        for file, name in ((files.log.file, to.with_suffix(f".mcap{PART}")), (files.csv, to)):
-            with suppress(HardwareError):
-                file.move(name)
+
+        def keep() -> None:  # what the disk did take
+            for file, name in ((files.log.file, to.with_suffix(f".mcap{PART}")), (files.csv, to)):
+                close_quietly(file)
+                with suppress(HardwareError):
+                    file.seal(name)
+
+        with suppress(HardwareError):
+            await self._disk.do(keep)
         return files.csv.path
 
     def on_event(self, event: Event) -> None:
@@ -172,14 +178,10 @@ class Recorder:
             "duration": f"{duration:g}",
             "winches": ", ".join(winch.name for winch in self._winches),
         }
-        file = PartFile(csv, self._write, unit=b"\n")
-        try:
-            log = WindowLog(
-                csv.with_suffix(".mcap"), about, self._factors, self._source.rate, self._write, self._further
-            )
-        except HardwareError:
-            close_quietly(file)
-            raise
+        file = PartFile(csv, self._disk, self._write, unit=b"\n")
+        log = WindowLog(
+            csv.with_suffix(".mcap"), about, self._factors, self._source.rate, self._disk, self._write, self._further
+        )
         self._open = _Open(window, attempt, file, log)
         return self._open
 
@@ -256,15 +258,33 @@ class Recorder:
             further=dict(zip(self._further, table[:, 1 + coordinates + 2 * n :].T, strict=True)),
         )
 
-    def _close(self, to: Path) -> Path:
+    async def _seal(self, to: Path) -> Path:
         """The log first: a window counts as recorded once its CSV file is in place."""
-        if self._open is None:
+        files = self._open
+        if files is None:
             raise OurBugError(f"Recorder: there is no recording to become {to.name}.")
-        self._open.csv.close()  # still open where a pause broke the recording off
-        self._open.log.finish(to.with_suffix(".mcap"))
-        self._open.csv.move(to)
+        files.csv.flush()  # still open where a pause broke the recording off
+        files.log.finish()
+
+        def seal() -> Path:
+            try:
+                to.parent.mkdir(exist_ok=True)
+            except OSError as error:
+                raise disk_error(to.parent, error) from error
+            _finish(files)
+            files.log.file.seal(to.with_suffix(".mcap"))
+            return files.csv.seal(to)
+
+        await self._disk.do(seal)
         self._open = None
         return to
+
+
+def _finish(files: _Open) -> None:
+    """A job: all rows are on the disk, or this raises."""
+    files.csv.require_whole()
+    files.log.file.require_whole()
+    files.csv.close()
 
 
 def length_at(sample: WinchSample, t: float) -> float:

@@ -169,7 +169,7 @@ def _shared(wrong: Mapping[str, str], count: int, one: str, many: str) -> str | 
 
 
 class LogGuard:
-    """A log beside the run (raw bus frames) cannot be written any more: what happens from now on would be missing."""
+    """Something of the run cannot be written any more: what happens from now on would be missing."""
 
     name = "log"
     reaction = Reaction.HOLD

@@ -10,11 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from drivers.ports import Rig
+from drivers.disk import InlineDisk
+from drivers.ports import Disk, Rig
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
 from procedures.control import Control
 from procedures.device_guards import device_guards
+from procedures.disk import settled
 from procedures.engine import Ending, Engine
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
 from procedures.experiment import Experiment
@@ -28,7 +30,7 @@ from procedures.outcomes import Outcome
 from procedures.recorder import Recorder, WriteBytes
 from procedures.report import RunReport
 from procedures.resumption import Resumption
-from procedures.robot_guards import standard_guards
+from procedures.robot_guards import LogGuard, standard_guards
 from procedures.run_folder import RunFolder
 from procedures.stand import Stand
 from procedures.steps import Step
@@ -48,17 +50,30 @@ async def run_procedure(
     control: Control | None = None,
     resumption: Resumption | None = None,
     write: WriteBytes = os.write,
+    disk: Disk | None = None,
 ) -> RunReport:
     """Carry an experiment out into a new folder, which is a campaign as FORMAT.md fixes it.
 
     wall_time: the time of day as ISO 8601 text, for the journal (a constant in simulations).
     guards: besides the standard ones. control: by which people pause, skip, retry, abort and stop.
     resumption: the folder is an earlier run's, which goes on; the procedure has only what is left to do.
+    disk: takes all that is written; without one everything is written at once, in whatever time that takes.
     Raises SetupError or InfeasibleError before anything is commanded; CancelledError after the robot is held when it
     was cancelled (the report goes to the listeners in `RunFinished`); and what only a bug can raise, likewise after
     the robot is held.
     """
-    run = _Run(experiment, rig, folder, wall_time, listeners, control or Control(), write, resumption)
+    outline = Outline(experiment.procedure)
+    check_moves(outline.steps, experiment.robot, experiment.workspace)
+    kept = None if resumption is None else resumption.entries
+    disk = InlineDisk() if disk is None else disk
+
+    def opened() -> tuple[RunFolder, Journal]:
+        made = RunFolder(folder, experiment.name, experiment.robot, rig.markers.rate, kept)
+        return made, Journal(made.journal, rig.clock, wall_time, disk)
+
+    factors = _newton_per_ampere(experiment.robot, rig)
+    files = await disk.do(opened)
+    run = _Run(experiment, rig, outline, files, factors, listeners, control or Control(), write, resumption, disk)
     return await run.carry_out(handlers, guards)
 
 
@@ -69,27 +84,29 @@ class _Run:
         self,
         experiment: Experiment,
         rig: Rig,
-        folder: Path,
-        wall_time: WallTime,
+        outline: Outline,
+        files: tuple[RunFolder, Journal],
+        factors: tuple[float, ...],
         listeners: Sequence[Listener],
         control: Control,
         write: WriteBytes,
         resumption: Resumption | None,
+        disk: Disk,
     ) -> None:
         robot, settings = experiment.robot, experiment.settings
-        factors = _newton_per_ampere(robot, rig)
         self._experiment = experiment
         self._rig = rig
         self._factors = factors
-        self._outline = Outline(experiment.procedure)
-        check_moves(self._outline.steps, robot, experiment.workspace)
+        self._outline = outline
         self._resumption = resumption
-        kept = None if resumption is None else resumption.entries
-        self._folder = RunFolder(folder, experiment.name, robot, rig.markers.rate, kept)
-        self._journal = Journal(self._folder.journal, rig.clock, wall_time)
+        self._disk = disk
+        self._folder, self._journal = files
+        folder = self._folder.path
         self._ledger = Ledger(folder, experiment.roles, None if resumption is None else resumption.rows)
         age, markers = settings.guard.sample_age, len(robot.markers)
-        self._recorder = Recorder(folder, rig.clock, rig.markers, rig.winches, markers, age, write, factors, rig.gauges)
+        self._recorder = Recorder(
+            folder, rig.clock, rig.markers, rig.winches, markers, age, write, factors, rig.gauges, disk
+        )
         self._publish = Publisher([self._recorder.on_event, *listeners])
         self._engine = Engine(rig, self._outline, self._journal, self._publish, self._ledger, factors, control)
 
@@ -123,12 +140,14 @@ class _Run:
             progress=self._engine.progress,
             prompted=self._engine.prompted,
             place=None if self._resumption is None else self._resumption.place,
+            disk=self._disk,
         )
         names = [winch.name for winch in self._rig.winches]
         limits = experiment.robot.limits.tension
         guards = (
             *standard_guards(names, self._factors, limits, settings.guard),
             *device_guards(self._rig, settings.guard),
+            LogGuard(lambda: self._disk.error),
             *more,
         )
         outline, windows = self._outline, tuple(experiment.roles)
@@ -147,7 +166,7 @@ class _Run:
         """Hold the robot, keep what was recorded, write it down. Cannot be cut short."""
         held = await self._hold()
         await self._engine.ended()
-        kept = self._recorder.abandon()
+        kept = await self._recorder.abandon()
         reason = ending.reason
         if kept is not None:
             reason += f" What was recorded of the open window is kept in {kept.relative_to(self._folder.path)}."
@@ -165,8 +184,8 @@ class _Run:
             seconds=self._rig.clock.now() - begin,
             interrupted=isinstance(error, asyncio.CancelledError | KeyboardInterrupt),
         )
-        unwritten = self._write_down(report)
-        if unwritten is not None and report.outcome is not Outcome.ERROR:
+        unwritten = await self._write_down(report)
+        if unwritten and report.outcome is not Outcome.ERROR:
             reason = f"{report.reason} {unwritten}".strip()
             report = replace(report, outcome=Outcome.ERROR, reason=reason)
         self._publish(RunFinished(self._rig.clock.now(), report))
@@ -179,25 +198,26 @@ class _Run:
         latched = pulse.trip is not None and pulse.trip.reaction is Reaction.QUICK_STOP
         return await hold_robot(self._rig.clock, self._rig.winches, settings.hold, settings.guard, latched=latched)
 
-    def _write_down(self, report: RunReport) -> HardwareError | None:
-        """The journal's last lines; returns why the disk did not take them, which must not hide the report."""
+    async def _write_down(self, report: RunReport) -> str:
+        """The journal's last lines; returns why the disk did not take all, which must not hide the report."""
         trip = self._engine.pulse.trip
+        if trip is not None:
+            told = {"guard": trip.guard, "reaction": trip.reaction.value, "at": round(trip.t, 6)}
+            self._journal.write(Kind.TRIPPED, outcome=Outcome.ERROR, reason=trip.says, data=told)
+        outcome = Outcome.PASS if report.held else Outcome.ERROR
+        samples = [winch.latest() for winch in self._rig.winches]
+        lengths = [round(sample.length, 6) for sample in samples if sample is not None]
+        data: dict[str, object] = {"lengths": lengths} if len(lengths) == len(samples) else {}
+        data["winches"] = [one.values for one in report.stopped]
+        self._journal.write(Kind.HELD, outcome=outcome, reason=report.held_says, data=data)
+        windows = {row.id: row.outcome.value for row in report.windows}
+        data = {"windows": windows, "seconds": round(report.seconds, 3)}
+        self._journal.write(Kind.RUN_FINISHED, outcome=report.outcome, reason=report.reason, data=data)
         try:
-            if trip is not None:
-                data = {"guard": trip.guard, "reaction": trip.reaction.value, "at": round(trip.t, 6)}
-                self._journal.write(Kind.TRIPPED, outcome=Outcome.ERROR, reason=trip.says, data=data)
-            outcome = Outcome.PASS if report.held else Outcome.ERROR
-            samples = [winch.latest() for winch in self._rig.winches]
-            lengths = [round(sample.length, 6) for sample in samples if sample is not None]
-            data: dict[str, object] = {"lengths": lengths} if len(lengths) == len(samples) else {}
-            data["winches"] = [one.values for one in report.stopped]
-            self._journal.write(Kind.HELD, outcome=outcome, reason=report.held_says, data=data)
-            windows = {row.id: row.outcome.value for row in report.windows}
-            data = {"windows": windows, "seconds": round(report.seconds, 3)}
-            self._journal.write(Kind.RUN_FINISHED, outcome=report.outcome, reason=report.reason, data=data)
+            await settled(self._disk)
         except HardwareError as error:
-            return error
-        return None
+            return str(error)
+        return ""
 
     def _broken_off(self, error: BaseException) -> Ending:
         step = self._engine.pulse.step

@@ -23,7 +23,10 @@ DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 class RunFolder:
-    """Where a run writes. Raises SetupError where the folder holds something already, HardwareError for a full disk."""
+    """Where a run writes. Making and adding are jobs for the disk.
+
+    Raises SetupError where the folder holds something already, HardwareError for a full disk.
+    """
 
     def __init__(
         self,

@@ -1,9 +1,10 @@
 """What step handlers work with: the rig, the robot, the settings, the recorder, the run folder. Made once for a run."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from drivers.ports import Prompt, Rig, WinchSample
+from drivers.disk import InlineDisk
+from drivers.ports import Disk, Prompt, Rig, WinchSample
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import DeviceError
 from procedures.limits import Workspace
@@ -30,6 +31,8 @@ class Stand:
     """a question is about to be asked in a window"""
     place: LastPlace | None = None
     """where an earlier process left the robot; checked before anything moves"""
+    disk: Disk = field(default_factory=InlineDisk)
+    """takes whatever is to be written"""
 
     def sample(self, winch: int) -> WinchSample:
         """The newest sample of a winch. Raises DeviceError when it is too old to be believed."""

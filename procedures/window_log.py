@@ -9,7 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from drivers.ports import MarkerFrame, WinchSample
+from drivers.ports import Disk, MarkerFrame, WinchSample
 from fidim_lab.data.mcap_encoder import McapEncoder, nanoseconds
 from fidim_lab.data.mcap_schemas import ERROR, GUARD, INFO, LOG, POSE, WARNING, WINCH, messages, timestamp
 from fidim_lab.data.window_mcap import PROFILE, add_row_channel, encode_row
@@ -29,7 +29,7 @@ def winch_topic(cable: int) -> str:
 
 
 class WindowLog:
-    """Open from the first row to the verdict. `flush`, `sync`, `finish` raise HardwareError when the disk fails."""
+    """Open from the first row to the verdict. Nothing here waits for the disk; its errors are `Disk.error`."""
 
     def __init__(
         self,
@@ -37,6 +37,7 @@ class WindowLog:
         about: Mapping[str, str],
         newton_per_ampere: Sequence[float],
         rate: float,
+        disk: Disk | None = None,
         write: WriteBytes = os.write,
         further: Sequence[str] = (),
     ) -> None:
@@ -44,7 +45,7 @@ class WindowLog:
 
         `further`: names of the columns after those that the format names.
         """
-        self.file = PartFile(final, write)
+        self.file = PartFile(final, disk, write)
         self._factors = tuple(newton_per_ampere)
         self._rate = rate
         self._seen = [-math.inf] * len(self._factors)
@@ -117,20 +118,14 @@ class WindowLog:
                 pass
 
     def flush(self) -> None:
-        """Close the open chunk and hand it to the operating system."""
+        """Close the open chunk and hand it to the disk."""
         self.file.add(self._encoder.flush())
         self.file.flush()
 
-    async def sync_beside(self) -> None:
-        """Flush, and bring it to the disk in a thread."""
-        self.file.add(self._encoder.flush())
-        await self.file.sync_beside()
-
-    def finish(self, to: Path) -> Path:
-        """Write the index, close, and give the file its last name."""
+    def finish(self) -> None:
+        """Hand the rest and the index to the disk; the file is whole then, and can be sealed."""
         self.file.add(self._encoder.finish())
-        self.file.close()
-        return self.file.move(to)
+        self.file.flush()
 
     def _trip(self, t: float, level: int, trip: Trip) -> None:
         told = {"guard": trip.guard, "says": trip.says, "reaction": trip.reaction.value}

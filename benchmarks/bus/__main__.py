@@ -4,6 +4,7 @@
     python -m benchmarks.bus saturated --minutes 1 --over tcp slcan                                 (2 minutes)
     python -m benchmarks.bus time --seeds 40                                                        (2 minutes)
     python -m benchmarks.bus kills --rounds 100                                                     (6 minutes)
+    python -m benchmarks.bus gaps                                                                   (6 minutes)
 
 Buses: inprocess (drives in the host's own process), tcp (SLCAN over a socket, as `fidim simulators` serves it), slcan
 (an adapter on a pseudo terminal). The computer runs the simulated devices, too; times are of the monotonic clock, which
@@ -13,6 +14,7 @@ all processes share.
 import argparse
 
 from benchmarks.bus.alignment import alignment
+from benchmarks.bus.gaps import STRAINS, gaps
 from benchmarks.bus.kills import kills
 from benchmarks.bus.rates import rates
 from benchmarks.bus.saturated import saturated
@@ -37,6 +39,9 @@ def main(arguments: "list[str] | None" = None) -> None:
         case "time":
             title, text = "Time", alignment(options.seeds)
             told = f"--seeds {options.seeds}"
+        case "gaps":
+            title, text = "What keeps SYNC back", gaps(options.strains)
+            told = f"--strains {' '.join(options.strains)}"
         case _:
             title, text = "Master killed or stopped", kills(options.rounds, options.seed)
             told = f"--rounds {options.rounds} --seed {options.seed}"
@@ -51,12 +56,13 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.bus", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("rates", "saturated", "time", "kills"))
+    parser.add_argument("what", choices=("rates", "saturated", "time", "kills", "gaps"))
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--sync", type=float, nargs="+", default=[100.0, 250.0, 500.0], help="Hz")
     parser.add_argument("--over", nargs="+", choices=BUSES, default=list(BUSES))
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--rounds", type=int, default=100)
+    parser.add_argument("--strains", nargs="+", choices=tuple(STRAINS), default=list(STRAINS))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--others-idle", dest="idle", action="store_true", help="whatever else runs is SCHED_IDLE")
     parser.add_argument("--print", dest="printed", action="store_true", help="do not write the page")

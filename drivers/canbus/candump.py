@@ -12,6 +12,8 @@ from types import TracebackType
 from typing import Self
 
 from drivers.canbus.transport import CanFrame
+from drivers.disk import InlineDisk
+from drivers.ports import Disk
 from fidim_lab.data.input_file import open_input
 from fidim_lab.errors import FileError
 
@@ -31,17 +33,20 @@ def format_line(frame: CanFrame, channel: str = "can0") -> str:
 class CandumpLog:
     """Writes every frame that passes; flushed at 10 Hz of bus time, so that a killed process loses at most 0.1 s."""
 
-    def __init__(self, path: Path, channel: str = "can0") -> None:
-        """Raises FileError where the file cannot be made."""
+    def __init__(self, path: Path, channel: str = "can0", disk: Disk | None = None) -> None:
+        """disk: takes the lines; whoever hands over a frame never waits. Raises FileError if it cannot be made."""
         self._channel = channel
+        self._disk = InlineDisk() if disk is None else disk
         self._lock = threading.Lock()
+        self._lines: list[str] = []
+        self._closed = False
         self._flushed_at = float("-inf")
         self.error: str | None = None
         """why writing ended (full disk); a tap must not raise, so whoever records has to look here"""
         self.lost = 0
         """frames that came after that"""
         try:
-            self._file = path.open("w", encoding="ascii", newline="\n")
+            self._file = path.open("wb", buffering=0)
         except OSError as error:
             raise FileError(path, "", f"the raw CAN log cannot be written: {error.strerror}.") from error
 
@@ -49,25 +54,38 @@ class CandumpLog:
         """Append one frame; never raises."""
         line = format_line(frame, self._channel)
         with self._lock:
-            if self.error is not None or self._file.closed:
+            if self.error is not None or self._closed:
                 self.lost += 1
                 return
-            try:
-                self._file.write(line + "\n")
-                if frame.t - self._flushed_at >= _FLUSH_S:
-                    self._flushed_at = frame.t
-                    self._file.flush()
-            except OSError as error:
-                self.error = f"the raw CAN log {self._file.name} cannot be written: {error.strerror}"
-                self.lost += 1
+            self._lines.append(line)
+            if frame.t - self._flushed_at >= _FLUSH_S:
+                self._flushed_at = frame.t
+                self._flush()
 
     def close(self) -> None:
         """Flush and close; may be called twice."""
         with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._flush()
+                self._disk.put(self._file.close)
+
+    def _flush(self) -> None:
+        lines, self._lines = self._lines, []
+        if lines:
+            block = ("\n".join(lines) + "\n").encode("ascii")
+            self._disk.put(lambda: self._put(block, len(lines)), len(block))
+
+    def _put(self, block: bytes, frames: int) -> None:
+        """A job: all of it, in order; nothing after what the disk has refused."""
+        if self.error is None:
             try:
-                self._file.close()
+                while block:
+                    block = block[self._file.write(block) or 0 :]
             except OSError as error:
-                self.error = self.error or f"the raw CAN log {self._file.name} cannot be written: {error.strerror}"
+                self.error = f"the raw CAN log {self._file.name} cannot be written: {error.strerror}"
+        if self.error is not None:
+            self.lost += frames
 
     def __enter__(self) -> Self:
         return self

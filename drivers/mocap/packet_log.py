@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from drivers.disk import InlineDisk
+from drivers.ports import Disk
 from fidim_lab.data.mcap_encoder import McapEncoder, nanoseconds
 from fidim_lab.data.mcap_file import read_mcap
 from fidim_lab.errors import FileError
@@ -31,9 +33,11 @@ class Packet:
 class PacketLog:
     """Writes every packet; flushed at 10 Hz of packet time, so that a killed process loses at most 0.1 s."""
 
-    def __init__(self, path: Path) -> None:
-        """Raises FileError where the file cannot be made."""
+    def __init__(self, path: Path, disk: Disk | None = None) -> None:
+        """disk: takes the packets; whoever hands one over never waits. Raises FileError where it cannot be made."""
         self._path = path
+        self._disk = InlineDisk() if disk is None else disk
+        self._closed = False
         self._flushed_at = float("-inf")
         self.error: str | None = None
         """why writing ended (full disk); a tap must not raise, so whoever records has to look here"""
@@ -46,7 +50,7 @@ class PacketLog:
 
     def write(self, t: float, connection: int, data: bytes) -> None:
         """Append one packet; never raises."""
-        if self.error is not None or self._file.closed:
+        if self.error is not None or self._closed:
             return
         packet = connection.to_bytes(_CONNECTION, "little") + data
         self._encoder.add(self._channel, nanoseconds(t), packet)
@@ -56,14 +60,18 @@ class PacketLog:
 
     def close(self) -> None:
         """Write the index and close; may be called twice."""
-        if not self._file.closed:
-            if self.error is None:
-                self._put(self._encoder.finish())
-            self._file.close()
+        if not self._closed:
+            self._closed = True
+            self._put(self._encoder.finish())
+            self._disk.put(self._file.close)
 
     def _put(self, block: bytes) -> None:
+        self._disk.put(lambda: self._write(block), len(block))
+
+    def _write(self, block: bytes) -> None:
+        """A job: nothing after what the disk has refused."""
         try:
-            while block:
+            while block and self.error is None:
                 block = block[self._file.write(block) or 0 :]
         except OSError as error:
             self.error = f"the raw motion-capture log {self._path} cannot be written: {error.strerror}"

@@ -1,8 +1,11 @@
 """Keeps how late motion capture is: beside the rig file when `align` has found it, and with every campaign after it."""
 
+import asyncio
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+from drivers.ports import Disk
 from fidim_lab.data.alignment_file import NAME, alignment_path, read_alignment, write_alignment
 from fidim_lab.data.records import Alignment
 from fidim_lab.data.rig import RigFile
@@ -41,10 +44,14 @@ def known_alignment(file: RigFile) -> Alignment | None:
 class AlignmentKeeper:
     """A listener of `align`: writes what the jog has told into the run's folder and beside the rig file."""
 
-    def __init__(self, file: RigFile, folder: Path, wall_time: Callable[[], str], tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, file: RigFile, folder: Path, wall_time: Callable[[], str], tell: Callable[[str], None], disk: Disk
+    ) -> None:
         """tell: told where the disk does not take it; a listener must not raise."""
         self._file = file
         self._tell = tell
+        self._disk = disk
+        self._writing: asyncio.Task[None] | None = None
         self._folder = folder
         self._wall_time = wall_time
 
@@ -63,9 +70,12 @@ class AlignmentKeeper:
             rate=mocap.rate,
             sync_rate=self._file.bus.sync_rate,
         )
-        try:
-            write_alignment(self._folder / NAME, found)
-            if self._file.keeps_homes:
-                write_alignment(alignment_path(self._file.path), found)
-        except HardwareError as error:
-            self._tell(str(error))
+        self._writing = asyncio.ensure_future(self._write(found))
+
+    async def _write(self, found: Alignment) -> None:
+        paths = [self._folder / NAME, *([alignment_path(self._file.path)] if self._file.keeps_homes else [])]
+        for path in paths:
+            try:
+                await self._disk.do(partial(write_alignment, path, found))
+            except HardwareError as error:
+                self._tell(str(error))

@@ -6,31 +6,39 @@ try:
     report = await run_procedure(…, listeners=(records.on_event, …), guards=(LogGuard(records.error),))
     await records.after_run()                  # while the rig is still open
 finally:
-    records.close()
+    records.close()                            # or, while a control loop goes on: await records.closed()
 """
 
 from collections.abc import Callable
 from pathlib import Path
 
 from drivers.canbus.transport import CanFrame
+from drivers.disk import InlineDisk
 from drivers.mocap.source import StreamMarkerSource
-from drivers.ports import Rig
+from drivers.ports import Disk, Rig
 from fidim_lab.app.devices_file import devices_of, read_back, write_devices
 from fidim_lab.app.manifest import write_manifest
 from fidim_lab.errors import FidimError
 from procedures.events import Event, RunStarted
 from procedures.raw_logs import RawLogs
 
+MANIFEST_WITHIN = 600.0
+"""s: as long as no disk takes to read a day's run"""
+
 
 class RunRecords:
     """Opens when the run's folder is there, also for a run that is resumed; taps and listener never raise."""
 
-    def __init__(self, folder: Path, rig: Rig, papers: Callable[[], None]) -> None:
-        """papers: writes what belongs beside the run into the folder; may raise OSError or FidimError."""
+    def __init__(self, folder: Path, rig: Rig, papers: Callable[[], None], disk: Disk | None = None) -> None:
+        """papers: writes what belongs beside the run into the folder; may raise OSError or FidimError.
+
+        disk: takes all of it.
+        """
+        self._disk = InlineDisk() if disk is None else disk
         self._folder = folder
         self._rig = rig
         self._papers = papers
-        self._logs = RawLogs(folder)
+        self._logs = RawLogs(folder, self._disk)
         self._unwritten: str | None = None
         self._open = False
         if isinstance(rig.markers, StreamMarkerSource):
@@ -45,12 +53,9 @@ class RunRecords:
         if not isinstance(event, RunStarted):
             return
         self._open = True
-        try:
-            self._logs.open()
-            write_devices(self._folder, devices_of(self._rig))
-            self._papers()
-        except (OSError, FidimError) as error:  # said by a guard: a listener that raises is a bug
-            self._unwritten = str(error)
+        devices = devices_of(self._rig)
+        self._disk.put(lambda: self._carry_out(self._logs.open))
+        self._disk.secure(lambda: self._carry_out(lambda: write_devices(self._folder, devices), self._papers))
 
     def error(self) -> str | None:
         """Why the raw logs, or what else belongs beside the run, are not whole: for `LogGuard`."""
@@ -59,11 +64,29 @@ class RunRecords:
     async def after_run(self) -> None:
         """Read the drives' objects once more into devices.json. Raises HardwareError when the disk fails."""
         if self._open:
-            write_devices(self._folder, await read_back(self._rig))
+            devices = await read_back(self._rig)
+            await self._disk.do(lambda: write_devices(self._folder, devices))
 
     def close(self) -> None:
         """Close the logs and write the manifest; may be called twice. Raises HardwareError when the disk fails."""
-        self._logs.close()
-        if self._open:
-            self._open = False
+        if self._ends():
             write_manifest(self._folder)
+
+    async def closed(self) -> None:
+        """As `close`, beside the control loop: a manifest reads all that was recorded."""
+        if self._ends():
+            await self._disk.do(lambda: write_manifest(self._folder), longest=MANIFEST_WITHIN)
+
+    def _ends(self) -> bool:
+        """Whether there is anything to write a manifest of."""
+        self._logs.close()
+        was_open, self._open = self._open, False
+        return was_open
+
+    def _carry_out(self, *jobs: Callable[[], object]) -> None:
+        """A job: what goes wrong is said by a guard."""
+        try:
+            for job in jobs:
+                job()
+        except (OSError, FidimError) as error:
+            self._unwritten = self._unwritten or str(error)

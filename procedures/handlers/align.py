@@ -26,7 +26,7 @@ async def jog(stand: Stand, step: Jog) -> Result:
     finally:
         recording.cancel()
         await asyncio.gather(recording, return_exceptions=True)
-    stand.recorder.put_beside(step.window, PLACES)
+    await stand.recorder.put_beside(step.window, PLACES)
     return await _lag(step, recorded)
 
 

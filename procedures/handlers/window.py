@@ -23,14 +23,14 @@ async def check_window(stand: Stand, step: CheckWindow) -> Result:
 
 async def accept(stand: Stand, step: Accept) -> Result:
     """Make it a part of the campaign."""
-    stand.recorder.accept(step.window)
-    stand.folder.add(step.window, step.role, step.equilibrium)
+    await stand.recorder.accept(step.window)
+    await stand.disk.do(lambda: stand.folder.add(step.window, step.role, step.equilibrium))
     return Result(step.outcome, step.reason)
 
 
 async def reject(stand: Stand, step: Reject) -> Result:
     """Set it aside."""
-    stand.recorder.reject(step.window, step.attempt)
+    await stand.recorder.reject(step.window, step.attempt)
     return Result(Outcome.FAIL, step.reason)
 
 

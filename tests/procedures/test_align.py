@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.disk import InlineDisk
 from fidim_lab.app import compose
 from fidim_lab.app.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.data.alignment_file import NAME, alignment_path, at_exposures, read_alignment
@@ -67,7 +68,7 @@ def rig_file():
 def jogged(irma4, rig_file, tmp_path_factory):
     folder = tmp_path_factory.mktemp("jog")
     file = replace(rig_file, path=folder / "rig.toml")
-    keeper = AlignmentKeeper(file, folder / "run", lambda: "2026-01-01T00:00:00Z", pytest.fail)
+    keeper = AlignmentKeeper(file, folder / "run", lambda: "2026-01-01T00:00:00Z", pytest.fail, InlineDisk())
     with pytest.MonkeyPatch.context() as patch:
         return carried_out(irma4, folder / "run", patch, (keeper,)), folder / "run", file
 

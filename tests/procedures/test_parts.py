@@ -244,10 +244,10 @@ def test_a_recorder_keeps_one_recording_apart_from_another(world, tmp_path):
         assert recorder.last("i01", 1) is made
         with pytest.raises(OurBugError):
             recorder.last("i02", 1)
-        assert recorder.reject("i01", 1) == tmp_path / "rejected" / "i01-attempt1.csv"
+        assert await recorder.reject("i01", 1) == tmp_path / "rejected" / "i01-attempt1.csv"
         with pytest.raises(OurBugError):
-            recorder.accept("i01")
-        assert recorder.abandon() is None
+            await recorder.accept("i01")
+        assert await recorder.abandon() is None
 
     run(main())
 

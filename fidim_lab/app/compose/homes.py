@@ -1,5 +1,6 @@
 """Keeps RIG.home.toml while a rig is open: new zeros when `home` made some, and where each encoder was seen."""
 
+import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -30,16 +31,17 @@ class HomeKeeper:
         try:
             while True:
                 await self._clock.sleep(PERIOD)
-                self._keep()
+                await self._keep()
         finally:
-            self._keep()
+            await self._keep()
 
-    def _keep(self) -> None:
+    async def _keep(self) -> None:
+        """In a thread, since the disk may take its time; shielded, since the last word counts."""
         homes = self._present()
         if homes == self._homes:
             return
         try:
-            write_homes(self._file.path, homes)
+            await asyncio.shield(asyncio.to_thread(write_homes, self._file.path, homes))
         except HardwareError:
             return  # tried again; the zero that was kept before is refused if it is wrong
         self._homes = dict(homes)

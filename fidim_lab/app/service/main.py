@@ -7,11 +7,13 @@ import shutil
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from drivers.disk import DiskThreads
+from drivers.ports import Disk
 from fidim_lab.app import compose
 from fidim_lab.app.aligned import PROCEDURE as ALIGN
 from fidim_lab.app.aligned import AlignmentKeeper, known_alignment
@@ -35,7 +37,7 @@ from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Alignment, Plan
 from fidim_lab.data.rig import RigFile
 from fidim_lab.data.rig_file import read_rig
-from fidim_lab.errors import FidimError
+from fidim_lab.errors import FidimError, HardwareError
 from procedures.catalogue import experiment
 from procedures.disk import sync
 from procedures.guards import Guard
@@ -49,6 +51,7 @@ from procedures.run_folder import one_writer
 from procedures.settings import Settings
 from procedures.steps import MoveTo
 from procedures.steps.compare import Explain
+from procedures.timing import uninterrupted
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +99,10 @@ def run_service(work: Work) -> int:
 async def _serve(work: Work, place: Place, lock: Lock, ended: list[RunReport]) -> int:
     spec = work.spec
     place_left = work.resumption.place if work.resumption else None
-    async with open_rig(spec, work.file, work.plan, place_left.end if place_left else None) as opened:
+    left = place_left.end if place_left else None
+    async with AsyncExitStack() as stack:
+        disk = stack.enter_context(DiskThreads())
+        opened = await stack.enter_async_context(open_rig(spec, work.file, work.plan, left))
         service = _service(work, opened)
         await service.hub.listen_unix(place.socket)
         if spec.tcp_port is not None:
@@ -104,7 +110,7 @@ async def _serve(work: Work, place: Place, lock: Lock, ended: list[RunReport]) -
 
         async def carry(service: Service) -> RunReport:
             try:
-                return await _carry_out(work, opened, service)
+                return await _carry_out(work, opened, service, disk)
             finally:
                 if service.watcher.report is not None:
                     ended.append(service.watcher.report)
@@ -122,10 +128,10 @@ def _service(work: Work, opened: Opened) -> Service:
     return Service(work.experiment, opened, identity, rows, defaults)
 
 
-async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
-    logs = RunRecords(work.spec.out, opened.rig, lambda: write_papers(work))
+async def _carry_out(work: Work, opened: Opened, service: Service, disk: Disk) -> RunReport:
+    logs = RunRecords(work.spec.out, opened.rig, lambda: write_papers(work), disk)
     opened.tap(logs.on_frame)
-    guards = (LogGuard(logs.error), *_more_guards(work))
+    guards = (LogGuard(logs.error), *_more_guards(work, disk))
     service.broadcast.more_guards(guards)
     if work.resumption is not None:
         known, planned = len(work.resumption.rows), len(work.experiment.roles)
@@ -143,27 +149,35 @@ async def _carry_out(work: Work, opened: Opened, service: Service) -> RunReport:
             service.rig,
             work.spec.out,
             wall_time=wall_time,
-            listeners=(logs.on_event, *service.listeners(), check, _keeper(work, service)),
+            listeners=(logs.on_event, *service.listeners(), check, _keeper(work, service, disk)),
             guards=guards,
             handlers=handlers,
             control=service.control,
             resumption=work.resumption,
+            disk=disk,
         )
         await logs.after_run()
         await check.close()
         return report
     finally:
-        await check.close(patience=0.0)
-        if service.watcher.report is not None:
-            with suppress(OSError):  # a full disk: the journal has said so
-                write_summary(work.spec.out, service.watcher.report)
-        logs.close()  # writes the manifest, of all that is there
+        await uninterrupted(_ended(work, service, logs, check, disk))
 
 
-def _keeper(work: Work, service: Service) -> AlignmentKeeper:
-    return AlignmentKeeper(
-        work.file, work.spec.out, wall_time, lambda says: service.chronicle.note(kind="guard-warned", reason=says)
-    )
+async def _ended(work: Work, service: Service, logs: RunRecords, check: ModelCheck, disk: Disk) -> None:
+    """What is written when a run has ended, however it did."""
+    await check.close(patience=0.0)
+    report = service.watcher.report
+    if report is not None:
+        with suppress(OSError, HardwareError):  # a full disk: the journal has said so
+            await disk.do(lambda: write_summary(work.spec.out, report))
+    await logs.closed()  # writes the manifest, of all that is there
+
+
+def _keeper(work: Work, service: Service, disk: Disk) -> AlignmentKeeper:
+    def tell(says: str) -> None:
+        service.chronicle.note(kind="guard-warned", reason=says)
+
+    return AlignmentKeeper(work.file, work.spec.out, wall_time, tell, disk)
 
 
 def _tell_checked(service: Service, checked: Checked) -> None:
@@ -171,9 +185,9 @@ def _tell_checked(service: Service, checked: Checked) -> None:
     service.chronicle.note(kind="model-checked", window=checked.window, outcome=outcome, text=checked.says)
 
 
-def _more_guards(work: Work) -> tuple[Guard, ...]:
+def _more_guards(work: Work, disk: Disk) -> tuple[Guard, ...]:
     unattended = work.spec.unattended
-    host = host_guards(work.spec.out, work.experiment.settings.guard, time.time)
+    host = host_guards(work.spec.out, work.experiment.settings.guard, time.time, disk)
     if unattended is None or unattended.max_hours is None:
         return host
     return (*host, PatienceGuard(unattended.max_hours))

@@ -1,5 +1,6 @@
 import contextlib
 import errno
+from io import FileIO
 from pathlib import Path
 
 import pytest
@@ -72,14 +73,21 @@ def test_lines_are_on_disk_while_the_bus_runs(tmp_path: Path) -> None:
     assert log.lost == 1
 
 
+class FullFile:
+    """A file on a disk that has just become full."""
+
+    def __init__(self, file: FileIO) -> None:
+        self.name, self.close = file.name, file.close
+
+    def write(self, _block: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
 def test_a_full_disk_never_reaches_the_receiver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = CandumpLog(tmp_path / "can.log")
 
-    def full() -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     with monkeypatch.context() as patch:
-        patch.setattr(log._file, "flush", full)  # pyright: ignore[reportPrivateUsage]
+        patch.setattr(log, "_file", FullFile(log._file))  # pyright: ignore[reportPrivateUsage]
         for k in range(3):
             log.write(CanFrame(0x80, b"", float(k)))
     assert log.error is not None
