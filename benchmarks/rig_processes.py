@@ -118,7 +118,7 @@ class Bench:
         return self._holder("port")
 
     def _holder(self, key: str) -> int:
-        for lock in (self.folder / "runtime" / "fidim").glob("*.lock"):
+        for lock in (self.folder / "runtime").glob("*.lock"):
             with suppress(ValueError, KeyError, OSError):
                 return int(json.loads(lock.read_text())[key])
         return 0

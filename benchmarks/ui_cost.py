@@ -19,6 +19,7 @@ from pathlib import Path
 from termios import TIOCSWINSZ
 
 from drivers.clock import LoopClock
+from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.messages import (
@@ -113,7 +114,7 @@ async def measure(seconds: float) -> None:
         greeting = Welcome(
             you=1, run="twelve windows", folder=str(folder), rig="rig", windows=WINDOWS, winches=("winch 1",)
         )
-        hub = Hub(lambda *_: None, lambda _: [greeting, History(events=()), state(0.0)], lambda _: None)
+        hub = Hub(lambda *_: None, lambda _: map(encode, (greeting, History(events=()), state(0.0))), lambda _: None)
         with held(place, folder):
             await hub.listen_unix(place.socket)
             telling = asyncio.ensure_future(_tell(hub, clock))

@@ -186,7 +186,7 @@ def _client(made: Bench, name: bytes, buffer: int = 0) -> socket.socket:
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
     with suppress(OSError, IndexError):
         client.settimeout(3.0)
-        client.connect(str(next((made.folder / "runtime" / "fidim").glob("*.sock"))))
+        client.connect(str(next((made.folder / "runtime").glob("*.sock"))))
         client.sendall(b'{"type":"hello","client":"%s","samples":true}\n' % name)
     client.setblocking(False)
     return client

@@ -4,10 +4,10 @@ A listener of the run: quick, and it never raises for what it is told.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from fidim_lab.app.service.messages import Happening, History
+from fidim_lab.app.service.messages import Happening
 from procedures.events import (
     Event,
     Paused,
@@ -26,13 +26,16 @@ from procedures.journal import WallTime
 CAPACITY = 2000
 """events kept for late clients; older ones are in the journal"""
 ROOM = 600_000
-"""bytes of them as they are kept; as one line for a client they must stay below `codec.LINE_LIMIT`"""
+"""bytes of them as they are kept"""
+PIECE = 32_000
+"""bytes of a piece of history: written in well under a millisecond"""
 
 
 class Chronicle:
     """Keeps the newest events and tells each to a listener as it comes.
 
-    They are kept as the bytes of their JSON, a quarter of what they are as objects: a service lives for days.
+    They are kept as the bytes of their JSON, a quarter of what they are as objects: a service lives for days. As such
+    they are sent, too: nothing is encoded for a client that comes.
     """
 
     def __init__(self, now: Callable[[], float], wall_time: WallTime, tell: Callable[[Happening], None]) -> None:
@@ -62,11 +65,24 @@ class Chronicle:
         while len(self._events) > CAPACITY or self._size > ROOM:
             self._size -= len(self._events.popleft())
 
-    @property
-    def history(self) -> History:
-        """For a client that comes late."""
-        events = tuple(Happening.model_validate_json(event) for event in self._events)
-        return History(events=events, forgotten=self._number - len(events))
+    def history(self) -> Iterator[bytes]:
+        """Lines of `History` for a client that comes late: what there is now, in pieces, each joined when it is due."""
+        return _pieces(tuple(self._events), self._number - len(self._events))
+
+
+def _pieces(events: Sequence[bytes], forgotten: int) -> Iterator[bytes]:
+    begin = 0
+    while True:
+        end, size = begin, 0
+        while end < len(events) and size < PIECE:
+            size += len(events[end])
+            end += 1
+        more = b"true" if end < len(events) else b"false"
+        told = b",".join(events[begin:end])
+        yield b'{"type":"history","events":[%s],"forgotten":%d,"more":%s}\n' % (told, forgotten, more)
+        if end == len(events):
+            return
+        begin = end
 
 
 def _fields(event: Event) -> dict[str, Any] | None:

@@ -42,6 +42,8 @@ from fidim_lab.errors import HardwareError, RefusedError, SetupError
 BOX = 512
 """messages that wait for a slow reader"""
 CHUNK = 1 << 16
+LONGEST = 1 << 20
+"""bytes of a line: a state of a large robot, a piece of history"""
 
 
 class ServiceGoneError(HardwareError):
@@ -140,7 +142,7 @@ class ServiceClient:
 
     async def read(self) -> None:
         """Read until the connection ends; the connection's own task."""
-        decoder = LineDecoder(TO_CLIENT, limit=1 << 24)
+        decoder = LineDecoder(TO_CLIENT, limit=LONGEST)
         try:
             while data := await self._reader.read(CHUNK):
                 for message in decoder.receive(data):
@@ -167,7 +169,8 @@ class ServiceClient:
                 if not self._greeted.done():
                     self._greeted.set_result(message)
             case History():
-                self.history = message
+                before = self.history.events if self.history is not None else ()
+                self.history = message.model_copy(update={"events": (*before, *message.events)})
             case Status():
                 self.status = message
             case Bye():

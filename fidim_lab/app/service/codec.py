@@ -11,8 +11,8 @@ from pydantic import TypeAdapter, ValidationError
 from fidim_lab.app.service.commands import Message
 from fidim_lab.say import printable
 
-LINE_LIMIT = 1 << 20
-"""bytes: a history of thousands of events, and no more"""
+LINE_LIMIT = 1 << 15
+"""bytes: a command with the longest reason, every character of it escaped, and no more"""
 
 M = TypeVar("M")
 
@@ -40,20 +40,29 @@ class LineDecoder(Generic[M]):
 
     def receive(self, data: bytes) -> list[M | Malformed]:
         """The messages that are whole now, in order."""
-        found: list[M | Malformed] = []
+        self.add(data)
+        return list(iter(self.next, None))
+
+    def add(self, data: bytes) -> None:
+        """Take bytes; `next` makes messages of them."""
+        if not self._broken:
+            self._rest += data
+
+    def next(self) -> M | Malformed | None:
+        """The next message; None until another one is whole."""
         if self._broken:
-            return found
-        self._rest += data
-        while not self._broken:
-            end = self._rest.find(b"\n", 0, self._limit + 1)
-            if end < 0:
-                if len(self._rest) > self._limit:
-                    found.append(self._break(f"a line of more than {self._limit} bytes"))
-                break
-            line = bytes(self._rest[:end])
-            del self._rest[: end + 1]
-            found.append(self._message(line))
-        return found
+            return None
+        end = self._rest.find(b"\n", 0, self._limit + 1)
+        if end < 0:
+            return self._break(f"a line of more than {self._limit} bytes") if len(self._rest) > self._limit else None
+        line = bytes(self._rest[:end])
+        del self._rest[: end + 1]
+        return self._message(line)
+
+    @property
+    def waits(self) -> bool:
+        """Whether a line, or what is too long for one, has not been taken yet."""
+        return not self._broken and (b"\n" in self._rest or len(self._rest) > self._limit)
 
     def _message(self, line: bytes) -> M | Malformed:
         try:

@@ -64,12 +64,14 @@ class Happening(Message):
 
 
 class History(Message):
-    """What has happened before this client came, oldest first."""
+    """What has happened before this client came, oldest first; a long one comes in pieces."""
 
     type: Literal["history"] = "history"
     events: tuple[Happening, ...]
     forgotten: int = 0
     """older events that are only in the journal"""
+    more: bool = False
+    """another piece follows, whose events go on from these"""
 
 
 class WinchState(Message):

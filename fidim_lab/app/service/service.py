@@ -6,10 +6,11 @@ are written to sockets that are never waited for, and a run needs no client but 
 
 import asyncio
 import secrets
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from drivers.canbus.load import frame_bits
@@ -18,7 +19,8 @@ from drivers.ports import Clock, PromptKind
 from fidim_lab.app.service.board import DefaultAnswer, PromptBoard
 from fidim_lab.app.service.broadcast import Broadcast, Sources, wall_time
 from fidim_lab.app.service.chronicle import Chronicle
-from fidim_lab.app.service.commands import Message, Request
+from fidim_lab.app.service.codec import encode
+from fidim_lab.app.service.commands import Request
 from fidim_lab.app.service.desk import Desk, Levers
 from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.latch import Latch
@@ -175,7 +177,8 @@ class Service:
     def _left(self, client: ServerSession) -> None:
         self._desk.left(client)
 
-    def _greet(self, client: ServerSession) -> Sequence[Message]:
+    def _greet(self, client: ServerSession) -> Iterator[bytes]:
+        """What a new client is told, as of now, line by line."""
         welcome = Welcome(
             you=client.number,
             run=self.experiment.name,
@@ -184,10 +187,9 @@ class Service:
             windows=tuple(self.experiment.roles),
             winches=tuple(winch.name for winch in self.rig.winches),
         )
-        said: list[Message] = [welcome, self.chronicle.history, self.broadcast.status()]
-        if self.board.question is not None:
-            said.append(self.board.question)
-        return said
+        question = self.board.question
+        now = [self.broadcast.status(), *([] if question is None else [question])]
+        return chain((encode(welcome),), self.chronicle.history(), map(encode, now))
 
     # what is told
 

@@ -1,6 +1,7 @@
-"""One client's conversation without I/O: hello first, then commands; four verbs in the manner of h11.
+"""One client's conversation without I/O: hello first, then commands.
 
-`receive` takes bytes and gives what the client asks for; `send` gives bytes. `Lease` says who may command.
+`receive` takes bytes and gives what the client asks for (`add` and `next`: one thing at a time); `send` gives bytes.
+`Lease` says who may command.
 """
 
 import hmac
@@ -42,15 +43,27 @@ class ServerSession:
 
     def receive(self, data: bytes) -> list[Hello | Request | Refusal]:
         """What the client says: an accepted `Hello` once, then `Request`s; a `Refusal` is to be sent, then closed."""
-        found: list[Hello | Request | Refusal] = []
-        for message in self._decoder.receive(data):
-            if self.stage is Stage.CLOSED:
-                break
-            taken = self._take(message)
-            if isinstance(taken, Refusal):
-                self.stage = Stage.CLOSED
-            found.append(taken)
-        return found
+        self.add(data)
+        return list(iter(self.next, None))
+
+    def add(self, data: bytes) -> None:
+        """Take bytes."""
+        self._decoder.add(data)
+
+    def next(self) -> Hello | Request | Refusal | None:
+        """The next thing that the client says; None until there is more."""
+        message = None if self.stage is Stage.CLOSED else self._decoder.next()
+        if message is None:
+            return None
+        taken = self._take(message)
+        if isinstance(taken, Refusal):
+            self.stage = Stage.CLOSED
+        return taken
+
+    @property
+    def waits(self) -> bool:
+        """Whether something that was said has not been taken yet."""
+        return self.stage is not Stage.CLOSED and self._decoder.waits
 
     def send(self, message: Message) -> bytes:
         """The bytes of a message."""

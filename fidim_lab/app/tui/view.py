@@ -117,7 +117,7 @@ class Tracker:
                 if message.prompt is None:
                     self._question = None
             case History():
-                self._events = deque(message.events, maxlen=EVENTS)
+                self._events.extend(message.events)  # one of several pieces; `_begin` has emptied it
                 self._forgotten, self._shown = message.forgotten, None
             case Happening():
                 self._events.append(message)
@@ -179,6 +179,7 @@ class Tracker:
             self._trace = Trace()
         self._welcome, self._contact, self._why = welcome, Contact.LIVE, ""
         self._greeted = now
+        self._events.clear()
         self._status = self._status_at = self._question = None
 
     def _sampled(self, samples: Samples) -> None:

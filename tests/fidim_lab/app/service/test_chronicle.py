@@ -4,8 +4,9 @@ import tracemalloc
 
 import pytest
 
-from fidim_lab.app.service.chronicle import CAPACITY, ROOM, Chronicle
-from fidim_lab.app.service.codec import LINE_LIMIT, encode
+from fidim_lab.app.service.chronicle import CAPACITY, PIECE, ROOM, Chronicle
+from fidim_lab.app.service.codec import LineDecoder
+from fidim_lab.app.service.messages import TO_CLIENT, History
 
 
 @pytest.fixture
@@ -19,14 +20,27 @@ def chronicle(told):
     return Chronicle(lambda: next(times) / 8.0, lambda: "2026-01-01T00:00:00Z", told.append)
 
 
+def history_of(chronicle):
+    """As a client has it once all pieces are there."""
+    lines = list(chronicle.history())
+    pieces = LineDecoder(TO_CLIENT, limit=1 << 20).receive(b"".join(lines))
+    assert [piece.more for piece in pieces] == [True] * (len(pieces) - 1) + [False]
+    events = tuple(event for piece in pieces for event in piece.events)
+    return History(events=events, forgotten=pieces[0].forgotten), lines
+
+
 def step(number, **more):
     return {"kind": "step-finished", "window": f"w{number:03d}", "step": "Record", "text": "record 10 s", **more}
+
+
+def test_nothing_has_happened_yet(chronicle):
+    assert history_of(chronicle)[0].events == ()
 
 
 def test_history_is_what_was_told(chronicle, told):
     chronicle.note(**step(1, outcome="pass", values=(0.1, -2.5, 1e-9)))
     chronicle.note(kind="guard-tripped", text="tension", reason="cable 2: “slack”, 1.5 N")
-    history = chronicle.history
+    history, _ = history_of(chronicle)
     assert list(history.events) == told
     assert [event.number for event in history.events] == [1, 2]
     assert history.forgotten == 0
@@ -35,7 +49,7 @@ def test_history_is_what_was_told(chronicle, told):
 def test_the_oldest_are_forgotten_and_counted(chronicle, told):
     for number in range(CAPACITY + 25):
         chronicle.note(**step(number))
-    history = chronicle.history
+    history, _ = history_of(chronicle)
     assert list(history.events) == told[-CAPACITY:]
     assert history.forgotten == 25
 
@@ -43,9 +57,10 @@ def test_the_oldest_are_forgotten_and_counted(chronicle, told):
 def test_long_reasons_leave_room_for_fewer(chronicle):
     for number in range(CAPACITY):
         chronicle.note(**step(number, reason="ä" * 900))
-    history = chronicle.history
+    history, lines = history_of(chronicle)
     assert history.events[-1].number == CAPACITY
-    assert 0.5 * ROOM < len(encode(history)) < LINE_LIMIT
+    assert 0.5 * ROOM < sum(map(len, lines)) < 1.1 * ROOM
+    assert max(map(len, lines)) < PIECE + 4000
     assert history.forgotten + len(history.events) == CAPACITY
 
 

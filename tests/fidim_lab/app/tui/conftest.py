@@ -13,6 +13,7 @@ import pytest
 from textual.pilot import Pilot
 
 from drivers.clock import LoopClock
+from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.commands import (
     AnswerPrompt,
     Command,
@@ -157,7 +158,7 @@ class FakeService:
         assert self.hub is not None
         self.hub.tell(message)
 
-    def _greet(self, client: ServerSession) -> list[Any]:
+    def _greet(self, client: ServerSession) -> Iterator[bytes]:
         welcome = Welcome(
             you=client.number,
             run="two windows",
@@ -167,7 +168,7 @@ class FakeService:
             winches=("winch 1", "winch 2", "winch 3", "winch 4"),
         )
         said: list[Any] = [welcome, History(events=tuple(self.events)), self.now()]
-        return [*said, self.question] if self.question is not None else said
+        return map(encode, [*said, self.question] if self.question is not None else said)
 
     def _answer(self, client: ServerSession, request: Request) -> Answer:
         command = request.command
