@@ -4,6 +4,7 @@ A session in real processes (simulators, service), an unattended run; each strai
 of raw/can.log, stamped by the service as it sends them; from the first step on.
 """
 
+import json
 import socket
 import tempfile
 import threading
@@ -15,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.page import table
+from benchmarks.page import ROOT, table
 from benchmarks.rig_processes import Bench, bench, wait_for
 from drivers.canbus.candump import read_candump
 from procedures.journal import Kind, read_journal
@@ -26,6 +27,8 @@ WINDOWS, SECONDS = 3, 4.0
 """of a run, and s of each window"""
 SYNC = 100.0
 """Hz"""
+PATIENT = 5.0
+"""times as long as hardware is waited for: simulators share the computer"""
 FSYNC = 0.4
 """s that a slow disk takes for each fsync"""
 CLIENTS = 25
@@ -35,7 +38,14 @@ PAIR = (
 )
 FLOOD = PAIR * 3000
 """396 kB of commands"""
-SLOW = f"""import os, time
+MEASURED = """import os, sys
+sys.path.append({root!r})
+if "fidim_lab.app.service.main" in sys.orig_argv:
+    from benchmarks.bus.turns import install
+    install({folder!r})
+"""
+SLOW = f"""
+import time
 _fsync = os.fsync
 def fsync(descriptor):
     time.sleep({FSYNC})
@@ -54,16 +64,29 @@ class Gaps:
     strain: str
     gaps: np.ndarray
     """(N,) s between SYNCs"""
+    turn: float
+    """s of CPU time that the longest callback of the control loop took"""
     said: str
     """how the run ended"""
 
     def row(self) -> list[str]:
         p50, p999, worst = 1e3 * np.quantile(self.gaps, (0.5, 0.999, 1.0))
-        late = int((self.gaps > LATE).sum())
-        return [self.strain, f"{len(self.gaps):,}", f"{p50:.1f}, {p999:.1f}", f"{worst:.1f}", str(late), self.said]
+        late, turn = int((self.gaps > LATE).sum()), f"{1e3 * self.turn:.1f}"
+        return [
+            self.strain,
+            f"{len(self.gaps):,}",
+            f"{p50:.1f}, {p999:.1f}",
+            f"{worst:.1f}",
+            str(late),
+            turn,
+            self.said,
+        ]
 
 
-HEAD = ["strain", "SYNCs", "gap: p50, p99.9, ms", "longest gap, ms", f"gaps over {1e3 * LATE:g} ms", "run"]
+HEAD = [
+    *("strain", "SYNCs", "gap: p50, p99.9, ms", "longest gap, ms", f"gaps over {1e3 * LATE:g} ms"),
+    *("longest callback, ms of CPU", "run"),
+]
 
 
 def gaps(strains: list[str]) -> str:
@@ -76,14 +99,15 @@ def gaps(strains: list[str]) -> str:
     return table(HEAD, rows)
 
 
-def measure(name: str) -> Gaps:
+def measure(name: str, *, verbose: bool = False) -> Gaps:
     """One run under one strain."""
     says, strain = STRAINS[name]
-    with tempfile.TemporaryDirectory() as folder, bench(Path(folder), SYNC, SECONDS, WINDOWS, 2.0, 100.0) as made:
-        if name == "fsync":
-            (made.folder / "slow").mkdir()
-            (made.folder / "slow" / "sitecustomize.py").write_text(SLOW, encoding="utf-8")
-            made.further["PYTHONPATH"] = str(made.folder / "slow")
+    with tempfile.TemporaryDirectory() as folder, bench(Path(folder), SYNC, SECONDS, WINDOWS, PATIENT, 100.0) as made:
+        measured = made.folder / "measured"
+        measured.mkdir()
+        custom = MEASURED.format(root=str(ROOT), folder=str(measured)) + (SLOW if name == "fsync" else "")
+        (measured / "sitecustomize.py").write_text(custom, encoding="utf-8")
+        made.further["PYTHONPATH"] = str(measured)
         run = made.run("out", "--tcp", "0")
         out = made.folder / "out"
         begun = wait_for(out, Kind.STEP_STARTED, "Enable", 0.0, run).t
@@ -95,7 +119,13 @@ def measure(name: str) -> Gaps:
         worker.join(30)
         last = read_journal(out / "journal.jsonl")[-1]
         syncs = np.array([f.t for f in read_candump(out / "raw" / "can.log") if f.id == 0x080 and f.t >= begun])
-    return Gaps(says, np.diff(syncs), f"{last.outcome.value or told[-200:]} {last.reason}".strip())
+        turns = [json.loads(path.read_text(encoding="utf-8")) for path in measured.glob("*.json")]
+    long = sorted((turn for made in turns for turn in made if turn[0] >= begun), key=lambda turn: -turn[1])
+    if verbose:
+        for t, cpu, wall, what in long[:20]:
+            print(f"{t - begun:8.3f} s: {1e3 * cpu:.1f} ms of CPU, {1e3 * wall:.1f} ms: {what}")
+    worst = long[0][1] if long else 0.0
+    return Gaps(says, np.diff(syncs), worst, f"{last.outcome.value or told[-200:]} {last.reason}".strip())
 
 
 def _nothing(_made: Bench, _ended: threading.Event) -> None:

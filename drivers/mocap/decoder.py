@@ -10,6 +10,8 @@ from typing import Protocol
 Position = tuple[float, float, float]
 """m, motion-capture frame"""
 
+HIGHEST = 2**63 - 1
+"""frame number: what follows counts in 64 bits, and a million years at 1 kHz need no more than 45"""
 FARTHEST = 1000.0
 """m; a marker beyond a kilometre is a damaged number, not a marker"""
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, Protocol, TypeVar
 
 from drivers.mocap.mailbox import Mailbox, MailboxClosedError
+from drivers.mocap.sender import Address, SenderCheck
 from drivers.ports import Clock
 from fidim_lab.errors import DeviceError, SetupError
 
@@ -73,6 +74,16 @@ class DatagramFeed:
         """datagrams that came while the queue was full; they show as lost frames"""
 
     @property
+    def foreign(self) -> int:
+        """Datagrams that were left out, since somebody else sent them."""
+        return 0
+
+    @property
+    def left_out(self) -> str:
+        """Where the newest of them came from, in words."""
+        return ""
+
+    @property
     def name(self) -> str:
         """Its address; an ephemeral port (0) is replaced by the real one once open."""
         return f"motion capture {self._address[0]}:{self._address[1]}"
@@ -106,10 +117,10 @@ class DatagramFeed:
         self.connection += 1
         return self._transport, bound
 
-    def _takes(self, sender: str) -> bool:
-        return True
+    def _takes(self, sender: Address) -> bool:
+        return True  # of a socket that is connected the kernel takes its peer's alone
 
-    def _arrived(self, data: bytes, sender: str) -> None:
+    def _arrived(self, data: bytes, sender: Address) -> None:
         if not self._takes(sender):
             return
         self._heard = self._clock.now()
@@ -118,11 +129,22 @@ class DatagramFeed:
 
 
 class UdpFeed(DatagramFeed):
-    """Datagrams that arrive at a local address. Only `sender`'s are taken where one is given."""
+    """Datagrams that arrive at a local address, of one sender: see `SenderCheck`."""
 
     def __init__(self, clock: Clock, port: int, host: str = "0.0.0.0", *, sender: str | None = None) -> None:
+        """sender: its address, where it is known."""
         super().__init__(clock, (host, port))
-        self._sender = sender
+        self._senders = SenderCheck(clock.now, sender)
+
+    @property
+    def foreign(self) -> int:
+        """Datagrams that were left out, since somebody else sent them."""
+        return self._senders.foreign
+
+    @property
+    def left_out(self) -> str:
+        """Where the newest of them came from, in words."""
+        return self._senders.left_out
 
     @property
     def port(self) -> int:
@@ -144,8 +166,8 @@ class UdpFeed(DatagramFeed):
             ) from error
         self._address = (self._address[0], bound.getsockname()[1])
 
-    def _takes(self, sender: str) -> bool:
-        return self._sender in (None, sender)
+    def _takes(self, sender: Address) -> bool:
+        return self._senders.takes(sender)
 
 
 class _Datagrams(asyncio.DatagramProtocol):
@@ -154,13 +176,13 @@ class _Datagrams(asyncio.DatagramProtocol):
     def __init__(self, arrived: "_Arrived") -> None:
         self._arrived = arrived
 
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+    def datagram_received(self, data: bytes, addr: Address) -> None:
         """One datagram."""
-        self._arrived(data, addr[0])
+        self._arrived(data, addr)
 
 
 class _Arrived(Protocol):
-    def __call__(self, data: bytes, sender: str) -> None: ...
+    def __call__(self, data: bytes, sender: Address) -> None: ...
 
 
 class Conversation(Protocol):

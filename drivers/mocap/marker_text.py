@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from functools import reduce
 from operator import xor
 
-from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, plausible
+from drivers.mocap.decoder import HIGHEST, DecodedFrame, Event, Malformed, Position, plausible
 
 LONGEST_LINE = 4096
 _LEGAL = b"0123456789+-.eE,nNaA \t"
@@ -93,8 +93,8 @@ def marker_line(number: int, positions: Sequence[Position | None]) -> bytes:
 def _frame(text: bytes, fields: list[bytes]) -> Event:
     if not fields[0].strip().isdigit():
         return _malformed(text, "does not start with a frame counter")
-    if len(fields[0]) > 20:
-        return _malformed(text, "has a frame counter of more than 20 digits")
+    if len(fields[0]) > 20 or int(fields[0]) > HIGHEST:
+        return _malformed(text, f"has a frame counter of more than {HIGHEST}")
     positions: list[Position | None] = []
     for at in range(1, len(fields), 3):
         x, y, z = fields[at : at + 3]

@@ -84,7 +84,8 @@ class StreamMarkerSource:
                         f"{self._malformed} packets arrived, none of them a frame. The last problem: {self.problem}"
                     )
                     raise DeviceError(self._feed.name, problem)
-                raise DeviceError(self._feed.name, f"nothing received for {within:.1f} s.", hint=self._feed.hint)
+                hint = f"{_of_others(self._feed)} {self._feed.hint}".strip()
+                raise DeviceError(self._feed.name, f"nothing received for {within:.1f} s.", hint=hint)
             await self._clock.sleep(1.0 / self.rate)
 
     async def close(self) -> None:
@@ -113,10 +114,11 @@ class StreamMarkerSource:
         self._taps = (*self._taps, observer)
 
     def counters(self) -> dict[str, int]:
-        """How many frames were received, lost, late, doubled, malformed so far; and three more.
+        """How many frames were received, lost, late, doubled, malformed so far; and four more.
 
         resets: the device's counter began anew; repeated: the main marker is bit for bit where it was in the frame
-        before, as a frozen stream has it; overflow: frames that a slow reader did not get.
+        before, as a frozen stream has it; overflow: frames that a slow reader did not get; foreign: datagrams of
+        somebody else, which were left out.
         """
         counts = self._sequencer.counts
         return {
@@ -128,6 +130,7 @@ class StreamMarkerSource:
             "resets": counts.resets,
             "repeated": self._repeated,
             "overflow": self._readers.overflow,
+            "foreign": getattr(self._feed, "foreign", 0),
         }
 
     async def _read(self) -> None:
@@ -182,3 +185,11 @@ class StreamMarkerSource:
     def _report(self, error: FidimError) -> None:
         self.problem = str(error)
         self._readers.fail(error)
+
+
+def _of_others(feed: ByteFeed) -> str:
+    """What came and was left out, for whoever wonders why nothing comes."""
+    count, where = getattr(feed, "foreign", 0), getattr(feed, "left_out", "")
+    if not count:
+        return ""
+    return f"{count} datagrams of another sender were left out, the newest from {where}: see sender in the rig file."

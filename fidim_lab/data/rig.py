@@ -197,6 +197,8 @@ class MocapEntry:
     """m for one unit on the wire, where the format leaves it open (osc, lsl)"""
     stream: str | None = None
     """the name of an LSL stream"""
+    sender: str | None = None
+    """the only address whose datagrams count; None: the first that is heard"""
     frame_address: str = "/frame"
     """of the OSC message that carries the frame number"""
 

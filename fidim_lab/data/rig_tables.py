@@ -145,6 +145,7 @@ class MocapTable(Table):
     unit: Literal["m", "mm"] = "m"
     stream: Name | None = None
     frame_address: Annotated[str, Field(pattern="^/.")] = "/frame"
+    sender: Name | None = None
 
     @property
     def way(self) -> str:
@@ -160,6 +161,8 @@ class MocapTable(Table):
             raise ValueError("markers, subject: give one of them: objects that are markers, or the tracked body")
         if self.subject is not None and self.kind not in (MocapKind.VICON_UDP, MocapKind.VICON_DATASTREAM):
             raise ValueError(f"subject: {self.kind} carries markers only; leave it out")
+        if self.sender is not None and (self.way != "udp" or self.kind is MocapKind.NATNET):
+            raise ValueError(f"sender: {self.kind} by {self.way} comes from host alone; leave it out")
         if self.host == "0.0.0.0" and (self.way == "tcp" or self.kind is MocapKind.NATNET):
             raise ValueError("host: is missing; it is the server's address")
         if self.kind is MocapKind.NATNET and not (self.markers and all(map(NATNET_MARKER.fullmatch, self.markers))):

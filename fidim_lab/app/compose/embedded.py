@@ -171,6 +171,7 @@ def _motion_capture(file: RigFile, port: int) -> MocapEntry:
         transport="udp",
         markers=names,
         subject=None,
+        sender=None,
     )
 
 

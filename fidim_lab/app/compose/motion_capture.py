@@ -62,4 +62,4 @@ def _feed(entry: MocapEntry, clock: Clock) -> ByteFeed:
         return AskedUdpFeed(clock, entry.host, entry.port, Greeting(hello(), keep_alive()))
     if entry.transport == "tcp":
         return TcpFeed(clock, entry.host, entry.port, conversation=CONVERSATIONS.get(entry.kind))
-    return UdpFeed(clock, entry.port, entry.host)
+    return UdpFeed(clock, entry.port, entry.host, sender=entry.sender)

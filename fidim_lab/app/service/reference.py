@@ -16,7 +16,9 @@ A service (`fidim run`) listens at a Unix socket that only its user can open; `f
 a token. Both sides send JSON objects, UTF-8, one a line. A client says `hello` first, and gets `welcome`, `history`, a
 `state` and, where a question is open, its `prompt`. From then on it hears everything, states and samples ten times a
 second, and may send commands; each has one `answer` with its number. A line that is no message of this page gets a
-`refusal`, and the connection is closed; nothing else changes. A client that does not read is dropped after some 2 MB.
+`refusal`, and the connection is closed; nothing else changes. A client that does not read is dropped after some 2 MB;
+of one that sends more than 20 commands a second (40 at once) the rest is read when their time comes. A line has 32 kB
+at most. 32 clients have places at the socket and 16 on TCP, where who has not said hello makes room for who comes.
 
 All texts end on terminals, so both sides make them printable when they arrive: line ends and tabs become spaces, other
 control characters and direction marks their codes (`\\x1b`). A client's name is cut to 40 characters, a reason to 300.
