@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol, TypeVar
 
-T = TypeVar("T")
-
 from drivers.trajectory import Trajectory
+
+T = TypeVar("T")
 
 
 class Clock(Protocol):
