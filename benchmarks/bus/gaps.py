@@ -214,7 +214,7 @@ def _client(made: Bench, name: bytes, buffer: int = 0) -> socket.socket:
     client = socket.socket(socket.AF_UNIX)
     if buffer:
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
-    with suppress(OSError, IndexError):
+    with suppress(OSError, StopIteration):  # the service has ended
         client.settimeout(3.0)
         client.connect(str(next((made.folder / "runtime").glob("*.sock"))))
         client.sendall(b'{"type":"hello","client":"%s","samples":true}\n' % name)

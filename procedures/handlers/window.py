@@ -1,5 +1,7 @@
 """Handlers that record, judge, keep and set aside windows, and those that only say something."""
 
+import asyncio
+
 from procedures.outcomes import Outcome, judge
 from procedures.stand import Stand
 from procedures.steps import Accept, CheckWindow, GiveUp, Note, Record, Reject, Result
@@ -14,9 +16,10 @@ async def record(stand: Stand, step: Record) -> Result:
 
 
 async def check_window(stand: Stand, step: CheckWindow) -> Result:
-    """Judge the recording just made."""
+    """Judge the recording just made. In a thread: it takes some milliseconds, a period of SYNC."""
     recording = stand.recorder.last(step.window, step.attempt)
-    found = window_measurements(recording, step.limits, step.lengths, step.equilibrium, stand.newton_per_ampere)
+    what = (recording, step.limits, step.lengths, step.equilibrium, stand.newton_per_ampere)
+    found = await asyncio.get_running_loop().run_in_executor(None, window_measurements, *what)
     outcome, reason = judge(found)
     return Result(outcome, reason, found)
 
