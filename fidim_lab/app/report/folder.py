@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from fidim_lab.app.report.provenance import Provenance, provenance
 from fidim_lab.app.report.story import Story, read_story
 from fidim_lab.data.campaign import FORMAT, INDEX, CampaignTable, read_campaign
+from fidim_lab.data.input_file import read_json
 from fidim_lab.data.json_file import read_json_as
 from fidim_lab.data.records import Body, Campaign
 from fidim_lab.data.robot_file import read_robot
@@ -21,6 +22,8 @@ from procedures.journal import NAME as JOURNAL
 
 TRUTH = "truth.json"
 IMPORT = "import.json"
+TAKES = "fidim-takes/1"
+"""format of import.json where many takes were imported"""
 
 Values3 = tuple[float, float, float]
 Values6 = tuple[float, float, float, float, float, float]
@@ -128,10 +131,17 @@ def read_folder(folder: Path) -> Contents:
         campaign=_campaign(folder, begun=journal.exists()),
         story=read_story(journal) if journal.exists() else None,
         truth=_json(folder / TRUTH, Truth),
-        imported=_json(folder / IMPORT, Imported),
+        imported=_imported(folder / IMPORT),
         rejected=tuple(sorted(path.name for path in folder.glob("rejected/*.csv"))),
         provenance=provenance(folder),
     )
+
+
+def _imported(path: Path) -> Imported | None:
+    """What one recording was registered by; an import of many takes has its own page, import.json itself."""
+    if path.exists() and isinstance(found := read_json(path), dict) and found.get("format") == TAKES:
+        return None
+    return _json(path, Imported)
 
 
 def _campaign(folder: Path, *, begun: bool) -> Campaign:

@@ -89,6 +89,11 @@ def load_struct(path: Path, variable: str) -> MatStruct:
     return MatStruct(path, variable, value)
 
 
+def load_structs(path: Path, variable: str) -> tuple[MatStruct, ...]:
+    """One variable of a file that is a struct array. Raises FileError where file or variable is something else."""
+    return MatStruct(path, "", _carefully(path, read_variables)).structs(variable)
+
+
 def _carefully(path: Path, read: Callable[[bytes], T]) -> T:
     try:
         return read(read_bytes(path, LIMIT))

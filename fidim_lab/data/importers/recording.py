@@ -25,6 +25,12 @@ class MarkerLog:
     """s since the first frame"""
     positions: Float[np.ndarray, "N M 3"]
     """motion-capture world frame, m; NaN where a marker was not seen"""
+    scale: float = 1e-3
+    """metres in one unit of the file"""
+    up: str = "z"
+    """axis of the file that points upwards: "y" or "z\""""
+    decided: tuple[str, ...] = ()
+    """what was decided while reading, a sentence each, for a person to check"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,17 +101,28 @@ def _rows(path: Path, lines: Sequence[Sequence[str]], markers: int) -> tuple[np.
     for line, cells in enumerate(lines, start=HEADER_LINES + 1):
         if not any(cell.strip() for cell in cells):
             continue
-        if len(cells) < width or any(cell.strip() for cell in cells[width:]):
+        cells = _with_trailing_blanks(cells, width)
+        if len(cells) != width:
             raise FileError(
                 path, f"line {line}", f"{len(cells)} columns, the header has {width}; is the file truncated?"
             )
-        row = [_number(path, line, column, cell) for column, cell in enumerate(cells[:width], start=1)]
+        row = [_number(path, line, column, cell) for column, cell in enumerate(cells, start=1)]
         _check_frame(path, line, row[0], rows[-1][0] if rows else None)
         rows.append(row)
     if len(rows) < MIN_FRAMES:
         raise FileError(path, "", f"{len(rows)} frames; a recording has at least {MIN_FRAMES}")
     table = np.array(rows)
     return table[:, 0], table[:, FRAME_COLUMNS:]
+
+
+def _with_trailing_blanks(cells: Sequence[str], width: int) -> Sequence[str]:
+    """The cells of one row, without blanks beyond the header, and with those that the exporter left out at its end.
+
+    It leaves out whole markers that were not seen: a row that ends within a marker stays short, for it was cut off.
+    """
+    filled = max((k for k, cell in enumerate(cells, start=1) if cell.strip()), default=0)
+    whole = filled <= FRAME_COLUMNS or (filled - FRAME_COLUMNS) % 3 == 0
+    return [*cells[:filled], *[""] * (width - filled)] if whole else cells[:filled]
 
 
 def _check_frame(path: Path, line: int, frame: float, before: float | None) -> None:

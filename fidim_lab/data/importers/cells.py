@@ -1,0 +1,110 @@
+"""Cells of text exports: delimiters, numbers, units and times as motion-capture programs write them."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.errors import FileError
+
+DELIMITERS = "\t;,"
+"""tried in this order: a comma may be a decimal sign beside the others"""
+LENGTH_UNITS = MappingProxyType(
+    {"mm": 1e-3, "millimeters": 1e-3, "millimetres": 1e-3, "cm": 1e-2, "centimeters": 1e-2, "centimetres": 1e-2}
+    | {"m": 1.0, "meters": 1.0, "metres": 1.0, "in": 0.0254, "inches": 0.0254}
+)
+"""metres in one unit, by the words that exports use"""
+MISSING = frozenset(("", "nan", "null", "na", "n/a", "-", "#n/a", "none"))
+"""cells that say: not seen"""
+MIN_FRAMES = 20
+FARTHEST = 1e3
+"""m; a laboratory is smaller"""
+
+
+def delimiter_of(lines: Sequence[str]) -> str:
+    """The delimiter of a table: the first of tab, semicolon, comma that its longest line has twice."""
+    longest = max(lines, key=len, default="")
+    return next((mark for mark in DELIMITERS if longest.count(mark) >= 2), ",")
+
+
+def number(path: Path, line: int, column: int, cell: str, *, decimal: str = ".") -> float:
+    """A finite number in ASCII digits, NaN where the cell says that nothing was seen. Raises FileError otherwise."""
+    text = cell.strip().strip('"')
+    if text.lower() in MISSING:
+        return math.nan
+    plain = text.replace(decimal, ".") if decimal != "." else text
+    try:
+        value = float(plain) if plain.isascii() and "_" not in plain else math.inf
+    except ValueError:
+        value = math.inf
+    if not math.isfinite(value):
+        raise FileError(path, f"line {line}, column {column}", f"{text[:40]!r} is not a number")
+    return value
+
+
+def length_scale(path: Path, where: str, unit: str) -> float:
+    """Metres in one unit. Raises FileError naming the units that are known."""
+    scale = LENGTH_UNITS.get(unit.strip().strip('"').lower())
+    if scale is None:
+        raise FileError(path, where, f"a length unit {unit.strip()[:20]!r}; mm, cm, m or inches were expected")
+    return scale
+
+
+def table(
+    path: Path, lines: Sequence[Sequence[str]], first: int, width: int, *, lead: int, decimal: str = "."
+) -> Float[np.ndarray, "N width"]:
+    """Numbers of rows of `width` cells, the first of them line `first` of the file.
+
+    Blanks at the end may be left out, but in whole markers: after `lead` columns and every third one from there.
+    Raises FileError where a row was cut off, has more cells, or there are fewer than `MIN_FRAMES`.
+    """
+    found: list[list[float]] = []
+    for line, cells in enumerate(lines, start=first):
+        filled = max((k for k, cell in enumerate(cells, start=1) if cell.strip()), default=0)
+        if not filled:
+            continue
+        whole = len(cells) >= width or filled <= lead or (filled - lead) % 3 == 0
+        if filled > width or not whole:
+            raise FileError(path, f"line {line}", f"{filled} columns, the header has {width}; is the file truncated?")
+        row = [number(path, line, k, cell, decimal=decimal) for k, cell in enumerate(cells[:filled], start=1)]
+        found.append(row + [math.nan] * (width - filled))
+    if len(found) < MIN_FRAMES:
+        raise FileError(path, "", f"{len(found)} frames; a recording has at least {MIN_FRAMES}")
+    return np.array(found)
+
+
+def check_near(path: Path, positions: np.ndarray, hint: str) -> None:
+    """Raises FileError where a marker is farther away than a laboratory is long: the units are wrong."""
+    far = np.abs(np.nan_to_num(positions)).reshape(len(positions), -1).max(axis=1, initial=0.0) > FARTHEST
+    if far.any():
+        frame = int(np.argmax(far)) + 1
+        raise FileError(path, f"frame {frame}", f"a marker is over {FARTHEST:g} m away; {hint}")
+
+
+def check_rate(path: Path, rate: float) -> float:
+    """The rate, Hz. Raises FileError where no camera has it."""
+    if not 1.0 <= rate <= 1e4:
+        raise FileError(path, "rate", f"a frame rate of {rate:g} Hz; 1 to 10000 was expected")
+    return rate
+
+
+def times(path: Path, rate: float, frames: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+    """s since the first frame by frame numbers, which may have gaps. Raises FileError where they do not go on."""
+    check_rate(path, rate)
+    if not np.isfinite(frames).all() or (frames % 1 != 0).any():
+        raise FileError(path, "frames", "a frame without its whole number")
+    back = np.flatnonzero(np.diff(frames) <= 0)
+    if len(back):
+        k = int(back[0])
+        raise FileError(path, f"frame {frames[k + 1]:.0f}", f"comes after frame {frames[k]:.0f}")
+    return check_long(path, (frames - frames[0]) / rate, rate)
+
+
+def check_long(path: Path, t: np.ndarray, rate: float) -> np.ndarray:
+    """The times, s. Raises FileError where a gap makes them far longer than what was recorded."""
+    if t[-1] * rate > 100.0 * len(t) + 1000.0:
+        raise FileError(path, "frames", f"{len(t)} frames in {t[-1]:g} s at {rate:g} Hz: numbers or times are wrong")
+    return t

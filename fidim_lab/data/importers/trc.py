@@ -1,0 +1,44 @@
+"""TRC, the marker file of OpenSim, Cortex and others: tab-separated, y-up by its convention.
+
+    PathFileType  4  (X/Y/Z)  name.trc
+    DataRate  CameraRate  NumFrames  NumMarkers  Units  OrigDataRate …
+    100       100         500        4           mm     …
+    Frame#  Time  A  <tab><tab>  B …
+    <tab><tab>    X1  Y1  Z1  X2 …
+
+Every mistake is a FileError with the line it is in.
+"""
+
+from pathlib import Path
+
+from fidim_lab.data.importers.cells import check_near, length_scale, number, table, times
+from fidim_lab.data.importers.recording import MarkerLog
+from fidim_lab.data.input_file import read_text
+from fidim_lab.errors import FileError
+
+HEADER_LINES = 5
+LEAD = 2
+"""Frame#, Time"""
+
+
+def read_trc(path: Path) -> MarkerLog:
+    """Read one export. Raises FileError with line and column."""
+    lines = [line.split("\t") for line in read_text(path).splitlines()]
+    if len(lines) < HEADER_LINES or lines[0][0].strip() != "PathFileType":
+        raise FileError(path, "line 1", "is no TRC file: 'PathFileType' was expected")
+    head = dict(zip((cell.strip() for cell in lines[1]), (cell.strip() for cell in lines[2]), strict=False))
+    for wanted in ("DataRate", "Units"):
+        if not head.get(wanted):
+            raise FileError(path, "line 2", f"{wanted} is missing")
+    if lines[3][0].strip() != "Frame#":
+        raise FileError(path, "line 4", "'Frame#' was expected first")
+    names = tuple(cell.strip() for cell in lines[3][LEAD:] if cell.strip())
+    if not names or len(set(names)) < len(names):
+        raise FileError(path, "line 4", "no marker, or one name twice")
+    values = table(path, lines[HEADER_LINES:], HEADER_LINES + 1, LEAD + 3 * len(names), lead=LEAD)
+    scale = length_scale(path, "line 3, Units", head["Units"])
+    positions = scale * values[:, LEAD:].reshape(len(values), -1, 3)
+    check_near(path, positions, "check Units in line 3")
+    rate = number(path, 3, 1, head["DataRate"])
+    said = (f"lengths in {head['Units']}, {rate:g} Hz and y upwards: as the header and the convention of TRC say",)
+    return MarkerLog(path, names, rate, times(path, rate, values[:, 0]), positions, scale, "y", said)

@@ -1,0 +1,38 @@
+"""Samples that motion capture filled in where it saw nothing: zeros, one value for "not seen", and held places."""
+
+import numpy as np
+
+SENTINELS = (-9999.0, -999.0, 9999.0, 999.0, 99999.0, 9999999.0, -9999999.0)
+"""in the file's own unit, in all three coordinates: one of them may well be 999 mm"""
+FEWEST_HELD = 10
+"""equal places in a row: measured ones differ in the last digit"""
+
+
+def without_filled(positions: np.ndarray, scale: float) -> tuple[np.ndarray, tuple[str, ...]]:
+    """NaN for what was not measured, and what was found, a sentence each.
+
+    positions: (N, M, 3) m; scale: metres in one unit of the file.
+    """
+    marks: dict[str, np.ndarray] = {
+        "at exactly 0, 0, 0": (np.abs(positions) == 0.0).all(axis=2),
+        "with a value that stands for not seen": np.isclose(positions[..., None] / scale, SENTINELS)
+        .all(axis=2)
+        .any(axis=2),
+        f"that did not change for {FEWEST_HELD} samples or more": _held(positions),
+    }
+    said = tuple(f"{int(mark.sum())} samples {words} count as not seen" for words, mark in marks.items() if mark.any())
+    found = positions.copy()
+    found[np.any(list(marks.values()), axis=0)] = np.nan
+    return found, said
+
+
+def _held(positions: np.ndarray) -> np.ndarray:
+    """(N, M) where a marker has the very same place in `FEWEST_HELD` samples in a row, all but the first of them."""
+    same = np.zeros(positions.shape[:2], dtype=bool)
+    same[1:] = (np.diff(positions, axis=0) == 0.0).all(axis=2)
+    held = np.zeros_like(same)
+    for marker in range(positions.shape[1]):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], same[:, marker].astype(int), [0]])))
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            held[begin:end, marker] = end - begin + 1 >= FEWEST_HELD
+    return held

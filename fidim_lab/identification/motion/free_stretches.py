@@ -1,0 +1,124 @@
+"""Where a platform swings freely, in a recording of any robot whose geometry is known only by survey.
+
+With locked motors the Newton–Euler equations, projected on what the cables leave free, balance by themselves (Eq. 21).
+What is left over is a hand, a catch or a touch. A surveyed geometry leaves something over too, nearly constant within
+one recording: its median is taken away. A stretch is free where what remains is near the recording's own usual level
+and the platform moves. Unlike `hand_free` no share of the inertial forces is asked for, so slow swings count, and the
+friction of a real joint, which grows beside them as they die away, does not cut them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import Positions, Rotations, Series
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.motion.hand_free import smooth_motion
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.regressor import parameter_vector, platform_regressor
+
+
+@dataclass(frozen=True)
+class StretchRule:
+    """The thresholds. Of 57 recordings with known releases, a factor of 3, 4 or 6 finds 51, 53 or 50 within 0.3 s."""
+
+    low_pass: float = 8.0
+    """Hz, zero phase"""
+    over: float = 0.4
+    """s, over which the residual is averaged"""
+    factor: float = 4.0
+    """times the recording's own level"""
+    least: float = 0.02
+    """m/s², added to it: what white noise of 0.02 mm at 100 Hz leaves after the low-pass"""
+    speed: float = 0.003
+    """m/s; slower than this it hangs still"""
+    over_speed: float = 1.0
+    """s, over which the speed is averaged: longer than half a swing"""
+    shortest: float = 3.0
+    """s: two or more swings of any such robot"""
+    arm: float = 0.2
+    """m, by which rotations are made comparable with translations"""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One free stretch."""
+
+    begin: float
+    """s"""
+    end: float
+    """s"""
+
+    @property
+    def duration(self) -> float:
+        """s"""
+        return self.end - self.begin
+
+
+@dataclass(frozen=True, eq=False)
+class FreeMotion:
+    """What the rule found."""
+
+    stretches: tuple[Stretch, ...]
+    """in the order of time"""
+    residual: Series
+    """m/s², averaged; of every sample"""
+    level: float
+    """m/s², its median while the platform moves"""
+
+
+def find_free_motion(
+    mechanism: Mechanism, t: Series, positions: Positions, rotations: Rotations, rule: StretchRule | None = None
+) -> FreeMotion:
+    """Find the free stretches of one recording.
+
+    Args:
+        mechanism: geometry and nominal body.
+        t: (N,) s, even steps.
+        positions: (N, 3) of P, world frame, m; NaN where there is no pose.
+        rotations: (N, 3, 3) body → world.
+        rule: the thresholds; the fixed ones unless given.
+
+    Raises RefusedError where the recording is too short or nothing moves, InfeasibleError at a singular pose.
+    """
+    rule = rule or StretchRule()
+    step = float(np.median(np.diff(t)))
+    if len(t) * step < 2 * rule.shortest:
+        raise RefusedError(f"{len(t) * step:.1f} s are too short to look for free motion in.")
+    motion = smooth_motion(t, positions, rotations, rule.low_pass)
+    scale = np.array([1.0, 1.0, 1.0, rule.arm, rule.arm, rule.arm])
+    free = _free_directions(mechanism.structure_matrix(motion.positions, motion.rotations) / scale)
+    regressor = platform_regressor(motion, mechanism.robot.gravity)
+    wrench = (regressor @ parameter_vector(mechanism.robot.nominal)) / scale
+    left_over = np.einsum("nij,nj->ni", free, wrench)
+    speed = np.sqrt(_mean(((motion.twists * scale) ** 2).sum(axis=1), rule.over_speed / step))
+    moves = speed > rule.speed
+    if moves.sum() * step < rule.shortest:
+        raise RefusedError(f"The platform moves for {moves.sum() * step:.1f} s only; {rule.shortest:g} s are needed.")
+    left_over = left_over - np.median(left_over[moves], axis=0)
+    residual = np.sqrt(_mean((left_over**2).sum(axis=1), rule.over / step))
+    level = float(np.median(residual[moves]))
+    calm = moves & (residual < rule.factor * level + rule.least)
+    found = (Stretch(float(t[a]), float(t[b - 1])) for a, b in _runs(calm))
+    return FreeMotion(tuple(s for s in found if s.duration >= rule.shortest), residual, level)
+
+
+def _free_directions(structure: Float[np.ndarray, "N n 6"]) -> Float[np.ndarray, "N 6 6"]:
+    """Projector on what the cables leave free; unlike a basis it changes smoothly with the pose."""
+    held = np.linalg.pinv(structure) @ structure
+    return np.eye(6) - held
+
+
+def _mean(values: np.ndarray, samples: float) -> Series:
+    """Centred moving mean over so many samples (and one); shorter at the ends of the recording."""
+    half = round(samples) // 2
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    rows = np.arange(len(values))
+    first, last = np.maximum(rows - half, 0), np.minimum(rows + half + 1, len(values))
+    return np.maximum(total[last] - total[first], 0.0) / (last - first)
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
+    return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

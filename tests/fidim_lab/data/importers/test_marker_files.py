@@ -1,0 +1,129 @@
+"""Motive CSV, QTM TSV and TRC: one motion written by hand in each dialect, and any bytes without a traceback."""
+
+import contextlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fidim_lab.app.import_kinds import MARKER_READERS, take_numbers
+from fidim_lab.data.marker_order import order_of
+from fidim_lab.data.missing import without_filled
+from fidim_lab.errors import FileError, RefusedError, SetupError
+
+PLACES = np.arange(30 * 6, dtype=float).reshape(30, 2, 3) + 1.0
+"""mm"""
+
+
+def motive(version: str, *, parents: bool) -> str:
+    ids = [",ID,1,1,1,2,2,2"] + ([",Parent,,,,,,"] if parents else [])
+    head = [
+        f"Format Version,{version},Take Name,a,Export Frame Rate,100.000000,Length Units,Millimeters",
+        "",
+        ",Type," + ",".join(["Marker"] * 6),
+        ",Name,p:1,p:1,p:1,p:2,p:2,p:2",
+        *ids,
+        ",," + ",".join(["Position"] * 6),
+        "Frame,Time (Seconds),X,Y,Z,X,Y,Z",
+    ]
+    rows = [f"{k},{k / 100}," + ",".join(f"{v:g}" for v in row.ravel()) for k, row in enumerate(PLACES)]
+    return "\n".join(head + rows)
+
+
+def qtm(*, columns: bool) -> str:
+    head = ["NO_OF_FRAMES\t30", "NO_OF_CAMERAS\t8", "FREQUENCY\t100", "DATA_INCLUDED\t3D", "MARKER_NAMES\tp:1\tp:2"]
+    head += ["Frame\tTime\t" + "\t".join(f"{m} {a}" for m in ("p:1", "p:2") for a in "XYZ")] if columns else []
+    lead = [f"{k + 1}\t{k / 100}\t" if columns else "" for k in range(30)]
+    return "\r\n".join(
+        head + [first + "\t".join(f"{v:g}" for v in row.ravel()) for first, row in zip(lead, PLACES, strict=True)]
+    )
+
+
+def trc() -> str:
+    head = [
+        "PathFileType\t4\t(X/Y/Z)\ta.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
+        "100\t100\t30\t2\tmm",
+        "Frame#\tTime\tp:1\t\t\tp:2\t\t",
+        "\t\tX1\tY1\tZ1\tX2\tY2\tZ2",
+        "",
+    ]
+    rows = [f"{k + 1}\t{k / 100}\t" + "\t".join(f"{v:g}" for v in row.ravel()) for k, row in enumerate(PLACES)]
+    return "\n".join(head + rows)
+
+
+FILES = {
+    "motive-csv 1.1": motive("1.1", parents=False),
+    "motive-csv 1.25": motive("1.25", parents=True),
+    "qtm-tsv plain": qtm(columns=False),
+    "qtm-tsv columns": qtm(columns=True),
+    "trc": trc(),
+}
+
+
+def written(tmp_path: Path, text: str | bytes) -> Path:
+    path = tmp_path / "take"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_dialect_gives_the_same_motion(name: str, tmp_path: Path):
+    log = MARKER_READERS[name.split()[0]](written(tmp_path, FILES[name]))
+    assert log.names == ("p:1", "p:2")
+    assert log.rate == 100.0
+    assert log.t == pytest.approx(np.arange(30) / 100.0)
+    assert log.positions == pytest.approx(1e-3 * PLACES)
+    assert log.up == ("z" if name.startswith("qtm") else "y")
+    assert log.decided
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_row_that_was_cut_off_is_named(name: str, tmp_path: Path):
+    separator = "," if name.startswith("motive") else "\t"
+    with pytest.raises(FileError, match="truncated"):
+        MARKER_READERS[name.split()[0]](written(tmp_path, FILES[name].rpartition(separator)[0]))
+
+
+@pytest.mark.parametrize("kind", MARKER_READERS)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_spoilt_bytes_are_a_file_error_or_read(kind: str, tmp_path: Path, data: st.DataObject):
+    text = next((text for name, text in FILES.items() if name.startswith(kind)), FILES["trc"]).encode()
+    at = data.draw(st.integers(0, len(text)))
+    spoilt = text[:at] + data.draw(st.binary(max_size=12)) + text[at + data.draw(st.integers(0, 40)) :]
+    with contextlib.suppress(FileError):
+        MARKER_READERS[kind](written(tmp_path, spoilt))
+
+
+def test_markers_are_told_apart_by_their_distances():
+    body = np.array([[0.0, 0, 0], [0.2, 0, 0], [0, 0.35, 0], [0.1, 0.1, 0.3]])
+    order, misfit, certain = order_of(np.tile(body[[2, 0, 3, 1]], (5, 1, 1)) + 1.0, body)
+    assert order == (1, 3, 0, 2)
+    assert misfit < 1e-9
+    assert certain
+    with pytest.raises(RefusedError, match="distances differ"):
+        order_of(np.tile(1e3 * body, (5, 1, 1)), body)
+
+
+def test_zeros_sentinels_and_held_places_are_missing():
+    rng = np.random.default_rng(1)
+    places = rng.normal(size=(60, 4, 3))
+    places[3:6, 0] = 0.0
+    places[7, 1] = -9.999
+    places[20:40, 2] = places[20, 2]
+    found, said = without_filled(places, 1e-3)
+    assert np.isnan(found[:, 0, 0]).sum() == 3
+    assert np.isnan(found[:, 1, 0]).sum() == 1
+    assert np.isnan(found[:, 2, 0]).sum() == 19
+    assert np.isfinite(found[:, 3]).all()
+    assert len(said) == 3
+
+
+def test_take_numbers():
+    assert take_numbers("1-3, 7") == {1, 2, 3, 7}
+    for wrong in ("", "3-1", "a", "1--2"):
+        with pytest.raises(SetupError, match="--takes"):
+            take_numbers(wrong)
