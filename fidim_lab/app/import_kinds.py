@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
 from fidim_lab.app.import_recording import import_command
 from fidim_lab.app.import_takes import check_new, import_takes_command
 from fidim_lab.data.importers.grab import read_grab
+from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.motive_csv import read_motive
 from fidim_lab.data.importers.qtm_tsv import read_qtm
 from fidim_lab.data.importers.recording import MarkerLog
@@ -19,21 +21,37 @@ from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import SetupError
 
 MARKER_READERS: Mapping[str, Callable[[Path], MarkerLog]] = MappingProxyType(
-    {"vicon-text": read_trajectories, "motive-csv": read_motive, "qtm-tsv": read_qtm, "trc": read_trc}
+    {
+        "vicon-text": read_trajectories,
+        "vicon-csv": read_trajectories,
+        "motive-csv": read_motive,
+        "qtm-tsv": read_qtm,
+        "trc": read_trc,
+    }
 )
 """kinds of which one file is one take"""
+MAPPED = "csv"
+"""alike, by a column map"""
 
 
 def import_kind_command(
-    kind: str, sources: list[Path], out: Path, robot: Path | None, takes: str | None, json_file: Path | None
+    kind: str,
+    sources: list[Path],
+    out: Path,
+    robot: Path | None,
+    takes: str | None,
+    json_file: Path | None,
+    map_file: Path | None = None,
 ) -> int:
     """Import by kind. Returns the exit code; raises FidimError."""
     wanted = None if takes is None else take_numbers(takes)
-    if kind in MARKER_READERS:
+    if (kind == MAPPED) != (map_file is not None):
+        raise SetupError(f"--map belongs to {MAPPED}, which needs it.")
+    if kind in MARKER_READERS or kind == MAPPED:
         if robot is None or wanted is not None:
             raise SetupError(f"{kind} needs --robot and takes no --takes.", hint="--robot names a robot file.")
         check_new(out)
-        return import_takes_command([read_files(kind, sources, robot)], out, json_file)
+        return import_takes_command([read_files(kind, sources, robot, map_file)], out, json_file)
     if robot is not None:
         raise SetupError(f"{kind} brings its own geometry: it takes no --robot.")
     if kind == "grab":
@@ -44,12 +62,12 @@ def import_kind_command(
     if wanted is not None:
         raise SetupError("--takes belongs to grab.")
     if kind not in READERS:
-        known = ", ".join(sorted([*READERS, *MARKER_READERS, "grab"]))
+        known = ", ".join(sorted([*READERS, *MARKER_READERS, MAPPED, "grab"]))
         raise SetupError(f"No recording of kind {kind!r} is known.", hint=f"Known kinds: {known}.")
     return import_command(kind, sources, out, json_file)
 
 
-def read_files(kind: str, sources: Sequence[Path], robot: Path) -> Takes:
+def read_files(kind: str, sources: Sequence[Path], robot: Path, map_file: Path | None = None) -> Takes:
     """The takes of single files and one robot file. Raises FileError, SetupError."""
     names = [source.stem for source in sources]
     for name in names:
@@ -58,7 +76,8 @@ def read_files(kind: str, sources: Sequence[Path], robot: Path) -> Takes:
     known = read_robot(robot)
     if len(known.markers) < 3:
         raise SetupError(f"{robot} names {len(known.markers)} markers; a pose needs three.", hint="Add extra_markers.")
-    takes = tuple(Take(_id(path.stem), MARKER_READERS[kind](path)) for path in sources)
+    read = MARKER_READERS[kind] if map_file is None else partial(read_mapped, map_file=map_file)
+    takes = tuple(Take(_id(path.stem), read(path)) for path in sources)
     return Takes(kind, _id(robot.stem), known, robot, takes)
 
 

@@ -14,7 +14,7 @@ def without_filled(positions: np.ndarray, scale: float) -> tuple[np.ndarray, tup
     positions: (N, M, 3) m; scale: metres in one unit of the file.
     """
     marks: dict[str, np.ndarray] = {
-        "at exactly 0, 0, 0": (np.abs(positions) == 0.0).all(axis=2),
+        "at exactly 0, 0, 0": np.abs(positions).max(axis=2) == 0.0,
         "with a value that stands for not seen": np.isclose(positions[..., None] / scale, SENTINELS)
         .all(axis=2)
         .any(axis=2),

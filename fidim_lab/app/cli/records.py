@@ -17,21 +17,28 @@ from fidim_lab.app.cli.root import FOLDER, Number, example, fidim
 @click.argument("sources", nargs=-1, required=True, type=FOLDER)
 @click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
 @click.option("--robot", type=FOLDER, default=None, help="Robot file with the markers; every kind but irma4u, grab.")
+@click.option("--map", "map_file", type=FOLDER, default=None, help="csv: which column is what, fidim-columns/1.")
 @click.option("--takes", default=None, metavar="1-36,40", help="grab: which takes, by number.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write what was found for programs.")
 @example("fidim import irma4u recordings/irma4u --out real")
 @example("fidim import vicon-text take1.txt take2.txt --robot robot.toml --out takes")
 def import_(
-    kind: str, sources: tuple[Path, ...], out: Path, robot: Path | None, takes: str | None, json_file: Path | None
+    kind: str,
+    sources: tuple[Path, ...],
+    out: Path,
+    robot: Path | None,
+    map_file: Path | None,
+    takes: str | None,
+    json_file: Path | None,
 ) -> None:
     """Turn other labs' recordings of KIND into a campaign folder.
 
-    KIND: irma4u, grab, vicon-text, motive-csv, qtm-tsv, trc. Several files become one campaign: each gives
-    the windows of free motion that are found in it.
+    KIND: irma4u, grab, vicon-text, vicon-csv, motive-csv, qtm-tsv, trc, csv. Several files become one
+    campaign: each gives the windows of free motion that are found in it.
     """
     from fidim_lab.app.import_kinds import import_kind_command
 
-    sys.exit(import_kind_command(kind, list(sources), out, robot, takes, json_file))
+    sys.exit(import_kind_command(kind, list(sources), out, robot, takes, json_file, map_file))
 
 
 @fidim.command()

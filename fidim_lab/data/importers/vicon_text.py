@@ -1,4 +1,4 @@
-"""The text that Vicon Nexus and Tracker export as "Trajectories": tab-separated, one row a frame, millimetres.
+"""The text that Vicon Nexus and Tracker export as "Trajectories", as text (tabs) or CSV: one row a frame.
 
     Trajectories
     100                                                  rate, Hz
@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fidim_lab.data.importers.cells import delimiter_of
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.input_file import read_text
 from fidim_lab.errors import FileError
@@ -31,7 +32,9 @@ FARTHEST = 1e3
 
 def read_trajectories(path: Path) -> MarkerLog:
     """Read one export. Raises FileError with line and column."""
-    lines = [line.split("\t") for line in read_text(path).splitlines()]
+    text = read_text(path).splitlines()
+    delimiter = delimiter_of(text[2:HEADER_LINES])
+    lines = [line.split(delimiter) for line in text]
     if len(lines) < HEADER_LINES:
         raise FileError(path, "", f"{len(lines)} lines; a trajectory export has {HEADER_LINES} before its first frame")
     if lines[0][0].strip() != "Trajectories":
@@ -46,7 +49,7 @@ def read_trajectories(path: Path) -> MarkerLog:
     if far.any():
         frame = frames[int(np.argmax(far))]
         raise FileError(path, f"frame {frame:.0f}", f"a marker is over {FARTHEST:g} m away; check the units in line 5")
-    return MarkerLog(path, names, rate, (frames - frames[0]) / rate, positions)
+    return MarkerLog(path, names, rate, (frames - frames[0]) / rate, positions, scale)
 
 
 def _rate(path: Path, cells: Sequence[str]) -> float:

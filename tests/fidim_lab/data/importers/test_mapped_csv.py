@@ -1,0 +1,58 @@
+"""Any CSV by a column map: decimal commas, epoch milliseconds, gaps; and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.importers.mapped_csv import read_mapped
+from fidim_lab.data.importers.vicon_text import read_trajectories
+from fidim_lab.errors import FileError
+
+MAP = """format = "fidim-columns/1"
+time = "stamp"
+time_unit = "ms"
+delimiter = ";"
+decimal = ","
+unit = "mm"
+[[marker]]
+name = "A"
+columns = ["ax", "ay", "az"]
+"""
+
+
+def files(tmp_path: Path, stamps: np.ndarray, text: str = MAP) -> tuple[Path, Path]:
+    table, columns = tmp_path / "take.csv", tmp_path / "map.toml"
+    columns.write_text(text, encoding="utf-8")
+    rows = [f"{stamp:.0f};7;{k},5;2;" for k, stamp in enumerate(stamps)]
+    table.write_text("\n".join(["stamp;other;ax;ay;az", *(row + "3" for row in rows)]), encoding="utf-8")
+    return table, columns
+
+
+def test_decimal_commas_and_epoch_milliseconds(tmp_path: Path):
+    stamps = 1.7e12 + 10.0 * np.delete(np.arange(40), 7)
+    log = read_mapped(*files(tmp_path, stamps))
+    assert log.rate == pytest.approx(100.0)
+    assert np.diff(log.t).max() == pytest.approx(0.02)
+    assert log.positions[3, 0] == pytest.approx([0.0035, 0.002, 0.003])
+
+
+@pytest.mark.parametrize(
+    ("stamps", "text", "says"),
+    [
+        (np.repeat(np.arange(0, 400, 20), 2), MAP, "does not increase"),
+        (10.0 * np.arange(40) + 5.0 * (np.arange(40) % 5 == 2), MAP, "even steps"),
+        (10.0 * np.arange(40), MAP.replace("ax", "bx"), "'bx'"),
+        (10.0 * np.arange(40), MAP.replace('unit = "mm"', 'unit = "ell"'), "ell"),
+    ],
+)
+def test_what_cannot_be_right_is_refused(tmp_path: Path, stamps: np.ndarray, text: str, says: str):
+    with pytest.raises(FileError, match=says):
+        read_mapped(*files(tmp_path, stamps, text))
+
+
+def test_vicon_csv_is_read_as_its_text(tmp_path: Path):
+    head = ["Trajectories", "100", ",,s:a,,,s:b,,", "Frame,Sub Frame,X,Y,Z,X,Y,Z", ",,mm,mm,mm,mm,mm,mm"]
+    path = tmp_path / "take.csv"
+    path.write_text("\n".join([*head, *(f"{k},0,1,2,3,4,5,6" for k in range(1, 31))]), encoding="utf-8")
+    assert read_trajectories(path).positions[0] == pytest.approx(1e-3 * np.array([[1, 2, 3], [4, 5, 6]]))
