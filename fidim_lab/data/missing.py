@@ -13,17 +13,23 @@ def without_filled(positions: np.ndarray, scale: float) -> tuple[np.ndarray, tup
 
     positions: (N, M, 3) m; scale: metres in one unit of the file.
     """
-    marks: dict[str, np.ndarray] = {
-        "at exactly 0, 0, 0": np.abs(positions).max(axis=2) == 0.0,
-        "with a value that stands for not seen": np.isclose(positions[..., None] / scale, SENTINELS)
-        .all(axis=2)
-        .any(axis=2),
+    marks = {
+        "at exactly 0, 0, 0": np.asarray(positions == 0.0).all(axis=2),
+        "with a value that stands for not seen": _all_sentinels(positions / scale),
         f"that did not change for {FEWEST_HELD} samples or more": _held(positions),
     }
     said = tuple(f"{int(mark.sum())} samples {words} count as not seen" for words, mark in marks.items() if mark.any())
     found = positions.copy()
     found[np.any(list(marks.values()), axis=0)] = np.nan
     return found, said
+
+
+def _all_sentinels(values: np.ndarray) -> np.ndarray:
+    """(N, M) where all three coordinates are one of `SENTINELS`."""
+    marked = np.zeros(values.shape[:2], dtype=bool)
+    for sentinel in SENTINELS:
+        marked |= np.isclose(values, sentinel).all(axis=2)
+    return marked
 
 
 def _held(positions: np.ndarray) -> np.ndarray:

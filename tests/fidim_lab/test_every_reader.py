@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from drivers.canbus.candump import read_candump
@@ -19,7 +20,12 @@ from fidim_lab.data.alignment_file import read_alignment
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.design_file import read_design
 from fidim_lab.data.home_file import home_path, read_homes
+from fidim_lab.data.importers.grab import read_config, read_log
+from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.matlab import load_struct
+from fidim_lab.data.importers.motive_csv import read_motive
+from fidim_lab.data.importers.qtm_tsv import read_qtm
+from fidim_lab.data.importers.trc import read_trc
 from fidim_lab.data.importers.vicon_text import read_trajectories
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.data.rig_file import read_rig
@@ -51,6 +57,12 @@ READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "candump": ("can.log", lambda path: list(read_candump(path))),
     "mat": ("a.mat", lambda path: load_struct(path, "s")),
     "trajectories": ("a.txt", read_trajectories),
+    "motive": ("a.csv", read_motive),
+    "qtm": ("a.tsv", read_qtm),
+    "trc": ("a.trc", read_trc),
+    "columns": ("map.toml", lambda path: read_mapped(path.parent / "take.csv", path)),
+    "grab config": ("c.json", lambda path: read_config(path, np.zeros((5, 3)))),
+    "grab log": ("r.log", lambda path: read_log(path, 4)),
     "eds": ("a.eds", lambda path: read_eds(path, 3)),
     "journal": ("journal.jsonl", read_journal),
 }
