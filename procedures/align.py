@@ -16,10 +16,10 @@ from fidim_lab.model.closure import Closure
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.marker_lag import jog_signal
 from fidim_lab.model.mechanism import Mechanism
-from procedures.displacing import free
+from procedures.beginning import begin, compared
 from procedures.identify import Route, straight
 from procedures.settings import Settings
-from procedures.steps import Enable, Lengths, MoveTo, Settle, Steps
+from procedures.steps import Lengths, MoveTo, Settle, Steps
 from procedures.steps.align import Jog, Told
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -48,23 +48,26 @@ def align(plan: Plan, robot: Robot, settings: Settings | None = None, route: Rou
     )
     middle = np.asarray(place.lengths)  # the lengths of the plan count, not those of the model
     ends = (_told(middle + 0.5 * (up - down)), _told(middle - 0.5 * (up - down)))
-    return _steps(place.id, ends, jog_signal(mechanism, robot, rest.pose, up - down), settings, route)
+    return _steps(robot.n, place.id, ends, jog_signal(mechanism, robot, rest.pose, up - down), settings, route)
 
 
-def _steps(window: str, ends: tuple[Lengths, Lengths], signal: Closure, settings: Settings, route: Route) -> Steps:
+def _steps(
+    n: int, window: str, ends: tuple[Lengths, Lengths], signal: Closure, settings: Settings, route: Route
+) -> Steps:
     motion, wanted = settings.motion, settings.align
     usual = partial(MoveTo, window=window, tolerance=motion.position_tolerance)
-    here = (yield Enable()).values
-    yield from free(settings)
+    here = yield from begin(n, settings, attended=False)
     at = here or None
     for goal in route(here, ends[0]) if here else (ends[0],):
         yield usual(lengths=goal, start=at, speed=motion.speed, acceleration=motion.acceleration)
         at = goal
     yield usual(lengths=ends[1], start=ends[0], speed=wanted.speed, acceleration=wanted.acceleration)
     # what still swings afterwards does not matter much
-    yield Settle(
+    settled = yield Settle(
         window=window, tolerance=motion.settle_tolerance, over=motion.settle_over, timeout=motion.settle_timeout
     )
+    if settled.outcome.usable:
+        yield from compared(window, settled.values, settings)
     found = yield Jog(
         window=window,
         ends=ends,

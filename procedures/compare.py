@@ -11,12 +11,12 @@ import numpy as np
 
 from fidim_lab.data.records import PlannedWindow, Role
 from fidim_lab.errors import InfeasibleError
-from procedures.displacing import free
+from procedures.beginning import begin
 from procedures.enough import windows_of
 from procedures.experiment import Lab
 from procedures.identify import WindowProtocol
 from procedures.outcomes import Outcome
-from procedures.steps import Enable, Note, Steps, Stop
+from procedures.steps import Note, Steps, Stop
 from procedures.steps.compare import Clarity, Explain
 
 FURTHER = ("more1", "more2", "more3", "more4")
@@ -38,8 +38,7 @@ def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
 
 
 def _compare(lab: Lab, done: AbstractSet[str], protocol: WindowProtocol) -> Steps:
-    at = (yield Enable()).values
-    yield from free(lab.settings)
+    at = yield from begin(lab.robot.n, lab.settings, attended=protocol.attended)
     at, swinging = yield from windows_of(lab.plan, protocol, at, lab.recorded, lab.swings)
     left = [id_ for id_ in FURTHER if id_ not in done]
     while True:

@@ -23,15 +23,15 @@ from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.identification.excitation.seen import taught
 from fidim_lab.identification.excitation.travel import travel
 from fidim_lab.model.mechanism import Mechanism
+from procedures.beginning import begin
 from procedures.calming import Calmer, lengths_of, stroke_chain
 from procedures.control import Retried
-from procedures.displacing import free
 from procedures.enough import windows_of
 from procedures.experiment import Lab
 from procedures.identify import WindowProtocol
 from procedures.limits import check_displacements
 from procedures.outcomes import Outcome
-from procedures.steps import CheckWindow, Enable, GiveUp, Lengths, Note, Result, Settle, Step, Steps, Stop
+from procedures.steps import CheckWindow, GiveUp, Lengths, Note, Result, Settle, Step, Steps, Stop
 from procedures.steps.excitation import IdentifyBody, SeenSwing, SeeRecordedSwing, Strokes
 from procedures.thinking import think
 
@@ -46,8 +46,7 @@ TELLING = 4
 def excite(lab: Lab) -> Steps:
     """The steps for a plan; see the module. Raises InfeasibleError as `identify`."""
     protocol = ExciteProtocol(lab)
-    at = (yield Enable()).values
-    yield from free(lab.settings)
+    at = yield from begin(lab.robot.n, lab.settings, attended=False)
     yield from windows_of(lab.plan, protocol, at, lab.recorded, lab.swings)
 
 
@@ -173,7 +172,7 @@ class ExciteProtocol(WindowProtocol):
                         return True
                     rest = settled.values
                 if moved:
-                    yield from self.check_at_rest(planned)
+                    yield from self.check_at_rest(planned, rest)
                     moved = False
                 self._plan = self._again or (yield from self._planned(planned))
                 self._again = None

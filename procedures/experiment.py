@@ -7,8 +7,9 @@ from typing import Any, TypeVar
 
 from fidim_lab.data.records import Plan, Robot, Role
 from procedures.identify import Route
-from procedures.limits import Statics, Workspace, check_moves, find_route, nominal_statics, way_points
+from procedures.limits import Statics, Workspace, check_moves, find_route, way_points
 from procedures.listing import Outline
+from procedures.nominal_rest import NominalRest
 from procedures.resumption import Resumption
 from procedures.run_folder import check_window_ids
 from procedures.settings import Settings
@@ -28,6 +29,8 @@ class Experiment:
     """of the planned windows, in order"""
     workspace: Workspace
     settings: Settings
+    rest: NominalRest | None = None
+    """where the platform should rest; None: not known, nothing is compared with it"""
 
 
 class Memory:
@@ -79,7 +82,8 @@ def checked_experiment(
     """
     settings = settings or Settings()
     check_window_ids([window.id for window in plan.windows])
-    workspace = Workspace(robot, statics or nominal_statics(robot), settings.motion.length_limits)
+    rest = NominalRest(robot)
+    workspace = Workspace(robot, statics or rest.tensions, settings.motion.length_limits)
     via = lru_cache(partial(way_points, robot, plan))
 
     def route(start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
@@ -92,4 +96,4 @@ def checked_experiment(
     procedure: Procedure = partial(make, lab)
     check_moves(Outline(procedure).steps, robot, workspace)
     roles = {window.id: window.role for window in plan.windows}
-    return Experiment(plan.name, robot, procedure, roles, workspace, settings)
+    return Experiment(plan.name, robot, procedure, roles, workspace, settings, rest if statics is None else None)

@@ -11,6 +11,7 @@ from functools import partial
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.data.records import Plan, PlannedWindow, Robot
 from fidim_lab.errors import InfeasibleError
+from procedures.beginning import begin, compared
 from procedures.control import Intervention, Retried, Skipped
 from procedures.displacing import displace, free
 from procedures.enough import windows_of
@@ -22,7 +23,6 @@ from procedures.steps import (
     AwaitHandsOff,
     CheckTension,
     CheckWindow,
-    Enable,
     GiveUp,
     Hold,
     Lengths,
@@ -67,8 +67,7 @@ def identify(
     Raises InfeasibleError (from `route`) where no safe way to an equilibrium is known.
     """
     protocol = WindowProtocol(robot, settings or Settings(), route, made or {})
-    at = (yield Enable()).values
-    yield from free(protocol.settings)
+    at = yield from begin(robot.n, protocol.settings)
     yield from windows_of(plan, protocol, at, recorded, swings)
 
 
@@ -152,7 +151,7 @@ class WindowProtocol:
         rest = yield from self.settle(planned)
         if rest is None:
             return True
-        yield from self.check_at_rest(planned)
+        yield from self.check_at_rest(planned, rest.values)
         return (yield from self.record(planned, rest.values))
 
     def steady(self, planned: PlannedWindow, text: str) -> Generator[Step, Result, str]:
@@ -189,8 +188,8 @@ class WindowProtocol:
         yield GiveUp(window=planned.id, outcome=Outcome.FAIL, reason=result.reason)
         return None
 
-    def check_at_rest(self, planned: PlannedWindow) -> Generator[Step, Result, None]:
-        """Hold, encoders, tensions; what is wrong here is wrong with the robot, so the run ends."""
+    def check_at_rest(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, None]:
+        """Hold, encoders, tensions, the marker's place; what is wrong here is wrong with the robot, so the run ends."""
         motion, tension = self.settings.motion, self.settings.tension
         checks = (
             Hold(window=planned.id),
@@ -211,6 +210,7 @@ class WindowProtocol:
             result = yield check
             if not result.outcome.usable:
                 yield Stop(window=planned.id, outcome=Outcome.FAIL, reason=f"Window {planned.id}: {result.reason}.")
+        yield from compared(planned.id, rest, self.settings)
 
     def record(self, planned: PlannedWindow, rest: tuple[float, ...]) -> Generator[Step, Result, bool]:
         """Record until a window is good, or given up; returns whether the platform was set swinging."""

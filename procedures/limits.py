@@ -15,8 +15,9 @@ import numpy as np
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.model.kinematics import equilibrium_at, pose_from_lengths
+from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from procedures.nominal_rest import NominalRest
 from procedures.steps import Ask, Lengths, MoveTo, Step, longest_way
 from procedures.steps.excitation import Strokes
 
@@ -31,8 +32,7 @@ SLACK = 0.005
 
 def nominal_statics(robot: Robot) -> Statics:
     """Tensions at rest by the robot file's nominal body and mass (some 3 ms a call)."""
-    mechanism = Mechanism(robot)
-    return lambda lengths: pose_from_lengths(mechanism, robot.nominal, lengths).tensions_in_newton(robot.mass)
+    return NominalRest(robot).tensions
 
 
 @dataclass(frozen=True)

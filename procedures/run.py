@@ -139,6 +139,7 @@ class _Run:
             newton_per_ampere=self._factors,
             progress=self._engine.progress,
             prompted=self._engine.prompted,
+            rest=experiment.rest,
             place=None if self._resumption is None else self._resumption.place,
             disk=self._disk,
         )

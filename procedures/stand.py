@@ -8,6 +8,8 @@ from drivers.ports import Disk, Prompt, Rig, WinchSample
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import DeviceError
 from procedures.limits import Workspace
+from procedures.nominal_rest import NominalRest
+from procedures.place_check import PlaceHistory
 from procedures.recorder import Recorder
 from procedures.resumption import LastPlace
 from procedures.run_folder import RunFolder
@@ -29,6 +31,9 @@ class Stand:
     """how far the step is, 0 to 1"""
     prompted: Callable[[str, Prompt], None]
     """a question is about to be asked in a window"""
+    rest: NominalRest | None = None
+    """where the platform should rest; None: not known"""
+    places: PlaceHistory = field(default_factory=PlaceHistory)
     place: LastPlace | None = None
     """where an earlier process left the robot; checked before anything moves"""
     disk: Disk = field(default_factory=InlineDisk)

@@ -6,12 +6,12 @@ For a new robot, or after a cable was changed: an hour before an identification,
 from collections.abc import Generator
 
 from fidim_lab.data.records import Plan, Robot
+from procedures.beginning import begin, compared
 from procedures.control import Retried, Skipped
-from procedures.displacing import free
 from procedures.identify import Route, straight
 from procedures.outcomes import Outcome
 from procedures.settings import Settings
-from procedures.steps import CheckTension, Enable, GiveUp, Hold, Lengths, MoveTo, Note, Result, Settle, Step, Steps
+from procedures.steps import CheckTension, GiveUp, Hold, Lengths, MoveTo, Note, Result, Settle, Step, Steps
 
 
 def tension_check(plan: Plan, robot: Robot, settings: Settings | None = None, route: Route = straight) -> Steps:
@@ -20,8 +20,7 @@ def tension_check(plan: Plan, robot: Robot, settings: Settings | None = None, ro
     Every place gets its verdict; one whose tensions are wrong does not end the run, the limits of the guards do.
     """
     settings = settings or Settings()
-    at = (yield Enable()).values
-    yield from free(settings)
+    at = yield from begin(robot.n, settings)
     for planned in plan.windows:
         goal = tuple(float(length) for length in planned.lengths)
         try:
@@ -44,6 +43,8 @@ def _rest(window: str, robot: Robot, settings: Settings) -> Generator[Step, Resu
     if not settled.outcome.usable:
         yield Note(window=window, remark=f"measured although the platform moves: {settled.reason}")
     yield Hold(window=window)
+    if settled.outcome.usable:
+        yield from compared(window, settled.values, settings)
     return (
         yield CheckTension(window=window, limits=robot.limits.tension, tolerance=tension.tolerance, over=tension.over)
     )

@@ -235,6 +235,18 @@ class GuardEntry:
     thresholds: Mapping[str, float]
 
 
+@dataclass(frozen=True)
+class PlaceEntry:
+    """How far the main marker may be from where cable lengths and statics put it."""
+
+    off: float
+    """m"""
+    change: float
+    """m, from one place to the next"""
+    part: float
+    """of the longest cable's way between them, in addition"""
+
+
 @dataclass(frozen=True, eq=False)
 class RigFile:
     """Everything a rig file says."""
@@ -248,6 +260,7 @@ class RigFile:
     winches: tuple[WinchEntry, ...]
     motion_capture: MocapEntry
     guards: Mapping[str, GuardEntry]
+    place: PlaceEntry
     hand: HandEntry | None = None
     release: ReleaseEntry | None = None
     gauges: tuple[GaugeEntry, ...] = ()

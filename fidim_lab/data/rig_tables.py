@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from fidim_lab.data.rig import MocapKind
-from fidim_lab.data.rig_guard_tables import GuardsTable
+from fidim_lab.data.rig_guard_tables import GuardsTable, PlaceTable
 from fidim_lab.data.rig_serial_tables import InclinometerTable, LoadCellsTable, ReleaseTable, SeveralLoadCells
 from fidim_lab.data.toml_file import NotNegative, Positive, Table
 
@@ -191,6 +191,7 @@ class RigTable(Table):
     winch: Annotated[list[WinchTable], Field(min_length=1, max_length=5)]
     motion_capture: MocapTable
     guards: GuardsTable = GuardsTable()
+    place: PlaceTable = PlaceTable()
     simulated_hand: HandTable | None = None
     every_winch: dict[str, object] = Field(default_factory=dict[str, object])
     release: ReleaseTable | None = None

@@ -10,6 +10,7 @@ from procedures.handlers.excitation import see_recorded_swing, strokes, think, w
 from procedures.handlers.hand import ask, await_hands_off
 from procedures.handlers.home import configure, measure_pose, set_lengths
 from procedures.handlers.motion import enable, hold, move_to
+from procedures.handlers.placing import compare_place, try_winches
 from procedures.handlers.release import await_held, let_go, take_hold
 from procedures.handlers.rest import check_tension, read_encoders, settle
 from procedures.handlers.window import accept, check_window, give_up, note, record, reject
@@ -43,12 +44,15 @@ from procedures.steps import (
 from procedures.steps.accuracy import CheckAccuracy
 from procedures.steps.align import Jog, Told
 from procedures.steps.excitation import IdentifyBody, SeeRecordedSwing, Strokes, Think, WatchSwing
+from procedures.steps.placing import ComparePlace, TryWinches
 
 Handler = Callable[[Stand, Any], Awaitable[Result]]
 
 HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
     {
         Enable: enable,
+        TryWinches: try_winches,
+        ComparePlace: compare_place,
         MoveTo: move_to,
         Settle: settle,
         Hold: hold,

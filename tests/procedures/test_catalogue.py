@@ -82,9 +82,9 @@ def test_no_winch_moves_before_a_release_has_let_go(name, world, lab, irma4, mon
     settings = replace(world.settings, release=ReleaseSettings())
     made = experiment(name, plan_for(name, lab), irma4, settings, statics=comfortable)
     listed = [type(s).__name__ for s in Outline(made.procedure).steps]
-    assert listed[:2] == ["Enable", "LetGo"]
+    assert listed[:3] == ["Enable", "LetGo", "TryWinches"]
     seen_at_rest = ["Settle"] if name in {"excite", "compare-by-winches"} else []  # nobody is there to see it
-    assert listed[2:][: len(seen_at_rest) + 1] == [*seen_at_rest, "MoveTo"]
+    assert listed[3:][: len(seen_at_rest) + 1] == [*seen_at_rest, "MoveTo"]
 
 
 @pytest.mark.parametrize("role", [Role.IDENTIFY, Role.VALIDATE])

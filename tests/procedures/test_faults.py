@@ -19,11 +19,13 @@ from sim_backends.jumping_loop import run
 
 STEPS = (
     "Enable",
+    "TryWinches",
     "MoveTo",
     "Settle",
     "Hold",
     "ReadEncoders",
     "CheckTension",
+    "ComparePlace",
     "Ask",
     "AwaitHandsOff",
     "Record",

@@ -67,5 +67,5 @@ def test_a_full_disk_ends_the_run_by_the_reaction_of_the_table(reaction, world, 
     assert (trip.guard, trip.reaction) == ("disk", reaction)
     assert ("quick_stop" in world.winches[0].commands) is (reaction is Reaction.QUICK_STOP)
     begun = [type(e.step).__name__ for e in world.events if isinstance(e, StepStarted)]
-    assert begun == ["Enable", "MoveTo"]
+    assert begun == ["Enable", "TryWinches", "MoveTo"]
     assert isinstance(world.events[-1], RunFinished)

@@ -99,7 +99,7 @@ def test_a_person_hangs_it_in_and_the_device_lets_go(lab, world, tmp_path):
     assert [prompt.kind for prompt in world.operator.asked] == [PromptKind.HANG_IN]
     assert release.commands == ["release", "hold", "release"]
     order = steps(world)
-    assert order[:3] == ["Enable", "LetGo", "MoveTo"]
+    assert order[:4] == ["Enable", "LetGo", "TryWinches", "MoveTo"]
     begin = order.index("TakeHold")
     assert order[begin : begin + 6] == ["TakeHold", "Ask", "AwaitHeld", "LetGo", "AwaitHandsOff", "Record"]
 

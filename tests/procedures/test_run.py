@@ -35,11 +35,13 @@ def test_the_order_of_steps_is_the_protocol(world, lab, tmp_path):
     steps = [type(e.step).__name__ for e in world.events if isinstance(e, StepStarted)]
     assert steps == [
         "Enable",
+        "TryWinches",
         "MoveTo",
         "Settle",
         "Hold",
         "ReadEncoders",
         "CheckTension",
+        "ComparePlace",
         "Ask",
         "AwaitHandsOff",
         "Record",

@@ -240,6 +240,7 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
         excite=excite,
         align=align,
         tension=tension,
+        place=replace(base.place, off=file.place.off, change=file.place.change, part=file.place.part),
         guard=_guard_settings(file.guards, base.guard, window),
         release=None if file.release is None else _release_settings(file.release, base),
     )

@@ -1,0 +1,43 @@
+"""Where the platform should rest at given cable lengths, by the robot file: marker and tensions, remembered."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.arrays import PerCable, Vector3
+from fidim_lab.data.records import Robot
+from fidim_lab.model.kinematics import pose_from_lengths
+from fidim_lab.model.mechanism import Mechanism
+from procedures.steps import Lengths
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """The platform at rest, by the robot file's geometry, nominal body and mass."""
+
+    marker: Vector3
+    """the main one, robot frame, m"""
+    tensions: PerCable
+    """N"""
+
+
+class NominalRest:
+    """Answers for lengths (m), each once (some 3 ms)."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.n = robot.n
+        self._robot = robot
+        self._mechanism = Mechanism(robot)
+        self._known: dict[Lengths, Rest] = {}
+
+    def at(self, lengths: Lengths) -> Rest:
+        """The rest at these lengths. Raises InfeasibleError where the platform cannot rest."""
+        if lengths not in self._known:
+            found = pose_from_lengths(self._mechanism, self._robot.nominal, np.array(lengths))
+            marker = found.pose.position + found.pose.rotation @ self._robot.marker
+            self._known[lengths] = Rest(marker, found.tensions_in_newton(self._robot.mass))
+        return self._known[lengths]
+
+    def tensions(self, lengths: PerCable) -> PerCable:
+        """Tensions (N) at rest, as `limits.Workspace` asks for them. Raises InfeasibleError."""
+        return self.at(tuple(float(length) for length in lengths)).tensions
