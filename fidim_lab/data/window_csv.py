@@ -71,13 +71,15 @@ def _check_header(path: Path, names: list[str]) -> None:
     for wanted in ("t", "x", "y", "z"):
         if wanted not in names:
             raise FileError(path, "line 1", f"column {wanted} is missing; found {', '.join(names)[:120]}")
+    seen: set[str] = set()
     for index, name in enumerate(names):
         if not name:
             raise FileError(path, "line 1", f"column {index + 1} has no name")
         if unseen(name):
             raise FileError(path, "line 1", f"column {ascii(name)[:60]} holds a control character or a direction mark")
-        if name in names[:index]:
+        if name in seen:
             raise FileError(path, "line 1", f"column {name} is there twice")
+        seen.add(name)
 
 
 def _numbers(path: Path, names: list[str], lines: Sequence[str]) -> np.ndarray:
