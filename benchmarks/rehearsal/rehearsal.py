@@ -111,9 +111,11 @@ class Rehearsal:
             async with asyncio.timeout(self.deadline):
                 await run_procedure(experiment, stage.rig.rig, self.folder, guards=guards, **rest)
         finally:
-            await uninterrupted(_ended(stage.tasks))
-            for log in logs:
-                log.close()
+            try:
+                await uninterrupted(_ended(stage.tasks))
+            finally:  # an impatient interrupt reaches the end of the faults, too
+                for log in logs:
+                    log.close()
 
     def _plant(self, name: str, number: int, stage: Stage, seen: Ended) -> None:
         async def later(after: float, fault: Callable[[Stage], Any]) -> None:
