@@ -56,6 +56,7 @@ class RecordedBus:
     """`CanTransport` port: `deliver` hands a logged frame to the subscribers; what is sent goes nowhere."""
 
     fault: str | None = None
+    remark: str = ""
 
     def __init__(self) -> None:
         self._subscribers: list[Callable[[CanFrame], None]] = []

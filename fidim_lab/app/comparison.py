@@ -100,7 +100,7 @@ def limit() -> float:
 
 def _shifts(a: ResultTable, b: ResultTable) -> tuple[Shift, ...]:
     pairs = [(name, a.parameters[name], b.parameters[name]) for name in PARAMETER_NAMES]
-    return tuple(Shift(name, p.value, _stated(p), q.value, _stated(q)) for name, p, q in pairs)
+    return tuple(Shift(name, p.best, _stated(p), q.best, _stated(q)) for name, p, q in pairs)
 
 
 def _stated(parameter: ParameterTable) -> float:
