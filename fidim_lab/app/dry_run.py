@@ -72,13 +72,11 @@ def run_dry_run(options: DryRunOptions) -> int:
     require_new(folder)
     spec = DryRunSpec(seed=options.seed, hide=options.hide, real_time=options.real_time, excite=options.excite)
     world = compose.simulated_world(robot, options.seed, options.hide)
-    with one_writer(folder):
-        with Working(
-            "planning: equilibria where the robot can rest and swing", options.equilibria + options.validation
-        ):
-            numbers = (options.equilibria, options.validation, options.seed)
-            plan = random_plan(robot, "dry run", *numbers, WITHIN_LIMITS)
-            experiment = _experiment(spec, plan, robot)
+    with Working("planning: equilibria where the robot can rest and swing", options.equilibria + options.validation):
+        numbers = (options.equilibria, options.validation, options.seed)
+        plan = random_plan(robot, "dry run", *numbers, WITHIN_LIMITS)
+        experiment = _experiment(spec, plan, robot)
+    with one_writer(folder):  # makes the folder: nothing is left of a plan that was refused
         return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world), options.json_file)
 
 

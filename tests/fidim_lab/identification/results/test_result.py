@@ -160,12 +160,13 @@ def test_json_is_exactly_the_format(result):
     table = result.to_json()
     assert list(table) == [
         "format", "campaign", "method", "outcome", "message", "parameters", "non_essential", "sigma_W", "C", "windows",
+        "geometry",
         "seconds",
     ]  # fmt: skip
     assert table["outcome"] == "converged"
     assert list(table["parameters"]) == list(PARAMETER_NAMES)  # type: ignore[call-overload]
     for parameter in table["parameters"].values():  # type: ignore[attr-defined]
-        assert set(parameter) == {"value", "sd", "sd_bootstrap", "nominal"}
+        assert set(parameter) == {"value", "sd", "sd_bootstrap", "nominal", "seen"}
     for window in table["windows"]:  # type: ignore[attr-defined]
         assert set(window) == {"id", "role", "chi2_per_dof", "rms_mm", "sigma_perp", "used"}
     assert json.loads(json.dumps(table, allow_nan=False)) == table
