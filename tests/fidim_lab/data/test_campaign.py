@@ -74,7 +74,7 @@ def test_an_alignment_that_is_none_is_an_error_with_its_place(campaign: Campaign
     ("old", "new", "expected"),
     [
         ("sample_rate = 100.0", "", "sample_rate: is missing"),
-        ('role = "validate"', 'role = "test"', "window 2, role"),
+        ('role = "validate"', 'role = "rehearse"', "window 2, role"),
         ('id = "w1"', 'id = "w0"', "window 2, id: 'w0' is there twice"),
         ('file = "windows/w1.csv"', 'file = "windows/w9.csv"', "w9.csv: no such file"),
         (
