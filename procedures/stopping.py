@@ -133,4 +133,4 @@ class Stopping:
                 f"{self.winch.name} {how} ({self._wrong}{went}): NMT stop was sent, then heartbeat and SYNC were "
                 f"withheld; {self._moves}"
             )
-        return StoppedWinch(self.winch.name, self.stands, not self.forced, moved, seconds, self._place, says)
+        return StoppedWinch(self.winch.name, bool(self.stands), not self.forced, moved, seconds, self._place, says)
