@@ -23,7 +23,7 @@ BODY = Body(np.array([0.012, -0.031, 0.19]), np.array([0.071, 0.078, 0.033, 0.00
 @pytest.fixture
 def folder(irma4, tmp_path):
     rng = np.random.default_rng(1)
-    series = [np.round(rng.normal(size=(50, 4)), 4) for _ in range(2)]
+    series = [np.round(rng.uniform(0.5, 3.0, size=(50, 4)), 4) for _ in range(2)]
     markers = np.round(rng.normal(size=(50, 1, 3)), 6)
     markers[3] = np.nan
     window = Window("i01", Role.IDENTIFY, np.arange(50) / 100.0, markers, *series, np.array([1.0, 2.0, 3.0]))
