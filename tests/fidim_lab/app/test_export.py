@@ -119,7 +119,7 @@ def test_python_and_toml(result, tmp_path):
     assert [float(v) for v in told] == pytest.approx([MASS * BODY.inertia_about_com[0, 2], BODY.com[1], 1e-5])
     assert run(["export", str(result), "--to", "toml"]) == 0
     table = tomllib.loads((tmp_path / "export" / "result.toml").read_text())
-    assert table["parameters"]["s_z"] == {"value": 0.19, "sd": 1e-5, "nominal": 0.0}
+    assert table["parameters"]["s_z"] == {"value": 0.19, "sd": 1e-5, "nominal": 0.0, "seen": True}
 
 
 @pytest.mark.parametrize(

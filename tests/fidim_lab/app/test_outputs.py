@@ -129,8 +129,8 @@ def test_what_fails_later_is_said_in_words(said, tmp_path):
     assert (code, "cannot be written: No space left on device. Make room" in words) == (3, True), words
 
 
-def test_what_is_about_no_output_stays_ours(said, tmp_path):
+def test_a_file_that_cannot_be_read_is_named_not_called_a_bug(said, tmp_path):
     code, words = said(lambda out, json_file: (tmp_path / "absent").read_text(), "--json", tmp_path / "x" / "..")
     assert code == 2, "a folder is no file"
     code, words = said(lambda out, json_file: (tmp_path / "absent").read_text(), "--json", tmp_path / "x.json")
-    assert (code, "This is a bug of fidim-lab" in words) == (3, True), words
+    assert (code, "absent: No such file" in words) == (2, True), words
