@@ -184,4 +184,4 @@ def test_a_result_for_another_robot_is_doubted(
 def test_wrong_use_of_validate(pair: Pair, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("validate", pair.empty) == 2
     assert run("validate", pair.empty, "--parameters", tmp_path / "none.json") == 2
-    assert "No such file" in capsys.readouterr().err
+    assert "no such file" in capsys.readouterr().err
