@@ -1,4 +1,4 @@
-"""Names for the array shapes of this project: N samples, n cables, λ = 6 − n freedoms.
+"""Names for the array shapes of this project: N samples, n cables, λ = 6 − n freedoms; and `runs` of a mask.
 
 jaxtyping annotations; they are checked at run time only under pytest.
 """
@@ -20,3 +20,9 @@ PerCable = Float[np.ndarray, "n"]
 CableSeries = Float[np.ndarray, "N n"]
 Series = Float[np.ndarray, "N"]
 Mask = Bool[np.ndarray, "N"]
+
+
+def runs(mask: Mask) -> list[tuple[int, int]]:
+    """Begin and end (exclusive) of every run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
+    return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from fidim_lab.arrays import runs
+
 SENTINELS = (-9999.0, -999.0, 9999.0, 999.0, 99999.0, 9999999.0, -9999999.0)
 """in the file's own unit, in all three coordinates: one of them may well be 999 mm"""
 FEWEST_HELD = 10
@@ -38,7 +40,6 @@ def _held(positions: np.ndarray) -> np.ndarray:
     same[1:] = (np.diff(positions, axis=0) == 0.0).all(axis=2)
     held = np.zeros_like(same)
     for marker in range(positions.shape[1]):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], same[:, marker].astype(int), [0]])))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        for begin, end in runs(same[:, marker]):
             held[begin:end, marker] = end - begin + 1 >= FEWEST_HELD
     return held

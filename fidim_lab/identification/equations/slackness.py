@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidim_lab.arrays import CableSeries
+from fidim_lab.arrays import CableSeries, runs
 from fidim_lab.identification.equations.estimate import Nine
 from fidim_lab.identification.equations.problem import Problem, WindowEquations
 
@@ -50,8 +50,7 @@ def slack(problem: Problem, values: Nine) -> tuple[Slack, ...]:
     for equations in problem.equations:
         t, rate = equations.measured.motion.t, equations.measured.rate
         for cable, pushes in enumerate((tensions(equations, problem, values) < -PUSHED * weight).T, start=1):
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], pushes, [False]]).astype(int)))
-            stretches = [(b, e) for b, e in edges.reshape(-1, 2) if (e - b) / rate >= SHORTEST]
+            stretches = [(b, e) for b, e in runs(pushes) if (e - b) / rate >= SHORTEST]
             if stretches:
                 begin, end = stretches[0]
                 found.append(Slack(equations.window.id, cable, float(t[begin]), float(t[end - 1])))

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.arrays import Positions, Rotations, Series
+from fidim_lab.arrays import Positions, Rotations, Series, runs
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.motion.hand_free import smooth_motion
+from fidim_lab.identification.motion.hand_free import moving_mean, smooth_motion
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.regressor import parameter_vector, platform_regressor
 
@@ -92,15 +92,17 @@ def find_free_motion(
     regressor = platform_regressor(motion, mechanism.robot.gravity)
     wrench = (regressor @ parameter_vector(mechanism.robot.nominal)) / scale
     left_over = np.einsum("nij,nj->ni", free, wrench)
-    speed = np.sqrt(_mean(((motion.twists * scale) ** 2).sum(axis=1), rule.over_speed / step))
+    speed = np.sqrt(
+        np.maximum(moving_mean(((motion.twists * scale) ** 2).sum(axis=1), round(rule.over_speed / step)), 0.0)
+    )
     moves = speed > rule.speed
     if moves.sum() * step < rule.shortest:
         raise RefusedError(f"The platform moves for {moves.sum() * step:.1f} s only; {rule.shortest:g} s are needed.")
     left_over = left_over - np.median(left_over[moves], axis=0)
-    residual = np.sqrt(_mean((left_over**2).sum(axis=1), rule.over / step))
+    residual = np.sqrt(np.maximum(moving_mean((left_over**2).sum(axis=1), round(rule.over / step)), 0.0))
     level = float(np.median(residual[moves]))
     calm = moves & (residual < rule.factor * level + rule.least)
-    found = (Stretch(float(t[a]), float(t[b - 1])) for a, b in _runs(calm))
+    found = (Stretch(float(t[a]), float(t[b - 1])) for a, b in runs(calm))
     return FreeMotion(tuple(s for s in found if s.duration >= rule.shortest), residual, level)
 
 
@@ -108,17 +110,3 @@ def _free_directions(structure: Float[np.ndarray, "N n 6"]) -> Float[np.ndarray,
     """Projector on what the cables leave free; unlike a basis it changes smoothly with the pose."""
     held = np.linalg.pinv(structure) @ structure
     return np.eye(6) - held
-
-
-def _mean(values: np.ndarray, samples: float) -> Series:
-    """Centred moving mean over so many samples (and one); shorter at the ends of the recording."""
-    half = round(samples) // 2
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    rows = np.arange(len(values))
-    first, last = np.maximum(rows - half, 0), np.minimum(rows + half + 1, len(values))
-    return np.maximum(total[last] - total[first], 0.0) / (last - first)
-
-
-def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

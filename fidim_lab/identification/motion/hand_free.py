@@ -16,7 +16,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from fidim_lab.arrays import Mask, PerCable, Positions, Rotations, Series
+from fidim_lab.arrays import Mask, PerCable, Positions, Rotations, Series, runs
 from fidim_lab.data.records import Motion
 from fidim_lab.errors import RefusedError
 from fidim_lab.model.mechanism import Mechanism
@@ -130,10 +130,10 @@ def find_hand_free(
     missing = np.any(np.isnan(positions), axis=1)
     motion = smooth_motion(t, positions, rotations, rule.low_pass)
     balance = newton_euler_balance(mechanism, motion, rule)
-    missing = _mean(missing, round(rule.power_time / step)) > 0.0
+    missing = moving_mean(missing, round(rule.power_time / step)) > 0.0
     reasons = _reasons(balance, missing, rule)
     free = np.array([reason is None for reason in reasons])
-    stretches = [_window(t, begin, end, reasons, balance) for begin, end in _runs(free)]
+    stretches = [_window(t, begin, end, reasons, balance) for begin, end in runs(free)]
     trimmed = [_trimmed(window, rule.trim) for window in stretches]
     return HandFree(
         windows=tuple(window for window in trimmed if window.duration >= rule.shortest),
@@ -182,13 +182,13 @@ def newton_euler_balance(mechanism: Mechanism, motion: Motion, rule: HandFreeRul
 
     step = float(motion.t[1] - motion.t[0])
     over_power, over_energy = round(rule.power_time / step), round(rule.energy_time / step)
-    energy = _mean(_kinetic_energy(motion, body.com, body.inertia_matrix), over_energy)
+    energy = moving_mean(_kinetic_energy(motion, body.com, body.inertia_matrix), over_energy)
     tiny = np.finfo(float).tiny
     return Balance(
-        power=_mean((projected * speeds).sum(axis=1), over_power) / np.maximum(energy, tiny),
+        power=moving_mean((projected * speeds).sum(axis=1), over_power) / np.maximum(energy, tiny),
         residual=np.sqrt(
-            _mean((projected**2).sum(axis=1), over_power)
-            / np.maximum(_mean((inertial**2).sum(axis=1), over_power), tiny)
+            moving_mean((projected**2).sum(axis=1), over_power)
+            / np.maximum(moving_mean((inertial**2).sum(axis=1), over_power), tiny)
         ),
         energy=energy,
         free_directions=6 - held,
@@ -249,12 +249,7 @@ def _trimmed(window: HandFreeWindow, trim: float) -> HandFreeWindow:
     return HandFreeWindow(window.begin + trim, window.end - trim, window.before, window.after, window.says)
 
 
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _mean(values: np.ndarray, samples: int) -> Series:
+def moving_mean(values: np.ndarray, samples: int) -> Series:
     """Centred moving mean over so many samples (and one); shorter at the ends of the recording."""
     half = samples // 2
     total = np.concatenate([[0.0], np.cumsum(values.astype(float))])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fidim_lab.arrays import Mask, Series
+from fidim_lab.arrays import Mask, Series, runs
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.motion.filters import Derivatives, Edges, FilterDesign, Kernels, convolve, design
 
@@ -110,12 +110,6 @@ def _column(t: Series, x: Series, grid: Series, slots: np.ndarray, drift: bool) 
         if at_end or end - begin > allowed:  # nothing is extrapolated
             out[begin:end] = np.nan
     return out, int(np.isfinite(out).sum() - measured.sum())
-
-
-def runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Begin and end (exclusive) of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def smooth(track: Track, spec: FilterDesign) -> Smooth:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import theilslopes
 
+from fidim_lab.arrays import runs
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.mismatch.cleaning.hand_times import hand_times
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments
@@ -130,9 +131,7 @@ def _runs(one: Segmented, above: float) -> list[tuple[int, int]]:
     high = (chi2 > max(1.0, level) * (1 + spread)) & (chi2 > above * level)
     if high.mean() > CLEANING.contacts_most:
         return []
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], high.astype(int), [0]])))
-    runs = [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
-    return [run for run in runs if _stands_out(chi2, *run, above)]
+    return [run for run in runs(high) if _stands_out(chi2, *run, above)]
 
 
 def _lasting(segments: Segments, seen: set[str]) -> list[tuple[Segmented, tuple[int, int]]]:

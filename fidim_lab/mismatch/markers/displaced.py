@@ -13,7 +13,7 @@ from jaxtyping import Float
 from scipy.ndimage import maximum_filter1d
 from scipy.special import chdtri, ndtri
 
-from fidim_lab.identification.motion.signals import runs
+from fidim_lab.arrays import runs
 from fidim_lab.mismatch.markers.lost_frames import LostFrames, lost_frames
 from fidim_lab.mismatch.markers.neighbours import look
 from fidim_lab.mismatch.markers.rivals import Verdict, What, judge

@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
+from fidim_lab.arrays import runs
 from fidim_lab.data.records import Window
-from fidim_lab.identification.motion.signals import runs
 from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_name
 from fidim_lab.mismatch.markers.thresholds import MARKERS
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fidim_lab.arrays import runs
 from fidim_lab.data.records import Window
-from fidim_lab.identification.motion.signals import runs
 from fidim_lab.mismatch.markers.clock_check import check_clock, even_grid
 from fidim_lab.mismatch.markers.displaced import Displacement, Limits, search
 from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_name

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from fidim_lab.arrays import runs
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.motion.filters import PAPER, Derivatives, Edges, FilterDesign
-from fidim_lab.identification.motion.signals import runs, smooth, uniform
+from fidim_lab.identification.motion.signals import smooth, uniform
 
 RATE = 100.0
 T = np.arange(1001) / RATE
