@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Robot, Window
-from fidim_lab.identification.mle.fit import Fit, fit, names_of
-from fidim_lab.identification.mle.judge import remainder
+from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.likelihood import Point
 from fidim_lab.identification.mle.trajectories.normal import Prior
-from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort, optimise
+from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort
+from fidim_lab.identification.mle.warm_start import gone_on
 from fidim_lab.identification.survey import Nuisance, nuisances, prior_sd, typical
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
@@ -85,8 +85,12 @@ def _weighed(exact: Fit, windows: list[Window], robot: Robot) -> Surveyed:
 
 
 def _opened(mechanism: Mechanism, windows: list[Window], opened: tuple[Nuisance, ...]) -> Fit:
-    effects = tuple(one.effect for one in opened)
-    return fit(Mechanism(mechanism.robot, effects, native=mechanism.native), windows, theta_sd=prior_sd(opened))
+    return fit(_with(mechanism, opened), windows, theta_sd=prior_sd(opened))
+
+
+def _with(mechanism: Mechanism, opened: tuple[Nuisance, ...]) -> Mechanism:
+    """The robot's mechanism with this geometry open, at the file's values."""
+    return Mechanism(mechanism.robot, tuple(one.effect for one in opened), native=mechanism.native)
 
 
 def continued(found: Fit, opened: tuple[Nuisance, ...], effort: Effort = FINAL) -> Fit | None:
@@ -95,27 +99,15 @@ def continued(found: Fit, opened: tuple[Nuisance, ...], effort: Effort = FINAL) 
     A geometry that is open already keeps its values and takes the new standard deviations.
     """
     before = found.likelihood
-    values = np.concatenate([found.values, np.zeros(len(prior_sd(opened)))])[: BODY + len(prior_sd(opened))]
-    effects = tuple(one.effect for one in opened)
-    mechanism = Mechanism(before.mechanism.robot, effects, native=before.mechanism.native)
-    likelihood = replace(before, mechanism=mechanism)
-    plausible = np.concatenate([found.plausible[:BODY], prior_sd(opened)])
-    mean = np.concatenate([found.prior.mean[:BODY], np.zeros(len(values) - BODY)])
-    prior = Prior(mean, np.concatenate([found.prior.sd[:BODY], prior_sd(opened)]), firm=BODY)
-    start = Point(values, found.journey.optimum.point.states)
-    free = np.ones(len(values), dtype=bool)
-    optimum = optimise(likelihood, start, found.journey.ends, prior, effort, free)
-    if optimum is None:
-        return None
-    return replace(
-        found,
-        likelihood=likelihood,
-        journey=replace(found.journey, optimum=optimum),
-        remainders=tuple(remainder(likelihood, optimum.simulation, w) for w in range(len(likelihood.recordings))),
-        prior=prior,
-        plausible=plausible,
-        names=names_of(mechanism),
+    sd = prior_sd(opened)
+    nowhere = np.zeros(len(sd))
+    values = np.concatenate([found.values, nowhere])[: BODY + len(sd)]
+    likelihood = replace(before, mechanism=_with(before.mechanism, opened))
+    plausible = np.concatenate([found.plausible[:BODY], sd])
+    prior = Prior(
+        np.concatenate([found.prior.mean[:BODY], nowhere]), np.concatenate([found.prior.sd[:BODY], sd]), firm=BODY
     )
+    return gone_on(found, likelihood, Point(values, found.journey.optimum.point.states), prior, plausible, effort)
 
 
 @dataclass(frozen=True)

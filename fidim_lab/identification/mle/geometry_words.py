@@ -19,50 +19,49 @@ ANGLES = ("axis", "gravity")
 
 def told_geometry(surveyed: Surveyed) -> Geometry:
     """Every piece that was left open, with its standard deviation after the fit."""
-    return Geometry(surveyed.chi2_gain, told_pieces(surveyed), " ".join(geometry_warnings(surveyed)))
+    sd = np.sqrt(np.diag(surveyed.found.tempered_covariance))
+    moved: list[Moved] = []
+    for one in surveyed.geometry:
+        place = surveyed.found.place_of(one.effect)
+        by, spread = surveyed.found.values[place], sd[place]
+        moved.append(Moved(one.what, one.cable, tuple(map(float, by)), tuple(map(float, spread))))
+    return Geometry(surveyed.chi2_gain, tuple(moved))
 
 
-def geometry_warnings(surveyed: Surveyed) -> tuple[str, ...]:
+def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     """Whether the file's geometry holds, what is off most, and what no recording shows."""
-    if surveyed.log_bayes is None and not surveyed.geometry:
-        return ()
-    if surveyed.log_bayes is None:
-        return tuple(filter(None, (_furthest(surveyed), _unseen(surveyed))))
-    usual = f"a usual survey ({millimetres(TYPICAL_ANCHOR):g} mm anchors, {millimetres(TYPICAL_ATTACHMENT):g} mm"
-    usual += " attachments)"
     if not surveyed.geometry:
         return ()
+    details = [says for says in (_furthest(told), _unseen(surveyed, told)) if says]
+    if surveyed.log_bayes is None:
+        return tuple(details)
+    usual = (
+        f"a usual survey ({millimetres(TYPICAL_ANCHOR):g} mm anchors, {millimetres(TYPICAL_ATTACHMENT):g} mm "
+        "attachments)"
+    )
     if surveyed.log_bayes < ODDS:
         return (
             f"The robot file has no [survey], and the recordings do not tell whether its geometry is exact: the ± "
             f"assume {usual}.",
         )
-    size = f"{surveyed.factor * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors"
-    return tuple(
-        filter(
-            None,
-            (
-                f"The robot file's geometry does not hold exactly: with {usual} scaled to {size} the recordings fit "
-                f"better (log evidence {surveyed.log_bayes:+.3g}). The geometry was fitted with the body, and the ± "
-                "count it. State [survey] in the robot file.",
-                _furthest(surveyed),
-                _unseen(surveyed),
-            ),
-        )
+    return (
+        f"The robot file's geometry does not hold exactly: with {usual} scaled to "
+        f"{surveyed.factor * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors the recordings fit better (log evidence "
+        f"{surveyed.log_bayes:+.3g}). The geometry was fitted with the body, and the ± count it. State [survey] in the "
+        "robot file.",
+        *details,
     )
 
 
-def _furthest(surveyed: Surveyed) -> str:
+def _furthest(told: Geometry) -> str:
     """The pieces that are clearly off."""
     off: list[tuple[float, str]] = []
-    for one in told_pieces(surveyed):
+    for one in told.moved:
         sizes = np.abs(one.by) / np.asarray(one.sd)
         k = int(np.argmax(sizes))
         if sizes[k] < CLEARLY:
             continue
-        where = (
-            one.what.replace("_", " ") if one.cable is None else f"{one.what.replace('_', ' ')} of cable {one.cable}"
-        )
+        where = one.what.replace("_", " ") + ("" if one.cable is None else f" of cable {one.cable}")
         unit = "mrad" if one.what in ANGLES else "mm"
         shown = ", ".join(f"{millimetres(value):+.2g}" for value in one.by)
         off.append((float(sizes[k]), f"{where} by ({shown}) {unit}"))
@@ -72,9 +71,9 @@ def _furthest(surveyed: Surveyed) -> str:
     return f"Clearly off: {'; '.join(named)}."
 
 
-def _unseen(surveyed: Surveyed) -> str:
+def _unseen(surveyed: Surveyed, told: Geometry) -> str:
     """Pieces that the recordings do not show at all."""
-    pieces = zip(surveyed.geometry, told_pieces(surveyed), strict=True)
+    pieces = zip(surveyed.geometry, told.moved, strict=True)
     hidden = [
         one.what for one, after in pieces if all(a > UNSEEN * b for a, b in zip(after.sd, one.sd, strict=True) if b > 0)
     ]
@@ -82,17 +81,3 @@ def _unseen(surveyed: Surveyed) -> str:
         return ""
     kinds = ", ".join(f"{kind.replace('_', ' ')} ({hidden.count(kind)})" for kind in dict.fromkeys(hidden))
     return f"Not seen by these recordings, so left as surveyed: {kinds}."
-
-
-def told_pieces(surveyed: Surveyed) -> tuple[Moved, ...]:
-    """Every open piece after the fit."""
-    sd = np.sqrt(np.diag(surveyed.found.tempered_covariance))
-    return tuple(
-        Moved(
-            one.what,
-            one.cable,
-            tuple(map(float, surveyed.found.values[surveyed.found.place_of(one.effect)])),
-            tuple(map(float, sd[surveyed.found.place_of(one.effect)])),
-        )
-        for one in surveyed.geometry
-    )

@@ -68,7 +68,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     side = _side(replace(campaign, windows=tuple(w for w in campaign.windows if w.id not in odd)))
     predicted = odd | _held_out(campaign, found, soft, odd) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
-    figures = _figures(campaign, found)
+    figures, geometry = _figures(campaign, found), told_geometry(surveyed)
     outcome = findings.outcome(found, figures, windows)
     return IdentificationResult(
         campaign=campaign.name,
@@ -82,7 +82,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         windows=windows,
         warnings=(
             *(() if soft is None else soft.sentences),
-            *geometry_warnings(surveyed),
+            *geometry_warnings(surveyed, geometry),
             *findings.warnings(found, figures, windows),
         ),
         seconds=perf_counter() - begin,
@@ -91,7 +91,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         leave_one_out=figures.leave_one_out,
         attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
         freedoms=campaign.robot.freedoms,
-        geometry=None if soft is not None else told_geometry(surveyed),
+        geometry=None if soft is not None else geometry,
     )
 
 

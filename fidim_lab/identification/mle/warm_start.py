@@ -1,4 +1,4 @@
-"""A fit gone on from its optimum with another effect in the place of one of its own.
+"""A fit gone on from its optimum with another model: `exchanged` puts another effect in the place of one of its own.
 
 A model that is richer than one already fitted has its optimum near that of the poorer one; begun from nowhere it would
 have to find its way again, and may miss it (REAL.md §6.5).
@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from fidim_lab.identification.mle.fit import Fit, names_of
 from fidim_lab.identification.mle.judge import remainder
-from fidim_lab.identification.mle.trajectories.likelihood import Point
+from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Point
 from fidim_lab.identification.mle.trajectories.normal import Prior
-from fidim_lab.identification.mle.trajectories.optimise import FINAL, optimise
+from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort, optimise
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.starts import tied
@@ -56,8 +57,23 @@ def exchanged(found: Fit, old: Effect, new: Newcomer) -> Fit | None:
     begins = before.begins
     states = tied(made, shared, found.journey.optimum.point.states, begins)
     likelihood = replace(before, mechanism=made, guesses=tied(made, shared, before.guesses, begins))
-    free = np.ones(len(shared), dtype=bool)
-    optimum = optimise(likelihood, Point(shared, states), found.journey.ends, known, FINAL, free)
+    return gone_on(found, likelihood, Point(shared, states), known, placed(found.plausible, new.sd))
+
+
+def gone_on(
+    found: Fit,
+    likelihood: Likelihood,
+    start: Point,
+    prior: Prior,
+    plausible: Float[np.ndarray, " shared"],
+    effort: Effort = FINAL,
+) -> Fit | None:
+    """The same recordings as far as `found` used them, fitted from `start` with the mechanism of `likelihood`.
+
+    None where it cannot be simulated from there.
+    """
+    free = np.ones(len(start.shared), dtype=bool)
+    optimum = optimise(likelihood, start, found.journey.ends, prior, effort, free)
     if optimum is None:
         return None
     return replace(
@@ -65,7 +81,7 @@ def exchanged(found: Fit, old: Effect, new: Newcomer) -> Fit | None:
         likelihood=likelihood,
         journey=replace(found.journey, optimum=optimum),
         remainders=tuple(remainder(likelihood, optimum.simulation, w) for w in range(len(likelihood.recordings))),
-        prior=known,
-        plausible=placed(found.plausible, new.sd),
-        names=names_of(made),
+        prior=prior,
+        plausible=plausible,
+        names=names_of(likelihood.mechanism),
     )

@@ -102,8 +102,6 @@ class Geometry:
     """by how much the sum of squares falls when the geometry is left open, in units of χ²/dof"""
     moved: tuple[Moved, ...] = ()
     """everything that was left open; nothing where the file's geometry counts as exact"""
-    says: str = ""
-    """for a person"""
 
 
 @dataclass(frozen=True, eq=False)
