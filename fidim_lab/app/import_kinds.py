@@ -7,7 +7,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from fidim_lab.app.import_recording import import_command
-from fidim_lab.app.import_takes import check_new, import_takes_command
+from fidim_lab.app.import_takes import import_takes_command
+from fidim_lab.data.campaign import refuse_taken
 from fidim_lab.data.importers.grab import read_grab
 from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.motive_csv import read_motive
@@ -50,14 +51,14 @@ def import_kind_command(
     if kind in MARKER_READERS or kind == MAPPED:
         if robot is None or wanted is not None:
             raise SetupError(f"{kind} needs --robot and takes no --takes.", hint="--robot names a robot file.")
-        check_new(out)
+        refuse_taken(out)
         return import_takes_command([read_files(kind, sources, robot, map_file)], out, json_file)
     if robot is not None:
         raise SetupError(f"{kind} brings its own geometry: it takes no --robot.")
     if kind == "grab":
         if len(sources) != 1:
             raise SetupError("grab reads one folder.")
-        check_new(out)
+        refuse_taken(out)
         return import_takes_command(read_grab(sources[0], lambda k: wanted is None or k in wanted), out, json_file)
     if wanted is not None:
         raise SetupError("--takes belongs to grab.")

@@ -16,12 +16,12 @@ import numpy as np
 from fidim_lab.app import console
 from fidim_lab.app.import_report import ImportReport, summary, table
 from fidim_lab.arrays import Positions, Rotations
-from fidim_lab.data.campaign import write_campaign
+from fidim_lab.data.campaign import refuse_taken, write_campaign
 from fidim_lab.data.importers.recording import Recording
 from fidim_lab.data.importers.registry import read_recording
 from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
 from fidim_lab.data.rigid_body import ClusterShape, cluster_shape, fit_pose
-from fidim_lab.errors import RefusedError, SetupError
+from fidim_lab.errors import RefusedError
 from fidim_lab.identification.calibration.arrangement import Evidence, at_times, choose, judge
 from fidim_lab.identification.calibration.registration import Registration, register
 from fidim_lab.identification.motion.hand_free import HandFree, find_hand_free
@@ -51,8 +51,7 @@ def run_import(kind: str, sources: Sequence[Path], out: Path) -> ImportReport:
     Raises SetupError where `out` exists or the kind is unknown, FileError where a file is wrong, RefusedError where
     the recording cannot be registered or holds no hand-free window.
     """
-    if out.exists() and (out.is_file() or any(out.iterdir())):
-        raise SetupError(f"{out} exists already; nothing in it was touched.", hint="Choose another --out.")
+    refuse_taken(out)
     recording = read_recording(kind, sources)
     cluster = cluster_shape(recording.markers.positions)
     positions, rotations, _ = fit_pose(recording.markers.positions, cluster.markers)

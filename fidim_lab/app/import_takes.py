@@ -23,7 +23,7 @@ from fidim_lab.data.marker_order import order_of
 from fidim_lab.data.missing import without_filled
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.data.rigid_body import fit_pose
-from fidim_lab.errors import FidimError, RefusedError, SetupError
+from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.motion.free_stretches import find_free_motion
 from fidim_lab.model.mechanism import Mechanism
 
@@ -53,7 +53,6 @@ class Found:
 
 def import_takes_command(groups: Sequence[Takes], out: Path, json_file: Path | None) -> int:
     """Import one campaign a group and print what was found. Returns the exit code; raises FidimError."""
-    check_new(out)
     reports: list[dict[str, object]] = []
     for group in groups:
         folder = out if len(groups) == 1 else out / group.name
@@ -63,12 +62,6 @@ def import_takes_command(groups: Sequence[Takes], out: Path, json_file: Path | N
     if json_file is not None:
         json_file.write_text(json.dumps({"format": FORMAT, "campaigns": reports}, indent=1) + "\n", encoding="utf-8")
     return 0 if all(report["windows"] for report in reports) else 1
-
-
-def check_new(out: Path) -> None:
-    """Raises SetupError where something is there already."""
-    if out.exists() and (out.is_file() or any(out.iterdir())):
-        raise SetupError(f"{out} exists already; nothing in it was touched.", hint="Choose another --out.")
 
 
 def find_windows(group: Takes) -> Sequence[Found]:

@@ -9,9 +9,8 @@ from fidim_lab.app import console
 from fidim_lab.app.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown
-from fidim_lab.app.service.lock import Holder, holder
-from fidim_lab.app.service.place import Place, all_places, places_of
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.app.service.lock import Holder, holder, running
+from fidim_lab.app.service.place import Place, places_for
 from fidim_lab.errors import SetupError
 from fidim_lab.say import printable
 from procedures.timing import within
@@ -48,8 +47,7 @@ def shutdown_command(folder: Path | None, rig: Path | None, json_file: Path | No
 def _found(folder: Path | None, rig: Path | None) -> list[tuple[Place, Holder]]:
     if folder is not None and rig is not None:
         raise SetupError("Give a run folder or --rig, not both.")
-    places = all_places() if rig is None else places_of(read_rig(rig, opened=False))
-    found = [(place, who) for place in places if (who := holder(place)) is not None]
+    found = running(places_for(rig))
     return found if folder is None else [(place, who) for place, who in found if serves(who, folder)]
 
 

@@ -19,7 +19,7 @@ from rich.text import Text
 from fidim_lab.app import compose, console
 from fidim_lab.app.answer_file import write_answer
 from fidim_lab.arrays import PerCable, Vector3
-from fidim_lab.data.campaign import INDEX, write_campaign
+from fidim_lab.data.campaign import INDEX, refuse_taken, write_campaign
 from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Campaign, Plan, Pose, Robot, Window
@@ -190,8 +190,7 @@ def _comment(options: SimulateOptions) -> str:
 @contextmanager
 def _new_folder(out: Path) -> Generator[Path]:
     """A folder to write to that becomes `out` at the end; gone where the end is not reached."""
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise SetupError(f"{out} exists already; nothing in it was touched.", hint="Choose another --out.")
+    refuse_taken(out)
     there = out.resolve()
     part = there.with_name(f".{there.name}.part")
     try:

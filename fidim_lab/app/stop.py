@@ -13,9 +13,8 @@ from fidim_lab.app import console
 from fidim_lab.app.answer_file import write_answer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import EmergencyStop
-from fidim_lab.app.service.lock import Holder, holder
-from fidim_lab.app.service.place import Place, all_places, places_of
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.app.service.lock import Holder, holder, running
+from fidim_lab.app.service.place import Place, places_for
 from fidim_lab.data.stop_file import Stopped, keep_stop, read_stop
 from fidim_lab.errors import HardwareError, RefusedError, SetupError
 from fidim_lab.say import printable
@@ -32,8 +31,7 @@ LOOK = 0.05
 
 def stop_command(rig: Path | None, reason: str, json_file: Path | None = None) -> int:
     """Stop it; returns the exit code: 0 stopped, 1 nothing was running, 3 a service did not answer."""
-    places = all_places() if rig is None else places_of(read_rig(rig, opened=False))
-    found = [(place, who) for place in places if (who := holder(place)) is not None]
+    found = running(places_for(rig))
     if not found:
         console.out.print("No service is running.", markup=False)
         write_answer(json_file, FORMAT, {"exit_code": 1, "services": []})

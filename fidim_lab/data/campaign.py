@@ -17,7 +17,7 @@ from fidim_lab.data.robot_file import read_robot, write_robot
 from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.data.window_csv import WindowColumns, read_window_csv, write_window_csv
 from fidim_lab.data.window_mcap import read_window_mcap, window_as_mcap
-from fidim_lab.errors import FileError
+from fidim_lab.errors import FileError, SetupError
 
 FORMAT = "fidim-campaign/1"
 INDEX = "campaign.toml"
@@ -166,6 +166,12 @@ def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) ->
         equilibrium=None if entry.equilibrium is None else np.array(entry.equilibrium),
         further=columns.further,
     )
+
+
+def refuse_taken(out: Path) -> None:
+    """Raises SetupError where a campaign would be written over something: `out` is a file, or holds any."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise SetupError(f"{out} exists already; nothing in it was touched.", hint="Choose another --out.")
 
 
 def write_campaign(

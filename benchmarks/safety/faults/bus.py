@@ -15,16 +15,7 @@ def cut(draw: Draw) -> Fault:
 @kind("bus", "cut for a while", *ANY)
 def cut_for_a_while(draw: Draw) -> Fault:
     seconds = draw.some(0.01, 2.0)
-
-    def strike(stage):
-        async def mend():
-            stage.bus.cut = True
-            await stage.sleep(seconds)
-            stage.bus.cut = False
-
-        stage.spawn(mend())
-
-    return Fault(f"the cable to the host is loose for {seconds:.2f} s", strike)
+    return Fault(f"the cable to the host is loose for {seconds:.2f} s", _bus_for(seconds, "cut", True, False))
 
 
 @kind("bus", "adapter fails", *ANY)
@@ -36,16 +27,22 @@ def adapter(draw: Draw) -> Fault:
 @kind("bus", "adapter fails for a while", *ANY)
 def adapter_for_a_while(draw: Draw) -> Fault:
     seconds = draw.some(0.01, 1.0)
+    what = "the controller is bus-off"
+    return Fault(f"{what} for {seconds:.2f} s", _bus_for(seconds, "fault", what, None))
+
+
+def _bus_for(seconds, attribute, struck, mended):
+    """The bus with another attribute for a while."""
 
     def strike(stage):
         async def mend():
-            stage.bus.fault = "the controller is bus-off"
+            setattr(stage.bus, attribute, struck)
             await stage.sleep(seconds)
-            stage.bus.fault = None
+            setattr(stage.bus, attribute, mended)
 
         stage.spawn(mend())
 
-    return Fault(f"the controller is bus-off for {seconds:.2f} s", strike)
+    return strike
 
 
 @kind("bus", "frames get lost", *ANY)

@@ -6,7 +6,7 @@ So a lock left by a killed service is no obstacle. The file tells who holds it; 
 import fcntl
 import os
 import stat
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
@@ -50,6 +50,11 @@ def holder(place: Place) -> Holder | None:
             return None
         told = _read(descriptor)
         return Holder(_confirmed(descriptor, told.pid), told.folder, told.port, told.stopped)
+
+
+def running(places: Iterable[Place]) -> list[tuple[Place, Holder]]:
+    """Those of the places at which a service holds its rig now."""
+    return [(place, who) for place in places if (who := holder(place)) is not None]
 
 
 def left_behind(place: Place) -> Holder | None:

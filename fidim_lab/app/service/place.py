@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fidim_lab.data.rig import RigFile
+from fidim_lab.data.rig_file import read_rig
 from fidim_lab.errors import SetupError
 
 CHOSEN = "FIDIM_RUNTIME_DIR"
@@ -62,6 +63,11 @@ def places_of(file: RigFile) -> list[Place]:
 def all_places() -> list[Place]:
     """All at which this user has, or had, a service; root sees everybody's."""
     return [Place(folder, path.stem) for folder in _folders() for path in sorted(folder.glob("*.lock"))]
+
+
+def places_for(rig: Path | None) -> list[Place]:
+    """All at which the service of this rig file may be; without one, all of this user. Raises FileError."""
+    return all_places() if rig is None else places_of(read_rig(rig, opened=False))
 
 
 def runtime_folder() -> Path:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from fidim_lab.app.service.lock import Holder, holder
+from fidim_lab.app.service.lock import Holder, running
 from fidim_lab.app.service.place import Place, all_places, places_of
 from fidim_lab.data.rig import RigFile
 
@@ -39,13 +39,13 @@ class Finder:
         places = all_places()
         if self.folder is not None:
             wanted = self.folder.resolve()
-            places = [p for p in places if (who := holder(p)) is not None and Path(who.folder).resolve() == wanted]
+            places = [place for place, who in running(places) if Path(who.folder).resolve() == wanted]
             return _one(places, f"{self.folder}: no service runs in this folder now", known)
         return _one(places, "no service is running. fidim run PLAN --rig RIG starts one", known)
 
 
 def _one(places: list[Place], otherwise: str, known: Path | None) -> Found:
-    there = [(place.socket, who) for place in places if (who := holder(place)) is not None]
+    there = [(place.socket, who) for place, who in running(places)]
     chosen = [found for found in there if found[0] == known] or there
     if not chosen:
         return Found(None, otherwise)
