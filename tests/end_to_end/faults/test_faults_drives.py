@@ -164,7 +164,7 @@ def test_a_winch_that_creeps(rehearsal, fault):
     "a drive halts alone in a move",
     reaction="quick stop",
     within=0.25,
-    says="winch 2 ",
+    says="from where it was told to be, 3 mm is allowed",
     window="none was open",
 )
 def test_a_drive_that_halts_alone(rehearsal, fault):
