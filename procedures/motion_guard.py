@@ -43,19 +43,24 @@ class Follower:
     def __init__(self, tolerance: Tolerance) -> None:
         self._allowed = tolerance
         self._too_fast_since: float | None = None
+        self._stop: Trajectory | None = None
+        """the stop that it carries out"""
+        self._behind = 0.0
+        """m by which the first sample of that stop was off what was commanded"""
 
     def look(self, sample: WinchSample | None, commanded: Trajectory | None) -> str:
         """What is wrong with it; empty where nothing is, or nothing was commanded."""
         if sample is None or commanded is None:
             self._too_fast_since = None
             return ""
+        if not self._follows(sample, commanded):
+            return ""
         late = self._allowed.late
         seen = [commanded.at(sample.t + shift) for shift in (-late, 0.0, late)]
         places, speeds = [place for place, _ in seen], [speed for _, speed in seen]
-        off = _outside(sample.length, places)
-        allowed = self._allowed.place + (late * abs(commanded.velocity) if commanded.is_stop else 0.0)
-        if abs(off) > allowed:
-            return f"is {off * 1e3:+.1f} mm from where it was told to be, {allowed * 1e3:g} mm is allowed"
+        off = _outside(sample.length - self._behind, places)
+        if abs(off) > self._allowed.place:
+            return f"is {off * 1e3:+.1f} mm from where it was told to be, {self._allowed.place * 1e3:g} mm is allowed"
         beyond = abs(_outside(sample.velocity, speeds))
         if beyond <= self._allowed.speed + OVERSHOOT * max(map(abs, speeds)):
             self._too_fast_since = None
@@ -64,6 +69,19 @@ class Follower:
         elif sample.t - self._too_fast_since >= self._allowed.lasting:
             return f"moves at {sample.velocity:+.3f} m/s, {seen[1][1]:+.3f} m/s was commanded"
         return ""
+
+    def _follows(self, sample: WinchSample, commanded: Trajectory) -> bool:
+        """Whether a sample tells of this command. A stop in motion counts from the first one that does.
+
+        It was commanded from an older sample; after a hang of this computer the drive may stand by itself for long.
+        """
+        if not (commanded.is_stop and commanded.velocity):
+            self._stop, self._behind = None, 0.0
+        elif sample.t <= commanded.t:
+            return False
+        elif commanded != self._stop:
+            self._stop, self._behind = commanded, sample.length - commanded.at(sample.t)[0]
+        return True
 
 
 class MotionGuard:

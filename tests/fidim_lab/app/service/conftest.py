@@ -27,15 +27,16 @@ from sim_backends.jumping_loop import run
 ALWAYS = {kind: DefaultAnswer(kind and "done") for kind in PromptKind}
 
 
-def planned(id_: str, lengths: tuple[float, ...], position: tuple[float, ...]) -> PlannedWindow:
-    return PlannedWindow(id_, Role.IDENTIFY, np.array(lengths), np.array([-0.02, 0.03]), np.array(position))
+def planned(id_: str, lengths: tuple[float, ...], position: tuple[float, ...], part: float = 1.0) -> PlannedWindow:
+    displacement = part * np.array([-0.02, 0.03])
+    return PlannedWindow(id_, Role.IDENTIFY, np.array(lengths), displacement, np.array(position))
 
 
 TWO = Plan(
     "two windows",
     (
         planned("i01", (1.30283, 1.39119, 1.52772, 1.41231), (1.111, -0.271, -0.315)),
-        planned("i02", (1.36283, 1.37119, 1.49772, 1.46231), (1.175, -0.260, -0.352)),
+        planned("i02", (1.36283, 1.37119, 1.49772, 1.46231), (1.175, -0.260, -0.352), 0.6),  # more falls under 20 N
     ),
 )
 
