@@ -58,8 +58,9 @@ class MotionSettings:
     """m, a cable's encoder against the length asked for"""
     straight: Annotated[float, Field(gt=0, le=0.1)] = 0.02
     """m by which a cable may leave the straight line in length space that was checked, while all are moving"""
-    together: Annotated[float, Field(gt=0, le=LONGEST_TOGETHER)] = 0.25
-    """s within which all winches take their set-points: some ten bus cycles; 6 mm at the usual acceleration"""
+    together: Annotated[float, Field(gt=0, le=LONGEST_TOGETHER)] = 0.2
+    """s within which all winches take their set-points: twenty bus cycles; the others go 4 mm at the usual acceleration
+    until then, and 4 mm more to their stop"""
     settle_tolerance: Still = 2e-3
     """m, peak to peak of each marker coordinate"""
     settle_over: Seconds = 1.0

@@ -134,7 +134,7 @@ def test_a_drive_that_takes_no_set_point_is_not_left_behind(rehearsal):
     rehearsal.at("MoveTo", lambda stage: stage.bus.rules.append(deaf))
     ended = rehearsal.run()
     report = ended.check()
-    assert report.reason == "winch 2: has not begun its move within 0.25 s of the others"
+    assert report.reason == "winch 2: has not begun its move within 0.2 s of the others"
     assert report.exit_code == 3
     assert max(ways(ended)) < 0.015
 
