@@ -161,11 +161,15 @@ async def _look(stand: Stand, over: float) -> _Look | None:
             if frame.positions and frame.positions[0] is not None:
                 markers.append((passed, frame.positions[0]))
         await clock.sleep(POLL)
-    if len(markers) < FEWEST:
+    if not markers:
+        return None
+    times, places = [t for t, _ in markers], np.array([place for _, place in markers])
+    whole = np.linalg.norm(places - np.median(places, axis=0), axis=1) <= stand.settings.record.jump  # no damaged frame
+    if whole.sum() < FEWEST:
         return None
     return _Look(
         tuple(float(value) for value in np.mean([lengths for _, lengths, _ in winches], axis=0)),
-        _smooth([t for t, _ in markers], np.array([place for _, place in markers]), over),
+        _smooth(np.array(times)[whole].tolist(), places[whole], over),
         _smooth([t for t, _, _ in winches], np.array([tensions for _, _, tensions in winches]), over),
     )
 

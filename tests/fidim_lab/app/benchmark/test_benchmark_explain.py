@@ -163,7 +163,7 @@ def test_other_settings_need_another_folder(options, quick):
 def test_a_cut_off_answer_file_is_named(options, quick):
     run_benchmark(options, Explainer(options.out))
     BenchmarkFolder(options.out).answer("b0001").write_text('{"answer"')
-    with pytest.raises(SetupError, match=r"b0001\.json: cannot be read"):
+    with pytest.raises(SetupError, match=r"b0001\.json: line 1: is not JSON"):
         run_benchmark(options, Explainer(options.out))
 
 
