@@ -6,6 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from drivers.cia402.family import GENERIC_FAMILY, DriveFamily
+from drivers.cia402.requirements import Proof
 from drivers.cia402.scale import COUNT_MAX, COUNT_MIN, LengthScale
 from drivers.cia402.words import Mode
 from fidim_lab.errors import SetupError
@@ -159,6 +160,10 @@ class WinchConfig:
     """N m/A, which turns a torque that the drive tells into the current that it stands for (load: torque)"""
     current_offset: float = 0.0
     """A added to what the drive says, from a calibration against known tensions"""
+    proofs: tuple[Proof, ...] = ()
+    """trials of its stops that the drive has passed (`fidim commission`)"""
+    on_trial: bool = False
+    """such a trial is under way: what is to be proven is not yet asked for"""
 
     def __post_init__(self) -> None:
         mistakes = [*self._range_mistakes(), *self.stop.mistakes()]

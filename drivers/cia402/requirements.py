@@ -1,0 +1,112 @@
+"""What a drive must have before a winch is entrusted to it, in grades, and how one drive meets each. Pure.
+
+`REQUIREMENTS` is the one list. What a drive cannot be told (`Grade.PROVEN`) is to be proven by trial: a `Proof` in
+`WinchConfig.proofs`, which `met_by_trial` looks up. `Graded` is one line of the table that doctor and report show.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Grade(StrEnum):
+    """How much a requirement matters."""
+
+    MUST = "must have"
+    PROVEN = "must have, or be proven by trial"
+    GOOD = "good to have"
+
+
+class Met(StrEnum):
+    """How a drive meets a requirement."""
+
+    CONFIGURED = "configured"
+    """written to the drive and read back, or told by it"""
+    TRIAL = "proven by trial"
+    HOST = "by the host"
+    """the drive lacks it; `Requirement.instead` takes its place"""
+    ABSENT = "absent"
+    """neither the drive nor a trial nor the host: refused"""
+
+
+class Trial(StrEnum):
+    """What a trial withholds or commands, at low speed and without load."""
+
+    LOST_HEARTBEAT = "heartbeat withheld"
+    LOST_SYNC = "SYNC withheld"
+    QUICK_STOP = "quick stop"
+    HALT = "halt"
+    FOLLOWING_ERROR = "following error"
+    POSITION_LIMIT = "position limit"
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A trial that a drive has passed: it stood still, within a time and a way that were measured."""
+
+    trial: Trial
+    serial_number: int
+    """1018:4 of the drive that was tried; 0: it has none"""
+    speed: float
+    """m/s of cable at which it was tried"""
+    time: float
+    """s from what was withheld or commanded to standstill"""
+    distance: float
+    """m of cable in that time"""
+    by: str = ""
+    """who was there"""
+    at: str = ""
+    """date and time, ISO 8601"""
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """One of them."""
+
+    key: str
+    grade: Grade
+    objects: tuple[tuple[str, ...], ...]
+    """alternatives; each is a set of objects ("605A:0") that together meet it"""
+    instead: str = ""
+    """what takes its place where the drive lacks it; empty: nothing, such a drive is refused"""
+    trials: tuple[Trial, ...] = ()
+    """any of them proves it"""
+
+
+_MUST, _PROVEN, _GOOD = Grade.MUST, Grade.PROVEN, Grade.GOOD
+REQUIREMENTS: tuple[Requirement, ...] = (
+    Requirement("state machine", _MUST, (("6040:0", "6041:0"),)),
+    Requirement("position actual value", _MUST, (("6064:0",),)),
+    Requirement("position command", _MUST, (("6060:0", "607A:0"),)),
+    Requirement(
+        "reaction to a lost host",
+        _PROVEN,
+        (("1016:1", "6007:0"),),
+        trials=(Trial.LOST_HEARTBEAT, Trial.LOST_SYNC),
+    ),
+    Requirement("quick-stop reaction", _PROVEN, (("605A:0",),), trials=(Trial.QUICK_STOP,)),
+    Requirement("halt reaction", _PROVEN, (("605D:0",),), trials=(Trial.HALT,)),
+    Requirement("fault reaction", _PROVEN, (("605E:0",),), trials=(Trial.FOLLOWING_ERROR,)),
+    Requirement("following-error limit", _PROVEN, (("6065:0",),), trials=(Trial.FOLLOWING_ERROR,)),
+)
+
+
+@dataclass(frozen=True)
+class Graded:
+    """How one drive meets one requirement."""
+
+    requirement: Requirement
+    met: Met
+    found: str
+    """in words: objects, the trial, or what takes their place"""
+
+    @property
+    def refused(self) -> bool:
+        """Whether no winch may be moved by this drive, except in a trial."""
+        return self.met is Met.ABSENT
+
+
+def met_by_trial(requirement: Requirement, proofs: Iterable[Proof], serial_number: int) -> Proof | None:
+    """The newest proof of this requirement for the drive with this serial number (1018:4; 0: it has none)."""
+    found = [p for p in proofs if p.trial in requirement.trials and p.serial_number == serial_number]
+    return max(found, key=lambda proof: proof.at, default=None)
