@@ -110,7 +110,7 @@ class DatagramFeed:
         """Open the socket at an address, or towards one. Raises OSError."""
         self._mailbox = Mailbox(DATAGRAMS_QUEUED)
         self._transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: _Datagrams(self._arrived), local_addr=local, remote_addr=remote
+            lambda: Datagrams(self._arrived), local_addr=local, remote_addr=remote
         )
         bound: socket.socket = self._transport.get_extra_info("socket")
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
@@ -170,7 +170,7 @@ class UdpFeed(DatagramFeed):
         return self._senders.takes(sender)
 
 
-class _Datagrams(asyncio.DatagramProtocol):
+class Datagrams(asyncio.DatagramProtocol):
     """Hands on what arrives, with its sender's address."""
 
     def __init__(self, arrived: "_Arrived") -> None:

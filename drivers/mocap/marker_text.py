@@ -2,18 +2,18 @@ r"""Plain lines of numbers, over TCP or UDP: what a lab writes in ten lines of a
 
     frame,x,y,z[,x2,y2,z2 …][*hh]\n        e.g.  1042,1.2701,-0.1698,-0.3204,,,*1F
 
-Frame counter, then metres in the motion-capture frame, main marker first. Three blank fields (or three `nan`) are an
-occluded marker. `*hh` is optional: the exclusive-or of all bytes before the `*` as two hexadecimal digits; where the
-sender can, it should: without it a damaged digit is just another number. A leading `FRAME ` or `FRAME,` is accepted.
+Frame counter, then metres in the motion-capture frame, main marker first. Three blank fields, `nan`
+or 0,0,0 are an occluded marker. `*hh` is optional: the exclusive-or of all bytes before the `*` as two hexadecimal
+digits; where the sender can, it should: without it a damaged digit is just another number. A leading `FRAME ` or
+`FRAME,` is accepted.
 Lines may be torn anywhere and are put together again; empty lines and lines that start with `#` are ignored.
 """
 
-import math
 from collections.abc import Sequence
 from functools import reduce
 from operator import xor
 
-from drivers.mocap.decoder import HIGHEST, DecodedFrame, Event, Malformed, Position, plausible
+from drivers.mocap.decoder import HIGHEST, DecodedFrame, Event, Malformed, Position, is_place, plausible
 
 LONGEST_LINE = 4096
 _LEGAL = b"0123456789+-.eE,nNaA \t"
@@ -61,7 +61,7 @@ class MarkerTextDecoder:
 
     def advice(self) -> str:
         """What the lines should hold."""
-        return "The lines carry blank fields for every marker: look for occluded markers at the sender."
+        return "The lines carry blank fields, nan or 0,0,0 for every marker: look for occluded markers at the sender."
 
     def _line(self, line: bytes) -> Event | None:
         text = line.strip()
@@ -105,10 +105,10 @@ def _frame(text: bytes, fields: list[bytes]) -> Event:
                 return _malformed(text, f"marker {at // 3 + 1} is not three numbers or three blanks")
             positions.append(None)
             continue
-        if plausible(position):
-            positions.append(position)
-        elif all(map(math.isnan, position)):
+        if not is_place(position):
             positions.append(None)
+        elif plausible(position):
+            positions.append(position)
         else:
             return _malformed(text, f"marker {at // 3 + 1} is not within a kilometre")
     return DecodedFrame(int(fields[0]), tuple(positions))

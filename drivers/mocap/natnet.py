@@ -7,13 +7,15 @@
 
 Each part of a frame begins with the count of its items; from NatNet 4.1 on also with its size in bytes. A labelled
 marker has the streaming ID of its asset and its number there (id = asset · 65536 + number), x, y, z in metres, and
-flags, of which bit 0 says that no camera saw it: a place that Motive has made up is none. Written after other people's
-clients; checked by PyPI's `natnet`, which reads our simulated server.
+flags: bit 0 says that no camera saw it (a place that Motive has made up is none), bit 4 that no label belongs to it.
+In multicast the server's answer to hello names the group and the port of the frames (`invitation`). Written after other
+people's clients; checked by PyPI's `natnet`, which reads our simulated server.
 """
 
+import socket
 import struct
 
-from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, plausible
+from drivers.mocap.decoder import UNLABELLED, DecodedFrame, Event, Malformed, Position, frame_of
 
 COMMAND_PORT = 1510
 CONNECT, SERVER_INFO, FRAME, KEEP_ALIVE = 0, 1, 7, 10
@@ -22,10 +24,14 @@ OLDEST, SIZED = (3, 0), (4, 1)
 _HEAD = struct.Struct("<HH")
 _U32 = struct.Struct("<I")
 _LABELLED = struct.Struct("<I3ffHf")
-_OCCLUDED = 0x01
+_OCCLUDED, _UNLABELLED = 0x01, 0x10
 _RIGID_BODY, _POINT = 38, 12
 _VERSIONS = 256 + 4
 """bytes of the server's answer before NatNet's own version"""
+_CONNECTION = struct.Struct("<QH?4s")
+"""after the versions: clock's ticks a second, port of the frames, whether in multicast, to which group"""
+NO_LABEL = -1
+"""stands for the id of a marker that belongs to no asset"""
 
 
 def hello() -> bytes:
@@ -38,8 +44,19 @@ def keep_alive() -> bytes:
     return _message(KEEP_ALIVE, b"\0")
 
 
+def invitation(data: bytes) -> tuple[str, int] | None:
+    """Group and port of a server that streams in multicast, from its answer to hello; None for any other datagram."""
+    at = _HEAD.size + _VERSIONS + 4
+    if len(data) < at + _CONNECTION.size or _HEAD.unpack_from(data)[0] != SERVER_INFO:
+        return None
+    _, port, in_multicast, group = _CONNECTION.unpack_from(data, at)
+    return (socket.inet_ntoa(group), port) if in_multicast and 224 <= group[0] < 240 else None
+
+
 def marker_id(name: str) -> int | None:
-    """The id of "ASSET/NUMBER" (streaming ID of the asset, number of its marker); None for another text."""
+    """The id of "ASSET/NUMBER" (streaming ID of the asset, number of its marker), or of "unlabelled"; else None."""
+    if name == UNLABELLED:
+        return NO_LABEL
     asset, _, number = name.partition("/")
     if not (asset.isascii() and number.isascii() and asset.isdigit() and number.isdigit()):
         return None
@@ -47,7 +64,7 @@ def marker_id(name: str) -> int | None:
 
 
 class NatNetDecoder:
-    """Decoder of labelled markers "ASSET/NUMBER", main marker first."""
+    """Decoder of markers "ASSET/NUMBER", or the only "unlabelled" one; main marker first."""
 
     modulus = 1 << 32
 
@@ -57,11 +74,12 @@ class NatNetDecoder:
         self._ids: list[int] = []
         for name in names:
             if (known := marker_id(name)) is None:
-                raise ValueError(f"{name!r} is not ASSET/NUMBER, as 1/1")
+                raise ValueError(f"{name!r} is neither ASSET/NUMBER, as 1/1, nor {UNLABELLED}")
             self._ids.append(known)
         self._known = version
         self._version = version
         self._others: set[int] = set()
+        self._unlabelled = 0
 
     def receive(self, data: bytes) -> list[Event]:
         """The frame of one datagram; none for what is said beside frames."""
@@ -97,7 +115,10 @@ class NatNetDecoder:
     def advice(self) -> str:
         """Names the markers that come beside those that are wanted."""
         others = ", ".join(f"{other >> 16}/{other & 0xFFFF}" for other in sorted(self._others)) or "no other"
-        return f"Wanted are the markers {', '.join(self.names)} (asset/number); besides, the stream has {others}."
+        return (
+            f"Wanted are the markers {', '.join(self.names)} (asset/number); besides, the stream has {others}, "
+            f"and {self._unlabelled} unlabelled."
+        )
 
     def _told(self, body: bytes) -> list[Event]:
         if len(body) < _VERSIONS + 2:
@@ -113,17 +134,17 @@ class NatNetDecoder:
         reader.skip_skeletons()
         if reader.sized:
             reader.skip_part()  # assets, which came with the sizes
-        seen: dict[int, Position] = {}
+        seen: list[tuple[int, Position]] = []
+        self._unlabelled = 0
         for known, x, y, z, _, flags, _ in reader.labelled():
-            if not flags & _OCCLUDED:
-                seen[known] = (x, y, z)
-            if known not in self._ids and len(self._others) < 16:
+            if flags & _UNLABELLED:
+                known = NO_LABEL
+                self._unlabelled += 1
+            elif known not in self._ids and len(self._others) < 16:
                 self._others.add(known)
-        positions = tuple(seen.get(known) for known in self._ids)
-        far = [name for name, place in zip(self.names, positions, strict=True) if place and not plausible(place)]
-        if far:
-            return Malformed(f"NatNet: marker {far[0]} is no place within a kilometre")
-        return DecodedFrame(number, positions)
+            if not flags & _OCCLUDED:
+                seen.append((known, (x, y, z)))
+        return frame_of(number, self.names, self._ids, seen, alone=NO_LABEL)
 
 
 class _DamagedError(Exception):

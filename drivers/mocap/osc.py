@@ -4,13 +4,13 @@
     message   address, type tags (",fff"), arguments; texts end with NUL and fill up to 4 bytes; big endian
 
 One message of the bundle carries the frame number as its first argument; one for each marker that is seen carries
-x, y, z as its first three. A marker without a message, or at NaN, is occluded. Time tags are not used: see `clock_fit`.
+x, y, z as its first three. A marker without a message, at NaN or at 0, 0, 0 is occluded. Time tags are not used.
 """
 
 import struct
 from dataclasses import dataclass
 
-from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, plausible
+from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, is_place, plausible
 
 DEFAULT_PORT = 51200
 FRAME_ADDRESS = "/frame"
@@ -98,10 +98,10 @@ class OscDecoder:
         if x is None or y is None or z is None:
             return Malformed(f"OSC: {message.address} does not begin with three numbers")
         position = (x * self.unit, y * self.unit, z * self.unit)
+        if not is_place(position):
+            return None
         if plausible(position):
             return position
-        if x != x or y != y or z != z:
-            return None
         return Malformed(f"OSC: {message.address} is more than a kilometre away")
 
     def _remember(self, messages: dict[str, OscMessage]) -> None:

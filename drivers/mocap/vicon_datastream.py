@@ -6,7 +6,7 @@ The server speaks first and tells what it can send; the client wishes for a part
 
 import struct
 
-from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, plausible
+from drivers.mocap.decoder import UNLABELLED, Event, Malformed, Position, frame_of
 from drivers.mocap.vicon_packets import Block, Fields, PacketSplitter, StreamPacket, enums, frame_rate, packet
 
 DEFAULT_PORT = 801
@@ -25,7 +25,11 @@ _U32_PAIR = struct.Struct("<II")
 _SEGMENT = struct.Struct("<II6f")
 _RECON = struct.Struct("<II13dI")
 """subject, marker, radius, position (3), covariance (9), trajectory"""
-_UNLABELLED_SIZE = 108
+_STRAY = struct.Struct("<13dI")
+"""radius, position (3), covariance (9), trajectory"""
+NO_LABEL = (-1, -1)
+"""stands for subject and marker of one that belongs to no subject"""
+Sighting = tuple[tuple[int, int], Position]
 _SHOWN = 12
 """names in a piece of advice"""
 
@@ -57,7 +61,10 @@ def wish(offered: frozenset[int]) -> bytes:
 
 
 class ViconDataStreamDecoder:
-    """Decoder of named markers: "marker" where one subject has it, else "subject/marker"; main marker first."""
+    """Decoder of named markers: "marker" where one subject has it, else "subject/marker", or the only "unlabelled" one.
+
+    Main marker first.
+    """
 
     modulus = 1 << 32
 
@@ -74,7 +81,7 @@ class ViconDataStreamDecoder:
         self._offered: frozenset[int] | None = None
         self._wanted: tuple[tuple[int, int] | None, ...] = (None,) * len(names)
         self._carried: tuple[str, ...] = ()
-        self._labelled: dict[tuple[int, int], Position] = {}
+        self._labelled: list[Sighting] = []
 
     def receive(self, data: bytes) -> list[Event]:
         """A frame for each packet that has a frame number."""
@@ -88,7 +95,7 @@ class ViconDataStreamDecoder:
     def restart(self) -> None:
         """Forget the unfinished packet, and which number a marker had: the server may be another."""
         self._splitter = PacketSplitter()
-        self._wanted, self._carried, self._labelled = (None,) * len(self.names), (), {}
+        self._wanted, self._carried, self._labelled = (None,) * len(self.names), (), []
 
     def advice(self) -> str:
         """Names the markers that are wanted beside those that the stream carries."""
@@ -112,7 +119,8 @@ class ViconDataStreamDecoder:
 
     def _read(self, item: StreamPacket) -> Event | None:
         number: int | None = None
-        labelled: dict[tuple[int, int], Position] | None = None
+        labelled: list[Sighting] | None = None
+        strays: list[Sighting] = []
         subjects: list[tuple[int, str, dict[int, str]]] = []
         unchanged: frozenset[int] = frozenset()
         for kind, body in item.blocks:
@@ -123,6 +131,9 @@ class ViconDataStreamDecoder:
                     labelled = _labelled(body)
                 case Block.SUBJECT_INFO:
                     subjects.append(_subject(body))
+                case Block.UNLABELLED:
+                    strays = _strays(body)
+                    self.unlabelled = len(strays)
                 case Block.CONTENTS:
                     unchanged = _unchanged(body)
                 case _:
@@ -131,17 +142,15 @@ class ViconDataStreamDecoder:
             self._know(subjects)
         if labelled is None:
             # A block that the server lists as unchanged is the one before; one that is neither here nor there is empty.
-            labelled = self._labelled if Block.LABELLED in unchanged else {}
+            labelled = self._labelled if Block.LABELLED in unchanged else []
         if number is None:
             return None
         self._labelled = labelled
-        return self._frame(number, labelled)
+        return frame_of(number, self.names, self._wanted, labelled + strays, alone=NO_LABEL)
 
     def _note(self, kind: int, body: bytes) -> None:
         """What the stream tells besides frames."""
         match kind:
-            case Block.UNLABELLED:
-                self.unlabelled = Fields(body).count(_UNLABELLED_SIZE)
             case Block.LATENCY:
                 self.latency = _latency(body)
             case Block.STREAM_INFO:
@@ -151,15 +160,8 @@ class ViconDataStreamDecoder:
             case _:
                 pass  # what nobody here needs
 
-    def _frame(self, number: int, labelled: dict[tuple[int, int], Position]) -> Event:
-        positions = tuple([None if key is None else labelled.get(key) for key in self._wanted])
-        for name, position in zip(self.names, positions, strict=True):
-            if position is not None and not plausible(position):
-                return Malformed(f"frame {number}: marker {name} is more than a kilometre away")
-        return DecodedFrame(number, positions)
-
     def _know(self, subjects: list[tuple[int, str, dict[int, str]]]) -> None:
-        by_name: dict[str, tuple[int, int] | None] = {}
+        by_name: dict[str, tuple[int, int] | None] = {UNLABELLED: NO_LABEL}
         for subject, name, markers in subjects:
             for marker, label in markers.items():
                 by_name[f"{name}/{label}"] = (subject, marker)
@@ -168,14 +170,23 @@ class ViconDataStreamDecoder:
         self._carried = tuple(f"{name}/{label}" for _, name, markers in subjects for label in markers.values())
 
 
-def _labelled(body: bytes) -> dict[tuple[int, int], Position]:
-    """Positions in m by subject and marker; the first where the stream has one twice."""
+def _labelled(body: bytes) -> list[Sighting]:
+    """Positions in m by subject and marker."""
     fields = Fields(body)
-    found: dict[tuple[int, int], Position] = {}
+    found: list[Sighting] = []
     for _ in range(fields.count(_RECON.size)):
         subject, marker, _, x, y, z, *_ = fields.take(_RECON)
-        if x == x and y == y and z == z:  # NaN is no place
-            found.setdefault((int(subject), int(marker)), (x * _METRE, y * _METRE, z * _METRE))
+        found.append(((int(subject), int(marker)), (x * _METRE, y * _METRE, z * _METRE)))
+    return found
+
+
+def _strays(body: bytes) -> list[Sighting]:
+    """Positions in m of markers that belong to no subject."""
+    fields = Fields(body)
+    found: list[Sighting] = []
+    for _ in range(fields.count(_STRAY.size)):
+        _, x, y, z, *_ = fields.take(_STRAY)
+        found.append((NO_LABEL, (x * _METRE, y * _METRE, z * _METRE)))
     return found
 
 

@@ -14,7 +14,8 @@ Little endian, packed; offsets as several public parsers agree on them (Vicon pu
 
 The stream carries objects, not markers, no time and no validity flag. So a marker is either an object of its own
 (`MarkerObjects`: give each its own one-marker or small object in Tracker) or a point fixed in a tracked subject
-(`SubjectPoints`). An object is taken as occluded when it is not in the block, or its pose is all zeros or not finite.
+(`SubjectPoints`). An object is taken as occluded when it is not in the block, is at the origin to the last bit, or its
+pose is not finite. Two of one name in two places (two Trackers at one port) are damage.
 One that keeps its last pose cannot be told from one that stands still; see the `repeated` counter of the source.
 """
 
@@ -24,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, plausible
+from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, is_place, plausible
 
 DEFAULT_PORT = 51001
 OBJECT = 0
@@ -50,8 +51,7 @@ class ViconObject:
     @property
     def tracked(self) -> bool:
         """Whether this is a pose at all: finite, and not the zeros that stand for an occluded object."""
-        numbers = (*self.translation, *self.rotation)
-        return any(numbers) and all(map(math.isfinite, numbers))
+        return is_place(self.translation) and all(map(math.isfinite, (*self.translation, *self.rotation)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +174,8 @@ class ViconUdpDecoder:
             if item.name in self._wanted and item.tracked:
                 if not plausible(item.translation):
                     return [Malformed(f"frame {block.number}: '{item.name}' is more than a kilometre away")]
-                poses[item.name] = item
+                if poses.setdefault(item.name, item) != item:
+                    return [Malformed(f"frame {block.number}: '{item.name}' is there twice: two senders, or names?")]
         return [DecodedFrame(block.number, self.layout.markers(poses))]
 
     def restart(self) -> None:

@@ -198,7 +198,7 @@ class MocapEntry:
     stream: str | None = None
     """the name of an LSL stream"""
     sender: str | None = None
-    """the only address whose datagrams count; None: the first that is heard"""
+    """the only address whose datagrams count, or computer or source of an LSL stream; None: the first that is heard"""
     frame_address: str = "/frame"
     """of the OSC message that carries the frame number"""
 

@@ -34,8 +34,8 @@ TRANSPORTS = {
 }
 """how each kind arrives, the usual way first"""
 UNITS = {"m": 1.0, "mm": 1e-3}
-NATNET_MARKER = re.compile(r"\d{1,5}/\d{1,5}", re.ASCII)
-"""streaming ID of an asset, and the number of its marker"""
+NATNET_MARKER = re.compile(r"\d{1,5}/\d{1,5}|unlabelled", re.ASCII)
+"""streaming ID of an asset, and the number of its marker; or the one that has no label"""
 
 
 class BusTable(Table):
@@ -161,7 +161,7 @@ class MocapTable(Table):
             raise ValueError("markers, subject: give one of them: objects that are markers, or the tracked body")
         if self.subject is not None and self.kind not in (MocapKind.VICON_UDP, MocapKind.VICON_DATASTREAM):
             raise ValueError(f"subject: {self.kind} carries markers only; leave it out")
-        if self.sender is not None and (self.way != "udp" or self.kind is MocapKind.NATNET):
+        if self.sender is not None and (self.way == "tcp" or self.kind is MocapKind.NATNET):
             raise ValueError(f"sender: {self.kind} by {self.way} comes from host alone; leave it out")
         if self.host == "0.0.0.0" and (self.way == "tcp" or self.kind is MocapKind.NATNET):
             raise ValueError("host: is missing; it is the server's address")

@@ -1,11 +1,12 @@
-"""OptiTrack's NatNet server in unicast, written from the format alone (nothing here knows the decoder).
+"""OptiTrack's NatNet server, written from the format alone (nothing here knows the decoder).
 
 `NatNetEncoder` makes frames as Motive does: a marker set "all", one rigid body, and the labelled markers with their
-flags. `NatNetServer` says who it is to whoever asks, and streams to those that have asked lately.
+flags. `NatNetServer` says who it is to whoever asks, and streams to those that have asked lately, or to a group.
 """
 
 import asyncio
 import math
+import socket
 import struct
 from collections.abc import Callable, Sequence
 
@@ -51,10 +52,12 @@ class NatNetEncoder:
         frame = struct.pack("<I", number % 2**32) + parts + stamps + bytes(4)
         return struct.pack("<HH", _FRAME, len(frame)) + frame
 
-    def about(self) -> bytes:
-        """What the server says of itself."""
+    def about(self, group: tuple[str, int] | None = None) -> bytes:
+        """What the server says of itself. group: the multicast address that it streams to."""
         own = bytes((*self.version, 0, 0))
-        body = b"Motive".ljust(256, b"\0") + bytes((3, 0, 0, 0)) + own + struct.pack("<QHB4s", 10**9, 1511, 0, bytes(4))
+        address, port = ("0.0.0.0", 1511) if group is None else group
+        where = struct.pack("<QHB4s", 10**9, port, group is not None, socket.inet_aton(address))
+        body = b"Motive".ljust(256, b"\0") + bytes((3, 0, 0, 0)) + own + where
         return struct.pack("<HH", _INFO, len(body)) + body
 
     def _part(self, count: int, items: bytes) -> bytes:
@@ -65,8 +68,17 @@ class NatNetEncoder:
 class NatNetServer:
     """One UDP socket: answers and streams."""
 
-    def __init__(self, server: MocapServer, about: bytes, clock: Clock, port: int = 0, host: str = "127.0.0.1") -> None:
-        """about: what it says of itself (`NatNetEncoder.about`)."""
+    def __init__(
+        self,
+        server: MocapServer,
+        about: bytes,
+        clock: Clock,
+        port: int = 0,
+        host: str = "127.0.0.1",
+        group: tuple[str, int] | None = None,
+    ) -> None:
+        """about: what it says of itself (`NatNetEncoder.about`); group: where it streams instead of to its clients."""
+        self._group = group
         self._about = about
         self._feed = ServerFeed(server, clock)
         self._clock = clock
@@ -89,6 +101,9 @@ class NatNetServer:
             host, port = self._address
             raise SetupError(f"simulated motion capture {host}:{port}: cannot listen there: {error}.") from error
         self._address = (self._address[0], transport.get_extra_info("sockname")[1])
+        if self._group is not None:
+            way = socket.inet_aton(self._address[0])
+            transport.get_extra_info("socket").setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, way)
         self._transport = transport
         self._task = asyncio.ensure_future(self._send(transport))
 
@@ -112,6 +127,9 @@ class NatNetServer:
         await self._feed.open()
         while True:
             _, data = await self._feed.receive()
+            if self._group is not None:
+                transport.sendto(data, self._group)
+                continue
             now = self._clock.now()
             for client, heard in tuple(self._heard.items()):
                 if now - heard > PATIENCE:

@@ -3,10 +3,11 @@
 import math
 import struct
 from collections.abc import Callable, Sequence
+from xml.sax.saxutils import escape
 
 from sim_backends.mocap.encoders import Positions
 
-_ERROR, _COMMAND, _XML, _DATA = 0, 1, 2, 3
+_ERROR, _COMMAND, _XML, _DATA, _EVENT = 0, 1, 2, 3, 6
 _LABELLED = 1
 _NAN = (math.nan, math.nan, math.nan)
 
@@ -35,13 +36,14 @@ class QtmSession:
 
     def __init__(self, labels: Sequence[str]) -> None:
         """Marker names."""
-        named = "".join(f"<Label><Name>{name}</Name><RGBColor>255</RGBColor></Label>" for name in labels)
-        self._parameters = (
-            f"<QTM_Parameters_Ver_1.19><The_3D><AxisUpwards>+Z</AxisUpwards><Labels>{len(labels)}</Labels>{named}"
-            f"</The_3D></QTM_Parameters_Ver_1.19>"
-        )
+        self._parameters = _parameters(labels)
         self._streaming = False
         self._rest = b""
+
+    def relabelled(self, labels: Sequence[str], event: int | None = None) -> bytes:
+        """The operator gives the markers other labels: what is told unasked, the event's number or nothing."""
+        self._parameters = _parameters(labels)
+        return b"" if event is None else _packet(_EVENT, bytes((event,)))
 
     @staticmethod
     def maker(labels: Sequence[str]) -> Callable[[], "QtmSession"]:
@@ -83,6 +85,14 @@ class QtmSession:
                 return b""
             case _:
                 return _text(_ERROR, "Parse error")
+
+
+def _parameters(labels: Sequence[str]) -> str:
+    named = "".join(f"<Label><Name>{escape(name)}</Name><RGBColor>255</RGBColor></Label>" for name in labels)
+    return (
+        f"<QTM_Parameters_Ver_1.19><The_3D><AxisUpwards>+Z</AxisUpwards><Labels>{len(labels)}</Labels>{named}"
+        f"</The_3D></QTM_Parameters_Ver_1.19>"
+    )
 
 
 def _text(kind: int, text: str) -> bytes:

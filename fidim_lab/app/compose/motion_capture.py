@@ -7,7 +7,7 @@ from drivers.mocap.decoder import Decoder
 from drivers.mocap.feeds import ByteFeed, Conversation, TcpFeed, UdpFeed
 from drivers.mocap.lsl_feed import LslFeed
 from drivers.mocap.marker_text import MarkerTextDecoder
-from drivers.mocap.natnet import NatNetDecoder, hello, keep_alive
+from drivers.mocap.natnet import NatNetDecoder, hello, invitation, keep_alive
 from drivers.mocap.osc import OscDecoder, address_of
 from drivers.mocap.qtm import QtmDecoder, QtmRequests
 from drivers.mocap.source import StreamMarkerSource
@@ -57,9 +57,10 @@ def marker_decoder(file: RigFile) -> Decoder:
 
 def _feed(entry: MocapEntry, clock: Clock) -> ByteFeed:
     if entry.kind is MocapKind.LSL:
-        return LslFeed(clock, entry.stream or "", entry.markers, rate=entry.rate, unit=entry.unit)
+        stream, sender = entry.stream or "", entry.sender
+        return LslFeed(clock, stream, entry.markers, rate=entry.rate, unit=entry.unit, sender=sender)
     if entry.kind is MocapKind.NATNET:
-        return AskedUdpFeed(clock, entry.host, entry.port, Greeting(hello(), keep_alive()))
+        return AskedUdpFeed(clock, entry.host, entry.port, Greeting(hello(), keep_alive()), invitation)
     if entry.transport == "tcp":
         return TcpFeed(clock, entry.host, entry.port, conversation=CONVERSATIONS.get(entry.kind))
     return UdpFeed(clock, entry.port, entry.host, sender=entry.sender)

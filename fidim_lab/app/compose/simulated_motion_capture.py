@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from drivers.mocap.decoder import UNLABELLED
 from drivers.mocap.osc import address_of
 from drivers.ports import Clock
 from fidim_lab.data.records import Robot
@@ -87,6 +88,8 @@ def _turned(encoder: Encoder, entry: MocapEntry) -> Encoder:
 
 
 def _encoder(entry: MocapEntry, robot: Robot) -> Encoder:
+    if UNLABELLED in entry.markers:
+        raise SetupError(f'motion_capture, markers: "{UNLABELLED}" is not simulated; give the marker a name to rehearse.')
     match entry.kind:
         case MocapKind.VICON_DATASTREAM:
             parts = [name.rpartition("/") for name in entry.markers]

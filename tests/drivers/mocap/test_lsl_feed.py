@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.mocap.lsl_feed import Channels, LslFeed, assign_channels
+from drivers.mocap.lsl_feed import Channels, LslFeed, SampleCount, assign_channels
 from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.source import StreamMarkerSource
 from fidim_lab.errors import DeviceError, SetupError
@@ -93,3 +93,44 @@ def test_a_stream_that_is_not_there():
             await feed.open()
 
     run(main)
+
+
+STEPS = {
+    "one sample after the other": ([0.01] * 4, 4),
+    "a sender that paused for half a second": ([0.01, 0.51, 0.01], 53),
+    "a clock that was set 15 s ahead": ([0.01, (15.01, 0.01), 0.01], 3),
+    "a clock that was set back": ([0.01, (-15.0, 0.01), 0.01], 3),
+    "a pause, in which the clock was set": ([0.01, (15.51, 0.51), 0.01], 53),
+    "a network that held two samples back": ([0.01, (0.01, 0.4), (0.01, 0.0)], 3),
+}
+
+
+@pytest.mark.parametrize("case", STEPS)
+def test_samples_are_counted_by_stamp_as_far_as_their_arrival_allows(case):
+    """Each step of the stamp in s, and of the arrival where it is another."""
+    steps, moved = STEPS[case]
+    count = SampleCount(0.01)
+    stamp, arrival = 1000.0, 50.0
+    first = last = count.next(stamp, arrival)
+    for step in steps:
+        by_stamp, by_arrival = step if isinstance(step, tuple) else (step, step)
+        stamp, arrival = stamp + by_stamp, arrival + by_arrival
+        last = count.next(stamp, arrival)
+    assert last - first == moved
+
+
+@pytest.mark.peer
+def test_two_streams_of_one_name_are_refused_and_both_are_named():
+    lsl = pytest.importorskip("pylsl", exc_type=ImportError)
+    name = "fidim-test-two"
+    outlets = [lsl.StreamOutlet(lsl.StreamInfo(name, "MoCap", 3, 100.0, "float32", who)) for who in ("live", "replay")]
+
+    async def main():
+        with pytest.raises(DeviceError, match=r"2 streams have this name: source 'live' on .*, source 'replay' on"):
+            await LslFeed(CLOCK, name, ["main"], rate=100.0).open()
+        one = LslFeed(CLOCK, name, ["main"], rate=100.0, sender="live")
+        await one.open()
+        await one.close()
+
+    run(main)
+    assert len(outlets) == 2

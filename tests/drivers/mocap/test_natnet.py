@@ -1,8 +1,10 @@
 """NatNet: frames written here by hand, of each version's layout; damaged ones; a silent server is greeted again."""
 
 import asyncio
+import socket
 import struct
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +13,10 @@ from drivers.clock import LoopClock
 from drivers.mocap.asked_udp import AskedUdpFeed, Greeting
 from drivers.mocap.decoder import DecodedFrame, Malformed
 from drivers.mocap.description import describe
-from drivers.mocap.natnet import NatNetDecoder, hello, keep_alive, marker_id
+from drivers.mocap.natnet import NatNetDecoder, hello, invitation, keep_alive, marker_id
+from drivers.mocap.source import StreamMarkerSource
+from sim_backends.mocap.natnet import NatNetEncoder, NatNetServer
+from sim_backends.mocap.server import MocapServer, Timing
 
 INFO = b"\x01\x00" + (256 + 8).to_bytes(2, "little") + b"Motive".ljust(256, b"\0") + bytes((3, 0, 0, 0))
 BODY = struct.pack("<I7ffH", 1, *[0.0] * 7, 1e-4, 1)
@@ -111,6 +116,61 @@ def test_names_that_are_none(name):
     assert marker_id(name) is None
     with pytest.raises(ValueError, match="ASSET/NUMBER"):
         NatNetDecoder((name,))
+
+
+MANY = {
+    "(0, 0, 0) not flagged": ([(1, 1, 0.0, 0.0, 0.0, 0)], None),
+    "NaN": ([(1, 1, float("nan"), 0.0, 0.0, 0)], None),
+    "the only one without a label": ([(0, 50123 & 0xFFFF, 1.0, 2.0, 3.0, 0x10)], (1.0, 2.0, 3.0)),
+    "two without a label": ([(0, 9, 1.0, 2.0, 3.0, 0x10), (0, 8, 1.0, 2.0, 4.0, 0x10)], None),
+}
+
+
+@pytest.mark.parametrize("case", MANY)
+def test_what_is_a_place(case):
+    marks, place = MANY[case]
+    decoder = NatNetDecoder(("unlabelled" if "label" in case else "1/1",))
+    decoder.receive(info((4, 1)))
+    assert decoder.receive(frame(1, marks, sized=True)) == [DecodedFrame(1, (place,))]
+
+
+def test_two_markers_of_one_name_are_none():
+    decoder = NatNetDecoder(("1/1",))
+    decoder.receive(info((4, 1)))
+    (event,) = decoder.receive(frame(1, [(1, 1, 1.0, 2.0, 3.0, 0), (1, 1, 9.0, 2.0, 3.0, 0)], sized=True))
+    assert isinstance(event, Malformed)
+    assert "marker 1/1 is in two places" in event.problem
+
+
+def test_a_server_invites_to_its_group():
+    where = struct.pack("<QH?4s", 10**9, 1511, True, bytes((239, 255, 42, 99)))
+    assert invitation(info((4, 1)) + where) == ("239.255.42.99", 1511)
+    assert invitation(info((4, 1)) + where.replace(b"\1\xef", b"\0\xef")) is None
+    assert invitation(info((4, 1))) is None
+    assert invitation(frame(1, MARKS, sized=True) + bytes(300)) is None
+
+
+def test_frames_of_a_multicast_group():
+    """The server answers the one that asked, and streams to the group; what another one sends there is left out."""
+
+    async def main():
+        clock = LoopClock()
+        encoder = NatNetEncoder([(1, 1)])
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            group = ("239.255.42.99", free.getsockname()[1])
+        mocap = MocapServer(lambda t: [(1.0, 2.0, 3.0)], encoder, np.random.default_rng(0), Timing(100.0), noise=0.0)
+        server = NatNetServer(mocap, encoder.about(group), clock, group=group)
+        await server.start()
+        feed = AskedUdpFeed(clock, "127.0.0.1", server.port, Greeting(hello(), keep_alive()), invitation)
+        source = StreamMarkerSource(feed, NatNetDecoder(("1/1",)), clock, rate=100.0)
+        await source.start()
+        seen = await source.ready(3.0)
+        await source.close()
+        await server.close()
+        return seen.positions
+
+    assert asyncio.run(main()) == ((1.0, 2.0, 3.0),)
 
 
 def test_messages_as_other_clients_send_them():

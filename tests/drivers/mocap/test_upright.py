@@ -13,7 +13,7 @@ QUARTER_TURN_ABOUT_X = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
 COORDINATE = st.floats(-10, 10)
 
 
-@given(st.tuples(COORDINATE, COORDINATE, COORDINATE))
+@given(st.tuples(COORDINATE, COORDINATE, COORDINATE).filter(any))
 def test_turned_by_a_quarter_about_x(position):
     line = f"7,{','.join(repr(v) for v in position)}\n".encode()
     (frame,) = Upright(MarkerTextDecoder(1)).receive(line)

@@ -99,7 +99,7 @@ def test_points_of_a_subject_follow_its_pose(
 
 
 COORDINATE = st.floats(-900.0, 900.0).map(lambda value: float(np.float32(value)))
-MARKER = st.none() | st.tuples(COORDINATE, COORDINATE, COORDINATE)
+MARKER = st.none() | st.tuples(COORDINATE, COORDINATE, COORDINATE).filter(any)
 
 
 @given(number=st.integers(0, 2**32 - 1), markers=st.lists(MARKER, min_size=1, max_size=13))
