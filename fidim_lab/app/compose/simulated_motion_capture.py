@@ -89,7 +89,7 @@ def _turned(encoder: Encoder, entry: MocapEntry) -> Encoder:
 
 def _encoder(entry: MocapEntry, robot: Robot) -> Encoder:
     if UNLABELLED in entry.markers:
-        raise SetupError(f'motion_capture, markers: "{UNLABELLED}" is not simulated; give the marker a name to rehearse.')
+        raise SetupError(f'motion_capture, markers: "{UNLABELLED}" is not simulated; name the marker to rehearse it.')
     match entry.kind:
         case MocapKind.VICON_DATASTREAM:
             parts = [name.rpartition("/") for name in entry.markers]
