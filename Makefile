@@ -56,7 +56,7 @@ outputs: install
 reference: install
 	$(BIN)/python -m fidim_lab.app.service.reference > docs/messages.md
 	$(BIN)/python -m fidim_lab.app.cli.reference > docs/commands.md
-	$(BIN)/python -m fidim_lab.app.file_keys > docs/file-keys.md
+	$(BIN)/python -m fidim_lab.app.formats.file_keys > docs/file-keys.md
 
 # The documentation as a site, in an environment of its own: build/site/index.html. A link to nowhere is an error.
 docs: build/docs/.installed

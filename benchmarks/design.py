@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.design_peers import peers, quiet
 from benchmarks.page import table, write_section
-from fidim_lab.app.spread_out import workers
+from fidim_lab.app.terminal.spread_out import workers
 from fidim_lab.data.records import Pose
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.design import information, pool

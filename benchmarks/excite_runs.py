@@ -26,7 +26,7 @@ from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.kinematics import dependent_pose
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.swing import Swing
-from procedures.excite import TELLING
+from procedures.protocols.excite import TELLING
 from sim_backends.excited import Swung, carry_out
 from sim_backends.plant.hidden import HiddenEffect
 from sim_backends.plant.plant import Plant

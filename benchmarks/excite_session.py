@@ -21,15 +21,15 @@ from benchmarks.excite_strokes import LIMITS
 from benchmarks.excite_windows import DESIGN, SEEDS, planned_by_winches
 from benchmarks.page import table
 from fidim_lab.app import compose
-from fidim_lab.app.dry_run import SIMULATED_DAY
+from fidim_lab.app.session.dry_run import SIMULATED_DAY
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Plan, Robot, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from fidim_lab.model.mechanism import Mechanism
-from procedures.catalogue import experiment
 from procedures.events import Event, StepFinished
+from procedures.protocols.catalogue import experiment
 from procedures.run import run_procedure
 from procedures.settings import ExciteSettings, MotionSettings, RecordSettings, Settings
 from procedures.steps import Ask, Reject

@@ -22,10 +22,10 @@ from pathlib import Path
 from drivers.clock import LoopClock
 from drivers.disk import DiskThreads
 from drivers.ports import DriveState, MarkerFrame, WinchSample
-from fidim_lab.data.mcap_file import read_mcap
+from fidim_lab.data.files.mcap_file import read_mcap
 from fidim_lab.data.window_csv import read_window_csv
 from fidim_lab.data.window_mcap import ROWS, read_window_mcap
-from procedures.recorder import Recorder
+from procedures.recording.recorder import Recorder
 
 RATE = 100.0
 SECONDS = 0.8

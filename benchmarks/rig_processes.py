@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from procedures.journal import Entry, Kind, read_journal
+from procedures.recording.journal import Entry, Kind, read_journal
 
 ROOT = Path(__file__).parents[1]
 RIG = ROOT / "examples" / "rigs" / "simulated.toml"

@@ -25,7 +25,7 @@ from benchmarks.page import meanwhile, spent, table, write_section
 from benchmarks.rig_processes import Bench, bench, comes, newest, pause, terminal_ui, wait_for
 from drivers.canbus.candump import read_candump
 from fidim_lab.data.campaign import read_campaign
-from procedures.journal import Kind, read_journal
+from procedures.recording.journal import Kind, read_journal
 
 SECONDS = 6.0
 """of a window"""

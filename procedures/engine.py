@@ -12,18 +12,18 @@ from typing import Any
 from drivers.ports import Prompt, Rig
 from fidim_lab.errors import GuardError, OurBugError
 from procedures.control import Control, Intervention, Verb, Word
-from procedures.disk import settled
 from procedures.events import Prompted, Publisher, StepFinished, StepProgress, StepStarted, Tripped, Warned
-from procedures.guards import Guard, Observation, Reaction, Trip, watch
+from procedures.guards.guard import Guard, Observation, Reaction, Trip, watch
 from procedures.handlers import Handler
 from procedures.interruption import Aborted, Interruption, result_or_word
-from procedures.journal import Journal, Kind
-from procedures.journal_data import step_data
-from procedures.ledger import Ledger
-from procedures.listing import Outline
 from procedures.outcomes import Outcome
 from procedures.pace import Pace
+from procedures.protocols.listing import Outline
 from procedures.pulse import Pulse
+from procedures.recording.disk import settled
+from procedures.recording.journal import Journal, Kind
+from procedures.recording.journal_data import step_data
+from procedures.recording.ledger import Ledger
 from procedures.settings import GuardSettings
 from procedures.stand import Stand
 from procedures.steps import AfterPause, CheckWindow, Enable, Phase, Procedure, Record, Result, Step, Stop

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from drivers.ports import Prompt
 from fidim_lab.data.records import Role
-from procedures.guards import Trip
+from procedures.guards.guard import Trip
 from procedures.outcomes import Outcome
 from procedures.report import RunReport
 from procedures.steps import Result, Step

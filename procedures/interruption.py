@@ -11,7 +11,7 @@ from drivers.ports import DriveState
 from procedures.control import Control, Retried, Skipped, Verb, Word
 from procedures.events import Paused, Publisher, Resumed
 from procedures.handlers.motion import hold
-from procedures.journal import Journal, Kind
+from procedures.recording.journal import Journal, Kind
 from procedures.stand import Stand
 from procedures.steps import AfterPause, Hold, Lengths, Result, Step, longest_way
 

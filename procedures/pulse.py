@@ -1,6 +1,6 @@
 """What the running step of a run is: the engine's only changing state, which guards and listeners look at."""
 
-from procedures.guards import Trip
+from procedures.guards.guard import Trip
 from procedures.steps import Phase, Step
 
 

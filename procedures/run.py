@@ -1,7 +1,7 @@
 """One run, whole: check the plan, record into a folder, and leave the robot held whatever happens.
 
-`run_procedure` carries out an experiment, which `procedures.catalogue` makes. What is wrong before the first command
-raises; after it, every end (done, refused, fault, Ctrl-C) is a `RunReport` and a held robot.
+`run_procedure` carries out an experiment, which `procedures.protocols.catalogue` makes. What is wrong before the first
+command raises; after it, every end (done, refused, fault, Ctrl-C) is a `RunReport` and a held robot.
 """
 
 import asyncio
@@ -15,23 +15,23 @@ from drivers.ports import Disk, Rig
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
 from procedures.control import Control
-from procedures.device_guards import device_guards
-from procedures.disk import settled
 from procedures.engine import Ending, Engine
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
-from procedures.experiment import Experiment
-from procedures.guards import Guard, Reaction
+from procedures.guards.device_guards import device_guards
+from procedures.guards.guard import Guard, Reaction
+from procedures.guards.robot_guards import LogGuard, standard_guards
 from procedures.handlers import HANDLERS, Handler
-from procedures.journal import FORMAT, Journal, Kind, WallTime
-from procedures.ledger import Ledger
 from procedures.limits import check_moves
-from procedures.listing import Outline
 from procedures.outcomes import Outcome
-from procedures.recorder import Recorder, WriteBytes
+from procedures.protocols.experiment import Experiment
+from procedures.protocols.listing import Outline
+from procedures.recording.disk import settled
+from procedures.recording.journal import FORMAT, Journal, Kind, WallTime
+from procedures.recording.ledger import Ledger
+from procedures.recording.recorder import Recorder, WriteBytes
+from procedures.recording.resumption import Resumption
+from procedures.recording.run_folder import RunFolder
 from procedures.report import RunReport
-from procedures.resumption import Resumption
-from procedures.robot_guards import LogGuard, standard_guards
-from procedures.run_folder import RunFolder
 from procedures.stand import Stand
 from procedures.steps import Step
 from procedures.teardown import UNTOUCHED, Held, deferred_interrupts, hold_robot

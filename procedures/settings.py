@@ -13,7 +13,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from fidim_lab.data.rig_guard_tables import (
+from fidim_lab.data.files.toml_file import NotNegative, Positive
+from fidim_lab.data.rigs.rig_guard_tables import (
     BusLost,
     DriveTemperature,
     FollowingErrorFor,
@@ -32,7 +33,6 @@ from fidim_lab.data.rig_guard_tables import (
     TemperatureAge,
     TensionFor,
 )
-from fidim_lab.data.toml_file import NotNegative, Positive
 
 LONGEST_TOGETHER = 0.5
 """s; at the usual acceleration a winch that went alone would be 25 mm ahead by then"""

@@ -10,9 +10,9 @@ from fidim_lab.errors import DeviceError
 from procedures.limits import Workspace
 from procedures.nominal_rest import NominalRest
 from procedures.place_check import PlaceHistory
-from procedures.recorder import Recorder
-from procedures.resumption import LastPlace
-from procedures.run_folder import RunFolder
+from procedures.recording.recorder import Recorder
+from procedures.recording.resumption import LastPlace
+from procedures.recording.run_folder import RunFolder
 from procedures.settings import Settings
 
 

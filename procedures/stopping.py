@@ -8,7 +8,7 @@ import contextlib
 from dataclasses import asdict, dataclass
 
 from drivers.ports import Winch
-from procedures.motion_guard import Follower, Tolerance
+from procedures.guards.motion_guard import Follower, Tolerance
 from procedures.settings import GuardSettings, HoldSettings
 
 

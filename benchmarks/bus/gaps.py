@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.page import ROOT, table
 from benchmarks.rig_processes import Bench, bench, wait_for
 from drivers.canbus.candump import read_candump
-from procedures.journal import Kind, read_journal
+from procedures.recording.journal import Kind, read_journal
 
 LATE = 0.020
 """s between two SYNCs of 100 Hz: one was left out"""

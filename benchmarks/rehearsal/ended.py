@@ -15,11 +15,11 @@ from drivers.canbus.candump import read_candump
 from drivers.canbus.transport import CanFrame
 from drivers.ports import MarkerFrame
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.data.mcap_file import read_mcap
+from fidim_lab.data.files.mcap_file import read_mcap
 from procedures.events import Event, RunFinished, Tripped
-from procedures.guards import Trip
-from procedures.journal import Entry, Kind, read_journal
+from procedures.guards.guard import Trip
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Entry, Kind, read_journal
 from procedures.report import RunReport
 from sim_backends.drive.machine import State
 from sim_backends.drive.node import SimulatedDrive

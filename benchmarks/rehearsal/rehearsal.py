@@ -18,11 +18,11 @@ from drivers.ports import MarkerFrame
 from fidim_lab.app import compose
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError
-from procedures import catalogue
 from procedures.control import Control
 from procedures.events import Event, StepStarted
-from procedures.experiment import Experiment
-from procedures.robot_guards import LogGuard
+from procedures.guards.robot_guards import LogGuard
+from procedures.protocols import catalogue
+from procedures.protocols.experiment import Experiment
 from procedures.run import run_procedure
 from procedures.timing import uninterrupted
 from sim_backends.laboratory import Laboratory

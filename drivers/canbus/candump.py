@@ -14,7 +14,7 @@ from typing import Self
 from drivers.canbus.transport import CanFrame
 from drivers.disk import InlineDisk
 from drivers.ports import Disk
-from fidim_lab.data.input_file import open_input
+from fidim_lab.data.files.input_file import open_input
 from fidim_lab.errors import FileError
 
 _FLUSH_S = 0.1

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fidim_lab.data.toml_file import read_toml_table
+from fidim_lab.data.files.toml_file import read_toml_table
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-drive-family/1"

@@ -27,7 +27,7 @@ from drivers.cia402.strangers import SDO_REQUEST, Strangers
 from drivers.cia402.sync import SyncTimes
 from drivers.cia402.words import controlword
 from drivers.ports import Clock
-from fidim_lab.data.eds_text import read_eds_text
+from fidim_lab.data.files.eds_text import read_eds_text
 from fidim_lab.errors import BusError, FileError, SetupError
 
 _SYNC = 0x080

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from drivers.disk import InlineDisk
 from drivers.ports import Disk
-from fidim_lab.data.mcap_encoder import McapEncoder, nanoseconds
-from fidim_lab.data.mcap_file import read_mcap
+from fidim_lab.data.files.mcap_encoder import McapEncoder, nanoseconds
+from fidim_lab.data.files.mcap_file import read_mcap
 from fidim_lab.errors import FileError
 
 TOPIC = "/mocap/packets"

@@ -10,11 +10,11 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
-from fidim_lab.data.alignment_file import NAME as ALIGNMENT
-from fidim_lab.data.alignment_file import at_exposures, read_alignment
+from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.records import Alignment, Campaign, Role, Window
+from fidim_lab.data.rigs.alignment_file import NAME as ALIGNMENT
+from fidim_lab.data.rigs.alignment_file import at_exposures, read_alignment
 from fidim_lab.data.robot_file import read_robot, write_robot
-from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.data.window_csv import WindowColumns, read_window_csv, write_window_csv
 from fidim_lab.data.window_mcap import read_window_mcap, window_as_mcap
 from fidim_lab.errors import FileError, SetupError

@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from fidim_lab.data.input_file import read_json
+from fidim_lab.data.files.input_file import read_json
+from fidim_lab.data.files.toml_file import Table, validated
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
-from fidim_lab.data.toml_file import Table, validated
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-design/1"

@@ -9,8 +9,8 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
+from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.records import Accuracy, Plan, PlannedWindow, Pose, Role
-from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-plan/1"

@@ -8,8 +8,8 @@ import numpy as np
 import tomli_w
 from pydantic import Field, model_validator
 
+from fidim_lab.data.files.toml_file import NotNegative, Positive, Table, read_toml
 from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Survey, Winch
-from fidim_lab.data.toml_file import NotNegative, Positive, Table, read_toml
 
 FORMAT = "fidim-robot/1"
 PAPERS_ROBOT = Path(__file__).parent / "robots" / "irma4.toml"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.input_file import MIB, read_text, unseen
+from fidim_lab.data.files.input_file import MIB, read_text, unseen
 from fidim_lab.errors import FileError
 
 MIN_SAMPLES = 20

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from fidim_lab.data.input_file import MIB, unseen
-from fidim_lab.data.mcap_encoder import McapEncoder, nanoseconds
-from fidim_lab.data.mcap_file import McapContents, read_mcap
-from fidim_lab.data.mcap_schemas import ROW, messages
+from fidim_lab.data.files.input_file import MIB, unseen
+from fidim_lab.data.files.mcap_encoder import McapEncoder, nanoseconds
+from fidim_lab.data.files.mcap_file import McapContents, read_mcap
+from fidim_lab.data.files.mcap_schemas import ROW, messages
 from fidim_lab.data.window_csv import FARTHEST, MIN_SAMPLES, WindowColumns
 from fidim_lab.errors import FileError
 

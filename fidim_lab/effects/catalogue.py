@@ -7,29 +7,29 @@ because they appear in results. To add an effect see docs/effects.md: write its 
 from collections.abc import Callable, Iterable
 
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.air_drag import AirDragLinear, AirDragQuadratic
-from fidim_lab.effects.anchor_offset import AnchorOffset
-from fidim_lab.effects.attachment_friction import AttachmentFriction
-from fidim_lab.effects.attachment_offset import AttachmentOffset
-from fidim_lab.effects.cable_creep import CableCreep
-from fidim_lab.effects.cable_length_bias import CableLengthBias
-from fidim_lab.effects.cable_mass import CableMass
-from fidim_lab.effects.clock import ClockRate, TimeOffset
-from fidim_lab.effects.constant_force import ConstantForce
-from fidim_lab.effects.damped_springs import DampedElasticity, DampedStiffness, DampedWinch
+from fidim_lab.effects.cables.cable_mass import CableMass
+from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
+from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
+from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction
+from fidim_lab.effects.dissipation.rotational_drag import RotationalDrag, RotationalDragPerAxis
+from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.frame_misalignment import FrameMisalignment
-from fidim_lab.effects.frame_sway import FrameSway, FrameSwayOwnPhase
-from fidim_lab.effects.gravity_tilt import GravityTilt
-from fidim_lab.effects.loose_mass import LooseMass, LooseMassOnAxis
-from fidim_lab.effects.marker_offset import MarkerOffset
-from fidim_lab.effects.periodic_force import PeriodicForce, PeriodicForceOwnPhase
-from fidim_lab.effects.pulley_friction import PulleyFriction
-from fidim_lab.effects.pulley_radius import PulleyRadius
-from fidim_lab.effects.rotational_drag import RotationalDrag, RotationalDragPerAxis
-from fidim_lab.effects.swivel_friction import SwivelDamping, SwivelFriction
-from fidim_lab.effects.swivel_inertia import SwivelInertia
-from fidim_lab.effects.umbilical import Umbilical, UmbilicalWithRest
+from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
+from fidim_lab.effects.geometry.attachment_offset import AttachmentOffset
+from fidim_lab.effects.geometry.cable_creep import CableCreep
+from fidim_lab.effects.geometry.cable_length_bias import CableLengthBias
+from fidim_lab.effects.geometry.clock import ClockRate, TimeOffset
+from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
+from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
+from fidim_lab.effects.geometry.marker_offset import MarkerOffset
+from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
+from fidim_lab.effects.loads.constant_force import ConstantForce
+from fidim_lab.effects.loads.damped_springs import DampedElasticity, DampedStiffness, DampedWinch
+from fidim_lab.effects.loads.frame_sway import FrameSway, FrameSwayOwnPhase
+from fidim_lab.effects.loads.loose_mass import LooseMass, LooseMassOnAxis
+from fidim_lab.effects.loads.periodic_force import PeriodicForce, PeriodicForceOwnPhase
+from fidim_lab.effects.loads.umbilical import Umbilical, UmbilicalWithRest
 from fidim_lab.effects.without_term import HandContact, SensorFault, Unknown
 from fidim_lab.errors import SetupError
 

@@ -8,7 +8,7 @@ import numpy as np
 from fidim_lab.errors import RefusedError
 from procedures.handlers.motion import move_to
 from procedures.outcomes import Measurement, Outcome, judge
-from procedures.recorder import Recording
+from procedures.recording.recorder import Recording
 from procedures.stand import Stand
 from procedures.steps import MoveTo, Result
 from procedures.steps.align import PLACES, Jog

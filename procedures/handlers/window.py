@@ -3,9 +3,9 @@
 import asyncio
 
 from procedures.outcomes import Outcome, judge
+from procedures.recording.window_check import window_measurements
 from procedures.stand import Stand
 from procedures.steps import Accept, CheckWindow, GiveUp, Note, Record, Reject, Result
-from procedures.window_check import window_measurements
 
 
 async def record(stand: Stand, step: Record) -> Result:

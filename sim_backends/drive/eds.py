@@ -9,7 +9,7 @@ from typing import Any
 
 from canopen.objectdictionary.eds import import_eds
 
-from fidim_lab.data.eds_text import read_eds_text
+from fidim_lab.data.files.eds_text import read_eds_text
 from fidim_lab.errors import FileError
 from sim_backends.drive.dictionary import Dictionary, ObjectSpec, Value
 

@@ -7,8 +7,8 @@ import pytest
 from drivers.cia402.machine import Command
 from drivers.cia402.words import controlword
 from fidim_lab.app.compose import simulated
-from procedures.journal import Kind
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Kind
 from sim_backends.bus_faults import FrameRule
 from sim_backends.drive.machine import State
 

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.canbus.candump import CandumpLog, read_candump
 from fidim_lab.data.campaign import read_campaign
-from procedures.journal import Journal, Kind, read_journal
+from procedures.recording.journal import Journal, Kind, read_journal
 
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -63,7 +63,7 @@ def test_a_full_disk_under_the_journal(rehearsal, monkeypatch, step, where):
             assert (ended.folder / word.rstrip(".")).exists(), "the sentence names where the window is"
 
 
-@pytest.mark.parametrize("target", ["procedures.run_folder.write_index", "pathlib.Path.replace"])
+@pytest.mark.parametrize("target", ["procedures.recording.run_folder.write_index", "pathlib.Path.replace"])
 def test_a_full_disk_as_a_window_is_accepted(scene, rehearsal, monkeypatch, target):
     rehearsal.plan = scene.two
     rehearsal.at("Record", lambda stage: monkeypatch.setattr(target, full), nth=2)

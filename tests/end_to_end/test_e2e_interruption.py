@@ -12,8 +12,8 @@ import pytest
 
 from drivers.canbus.candump import read_candump
 from fidim_lab.data.campaign import read_campaign
-from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Kind, read_journal
 from sim_backends.drive.machine import State
 
 STEPS = ("Enable", "MoveTo", "Settle", "Hold", "ReadEncoders", "CheckTension", "Ask", "AwaitHandsOff", "Record")

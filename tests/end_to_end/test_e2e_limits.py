@@ -7,8 +7,8 @@ import pytest
 
 from fidim_lab.data.records import Plan
 from fidim_lab.errors import InfeasibleError
-from procedures import catalogue
 from procedures.limits import Workspace, nominal_statics
+from procedures.protocols import catalogue
 from procedures.settings import MotionSettings
 
 FAR = (1.20283, 1.39119, 1.52772, 1.41231)

@@ -12,8 +12,8 @@ import pytest
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.nmt import NmtCommand
 from procedures.events import RunFinished
-from procedures.held_watch import watch_held
-from procedures.journal import Kind
+from procedures.guards.held_watch import watch_held
+from procedures.recording.journal import Kind
 from sim_backends.bus_faults import FrameRule
 
 RUN_ON = 0.010

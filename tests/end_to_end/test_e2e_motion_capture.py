@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from procedures.journal import Kind
+from procedures.recording.journal import Kind
 from sim_backends.mocap.faults import Faults
 
 SPREAD = 6e-4

@@ -16,10 +16,10 @@ from pathlib import Path
 import pytest
 
 from drivers.canbus.candump import read_candump
-from fidim_lab.app.manifest import read_manifest
-from fidim_lab.app.verify import verify
+from fidim_lab.app.formats.manifest import read_manifest
+from fidim_lab.app.records.verify import verify
 from fidim_lab.data.campaign import read_campaign
-from procedures.journal import Kind, read_journal
+from procedures.recording.journal import Kind, read_journal
 
 RIG = Path(__file__).parents[2] / "examples" / "rigs" / "simulated.toml"
 PLAN = """

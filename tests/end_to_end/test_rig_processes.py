@@ -19,10 +19,10 @@ import pytest
 from fidim_lab.app import cli, compose
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
-from fidim_lab.data.rig_file import read_rig
-from procedures import catalogue
+from fidim_lab.data.rigs.rig_file import read_rig
 from procedures.events import RunFinished, StepStarted
-from procedures.journal import read_journal
+from procedures.protocols import catalogue
+from procedures.recording.journal import read_journal
 from procedures.run import run_procedure
 from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
 

@@ -17,9 +17,9 @@ from fidim_lab.app import cli, compose
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
-from fidim_lab.data.rig_file import read_rig
-from procedures import catalogue
+from fidim_lab.data.rigs.rig_file import read_rig
 from procedures.events import StepStarted, Warned
+from procedures.protocols import catalogue
 from procedures.run import run_procedure
 from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
 

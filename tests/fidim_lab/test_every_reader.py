@@ -12,14 +12,12 @@ import pytest
 from drivers.canbus.candump import read_candump
 from drivers.cia402.family import read_family
 from drivers.mocap.packet_log import read_packets
-from fidim_lab.app.devices_file import read_devices
-from fidim_lab.app.manifest import read_manifest
+from fidim_lab.app.formats.devices_file import read_devices
+from fidim_lab.app.formats.manifest import read_manifest
 from fidim_lab.app.report.explanation_file import read_explanation
 from fidim_lab.app.service.spec import read_spec
-from fidim_lab.data.alignment_file import read_alignment
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.design_file import read_design
-from fidim_lab.data.home_file import home_path, read_homes
 from fidim_lab.data.importers.grab import read_config, read_log
 from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.matlab import load_struct
@@ -28,13 +26,15 @@ from fidim_lab.data.importers.qtm_tsv import read_qtm
 from fidim_lab.data.importers.trc import read_trc
 from fidim_lab.data.importers.vicon_text import read_trajectories
 from fidim_lab.data.plan_file import read_plan
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.alignment_file import read_alignment
+from fidim_lab.data.rigs.home_file import home_path, read_homes
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.data.window_csv import read_window_csv
 from fidim_lab.data.window_mcap import read_window_mcap
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.results.result_file import read_result
-from procedures.journal import read_journal
+from procedures.recording.journal import read_journal
 from sim_backends.drive.eds import read_eds
 
 READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {

@@ -1,4 +1,4 @@
-"""Files that others may have written are read by `fidim_lab.data.input_file` alone; any other reading is listed."""
+"""Files that others may have written are read by `fidim_lab.data.files.input_file` alone; others are listed."""
 
 import ast
 from collections.abc import Iterator
@@ -12,29 +12,29 @@ READING = {"read_text", "read_bytes", "open", "load", "loads", "loadmat", "impor
 OWNERS = {"json", "tomllib", "csv", "scipy.io", "io", "os", "np", "numpy", "pickle", "canopen"}
 
 ALLOWED = {
-    "fidim_lab/data/input_file.py": "the reader itself",
-    "fidim_lab/data/toml_file.py": "parses what input_file has read",
-    "fidim_lab/data/whole_file.py": "writes",
+    "fidim_lab/data/files/input_file.py": "the reader itself",
+    "fidim_lab/data/files/toml_file.py": "parses what input_file has read",
+    "fidim_lab/data/files/whole_file.py": "writes",
     "fidim_lab/effects/table.py": "a page of our own docs, written anew by its command",
     "fidim_lab/app/report/html.py": "a template within the package",
-    "fidim_lab/app/import_recording.py": "a journal that this command has just written",
+    "fidim_lab/app/records/import_recording.py": "a journal that this command has just written",
     "fidim_lab/data/importers/motive_csv.py": "splits the text that read_text has read",
-    "fidim_lab/app/judgement.py": "an argument of its own process",
-    "fidim_lab/app/model_check.py": "a line of its own process",
+    "fidim_lab/app/judging/judgement.py": "an argument of its own process",
+    "fidim_lab/app/judging/model_check.py": "a line of its own process",
     "fidim_lab/app/tui/foresight.py": "a line of its own process",
     "fidim_lab/app/tui/foresee.py": "a line of its own process",
-    "fidim_lab/app/run_process.py": "the log of a process it began",
+    "fidim_lab/app/session/run_process.py": "the log of a process it began",
     "fidim_lab/app/benchmark/seal.py": "a copy of a table",
     "fidim_lab/app/service/lock.py": "checks owner and kind of the lock by itself",
     "drivers/mocap/packet_log.py": "writes",
-    "drivers/mocap/sender.py": "a table of the kernel, which fidim_lab.data.input_file refuses: it has no size",
+    "drivers/mocap/sender.py": "a table of the kernel, which fidim_lab.data.files.input_file refuses: it has no size",
     "drivers/canbus/candump.py": "writes; reads by open_input",
     "drivers/remote_operator.py": "a line of a peer",
     "sim_backends/hand_server.py": "a line of a peer",
-    "procedures/journal.py": "appends to what read_bytes has checked",
-    "procedures/part_file.py": "writes",
-    "procedures/run_folder.py": "a lock in the folder",
-    "procedures/disk.py": "brings a folder to the disk",
+    "procedures/recording/journal.py": "appends to what read_bytes has checked",
+    "procedures/recording/part_file.py": "writes",
+    "procedures/recording/run_folder.py": "a lock in the folder",
+    "procedures/recording/disk.py": "brings a folder to the disk",
 }
 """files with a reason; what reads a user's file is none"""
 
@@ -74,7 +74,7 @@ def _found() -> dict[str, set[str]]:
 
 def test_no_file_of_a_user_is_read_but_by_the_one_reader() -> None:
     others = {name: calls for name, calls in _found().items() if name not in ALLOWED}
-    assert not others, f"read by fidim_lab.data.input_file, or name the reason here: {others}"
+    assert not others, f"read by fidim_lab.data.files.input_file, or name the reason here: {others}"
 
 
 def test_every_exception_is_still_one() -> None:

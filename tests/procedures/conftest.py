@@ -18,8 +18,8 @@ from drivers.ports import DriveState, MarkerFrame, Prompt, PromptKind, Rig, Winc
 from drivers.trajectory import Trajectory
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from fidim_lab.errors import DeviceError
-from procedures import catalogue
 from procedures.events import Event, StepStarted
+from procedures.protocols import catalogue
 from procedures.report import RunReport
 from procedures.run import run_procedure
 from procedures.settings import Settings

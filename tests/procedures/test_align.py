@@ -8,19 +8,19 @@ import pytest
 
 from drivers.disk import InlineDisk
 from fidim_lab.app import compose
-from fidim_lab.app.aligned import AlignmentKeeper, known_alignment
-from fidim_lab.data.alignment_file import NAME, alignment_path, at_exposures, read_alignment
+from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.data.records import Plan, PlannedWindow, Role
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.alignment_file import NAME, alignment_path, at_exposures, read_alignment
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.window_csv import read_window_csv
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.model.closure import closure_at
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.marker_lag import marker_lag
 from fidim_lab.model.mechanism import Mechanism
-from procedures.align import align
-from procedures.catalogue import experiment
 from procedures.outcomes import Outcome
+from procedures.protocols.align import align
+from procedures.protocols.catalogue import experiment
 from procedures.run import run_procedure
 from procedures.settings import AlignSettings, MotionSettings, Settings
 from sim_backends import laboratory

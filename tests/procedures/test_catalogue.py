@@ -9,14 +9,14 @@ import pytest
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
 from fidim_lab.errors import SetupError
-from procedures.catalogue import CATALOGUE, experiment
 from procedures.control import Control, Verb, Word
 from procedures.events import StepStarted
-from procedures.excite import ExciteProtocol
 from procedures.handlers import HANDLERS
-from procedures.identify import WindowProtocol
-from procedures.listing import Outline
 from procedures.outcomes import Outcome
+from procedures.protocols.catalogue import CATALOGUE, experiment
+from procedures.protocols.excite import ExciteProtocol
+from procedures.protocols.identify import WindowProtocol
+from procedures.protocols.listing import Outline
 from procedures.run import run_procedure
 from procedures.settings import ReleaseSettings
 from procedures.steps import Result

@@ -6,11 +6,11 @@ import pytest
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
-from procedures.compare import FURTHER, compare, proposed
-from procedures.experiment import checked_experiment
 from procedures.handlers import HANDLERS
 from procedures.outcomes import Outcome
-from procedures.resumption import read_resumption
+from procedures.protocols.compare import FURTHER, compare, proposed
+from procedures.protocols.experiment import checked_experiment
+from procedures.recording.resumption import read_resumption
 from procedures.run import run_procedure
 from procedures.steps import Result
 from procedures.steps.compare import Clarity, Explain

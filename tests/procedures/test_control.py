@@ -6,12 +6,12 @@ import pytest
 
 from drivers.ports import DriveState
 from fidim_lab.data.campaign import read_campaign
-from procedures import catalogue
 from procedures.control import Control, Verb, Word
 from procedures.events import Paused, Resumed, StepStarted
-from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
 from procedures.pace import Pace
+from procedures.protocols import catalogue
+from procedures.recording.journal import Kind, read_journal
 from procedures.run import run_procedure
 from procedures.steps import Enable, Note, Record, Settle
 from sim_backends.jumping_loop import run

@@ -3,10 +3,10 @@
 import pytest
 
 from drivers.ports import DriveState, WinchSample
-from procedures.drive_guards import BusGuard, FollowingErrorGuard, TemperatureGuard
-from procedures.guards import Observation
-from procedures.journal import Kind, read_journal
+from procedures.guards.drive_guards import BusGuard, FollowingErrorGuard, TemperatureGuard
+from procedures.guards.guard import Observation
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Kind, read_journal
 from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
 

@@ -15,8 +15,8 @@ from fidim_lab.identification import accuracy
 from fidim_lab.identification.accuracy import accuracy_of
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.identification.results import result
-from procedures.enough import windows_of
 from procedures.outcomes import Outcome
+from procedures.protocols.enough import windows_of
 from procedures.steps import GiveUp, Note, Result
 from procedures.steps.accuracy import REACHED, CheckAccuracy
 

@@ -16,15 +16,15 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.bodies import sizes
 from fidim_lab.identification.excitation.seen import Lesson
 from fidim_lab.identification.random_plan import Taste, random_plan
-from procedures import calming, excite
-from procedures.catalogue import experiment, never_asks
 from procedures.control import Control, Retried, Skipped, Verb, Word
-from procedures.enough import windows_of
 from procedures.events import Event, StepFinished, StepStarted
-from procedures.experiment import Lab
-from procedures.identify import straight
-from procedures.listing import Outline
 from procedures.outcomes import Outcome
+from procedures.protocols import calming, excite
+from procedures.protocols.catalogue import experiment, never_asks
+from procedures.protocols.enough import windows_of
+from procedures.protocols.experiment import Lab
+from procedures.protocols.identify import straight
+from procedures.protocols.listing import Outline
 from procedures.report import RunReport
 from procedures.run import run_procedure
 from procedures.settings import MotionSettings, Settings

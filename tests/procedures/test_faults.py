@@ -12,8 +12,8 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.window_csv import read_window_csv
 from procedures.events import RunFinished, StepStarted, Tripped
 from procedures.handlers import HANDLERS
-from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Kind, read_journal
 from procedures.steps import Record
 from sim_backends.jumping_loop import run
 
@@ -294,7 +294,7 @@ def test_a_full_disk_under_the_journal_ends_in_a_held_robot(world, lab, tmp_path
         def full(_descriptor):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-        monkeypatch.setattr("procedures.journal.os.fsync", full)
+        monkeypatch.setattr("procedures.recording.journal.os.fsync", full)
 
     world.at(step, fill)
     report = world.run(lab.one, tmp_path / "run")

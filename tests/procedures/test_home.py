@@ -12,10 +12,10 @@ from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Pose, Role
 from fidim_lab.errors import SetupError
 from fidim_lab.model.mechanism import Mechanism
-from procedures.catalogue import CATALOGUE, experiment
-from procedures.home import known_lengths
-from procedures.listing import Outline
 from procedures.outcomes import Outcome
+from procedures.protocols.catalogue import CATALOGUE, experiment
+from procedures.protocols.home import known_lengths
+from procedures.protocols.listing import Outline
 from procedures.run import run_procedure
 from sim_backends.jumping_loop import run
 from sim_backends.plant.pulley import tangent

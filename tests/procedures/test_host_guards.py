@@ -3,10 +3,10 @@
 import pytest
 
 from procedures.events import RunFinished, StepStarted, Tripped, Warned
-from procedures.guards import Observation
-from procedures.host_guards import ClockStepGuard, DiskGuard, LoopGuard, host_guards
-from procedures.journal import Kind, read_journal
+from procedures.guards.guard import Observation
+from procedures.guards.host_guards import ClockStepGuard, DiskGuard, LoopGuard, host_guards
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Kind, read_journal
 from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fidim_lab.errors import FileError
-from procedures.journal import Journal, Kind, read_journal
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Journal, Kind, read_journal
 
 
 class Still:

@@ -10,7 +10,7 @@ import pytest
 
 from fidim_lab.data.window_csv import WindowColumns
 from fidim_lab.data.window_mcap import window_as_mcap
-from procedures.part_file import keep_unfinished
+from procedures.recording.part_file import keep_unfinished
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "killed_recording.py"
 

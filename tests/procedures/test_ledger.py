@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from fidim_lab.data.records import Role
-from procedures.ledger import Ledger
 from procedures.outcomes import Outcome
+from procedures.recording.ledger import Ledger
 from procedures.steps import Accept, GiveUp, Result
 
 

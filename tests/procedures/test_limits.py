@@ -10,10 +10,10 @@ from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
-from procedures import catalogue
-from procedures.identify import identify
 from procedures.limits import Workspace, check_moves, find_route, nominal_statics
-from procedures.listing import Outline
+from procedures.protocols import catalogue
+from procedures.protocols.identify import identify
+from procedures.protocols.listing import Outline
 from procedures.settings import MotionSettings, Settings
 from procedures.steps import MoveTo
 from procedures.steps.excitation import StrokeChain, Strokes

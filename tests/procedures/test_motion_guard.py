@@ -6,8 +6,8 @@ import pytest
 
 from drivers.ports import DriveState, WinchSample
 from drivers.trajectory import Trajectory
-from procedures.guards import Observation
-from procedures.motion_guard import Follower, MotionGuard, Tolerance
+from procedures.guards.guard import Observation
+from procedures.guards.motion_guard import Follower, MotionGuard, Tolerance
 from procedures.settings import GuardSettings
 from procedures.steps import Phase
 

@@ -10,11 +10,11 @@ from drivers.clock import LoopClock
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.errors import OurBugError, SetupError
 from procedures.events import Mailbox, Prompted, Publisher
-from procedures.identify import identify
-from procedures.listing import Outline
 from procedures.operators import ConsoleOperator, ScriptedOperator
 from procedures.outcomes import Measurement, Outcome, worst
-from procedures.recorder import Recorder
+from procedures.protocols.identify import identify
+from procedures.protocols.listing import Outline
+from procedures.recording.recorder import Recorder
 from procedures.steps import MoveTo, travel_time
 from procedures.timing import uninterrupted, wait_until, within
 from sim_backends.jumping_loop import run

@@ -9,7 +9,7 @@ from drivers.canbus.candump import read_candump
 from drivers.canbus.transport import CanFrame
 from drivers.mocap.packet_log import PacketLog, read_packets
 from fidim_lab.errors import FileError
-from procedures.raw_logs import RawLogs, can_logs, packet_logs
+from procedures.recording.raw_logs import RawLogs, can_logs, packet_logs
 
 
 def test_a_resumed_run_gets_further_files(tmp_path):

@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.ports import DriveState, WinchSample
-from procedures.recorder import AHEAD, length_at
+from procedures.recording.recorder import AHEAD, length_at
 
 
 def sample(velocity, *, arrived=False):

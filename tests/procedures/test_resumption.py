@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
 from fidim_lab.errors import RefusedError, SetupError
-from procedures import catalogue
 from procedures.control import Control, Verb, Word
 from procedures.events import StepStarted
-from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
-from procedures.resumption import NEAR, LastPlace, read_resumption
+from procedures.protocols import catalogue
+from procedures.recording.journal import Kind, read_journal
+from procedures.recording.resumption import NEAR, LastPlace, read_resumption
 from procedures.run import run_procedure
 from sim_backends.jumping_loop import run
 

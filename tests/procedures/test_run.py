@@ -8,8 +8,8 @@ from drivers.ports import PromptKind
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import InfeasibleError, SetupError
 from procedures.events import Prompted, RunFinished, StepFinished, StepProgress, StepStarted, WindowFinished
-from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Kind, read_journal
 
 
 def test_the_happy_path_gives_a_campaign(world, lab, tmp_path):

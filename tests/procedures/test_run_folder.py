@@ -3,7 +3,7 @@
 import pytest
 
 from fidim_lab.errors import SetupError
-from procedures.run_folder import one_writer
+from procedures.recording.run_folder import one_writer
 
 
 def test_one_run_folder_has_one_writer_and_a_folder_in_which_no_run_began_is_gone(tmp_path):

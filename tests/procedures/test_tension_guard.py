@@ -3,8 +3,8 @@
 import pytest
 
 from drivers.ports import DriveState, WinchSample
-from procedures.guards import Observation
-from procedures.robot_guards import TensionGuard
+from procedures.guards.guard import Observation
+from procedures.guards.robot_guards import TensionGuard
 from procedures.settings import GuardSettings
 from procedures.steps import Phase
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.ports import GaugeReading
-from procedures.journal import read_journal
 from procedures.outcomes import Outcome
+from procedures.recording.journal import read_journal
 from procedures.settings import TensionBand
 from procedures.tensions import by_current, by_load_cell, known_tensions, measured
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from procedures.outcomes import Outcome, judge
-from procedures.recorder import Recording
+from procedures.recording.recorder import Recording
+from procedures.recording.window_check import moving_average, seen_samples, window_measurements
 from procedures.steps import WindowLimits
-from procedures.window_check import moving_average, seen_samples, window_measurements
 
 LIMITS = WindowLimits(
     complete=0.98,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.data.mcap_file import read_mcap
+from fidim_lab.data.files.mcap_file import read_mcap
 from fidim_lab.data.window_mcap import read_window_mcap
 from procedures.outcomes import Outcome
 

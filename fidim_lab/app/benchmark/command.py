@@ -8,7 +8,6 @@ from pathlib import Path
 
 from rich.markdown import Markdown
 
-from fidim_lab.app import console
 from fidim_lab.app.benchmark.child import Outcome, Verb, in_child
 from fidim_lab.app.benchmark.folder import (
     BenchmarkFolder,
@@ -24,7 +23,8 @@ from fidim_lab.app.benchmark.seal import SealTask, recipe_of, seal
 from fidim_lab.app.benchmark.tally import Judged, Tally, judged
 from fidim_lab.app.benchmark.words import page
 from fidim_lab.app.compose.sealed import Recipe, sealed_campaign
-from fidim_lab.app.spread_out import workers
+from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.spread_out import workers
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError, SetupError

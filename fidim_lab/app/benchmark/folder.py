@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fidim_lab.data import input_file
+from fidim_lab.data.files import input_file
 from fidim_lab.errors import FileError, RefusedError, SetupError
 
 Json = dict[str, Any]

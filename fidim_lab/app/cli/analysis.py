@@ -52,8 +52,8 @@ def identify(
     report: Path | None,
 ) -> None:
     """Find the platform's inertial parameters from the recorded free motion in CAMPAIGN."""
-    from fidim_lab.app.identify import identify_command
-    from fidim_lab.app.payload import parse_payload, payload_command
+    from fidim_lab.app.analysis.identify import identify_command
+    from fidim_lab.app.analysis.payload import parse_payload, payload_command
     from fidim_lab.identification.motion.pose_sources import PoseSource
 
     if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
@@ -78,7 +78,7 @@ def validate(**options: Any) -> None:
     Only each window's initial state is fitted. A window is predicted when χ²/dof of its trajectory is at most the
     limit; σ⊥ (Eq. 50) is shown beside σ_W, and decides (at most twice its expected value) for a window without lengths.
     """
-    from fidim_lab.app.validate import ValidateOptions, validate_command
+    from fidim_lab.app.analysis.validate import ValidateOptions, validate_command
 
     sys.exit(validate_command(ValidateOptions(**options)))
 
@@ -126,7 +126,7 @@ def simulate(**options: Any) -> None:
     """Write a campaign from the simulated world, with its truth beside it, without going through a bus."""
     if options["plan"] is not None:
         not_with("--plan", "equilibria", "validation")
-    from fidim_lab.app.simulate import SimulateOptions, simulate_command
+    from fidim_lab.app.analysis.simulate import SimulateOptions, simulate_command
 
     sys.exit(simulate_command(SimulateOptions(**options)))
 
@@ -155,7 +155,7 @@ def explain(
     Every effect of the catalogue is tested; those that matter are fitted with the inertial parameters and accepted only
     where windows that no fit has seen are predicted better.
     """
-    from fidim_lab.app.explain import explain_command
+    from fidim_lab.app.analysis.explain import explain_command
 
     if pictures is not None and report is None:
         raise click.UsageError("--pictures goes with --report.")
@@ -167,8 +167,8 @@ def explain(
 @example("fidim benchmark")
 def benchmark(context: click.Context) -> None:
     """Prove what the tool can do, on campaigns whose truth is sealed; without a name: list the benchmarks."""
-    from fidim_lab.app import console
     from fidim_lab.app.benchmark.command import BENCHMARKS
+    from fidim_lab.app.terminal import console
 
     if context.invoked_subcommand is None:
         for name, says in BENCHMARKS.items():
@@ -263,7 +263,7 @@ def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
     """
     if after is not None:
         nothing_but("--after", "after", "campaign", "criterion", "seed", "out", "json_file")
-        from fidim_lab.app.design_after import AfterOptions, after_command
+        from fidim_lab.app.analysis.design_after import AfterOptions, after_command
         from fidim_lab.identification.design.task import Criterion
 
         criterion = Criterion(options["criterion"]) if given(["criterion"]) else None
@@ -275,6 +275,6 @@ def design(after: Path | None, campaign: Path | None, **options: Any) -> None:
     only_with("--after", "campaign")
     if not options["by_winches"]:
         only_with("--by-winches", "damping", "winch_speed", "winch_acceleration")
-    from fidim_lab.app.design import DesignOptions, design_command
+    from fidim_lab.app.analysis.design import DesignOptions, design_command
 
     sys.exit(design_command(DesignOptions(**options)))

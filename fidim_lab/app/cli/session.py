@@ -41,7 +41,7 @@ def dry_run(**options: Any) -> None:
         not_with("--ui", "json_file")
     else:
         only_with("--ui", "light")
-    from fidim_lab.app.dry_run import DryRunOptions, run_dry_run
+    from fidim_lab.app.session.dry_run import DryRunOptions, run_dry_run
 
     sys.exit(run_dry_run(DryRunOptions(**options)))
 
@@ -75,7 +75,7 @@ def run_(**options: Any) -> None:
     """
     if not options["embedded"]:  # only simulated devices hide something
         only_with("--embedded", "hide", "seed")
-    from fidim_lab.app.run import RunOptions, run_command
+    from fidim_lab.app.session.run import RunOptions, run_command
 
     sys.exit(run_command(RunOptions(**options)))
 
@@ -94,7 +94,7 @@ def ui(**options: Any) -> None:
     """
     if not options["web"]:
         only_with("--web", "port")
-    from fidim_lab.app.ui import UiOptions, ui_command
+    from fidim_lab.app.session.ui import UiOptions, ui_command
 
     sys.exit(ui_command(UiOptions(**options)))
 
@@ -111,7 +111,7 @@ def resume(**options: Any) -> None:
     Windows that have their verdict stay; the open one is recorded again. Nothing moves where the robot is not where the
     journal left it. A latched emergency stop is undone by two answers, "yes" to each.
     """
-    from fidim_lab.app.resume import ResumeOptions, resume_command
+    from fidim_lab.app.session.resume import ResumeOptions, resume_command
 
     sys.exit(resume_command(ResumeOptions(**options)))
 
@@ -123,7 +123,7 @@ def resume(**options: Any) -> None:
 @example("fidim stop")
 def stop(rig: Path | None, reason: str, json_file: Path | None) -> None:
     """Emergency stop: quick-stop all winches now, latched. Not a substitute for the hardware button."""
-    from fidim_lab.app.stop import stop_command
+    from fidim_lab.app.session.stop import stop_command
 
     sys.exit(stop_command(rig, reason, json_file))
 
@@ -138,7 +138,7 @@ def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None
 
     The stop is kept beside the rig file, whether or not a service runs; fidim run and fidim resume ask the same.
     """
-    from fidim_lab.app.undo_stop import reset_command
+    from fidim_lab.app.session.undo_stop import reset_command
 
     sys.exit(reset_command(folder, rig, json_file))
 
@@ -150,7 +150,7 @@ def reset(folder: Path | None, rig: Path | None, json_file: Path | None) -> None
 @example("fidim shutdown")
 def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> None:
     """End a service whose run has ended (fidim run --stay) or has not begun; a run that goes on is left alone."""
-    from fidim_lab.app.shutdown import shutdown_command
+    from fidim_lab.app.session.shutdown import shutdown_command
 
     sys.exit(shutdown_command(folder, rig, json_file))
 
@@ -169,7 +169,7 @@ def simulators(**options: Any) -> None:
     Drives on its bus, motion capture at its socket, and a hand that answers prompts. A line typed here pulls a plug:
     bus, mocap, drive K (loses power), fault K, off K (switched off over the bus).
     """
-    from fidim_lab.app.simulators import SimulatorOptions, simulators_command
+    from fidim_lab.app.session.simulators import SimulatorOptions, simulators_command
 
     sys.exit(simulators_command(SimulatorOptions(**options)))
 
@@ -187,7 +187,7 @@ def power_off(**options: Any) -> None:
 
     Drives that lost their host hold the load in quick stop, and no other session takes them over until this is done.
     """
-    from fidim_lab.app.power_off import PowerOffOptions, power_off_command
+    from fidim_lab.app.session.power_off import PowerOffOptions, power_off_command
 
     sys.exit(power_off_command(PowerOffOptions(**options)))
 
@@ -203,7 +203,7 @@ def doctor(robot: Path | None, rig: Path | None, json_file: Path | None) -> None
     With --rig also each drive against the rig file (wanted, found), motion capture, guards and the robot file: exit 1
     where a check failed, 3 where something cannot be reached.
     """
-    from fidim_lab.app.doctor import doctor_command
+    from fidim_lab.app.doctor.command import doctor_command
 
     sys.exit(doctor_command(robot, json_file, rig))
 
@@ -218,6 +218,6 @@ def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
     Motor currents are fitted on the tensions that statics give for the held cable lengths; mass and geometry are taken
     from the robot file. Exit 1 where the tensions differ too little to tell.
     """
-    from fidim_lab.app.tension_calibrate import tension_calibrate_command
+    from fidim_lab.app.session.tension_calibrate import tension_calibrate_command
 
     sys.exit(tension_calibrate_command(campaign, json_file))

@@ -17,7 +17,7 @@ from typing import Any
 
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan
-from fidim_lab.data.rig import BusEntry, GuardEntry, HandEntry, MocapEntry, MocapKind, RigFile, WinchEntry
+from fidim_lab.data.rigs.rig import BusEntry, GuardEntry, HandEntry, MocapEntry, MocapKind, RigFile, WinchEntry
 from fidim_lab.errors import HardwareError
 from procedures.settings import Settings
 

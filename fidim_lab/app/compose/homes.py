@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from drivers.cia402.winch import Cia402Winch
 from drivers.cia402.zero import Zeroed
 from drivers.ports import Clock
-from fidim_lab.data.home_file import write_homes
-from fidim_lab.data.rig import RigFile, WinchHome
+from fidim_lab.data.rigs.home_file import write_homes
+from fidim_lab.data.rigs.rig import RigFile, WinchHome
 from fidim_lab.errors import HardwareError
 
 PERIOD = 1.0

@@ -15,7 +15,7 @@ from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_datastream import DataStreamWishes, ViconDataStreamDecoder
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from drivers.ports import Clock
-from fidim_lab.data.rig import MocapEntry, MocapKind, RigFile
+from fidim_lab.data.rigs.rig import MocapEntry, MocapKind, RigFile
 
 CONVERSATIONS: Mapping[MocapKind, Callable[[], Conversation]] = {
     MocapKind.VICON_DATASTREAM: DataStreamWishes,

@@ -26,8 +26,8 @@ from fidim_lab.app.compose.homes import HomeKeeper
 from fidim_lab.app.compose.loop import running
 from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devices, serial_devices
-from fidim_lab.data.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
-from fidim_lab.data.rig_serial import Loading, ReleaseEntry
+from fidim_lab.data.rigs.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
+from fidim_lab.data.rigs.rig_serial import Loading, ReleaseEntry
 from fidim_lab.errors import SetupError
 from procedures.settings import (
     LONGEST_TOGETHER,

@@ -7,8 +7,8 @@ from drivers.ports import Clock
 from drivers.serial_line.gauge import LOOK, GaugeConfig, LineGauge
 from drivers.serial_line.release import ReleaseConfig, SerialRelease
 from fidim_lab.app.compose.loop import running
-from fidim_lab.data.rig import RigFile
-from fidim_lab.data.rig_serial import GaugeEntry, ReleaseEntry
+from fidim_lab.data.rigs.rig import RigFile
+from fidim_lab.data.rigs.rig_serial import GaugeEntry, ReleaseEntry
 from fidim_lab.errors import SetupError
 
 

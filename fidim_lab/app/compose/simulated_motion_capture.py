@@ -10,7 +10,7 @@ from drivers.mocap.decoder import UNLABELLED
 from drivers.mocap.osc import address_of
 from drivers.ports import Clock
 from fidim_lab.data.records import Robot
-from fidim_lab.data.rig import MocapEntry, MocapKind, RigFile
+from fidim_lab.data.rigs.rig import MocapEntry, MocapKind, RigFile
 from fidim_lab.errors import SetupError
 from sim_backends.laboratory import Laboratory
 from sim_backends.mocap.datastream import DataStreamEncoder, DataStreamSession

@@ -8,8 +8,8 @@ from pathlib import Path
 from drivers.ports import Clock
 from drivers.serial_line.template import LineTemplate
 from fidim_lab.app.compose.loop import running
-from fidim_lab.data.rig import RigFile
-from fidim_lab.data.rig_serial import GaugeEntry, Loading, ReleaseEntry
+from fidim_lab.data.rigs.rig import RigFile
+from fidim_lab.data.rigs.rig_serial import GaugeEntry, Loading, ReleaseEntry
 from fidim_lab.errors import SetupError
 from sim_backends.laboratory import Laboratory
 from sim_backends.magnet import SimulatedMagnet

@@ -26,7 +26,7 @@ from fidim_lab.app.compose.simulated_serial import (
 )
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan
-from fidim_lab.data.rig import BusEntry, RigFile
+from fidim_lab.data.rigs.rig import BusEntry, RigFile
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.random_plan import random_plan
 from sim_backends.drive.eds import read_eds

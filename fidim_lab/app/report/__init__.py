@@ -10,10 +10,10 @@ from pathlib import Path
 
 def report_command(folder: Path, out: Path | None, pictures: Path | None = None, json_file: Path | None = None) -> int:
     """What `fidim report` does. Returns the exit code; raises FileError for a wrong folder."""
-    from fidim_lab.app import console
-    from fidim_lab.app.answer_file import write_answer
+    from fidim_lab.app.formats.answer_file import write_answer
     from fidim_lab.app.report.write import write_report
-    from fidim_lab.app.working import Working, windows_of
+    from fidim_lab.app.terminal import console
+    from fidim_lab.app.terminal.working import Working, windows_of
 
     with Working("identifying and drawing", windows_of(folder)):
         path = write_report(folder, None, out, pictures)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.comparison import Comparison, Shift, WindowPair, limit
+from fidim_lab.app.records.comparison import Comparison, Shift, WindowPair, limit
 from fidim_lab.app.report.drawing import Drawing
 from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks, sd_levels
 from fidim_lab.app.report.html import render

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from fidim_lab.app.equivalence import EquivalenceTable
-from fidim_lab.data.json_file import read_json_as
+from fidim_lab.app.formats.equivalence import EquivalenceTable
+from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.identification.results.result_file import BodyNumber
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
 from fidim_lab.mismatch.unknown_force.field import Field

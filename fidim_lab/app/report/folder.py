@@ -13,12 +13,12 @@ from pydantic import BaseModel, ConfigDict
 from fidim_lab.app.report.provenance import Provenance, provenance
 from fidim_lab.app.report.story import Story, read_story
 from fidim_lab.data.campaign import FORMAT, INDEX, CampaignTable, read_campaign
-from fidim_lab.data.input_file import read_json
-from fidim_lab.data.json_file import read_json_as
+from fidim_lab.data.files.input_file import read_json
+from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.files.toml_file import read_toml
 from fidim_lab.data.records import Body, Campaign
 from fidim_lab.data.robot_file import read_robot
-from fidim_lab.data.toml_file import read_toml
-from procedures.journal import NAME as JOURNAL
+from procedures.recording.journal import NAME as JOURNAL
 
 TRUTH = "truth.json"
 IMPORT = "import.json"

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from fidim_lab.app.manifest import LARGEST, MANIFEST, read_manifest
-from fidim_lab.app.verify import verify
-from fidim_lab.data.input_file import open_input
+from fidim_lab.app.formats.manifest import LARGEST, MANIFEST, read_manifest
+from fidim_lab.app.records.verify import verify
+from fidim_lab.data.files.input_file import open_input
 from fidim_lab.say import printable
 
 LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "pydantic", "canopen", "python-can", "matplotlib", "jinja2")

@@ -12,8 +12,8 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from fidim_lab.app.report.figures import Bout
 from fidim_lab.errors import FileError
-from procedures.journal import Entry, Kind, read_journal
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Entry, Kind, read_journal
 
 KINDS = {
     "MoveTo": "moving",

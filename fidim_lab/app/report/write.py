@@ -70,7 +70,7 @@ def _judged(
 ) -> "tuple[IdentificationResult | None, str]":
     """The result with how far to trust it, or None with the reason."""
     # `app.identify` offers --report and so imports this module.
-    from fidim_lab.app.identify import closing_sentence, run_identify
+    from fidim_lab.app.analysis.identify import closing_sentence, run_identify
 
     if result is None:
         if not contents.campaign.windows:

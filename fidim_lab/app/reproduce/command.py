@@ -11,11 +11,12 @@ from time import perf_counter
 
 import numpy as np
 
-from fidim_lab.app import compose, console
+from fidim_lab.app import compose
 from fidim_lab.app.reproduce import tables
 from fidim_lab.app.reproduce.file import write
 from fidim_lab.app.reproduce.words import sentences
-from fidim_lab.app.working import Working
+from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.working import Working
 from fidim_lab.data import paper
 from fidim_lab.data.records import Campaign, Plan, Robot, Role
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot

@@ -12,7 +12,7 @@ from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.messages import Status
 from fidim_lab.app.service.status import Gauges, Watcher
 from fidim_lab.errors import FidimError
-from procedures.guards import Guard
+from procedures.guards.guard import Guard
 
 TELL_PERIOD = 0.1
 """s between two states"""

@@ -21,7 +21,7 @@ from procedures.events import (
     Warned,
     WindowFinished,
 )
-from procedures.journal import WallTime
+from procedures.recording.journal import WallTime
 
 CAPACITY = 2000
 """events kept for late clients; older ones are in the journal"""

@@ -22,7 +22,7 @@ from fidim_lab.app.service.commands import (
 from fidim_lab.app.service.latch import Latch, first_words
 from fidim_lab.app.service.messages import Answer
 from fidim_lab.app.service.session import Lease, ServerSession
-from fidim_lab.data.stop_file import Stopped
+from fidim_lab.data.rigs.stop_file import Stopped
 from procedures.control import Control, Verb, Word
 
 FREE = (TakeLease, ReleaseLease, EmergencyStop, AnswerPrompt)

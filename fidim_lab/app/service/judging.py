@@ -7,7 +7,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from fidim_lab.data.input_file import read_json
+from fidim_lab.data.files.input_file import read_json
 from fidim_lab.errors import FileError
 from procedures.outcomes import Outcome
 from procedures.stand import Stand
@@ -15,7 +15,7 @@ from procedures.steps import Result
 from procedures.steps.compare import Clarity, Explain
 from procedures.timing import POLL
 
-MODULE, JUDGEMENT = "fidim_lab.app.judgement", "judgement.json"
+MODULE, JUDGEMENT = "fidim_lab.app.judging.judgement", "judgement.json"
 LONGEST = 1800.0
 """s"""
 

@@ -4,7 +4,7 @@ import secrets
 from collections.abc import Callable
 from typing import Protocol
 
-from fidim_lab.data.stop_file import Stopped
+from fidim_lab.data.rigs.stop_file import Stopped
 
 CODE_LIFE = 30.0
 """s for which a code of the first step counts"""

@@ -16,10 +16,10 @@ from pathlib import Path
 from drivers.disk import DiskThreads
 from drivers.ports import Disk
 from fidim_lab.app import compose
-from fidim_lab.app.aligned import PROCEDURE as ALIGN
-from fidim_lab.app.aligned import AlignmentKeeper, known_alignment
-from fidim_lab.app.model_check import Checked, ModelCheck
-from fidim_lab.app.run_records import RunRecords
+from fidim_lab.app.formats.aligned import PROCEDURE as ALIGN
+from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
+from fidim_lab.app.formats.run_records import RunRecords
+from fidim_lab.app.judging.model_check import Checked, ModelCheck
 from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.broadcast import wall_time
 from fidim_lab.app.service.judging import explain_step
@@ -30,25 +30,25 @@ from fidim_lab.app.service.service import Identity, Service, new_token
 from fidim_lab.app.service.spec import NAME as SPEC
 from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, overridden, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
-from fidim_lab.data.alignment_file import NAME as ALIGNMENT
-from fidim_lab.data.alignment_file import write_alignment
 from fidim_lab.data.design_file import read_plan_or_design
-from fidim_lab.data.json_file import read_json_as
+from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Alignment, Plan
-from fidim_lab.data.rig import RigFile
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.alignment_file import NAME as ALIGNMENT
+from fidim_lab.data.rigs.alignment_file import write_alignment
+from fidim_lab.data.rigs.rig import RigFile
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import FidimError, HardwareError
-from procedures.catalogue import experiment
-from procedures.disk import sync
-from procedures.guards import Guard
+from procedures.guards.guard import Guard
+from procedures.guards.host_guards import host_guards
+from procedures.guards.robot_guards import LogGuard
 from procedures.handlers import HANDLERS
-from procedures.host_guards import host_guards
+from procedures.protocols.catalogue import experiment
+from procedures.recording.disk import sync
+from procedures.recording.resumption import Resumption, read_resumption
+from procedures.recording.run_folder import one_writer
 from procedures.report import RunReport, WindowRow
-from procedures.resumption import Resumption, read_resumption
-from procedures.robot_guards import LogGuard
 from procedures.run import Experiment, run_procedure
-from procedures.run_folder import one_writer
 from procedures.settings import Settings
 from procedures.steps import MoveTo
 from procedures.steps.compare import Explain

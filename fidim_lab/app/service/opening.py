@@ -16,7 +16,7 @@ from drivers.remote_operator import RemoteOperator
 from fidim_lab.app import compose
 from fidim_lab.app.service.spec import RunSpec
 from fidim_lab.data.records import Plan
-from fidim_lab.data.rig import RigFile
+from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import OurBugError
 from procedures.steps import Lengths
 

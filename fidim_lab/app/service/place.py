@@ -11,8 +11,8 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from fidim_lab.data.rig import RigFile
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.rig import RigFile
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import SetupError
 
 CHOSEN = "FIDIM_RUNTIME_DIR"

@@ -3,7 +3,7 @@
 import sys
 from typing import Any, get_args
 
-from fidim_lab.app.schema_words import default_words, one_line, type_words
+from fidim_lab.app.formats.schema_words import default_words, one_line, type_words
 from fidim_lab.app.service.commands import PROTOCOL, Command, Message, ToService
 from fidim_lab.app.service.messages import ToClient
 

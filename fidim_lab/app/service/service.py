@@ -30,14 +30,14 @@ from fidim_lab.app.service.session import ServerSession
 from fidim_lab.app.service.status import Gauges, Watcher
 from fidim_lab.app.service.stop_keeper import StopKeeper
 from fidim_lab.app.service.turn import Turn
-from fidim_lab.data.stop_file import Stopped
+from fidim_lab.data.rigs.stop_file import Stopped
 from fidim_lab.errors import FidimError
 from procedures.control import Control
 from procedures.events import Event, Prompted, RunFinished
-from procedures.held_watch import watch_held, write_moved
-from procedures.journal import NAME as JOURNAL
+from procedures.guards.held_watch import watch_held, write_moved
+from procedures.guards.robot_guards import standard_guards
+from procedures.recording.journal import NAME as JOURNAL
 from procedures.report import RunReport, WindowRow
-from procedures.robot_guards import standard_guards
 from procedures.run import Experiment
 from procedures.stopping import quick_stop
 from procedures.teardown import Held

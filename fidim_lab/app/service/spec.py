@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal, get_type_hints
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from drivers.ports import PromptKind
-from fidim_lab.app.schema_words import range_words
-from fidim_lab.data.input_file import read_json
-from fidim_lab.data.json_file import read_json_as
-from fidim_lab.data.stop_file import stop_path
+from fidim_lab.app.formats.schema_words import range_words
+from fidim_lab.data.files.input_file import read_json
+from fidim_lab.data.files.json_file import read_json_as
+from fidim_lab.data.rigs.stop_file import stop_path
 from fidim_lab.errors import FileError, SetupError
 from procedures.settings import Settings
 

@@ -32,7 +32,7 @@ from procedures.events import (
     Warned,
     WindowFinished,
 )
-from procedures.guards import Guard
+from procedures.guards.guard import Guard
 from procedures.outcomes import Outcome
 from procedures.report import RunReport, WindowRow
 from procedures.steps import CheckTension, CheckWindow, Phase, Record

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from fidim_lab.data.stop_file import Stopped, keep_stop, read_stop
+from fidim_lab.data.rigs.stop_file import Stopped, keep_stop, read_stop
 from fidim_lab.errors import HardwareError
 
 

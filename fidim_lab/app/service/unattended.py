@@ -14,7 +14,7 @@ from typing import Any
 
 from drivers.ports import Clock
 from fidim_lab.app.service.spec import HOOK_TIMEOUT, SUMMARY, RunSpec
-from procedures.guards import Observation
+from procedures.guards.guard import Observation
 from procedures.handlers.motion import move_to
 from procedures.report import RunReport, WindowRow
 from procedures.settings import Reaction

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fidim_lab.app.service.lock import Holder, running
 from fidim_lab.app.service.place import Place, all_places, places_of
-from fidim_lab.data.rig import RigFile
+from fidim_lab.data.rigs.rig import RigFile
 
 
 @dataclass(frozen=True)

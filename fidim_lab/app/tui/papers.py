@@ -12,9 +12,9 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.ports import Clock
-from fidim_lab.app.equivalence import EquivalenceTable
+from fidim_lab.app.formats.equivalence import EquivalenceTable
 from fidim_lab.app.tui.aside import Aside, StalledError
-from fidim_lab.data.json_file import read_json_as
+from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.errors import FileError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 

@@ -6,13 +6,13 @@ Nothing moves by it: the emergency stop is reset (r) and the run begun (g) as in
 from pathlib import Path
 
 from drivers.clock import LoopClock
-from fidim_lab.app.run_process import service_process, until_it_listens
 from fidim_lab.app.service.lock import holder
 from fidim_lab.app.service.place import Place, place_of
 from fidim_lab.app.service.spec import RunSpec, again, read_spec
-from fidim_lab.app.shutdown import end_service, serves
+from fidim_lab.app.session.run_process import service_process, until_it_listens
+from fidim_lab.app.session.shutdown import end_service, serves
 from fidim_lab.app.tui.aside import Aside
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import RefusedError
 
 

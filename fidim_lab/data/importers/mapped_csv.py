@@ -16,10 +16,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from fidim_lab.data.files.input_file import read_text
+from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.importers.cells import MIN_FRAMES, check_long, check_near, check_rate, length_scale, number
 from fidim_lab.data.importers.recording import MarkerLog
-from fidim_lab.data.input_file import read_text
-from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-columns/1"

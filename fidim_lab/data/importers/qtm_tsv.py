@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fidim_lab.data.files.input_file import read_text
 from fidim_lab.data.importers.cells import check_near, number, table, times
 from fidim_lab.data.importers.recording import MarkerLog
-from fidim_lab.data.input_file import read_text
 from fidim_lab.errors import FileError
 
 SCALE = 1e-3

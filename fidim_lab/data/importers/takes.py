@@ -1,7 +1,7 @@
 """What an importer of many takes returns: one robot, and for each take its markers and, where there is one, its log.
 
 Frozen values in SI units. Nothing is estimated here: which axis is up, which marker is which and where the motion is
-free is found for all kinds alike by `fidim_lab.app.import_takes`.
+free is found for all kinds alike by `fidim_lab.app.records.import_takes`.
 """
 
 from collections.abc import Mapping

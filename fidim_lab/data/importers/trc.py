@@ -11,9 +11,9 @@ Every mistake is a FileError with the line it is in.
 
 from pathlib import Path
 
+from fidim_lab.data.files.input_file import read_text
 from fidim_lab.data.importers.cells import check_near, length_scale, number, table, times
 from fidim_lab.data.importers.recording import MarkerLog
-from fidim_lab.data.input_file import read_text
 from fidim_lab.errors import FileError
 
 HEADER_LINES = 5

@@ -21,12 +21,12 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Campaign, Robot, Role, Sensors, Window
-from fidim_lab.effects.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
-from fidim_lab.effects.cable_elasticity import CableStiffness
-from fidim_lab.effects.cable_length_bias import CableLengthBias
+from fidim_lab.effects.cables.cable_elasticity import CableStiffness
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
+from fidim_lab.effects.dissipation.rotational_drag import RotationalDragPerAxis
 from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.geometry.cable_length_bias import CableLengthBias
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.effects.rotational_drag import RotationalDragPerAxis
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.calibration.stretch import Stretch, seen_stretch
 from fidim_lab.identification.mle import held_out

@@ -14,13 +14,13 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Campaign, Role, Window
-from fidim_lab.effects.air_drag import AirDragLinear, AirDragQuadratic
-from fidim_lab.effects.attachment_friction import AttachmentFriction
+from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
+from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction
+from fidim_lab.effects.dissipation.rotational_drag import RotationalDragPerAxis
+from fidim_lab.effects.dissipation.swivel_friction import SwivelFriction
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.effects.pulley_friction import PulleyFriction
-from fidim_lab.effects.rotational_drag import RotationalDragPerAxis
-from fidim_lab.effects.swivel_friction import SwivelFriction
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit, fit

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Motion
-from fidim_lab.effects.constant_force import ConstantForce
+from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
 from fidim_lab.identification.mle.trajectories.recordings import Recording

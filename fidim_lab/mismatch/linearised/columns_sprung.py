@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.effects.constant_force import ConstantForce
+from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, priors_by
 from fidim_lab.mismatch.linearised.columns import FRAME_SWAY, WindowColumns, frequency_of, scored_places, seen_by, waves

@@ -13,7 +13,7 @@ import numpy as np
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.loose_mass import LooseMass
+from fidim_lab.effects.loads.loose_mass import LooseMass
 from fidim_lab.mismatch.linearised.thresholds import LINEARISED
 
 NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown", "time-offset")

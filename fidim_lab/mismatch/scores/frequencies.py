@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fidim_lab.effects.oscillation import SCAN
+from fidim_lab.effects.loads.oscillation import SCAN
 from fidim_lab.mismatch.linearised.columns import frequency_of
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.residuals.residual import Leftover

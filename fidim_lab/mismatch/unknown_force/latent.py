@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.effects.effect import NamedEffect, Parameter
-from fidim_lab.effects.oscillation import PHASE
+from fidim_lab.effects.loads.oscillation import PHASE
 from fidim_lab.mismatch.unknown_force.evidence import Weighed
 from fidim_lab.mismatch.unknown_force.family import Family
 from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from procedures.journal import Kind
+from procedures.recording.journal import Kind
 from sim_backends.drive.machine import State
 
 QUICK_STOP, HALTED = 0x02, 0x10F

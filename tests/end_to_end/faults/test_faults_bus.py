@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from procedures.host_guards import ClockStepGuard
+from procedures.guards.host_guards import ClockStepGuard
 from sim_backends.bus_faults import FrameRule
 
 NODES = (1, 2, 3, 4)

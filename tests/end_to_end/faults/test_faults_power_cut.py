@@ -11,11 +11,11 @@ import pytest
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
-from procedures import catalogue
 from procedures.events import StepFinished, StepStarted
-from procedures.journal import Kind, read_journal
 from procedures.outcomes import Outcome
-from procedures.resumption import read_resumption
+from procedures.protocols import catalogue
+from procedures.recording.journal import Kind, read_journal
+from procedures.recording.resumption import read_resumption
 
 ROLES = {"i01": Role.IDENTIFY, "i02": Role.IDENTIFY}
 

@@ -9,9 +9,9 @@ import pytest
 from rich.console import Console
 
 from fidim_lab.app import cli
-from fidim_lab.app.identify import closing_sentence, identify_command, run_identify, summary
-from fidim_lab.app.import_recording import run_import
-from fidim_lab.app.pose_from import read_posed
+from fidim_lab.app.analysis.identify import closing_sentence, identify_command, run_identify, summary
+from fidim_lab.app.analysis.pose_from import read_posed
+from fidim_lab.app.records.import_recording import run_import
 from fidim_lab.data.records import Role
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.equations.estimators import Method
@@ -75,7 +75,7 @@ def test_mistakes_are_sentences(tmp_path):
 @pytest.mark.shared
 def test_the_command_prints_and_writes(shared, tmp_path, monkeypatch, capsys):
     quick = functools.partial(run_identify, predict=False)
-    monkeypatch.setattr("fidim_lab.app.identify.run_identify", quick)
+    monkeypatch.setattr("fidim_lab.app.analysis.identify.run_identify", quick)
     path = tmp_path / "result.json"
     assert identify_command(shared / "campaigns" / "open-two-at-once", "tls", path, None) == 0
     assert read_result(path).campaign == "two at once"

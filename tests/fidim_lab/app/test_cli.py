@@ -104,7 +104,7 @@ def test_exit_codes(
     def fail(*_: object) -> int:
         raise problem
 
-    monkeypatch.setattr("fidim_lab.app.doctor.doctor_command", fail)
+    monkeypatch.setattr("fidim_lab.app.doctor.command.doctor_command", fail)
     assert cli.run(["doctor"]) == code
     error = capsys.readouterr().err
     assert "Traceback" not in error

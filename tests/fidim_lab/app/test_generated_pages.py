@@ -12,8 +12,8 @@ import pytest
 from fidim_lab.app.cli import fidim
 from fidim_lab.app.cli.completion import Bash
 from fidim_lab.app.cli.reference import commands_page
-from fidim_lab.app.file_keys import file_keys_page
-from fidim_lab.app.schema_words import range_words, type_words
+from fidim_lab.app.formats.file_keys import file_keys_page
+from fidim_lab.app.formats.schema_words import range_words, type_words
 
 DOCS = Path(__file__).parents[3] / "docs"
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from fidim_lab.app.import_recording import import_command, run_import
-from fidim_lab.app.import_report import summary
+from fidim_lab.app.records.import_recording import import_command, run_import
+from fidim_lab.app.records.import_report import summary
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
 from fidim_lab.data.rigid_body import fit_pose

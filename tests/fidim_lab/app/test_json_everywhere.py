@@ -7,8 +7,8 @@ import click
 import numpy as np
 import pytest
 
-from fidim_lab.app.answer_file import write_answer, write_summary
 from fidim_lab.app.cli import fidim, run
+from fidim_lab.app.formats.answer_file import write_answer, write_summary
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Role, Window

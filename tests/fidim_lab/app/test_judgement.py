@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
-from fidim_lab.app import compose, judgement
-from fidim_lab.app.judgement import EXPLANATION, JUDGEMENT, Judgement, judge, main, why_unclear
+from fidim_lab.app import compose
+from fidim_lab.app.judging import judgement
+from fidim_lab.app.judging.judgement import EXPLANATION, JUDGEMENT, Judgement, judge, main, why_unclear
 from fidim_lab.app.service.judging import explain_step
 from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import PARAMETER_NAMES
@@ -28,10 +29,10 @@ from fidim_lab.mismatch.conclusion.explanation import (
     Verdict,
 )
 from fidim_lab.mismatch.next_experiment.proposal import Odds, Proposal, Trial
-from procedures.catalogue import experiment
-from procedures.compare import FURTHER
 from procedures.handlers import HANDLERS
 from procedures.outcomes import Outcome
+from procedures.protocols.catalogue import experiment
+from procedures.protocols.compare import FURTHER
 from procedures.run import run_procedure
 from procedures.settings import MotionSettings, Settings
 from procedures.steps import Result

@@ -6,9 +6,9 @@ import os
 import pytest
 
 from drivers.cia402.bringup import HAS_POWER
-from fidim_lab.app.left_holding import left_by, power_advice
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.place import Place
+from fidim_lab.app.session.left_holding import left_by, power_advice
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.app import model_check, model_worker
-from fidim_lab.app.model_check import FEWEST, NO_MORE, Checked, ModelCheck
-from fidim_lab.app.model_worker import Looker, answer_to
+from fidim_lab.app.judging import model_check, model_worker
+from fidim_lab.app.judging.model_check import FEWEST, NO_MORE, Checked, ModelCheck
+from fidim_lab.app.judging.model_worker import Looker, answer_to
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch import online_monitor

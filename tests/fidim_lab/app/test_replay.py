@@ -16,9 +16,9 @@ from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from drivers.ports import DriveState, MarkerFrame, WinchSample
 from fidim_lab.app.cli import run
-from fidim_lab.app.devices_file import DEVICES, Parameter, WinchEntry, _read_again, read_devices
-from fidim_lab.app.replay_windows import Expected
-from fidim_lab.app.verify import verify
+from fidim_lab.app.formats.devices_file import DEVICES, Parameter, WinchEntry, _read_again, read_devices
+from fidim_lab.app.records.replay_windows import Expected
+from fidim_lab.app.records.verify import verify
 
 
 @pytest.fixture(scope="module")

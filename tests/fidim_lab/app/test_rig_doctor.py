@@ -13,13 +13,13 @@ from drivers.cia402.winch import Cia402Winch
 from drivers.cia402.without_power import acknowledge_fault, read_state, take_power
 from drivers.clock import LoopClock
 from drivers.ports import DriveState, MarkerFrame
-from fidim_lab.app.checks import Check, Verdict, make_table, summary
 from fidim_lab.app.compose import rig_settings
-from fidim_lab.app.mocap_doctor import Watched, check_markers, check_timing
-from fidim_lab.app.rig_doctor import check_guards, check_tensions
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.app.doctor.checks import Check, Verdict, make_table, summary
+from fidim_lab.app.doctor.mocap_doctor import Watched, check_markers, check_timing
+from fidim_lab.app.doctor.rig_doctor import check_guards, check_tensions
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import DeviceError, RefusedError
-from procedures.robot_guards import standard_guards
+from procedures.guards.robot_guards import standard_guards
 from procedures.settings import Reaction
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.node import SimulatedDrive

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.app.robot_plausibility import Finding, plausibility
+from fidim_lab.app.doctor.robot_plausibility import Finding, plausibility
 from fidim_lab.data.records import Body, Cable, Limits, Robot
 
 

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from drivers.ports import Prompt, PromptKind
-from fidim_lab.app.run_display import LiveDisplay, PlainDisplay, display
+from fidim_lab.app.terminal.run_display import LiveDisplay, PlainDisplay, display
 from procedures.events import (
     Event,
     Prompted,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.app import cli
-from fidim_lab.app import simulate as command
+from fidim_lab.app.analysis import simulate as command
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Role

@@ -10,7 +10,7 @@ from contextlib import suppress
 
 import pytest
 
-from fidim_lab.app.spread_out import workers
+from fidim_lab.app.terminal.spread_out import workers
 from fidim_lab.errors import SetupError
 
 
@@ -48,7 +48,7 @@ def test_tasks_are_made_as_workers_get_free():
 
 LONG = """
 import sys, time
-from fidim_lab.app.spread_out import workers
+from fidim_lab.app.terminal.spread_out import workers
 if __name__ == "__main__":
     with workers(2) as spread:
         for _ in spread(time.sleep, [0.0, 600.0, 600.0, 600.0, 600.0]):

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from fidim_lab.app import run_process
 from fidim_lab.app.cli import run
-from fidim_lab.data.stop_file import Stopped, keep_stop, read_stop, stop_path
+from fidim_lab.app.session import run_process
+from fidim_lab.data.rigs.stop_file import Stopped, keep_stop, read_stop, stop_path
 
 SIMULATED = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
 STOPPED = Stopped("fidim ui #2", "key", "2026-11-25T10:58:03.123+00:00")

@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from fidim_lab.app import verify as module
 from fidim_lab.app.cli import run
-from fidim_lab.app.manifest import MANIFEST, read_manifest, write_manifest
-from fidim_lab.app.verify import verify
+from fidim_lab.app.formats.manifest import MANIFEST, read_manifest, write_manifest
+from fidim_lab.app.records import verify as module
+from fidim_lab.app.records.verify import verify
 from fidim_lab.errors import FileError
 
 

@@ -6,15 +6,15 @@ import json
 import pytest
 from rich.console import Console
 
-from fidim_lab.app import console
-from fidim_lab.app.working import Working, left_words, windows_of
+from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.working import Working, left_words, windows_of
 
 
 @pytest.fixture
 def times(monkeypatch):
     """What the clock says, one after another."""
     said = iter([0.0, 10.0, 100.0, 104.0])
-    monkeypatch.setattr("fidim_lab.app.working.perf_counter", lambda: next(said))
+    monkeypatch.setattr("fidim_lab.app.terminal.working.perf_counter", lambda: next(said))
 
 
 def test_the_next_estimate_comes_from_what_it_took_for_each_window(times, tmp_path):

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fidim_lab.data.alignment_file import write_alignment
 from fidim_lab.data.campaign import IndexEntry, read_campaign, write_campaign, write_index
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Alignment, Campaign, Plan, PlannedWindow, Robot, Role, Window
+from fidim_lab.data.rigs.alignment_file import write_alignment
 from fidim_lab.errors import FileError
 
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fidim_lab.data.home_file import home_path, read_homes, write_homes
-from fidim_lab.data.rig import WinchHome
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.home_file import home_path, read_homes, write_homes
+from fidim_lab.data.rigs.rig import WinchHome
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import FileError, HardwareError
 
 SIMULATED = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"

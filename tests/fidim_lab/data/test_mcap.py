@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from fidim_lab.data.mcap_encoder import CHUNK_SIZE, PACKED_BLOCK, McapEncoder, MessageSchema, nanoseconds
-from fidim_lab.data.mcap_file import read_mcap
-from fidim_lab.data.mcap_schemas import LOG, POSE, WINCH, messages, timestamp
+from fidim_lab.data.files.mcap_encoder import CHUNK_SIZE, PACKED_BLOCK, McapEncoder, MessageSchema, nanoseconds
+from fidim_lab.data.files.mcap_file import read_mcap
+from fidim_lab.data.files.mcap_schemas import LOG, POSE, WINCH, messages, timestamp
 from fidim_lab.data.window_csv import WindowColumns
 from fidim_lab.data.window_mcap import read_unfinished, read_window_mcap, window_as_mcap
 from fidim_lab.errors import FileError

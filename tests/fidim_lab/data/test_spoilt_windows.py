@@ -12,8 +12,8 @@ from google.protobuf import descriptor_pb2
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fidim_lab.data.eds_text import read_eds_text
-from fidim_lab.data.mcap_file import CHUNK_LIMIT, read_mcap
+from fidim_lab.data.files.eds_text import read_eds_text
+from fidim_lab.data.files.mcap_file import CHUNK_LIMIT, read_mcap
 from fidim_lab.data.window_csv import read_window_csv
 from fidim_lab.data.window_mcap import read_window_mcap
 from fidim_lab.errors import FileError

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import read_robot
-from fidim_lab.effects.attachment_friction import AttachmentFrictionGivingWay
 from fidim_lab.effects.catalogue import catalogue
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFrictionGivingWay
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.model.equations import MotionEquations, Symbols, motion_equations

@@ -10,7 +10,7 @@ import pytest
 
 from fidim_lab.effects.catalogue import by_id, catalogue
 from fidim_lab.effects.equivalences import EQUIVALENCES
-from fidim_lab.effects.pulley_radius import PulleyRadius
+from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
 from fidim_lab.effects.table import page
 from fidim_lab.errors import SetupError
 

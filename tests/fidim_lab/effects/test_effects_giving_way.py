@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fidim_lab.effects.attachment_friction import AttachmentFrictionGivingWay
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFrictionGivingWay
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import PlatformState

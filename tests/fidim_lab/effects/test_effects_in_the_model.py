@@ -6,12 +6,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fidim_lab.effects.air_drag import AirDragLinear
-from fidim_lab.effects.cable_creep import CableCreep
-from fidim_lab.effects.cable_elasticity import CableElasticity, CableStiffness
-from fidim_lab.effects.forces import at_arm
-from fidim_lab.effects.loose_mass import LooseMass
-from fidim_lab.effects.winch_hold_compliance import WinchHoldCompliance
+from fidim_lab.effects.cables.cable_elasticity import CableElasticity, CableStiffness
+from fidim_lab.effects.cables.winch_hold_compliance import WinchHoldCompliance
+from fidim_lab.effects.dissipation.air_drag import AirDragLinear
+from fidim_lab.effects.geometry.cable_creep import CableCreep
+from fidim_lab.effects.loads.forces import at_arm
+from fidim_lab.effects.loads.loose_mass import LooseMass
 from fidim_lab.errors import InfeasibleError, OurBugError, SetupError
 from fidim_lab.model.dynamics import consistent_twist, simulate_free_motion
 from fidim_lab.model.elastic import simulate_elastic_motion

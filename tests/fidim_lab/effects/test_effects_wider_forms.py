@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.air_drag import AirDragLinear, AirDragQuadratic
+from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.umbilical import Umbilical
+from fidim_lab.effects.loads.umbilical import Umbilical
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import PlatformState
 

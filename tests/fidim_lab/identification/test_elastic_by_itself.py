@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Robot, Role
-from fidim_lab.effects.cable_elasticity import CableStiffness
+from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.identification.choice import soft_singular_values
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.identify import identify

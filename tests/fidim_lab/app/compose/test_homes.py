@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fidim_lab.app import compose
-from fidim_lab.data.home_file import home_path, read_homes
 from fidim_lab.data.records import Plan, PlannedWindow, Role
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.home_file import home_path, read_homes
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import DeviceError
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"

@@ -9,11 +9,11 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.mocap.description import describe
-from fidim_lab.app.checks import Verdict
 from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.app.compose.simulated_motion_capture import mocap_sender
-from fidim_lab.app.mocap_doctor import check_motion_capture
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.app.doctor.checks import Verdict
+from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
+from fidim_lab.data.rigs.rig_file import read_rig
 from sim_backends.mocap.server import MocapServer, Timing
 
 RIGS = Path(__file__).parents[4] / "examples" / "rigs"

@@ -13,8 +13,8 @@ from fidim_lab.identification.motion.trajectory import Prediction
 from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, Residual, WindowVerdict
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
-from procedures.journal import Journal, Kind
 from procedures.outcomes import Outcome as RunOutcome
+from procedures.recording.journal import Journal, Kind
 
 TRUE = (0.0012, -0.0034, 0.1931, 0.0461, 0.0672, 0.0318, 0.0001, 0.0002, 0.0003)
 """what truth.json says"""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.app.design_after import claims_of
+from fidim_lab.app.analysis.design_after import claims_of
 from fidim_lab.app.report import spectra
 from fidim_lab.app.report.explain_page import write_explain_page
 from fidim_lab.app.report.explained import effect_table, explained

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from fidim_lab.app.manifest import write_manifest
+from fidim_lab.app.formats.manifest import write_manifest
 from fidim_lab.app.report.copies import copies
 from fidim_lab.app.report.drawing import Drawing, write_pictures
 from fidim_lab.app.report.figures import ParameterRow

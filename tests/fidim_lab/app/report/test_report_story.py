@@ -4,8 +4,8 @@ import pytest
 
 from fidim_lab.app.report.story import read_story
 from fidim_lab.errors import FileError
-from procedures.journal import Kind
 from procedures.outcomes import Outcome
+from procedures.recording.journal import Kind
 
 
 @pytest.fixture

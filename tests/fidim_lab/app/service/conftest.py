@@ -18,7 +18,7 @@ from fidim_lab.app.service.commands import Message, Start
 from fidim_lab.app.service.opening import Opened
 from fidim_lab.app.service.service import Identity, Service
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
-from procedures import catalogue
+from procedures.protocols import catalogue
 from procedures.report import RunReport, WindowRow
 from procedures.run import run_procedure
 from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fidim_lab.app import resume
-from fidim_lab.app.resume import ResumeOptions
 from fidim_lab.app.service import opening
 from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, write_spec
+from fidim_lab.app.session import resume
+from fidim_lab.app.session.resume import ResumeOptions
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.errors import FileError, RefusedError

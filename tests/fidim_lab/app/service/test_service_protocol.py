@@ -28,7 +28,7 @@ from fidim_lab.app.service.messages import TO_CLIENT, Bye, Happening, History, Q
 from fidim_lab.app.service.reference import messages_page
 from fidim_lab.app.service.session import Lease, ServerSession, Stage
 from fidim_lab.app.service.stop_keeper import StopKeeper
-from fidim_lab.data.stop_file import Stopped, stop_path
+from fidim_lab.data.rigs.stop_file import Stopped, stop_path
 
 HELLO = b'{"type":"hello","protocol":"fidim-service/1","client":"me"}\n'
 ROOT = Path(__file__).parents[4]

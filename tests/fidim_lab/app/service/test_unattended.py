@@ -8,15 +8,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from fidim_lab.app.run import RunOptions, make_spec, require_answers, run_command
-from fidim_lab.app.run_process import said_at_end
 from fidim_lab.app.service.main import prepare, write_papers
 from fidim_lab.app.service.spec import RunSpec, overridden, read_spec, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, quiet, run_hook, write_summary
-from fidim_lab.data.alignment_file import alignment_path, read_alignment, write_alignment
+from fidim_lab.app.session.run import RunOptions, make_spec, require_answers, run_command
+from fidim_lab.app.session.run_process import said_at_end
 from fidim_lab.data.records import Alignment, Role
+from fidim_lab.data.rigs.alignment_file import alignment_path, read_alignment, write_alignment
 from fidim_lab.errors import FileError, SetupError
-from procedures.guards import Observation
+from procedures.guards.guard import Observation
 from procedures.outcomes import Outcome
 from procedures.report import RunReport, WindowRow
 from procedures.settings import Settings

@@ -10,15 +10,15 @@ from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
 
 from fidim_lab.app.cli import run
-from fidim_lab.app.dry_run import DryRunOptions
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import Place
+from fidim_lab.app.session.dry_run import DryRunOptions
+from fidim_lab.app.session.ui import finder_for
+from fidim_lab.app.session.ui_dry_run import make_spec, rig_table, with_winches
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.web import TokenServer, command_line, serve
-from fidim_lab.app.ui import finder_for
-from fidim_lab.app.ui_dry_run import make_spec, rig_table, with_winches
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.errors import SetupError
 

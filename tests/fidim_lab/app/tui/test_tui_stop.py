@@ -14,11 +14,11 @@ import pytest
 
 from drivers.clock import LoopClock
 from fidim_lab.app.service.commands import AnswerPrompt
+from fidim_lab.app.session.ui import run_ui
 from fidim_lab.app.tui.app import FidimUi
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.link import Link
 from fidim_lab.app.tui.screens.bars import TABS
-from fidim_lab.app.ui import run_ui
 from fidim_lab.errors import OurBugError
 
 SCREENS = tuple(str(k + 1) for k in range(len(TABS)))
@@ -280,7 +280,7 @@ class _Failing:
 
 @pytest.fixture
 def failing(monkeypatch):
-    monkeypatch.setattr("fidim_lab.app.ui.FidimUi", _Failing)
+    monkeypatch.setattr("fidim_lab.app.session.ui.FidimUi", _Failing)
     monkeypatch.setattr(_Failing, "made", [])
     return _Failing
 

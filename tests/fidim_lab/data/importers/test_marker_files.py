@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fidim_lab.app.import_kinds import MARKER_READERS, take_numbers
+from fidim_lab.app.records.import_kinds import MARKER_READERS, take_numbers
 from fidim_lab.data.marker_order import order_of
 from fidim_lab.data.missing import without_filled
 from fidim_lab.errors import FileError, RefusedError, SetupError

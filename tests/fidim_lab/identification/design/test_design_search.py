@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fidim_lab.app.design import as_json, as_plan
+from fidim_lab.app.analysis.design import as_json, as_plan
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design import pool, search

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fidim_lab.app.design_study import write_study
+from fidim_lab.app.analysis.design_study import write_study
 from fidim_lab.identification.design.study import study
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.effects.air_drag import AirDragLinear
-from fidim_lab.effects.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
+from fidim_lab.effects.dissipation.air_drag import AirDragLinear
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction, AttachmentFrictionGivingWay
+from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction
+from fidim_lab.effects.dissipation.swivel_friction import SwivelFriction
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.effects.pulley_friction import PulleyFriction
-from fidim_lab.effects.swivel_friction import SwivelFriction
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.soft import SoftFit
 from fidim_lab.identification.mle.trajectories.normal import Prior

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
-from fidim_lab.effects.constant_force import ConstantForce
+from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis

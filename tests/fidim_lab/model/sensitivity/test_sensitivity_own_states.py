@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Pose
-from fidim_lab.effects.loose_mass import LooseMass
+from fidim_lab.effects.loads.loose_mass import LooseMass
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism

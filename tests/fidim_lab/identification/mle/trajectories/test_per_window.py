@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidim_lab.effects.cable_elasticity import CableStiffness
+from fidim_lab.effects.cables.cable_elasticity import CableStiffness
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import likelihood_of
 from fidim_lab.identification.mle.held_out import Prediction, predict, predict_all

@@ -1,0 +1,88 @@
+"""`fidim design --study`: C over the numbers of equilibria and samples, as a table, JSON and a plot."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.spread_out import workers
+from fidim_lab.app.terminal.working import Working
+from fidim_lab.identification.design.study import Cell, study
+from fidim_lab.identification.design.task import DesignTask
+
+PICTURE = "study.svg"
+
+
+def study_command(
+    task: DesignTask,
+    *,
+    starts: int,
+    seed: int,
+    out: Path | None,
+    json_file: Path | None,
+    processes: int | None,
+    scheduler: str | None,
+) -> int:
+    """Compute, write and print the study; returns the exit code. Raises as `identification.design.study.study`."""
+    with Working("study", starts) as shown, workers(processes, scheduler) as run:
+        cells = study(task, starts, seed, run, lambda text: shown.update(f"study: {text}"))
+    told = json.dumps(_as_json(cells), indent=1) + "\n"
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "study.json").write_text(told, encoding="utf-8")
+        write_study(cells, out / PICTURE)
+    if json_file is not None:  # may lie in the folder
+        json_file.write_text(told, encoding="utf-8")
+    console.out.print(_table(cells))
+    console.out.print(f"{starts} starts each, not polished; {np.median([c.seconds for c in cells]):.2f} s a start")
+    return 0
+
+
+def write_study(cells: Sequence[Cell], path: Path) -> None:
+    """Best C and its spread over n_e, a line for each n_s; beside it the time of a start."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    mpl.rcParams["svg.hashsalt"] = "fidim"
+    from matplotlib import pyplot
+
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    for k, n_s in enumerate(sorted({cell.samples for cell in cells})):
+        some = sorted((cell for cell in cells if cell.samples == n_s), key=lambda cell: cell.equilibria)
+        n_e, best = [cell.equilibria for cell in some], [cell.best for cell in some]
+        left.plot(n_e, best, ".-", color=f"C{k}", label=f"{n_s} samples")
+        right.plot(n_e, [cell.seconds for cell in some], ".-", color=f"C{k}")
+    left.set(xlabel="equilibria", ylabel="best C of the starts")
+    left.legend()
+    right.set(xlabel="equilibria", ylabel="time of a start / s", ylim=(0, None))
+    figure.savefig(path, format="svg", metadata={"Date": None})
+    pyplot.close(figure)
+
+
+def _as_json(cells: Sequence[Cell]) -> dict[str, object]:
+    rows = [
+        {
+            "equilibria": cell.equilibria,
+            "samples": cell.samples,
+            "C": [value if np.isfinite(value) else None for value in cell.values],
+            "seconds": round(cell.seconds, 3),
+        }
+        for cell in cells
+    ]
+    return {"format": "fidim-design-study/1", "cells": rows}
+
+
+def _table(cells: Sequence[Cell]) -> Table:
+    n_e, n_s = (sorted({getattr(cell, name) for cell in cells}) for name in ("equilibria", "samples"))
+    at = {(cell.equilibria, cell.samples): cell for cell in cells}
+    table = Table(title="C: best and median of the starts")
+    table.add_column("samples", justify="right")
+    for count in n_e:
+        table.add_column(f"{count} equilibria", justify="right")
+    for samples in n_s:
+        row = (at[count, samples] for count in n_e)
+        table.add_row(str(samples), *(f"{cell.best:.2f}  {np.median(cell.values):.2f}" for cell in row))
+    return table

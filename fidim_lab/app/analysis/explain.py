@@ -1,0 +1,107 @@
+"""`fidim explain`: what physics the model leaves out of a campaign, and how that is known.
+
+Progress goes to standard error, the answer to standard output. An answer is exit code 0, whatever it says.
+"""
+
+from pathlib import Path
+
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.working import Working, windows_of
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, write_explanation
+from fidim_lab.mismatch.explain import explain
+from fidim_lab.mismatch.selection.budget import PATIENCE
+from fidim_lab.units import millimetres
+
+
+def explain_command(
+    campaign_folder: Path,
+    json_file: Path | None,
+    report: Path | None = None,
+    pictures: Path | None = None,
+    patience: float = PATIENCE,
+) -> int:
+    """What `fidim explain` does: explain, print, write. Returns the exit code.
+
+    `pictures`: a folder for the report's pictures as SVG files. `patience`: as `explain` has it, s of CPU time.
+    Raises FileError for a wrong campaign, RefusedError where no window can be fitted.
+    """
+    campaign = read_campaign(campaign_folder)
+    with Working("explaining", windows_of(campaign_folder)) as status:
+
+        def say(sentence: str) -> None:
+            status.update(sentence)
+            if not console.err.is_terminal:
+                console.err.print(sentence, markup=False)
+
+        explanation = explain(campaign, say=say, patience=patience)
+    if json_file is not None:
+        write_explanation(json_file, explanation)
+    console.out.print(summary(explanation))
+    if report is not None:
+        from fidim_lab.app.report.explain_page import write_explain_page
+
+        with Working("predicting held-out windows and drawing", windows_of(campaign_folder)):
+            path = write_explain_page(campaign_folder, explanation, report, pictures)
+        console.out.print(f"Report      {path}", markup=False)
+    return 0
+
+
+def summary(explanation: Explanation) -> RenderableType:
+    """The whole answer for a terminal: verdict, effects, what was tried, the body before and after."""
+    parts: list[RenderableType] = [
+        Text(f"{explanation.campaign}: {explanation.verdict.value}", style="bold"),
+        Text(explanation.message),
+        *(effect_table(cause) for cause in explanation.effects),
+        *(Text(place.says) for place in explanation.where),
+        ranking_table(explanation),
+        parameter_table(explanation),
+    ]
+    if explanation.next_experiment is not None:
+        parts.append(Text(f"Next: {explanation.next_experiment}"))
+    return Group(*parts)
+
+
+def effect_table(cause: NamedCause) -> Table:
+    """One named effect with its parameters."""
+    place = "" if cause.cable is None else f" of cable {cause.cable}"
+    alike = f"; not to be told from {', '.join(cause.equivalent_to)}" if cause.equivalent_to else ""
+    table = Table(title=escape(f"{cause.id}{place}: {cause.says}{alike}"))
+    _columns(table, "parameter", "value", "sd", "unit")
+    for name, parameter in cause.parameters.items():
+        sd = "held" if parameter.sd is None else f"{parameter.sd:.2g}"
+        table.add_row(name, f"{parameter.value:.5g}", sd, parameter.unit)
+    return table
+
+
+def ranking_table(explanation: Explanation) -> Table:
+    """Every model that was fitted, then the best that were only scored."""
+    table = Table(title="What was tried")
+    _columns(table, "model", "held-out χ²/dof", "possible", "why")
+    for ranked in explanation.ranking:
+        held = "–" if ranked.held_out_chi2_per_dof is None else f"{ranked.held_out_chi2_per_dof:.4g}"
+        name = " + ".join(ranked.effects) or "nothing left out"
+        table.add_row(name, held, "yes" if ranked.plausible else "no", escape(ranked.why))
+    return table
+
+
+def parameter_table(explanation: Explanation) -> Table:
+    """The body with and without the effects, and how far it moved."""
+    table = Table(title="Inertial parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
+    _columns(table, "parameter", "CAD", "before", "after", "sd", "moved, sd")
+    for name, after in explanation.parameters.items():
+        before = explanation.parameters_before[name]
+        moved = (after.value - before.value) / before.sd if before.sd > 0 else 0.0
+        values = (after.nominal, before.value, after.value)
+        table.add_row(name, *(f"{millimetres(x):.4f}" for x in values), f"{millimetres(after.sd):.2g}", f"{moved:.1f}")
+    return table
+
+
+def _columns(table: Table, *names: str) -> None:
+    for index, name in enumerate(names):
+        table.add_column(name, justify="left" if index == 0 or name == "why" else "right")

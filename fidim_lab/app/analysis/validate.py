@@ -1,0 +1,155 @@
+"""`fidim validate`: do identified parameters predict windows that they were not found from? Fig. 3, and more."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from rich.table import Table
+
+from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.working import Working, windows_of
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
+from fidim_lab.identification.motion.recipe import BEST, PAPER
+from fidim_lab.identification.results.result_file import ResultTable, read_result
+from fidim_lab.units import millimetres
+
+FORMAT = "fidim-validation/1"
+BAR = 12
+"""characters of the bar at σ⊥ as expected"""
+LONGEST = 30
+
+
+@dataclass(frozen=True)
+class ValidateOptions:
+    """As on the command line."""
+
+    campaign: Path
+    parameters: Path
+    everything: bool
+    paper: bool
+    limit: float
+    json_file: Path | None
+
+
+def validate_command(options: ValidateOptions) -> int:
+    """Judge, print, write; returns 0 where the parameters predict, 1 where they do not.
+
+    Raises FileError for a wrong campaign or result file, SetupError when there is nothing to judge, RefusedError when
+    nothing can be judged.
+    """
+    begin = perf_counter()
+    given = read_result(options.parameters)
+    campaign = read_campaign(options.campaign)
+    roles = (Role.IDENTIFY, Role.VALIDATE) if options.everything else (Role.VALIDATE,)
+    rule, recipe = Rule(chi2_per_dof=options.limit), PAPER if options.paper else BEST
+    with Working("predicting each window from its initial state", windows_of(options.campaign)):
+        found = cross_validate(campaign, given.body, given.sigma_W, roles=roles, rule=rule, recipe=recipe)
+    console.warn(_doubts(campaign, given))
+    if options.json_file is not None:
+        _write(options.json_file, to_json(campaign, given, found, perf_counter() - begin))
+    console.out.print(table(found, given.sigma_W))
+    console.out.print(f"{found.message} Rule: {rule.sentence}.", markup=False)
+    return 0 if found.predicts else 1
+
+
+def table(found: CrossValidation, sigma_W: float | None) -> Table:
+    """Each window with σ⊥ against what is expected (a bar, as Fig. 3), rms and χ²/dof."""
+    source = "from marker noise" if sigma_W is None else f"√λ ‖χ‖ σ_W, σ_W = {sigma_W:.3g}"
+    shown = Table(title=f"Parameters held, only each window's initial state fitted (σ⊥ of Eq. 50; expected: {source})")
+    for column in (
+        "window",
+        "role",
+        "σ⊥",
+        "expected",
+        "σ⊥ as Fig. 3, │ is the expected",
+        "rms, mm",
+        "χ²/dof",
+        "verdict",
+    ):
+        right = column in ("σ⊥", "expected", "rms, mm", "χ²/dof")
+        shown.add_column(column, justify="right" if right else "left")
+    for window in found.windows:
+        shown.add_row(
+            window.id,
+            window.role.value,
+            _number(window.sigma_perp),
+            _number(window.expected),
+            _bar(window),
+            "–" if window.rms is None else f"{millimetres(window.rms):.3g}",
+            _number(window.chi2_per_dof),
+            _verdict(window),
+        )
+    return shown
+
+
+def to_json(campaign: Campaign, given: ResultTable, found: CrossValidation, seconds: float) -> dict[str, object]:
+    """What --json writes, "fidim-validation/1" (docs/validate.md)."""
+    return {
+        "format": FORMAT,
+        "campaign": campaign.name,
+        "parameters_from": given.campaign,
+        "method": given.method,
+        "predicts": found.predicts,
+        "message": found.message,
+        "rule": {"chi2_per_dof": found.rule.chi2_per_dof, "sigma_perp_ratio": found.rule.ratio},
+        "sigma_W": given.sigma_W,
+        "windows": [
+            {
+                "id": w.id,
+                "role": w.role.value,
+                "predicted": w.predicted,
+                "sigma_perp": w.sigma_perp,
+                "sigma_perp_expected": w.expected,
+                "chi2_per_dof": w.chi2_per_dof,
+                "rms_mm": None if w.rms is None else millimetres(w.rms),
+                "why": w.why,
+            }
+            for w in found.windows
+        ],
+        "seconds": round(seconds, 3),
+    }
+
+
+def _doubts(campaign: Campaign, given: ResultTable) -> list[str]:
+    """What speaks against these parameters belonging to this robot."""
+    nominal = [given.parameters[name].nominal for name in PARAMETER_NAMES]
+    known = np.array([np.nan if v is None else v for v in nominal])
+    off = np.abs(known - campaign.robot.nominal.vector) > 1e-9
+    if not off.any():
+        return []
+    names = ", ".join(name for name, differs in zip(PARAMETER_NAMES, off, strict=True) if differs)
+    return [f"the parameters were identified with other nominal values ({names}): is it the same robot?"]
+
+
+def _write(path: Path, content: dict[str, object]) -> None:
+    try:
+        path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise SetupError(f"--json {path}: cannot be written ({error.strerror}).") from error
+
+
+def _bar(window: Judged) -> str:
+    if window.sigma_perp is None or window.expected is None:
+        return ""
+    length = min(LONGEST, round(BAR * window.sigma_perp / window.expected))
+    full = "█" * length
+    return full.ljust(BAR) + "│" if length <= BAR else full[:BAR] + "│" + full[BAR:]
+
+
+def _verdict(window: Judged) -> str:
+    match window.predicted:
+        case True:
+            return f"predicted ({window.why})" if window.why else "predicted"
+        case False:
+            return f"not predicted: {window.why}"
+        case None:
+            return f"not judged: {window.why}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"

@@ -1,0 +1,164 @@
+"""`fidim doctor`: is everything here that an experiment needs? One line a check, and what to do where one fails."""
+
+import os
+import shutil
+import socket
+import sys
+import time
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from pathlib import Path
+
+from fidim_lab.app.doctor.checks import Check, Verdict, make_table, summary, write_checks
+from fidim_lab.app.doctor.permissions_doctor import check_permissions
+from fidim_lab.app.terminal import console
+from fidim_lab.data.rigs.rig_file import read_rig
+from fidim_lab.data.robot_file import read_robot
+from fidim_lab.errors import FidimError, HardwareError, RefusedError
+
+OUR_PACKAGES = ("fidim_lab", "drivers", "procedures", "sim_backends")
+LIBRARIES = ("casadi", "canopen", "python-can", "pyserial", "numpy", "scipy", "pandas", "textual")
+PYTHONS = ((3, 11), (3, 13))
+FREE_DISK = 1e9
+"""bytes: a night of windows with the raw CAN log"""
+CLOCK_STEP = 1e-4
+"""s; a coarser monotonic clock cannot stamp a 250 Hz SYNC"""
+
+
+def doctor_command(robot: Path | None, json_file: Path | None, rig: Path | None = None) -> int:
+    """Run all checks, print them, and return the exit code: 1 where one failed, 3 where hardware cannot be reached.
+
+    Raises FileError where the rig file cannot be read.
+    """
+    file = None if rig is None else read_rig(rig)
+    checks = [check() for check in CHECKS]
+    if robot is not None:
+        checks += check_robot(robot)
+    if file is not None:
+        from fidim_lab.app.doctor.rig_doctor import check_rig
+
+        checks += [] if robot == file.robot_path else check_robot(file.robot_path)
+        checks += check_rig(file)
+    console.out.print(make_table(checks))
+    if json_file is not None:
+        write_checks(json_file, checks)
+    wrong = [check for check in checks if check.verdict.wrong]
+    console.out.print(summary(checks, wrong), markup=False)
+    if any(check.verdict is Verdict.UNREACHABLE for check in wrong):
+        return HardwareError.exit_code
+    return RefusedError.exit_code if wrong else 0
+
+
+def check_python() -> Check:
+    """Return whether this Python is one that the project is tested on."""
+    low, high = PYTHONS
+    ok = low <= sys.version_info[:2] <= high
+    advice = "" if ok else f"use Python {low[0]}.{low[1]} to {high[0]}.{high[1]}: make install PYTHON=python3.11"
+    return Check("Python", Verdict.OK if ok else Verdict.FAILED, sys.version.split()[0], advice)
+
+
+def check_libraries() -> Check:
+    """Return the versions of the libraries that do the work."""
+    found: list[str] = []
+    missing: list[str] = []
+    for name in LIBRARIES:
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            missing.append(name)
+    if missing:
+        return Check("libraries", Verdict.FAILED, f"without {', '.join(missing)}", "make install")
+    return Check("libraries", Verdict.OK, ", ".join(found))
+
+
+def check_package_names() -> Check:
+    """Return whether another distribution brings a package of one of our four generic names."""
+    owners = packages_distributions()
+    strangers = {name: sorted(set(owners.get(name, ())) - {"fidim-lab"}) for name in OUR_PACKAGES}
+    clashes = [f"{name} (from {', '.join(who)})" for name, who in strangers.items() if who]
+    if clashes:
+        return Check(
+            "package names", Verdict.FAILED, "; ".join(clashes), "install fidim-lab in an environment of its own"
+        )
+    return Check("package names", Verdict.OK, "nobody else owns " + ", ".join(OUR_PACKAGES))
+
+
+def check_can() -> Check:
+    """Return which CAN this system offers."""
+    import can
+
+    interfaces = len(can.interfaces.VALID_INTERFACES)
+    try:
+        socket.socket(getattr(socket, "PF_CAN", -1), socket.SOCK_RAW, getattr(socket, "CAN_RAW", 1)).close()
+    except OSError as error:
+        advice = "only needed for socketcan; adapters by slcan, pcan, kvaser … work without it"
+        return Check("CAN", Verdict.WARNING, f"no socketcan in the kernel ({error.strerror})", advice)
+    return Check("CAN", Verdict.OK, f"socketcan, and {interfaces} python-can interfaces")
+
+
+def check_udp() -> Check:
+    """Return whether a datagram travels over loopback, as motion capture needs."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        try:
+            receiver.bind(("127.0.0.1", 0))
+            receiver.settimeout(1.0)
+            sender.sendto(b"fidim", receiver.getsockname())
+            receiver.recv(16)
+        except OSError as error:
+            return Check("UDP", Verdict.FAILED, str(error), "allow UDP on this machine: a firewall stops it")
+    return Check("UDP", Verdict.OK, "a datagram came back over loopback")
+
+
+def check_clock() -> Check:
+    """Return whether the monotonic clock is fine enough to stamp samples."""
+    step = time.get_clock_info("monotonic").resolution
+    ok = step <= CLOCK_STEP
+    advice = "" if ok else "the system's timer is too coarse for 250 Hz; see the power settings"
+    return Check("clock", Verdict.OK if ok else Verdict.FAILED, f"monotonic, {step:.0e} s", advice)
+
+
+def check_disk() -> Check:
+    """Return whether runs can be written here."""
+    here = Path.cwd()
+    free = shutil.disk_usage(here).free
+    if not os.access(here, os.W_OK):
+        return Check(
+            "disk", Verdict.FAILED, f"{here} is not writable", "start fidim in a folder of your own, or use --out"
+        )
+    ok = free > FREE_DISK
+    return Check("disk", Verdict.OK if ok else Verdict.FAILED, f"{free / 1e9:.1f} GB free", "" if ok else "make room")
+
+
+CHECKS: tuple[Callable[[], Check], ...] = (
+    check_python,
+    check_libraries,
+    check_package_names,
+    check_permissions,
+    check_can,
+    check_udp,
+    check_clock,
+    check_disk,
+)
+
+
+def check_robot(path: Path) -> list[Check]:
+    """Return whether a robot file is plausible: it reads, its nominal body can exist, it has rest poses."""
+    from fidim_lab.app.doctor.robot_plausibility import plausibility
+
+    name = f"robot {path.name}"
+    try:
+        robot = read_robot(path)
+    except FidimError as error:
+        return [Check(name, Verdict.FAILED, str(error), "mend the file")]
+    checks = [Check(name, Verdict.OK, f"{robot.n} cables, {len(robot.markers)} marker(s), {robot.mass:g} kg")]
+    return checks + [
+        Check(f"{name}: {what}", _verdict(ok, advice), found, advice) for what, ok, found, advice in plausibility(robot)
+    ]
+
+
+def _verdict(ok: bool, advice: str) -> Verdict:
+    """What is well and still calls for advice is a warning."""
+    return Verdict.FAILED if not ok else Verdict.WARNING if advice else Verdict.OK

@@ -1,0 +1,178 @@
+"""`fidim doctor --rig`: the hardware of a rig file, checked without moving or writing anything.
+
+The bus is listened to first; then each drive is asked by SDO reads, motion capture is watched for some seconds. No
+SYNC, no heartbeat and no NMT command is sent: a drive that is at work for somebody else is not disturbed.
+"""
+
+import asyncio
+from collections import Counter
+
+from drivers.canbus.load import MAX_LOAD
+from drivers.canbus.python_can import PythonCanTransport
+from drivers.canbus.transport import CanFrame
+from drivers.cia402.inspection import Inspected, Standing, inspect
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.strangers import Strangers
+from drivers.cia402.winch import Cia402Winch
+from drivers.clock import LoopClock
+from drivers.ports import Clock
+from fidim_lab.app import compose
+from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
+from fidim_lab.app.doctor.checks import Check, Verdict
+from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
+from fidim_lab.app.doctor.serial_doctor import check_serial
+from fidim_lab.data.rigs.rig import GuardEntry, RigFile
+from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, SetupError
+
+LISTEN = 1.0
+"""s; ten heartbeats of a drive that another master has set up"""
+HEARTBEAT = 0x700
+STANDINGS = {
+    Standing.HOLDS: Verdict.OK,
+    Standing.TO_BE_WRITTEN: Verdict.WRITTEN,
+    Standing.WRONG: Verdict.FAILED,
+}
+
+
+def check_rig(file: RigFile) -> list[Check]:
+    """All checks of a rig; what cannot be reached is a check that says so."""
+    checks = [Check(f"rig {file.path.name}", Verdict.OK, f"{file.name}: {len(file.winches)} winches, {file.bus.name}")]
+    checks += check_tensions(file)
+    checks += compose.run_loop(_check_hardware(file), real_time=True)
+    return checks + check_guards(file)
+
+
+async def _check_hardware(file: RigFile) -> list[Check]:
+    clock = LoopClock()
+    checks = await _check_bus(file, clock)
+    checks += await check_motion_capture(file, clock)
+    checks += await check_serial(file, clock)
+    if file.hand is not None:
+        checks.append(await _check_hand(file))
+    return checks
+
+
+async def _check_bus(file: RigFile, clock: Clock) -> list[Check]:
+    try:
+        transport = open_bus(file)
+    except (SetupError, BusError) as error:
+        return [Check("CAN bus", Verdict.UNREACHABLE, error.message, error.hint, file.bus.name)]
+    checks = [Check("CAN bus", Verdict.OK, "open", wanted=file.bus.name)]
+    try:
+        master = make_master(file, transport, clock)
+        winches = [Cia402Winch(config, master) for config in winch_configs(file)]
+        checks.append(_check_load(master))
+        others = await _listen(file, transport, clock)
+        checks += others
+        if any(check.verdict is Verdict.FAILED for check in others):
+            advice = "end the other master first: questions of ours would mix with its own"
+            return [*checks, Check("drives", Verdict.FAILED, "not asked, another master is at work", advice)]
+        for number, winch in enumerate(winches):
+            checks += await _check_drive(file, winch)
+            if transport.fault is not None:
+                rest = ", ".join(other.name for other in winches[number + 1 :])
+                problem = f"{transport.fault}{f'; not asked: {rest}' if rest else ''}"
+                checks.append(Check("CAN bus", Verdict.UNREACHABLE, problem, "look at adapter and cable"))
+                break
+    except FidimError as error:
+        verdict = Verdict.UNREACHABLE if isinstance(error, HardwareError) else Verdict.FAILED
+        checks.append(Check("CAN bus", verdict, error.message, error.hint))
+    finally:
+        transport.close()
+    return checks
+
+
+def _check_load(master: CanopenMaster) -> Check:
+    wanted = f"at most {MAX_LOAD:.0%}"
+    return Check("CAN bus load", Verdict.OK, f"{master.load:.0%} at worst, by calculation", wanted=wanted)
+
+
+async def _listen(file: RigFile, transport: PythonCanTransport, clock: Clock) -> list[Check]:
+    """Who talks before anybody was asked: another master would fight with ours."""
+    heard: Counter[int] = Counter()
+    strangers = Strangers(file.bus.host_id, [entry.node_id for entry in file.winches])
+
+    def hear(frame: CanFrame) -> None:
+        if listening:
+            heard[frame.id] += 1
+            strangers.hear(frame)
+
+    listening = True
+    transport.subscribe(hear)
+    await clock.sleep(LISTEN)
+    listening = False
+    says = strangers.says
+    advice = "end the other master: two on one bus fight over the drives" if says else ""
+    found = f"{says} in {LISTEN:g} s" if says else "nobody"
+    checks = [Check("other masters", Verdict.FAILED if says else Verdict.OK, found, advice, "nobody")]
+    nodes = {identifier - HEARTBEAT for identifier in heard if 0 < identifier - HEARTBEAT < 127}
+    others = sorted(nodes - {entry.node_id for entry in file.winches} - {file.bus.host_id})
+    if others:
+        found, advice = f"node {', '.join(map(str, others))}", "not in the rig file; their frames add to the load"
+        checks.append(Check("other nodes", Verdict.WARNING, found, advice))
+    return checks
+
+
+async def _check_drive(file: RigFile, winch: Cia402Winch) -> list[Check]:
+    try:
+        inspected = await inspect(winch.link, winch.config, file.bus.host_id)
+    except DeviceError as error:
+        advice = error.hint or "check its power, its node id, the bit rate and the bus's termination"
+        found = error.message.removeprefix(f"{winch.config.device}: ")
+        return [Check("drive", Verdict.UNREACHABLE, found, advice, f"node {winch.config.node_id}", winch.name)]
+    says = winch.link.twins.says
+    advice = "unplug one, or give it an id of its own" if says else ""
+    alone = Check("nodes of this id", Verdict.FAILED if says else Verdict.OK, says or "one", advice, "one", winch.name)
+    return [alone, *(_as_check(item, winch.name) for item in inspected)]
+
+
+def _as_check(item: Inspected, device: str) -> Check:
+    name = f"{item.object} {item.meaning}"
+    return Check(name, STANDINGS[item.standing], item.found, item.advice, item.wanted, device)
+
+
+async def _check_hand(file: RigFile) -> Check:
+    hand = file.hand
+    if hand is None:
+        return Check("prompts", Verdict.OK, "a person answers")
+    try:
+        _, writer = await asyncio.open_connection(hand.host, hand.port)
+    except OSError as error:
+        found = f"{hand.host}:{hand.port}: {error.strerror or error}"
+        return Check("simulated hand", Verdict.UNREACHABLE, found, "is `fidim simulators` running?")
+    writer.close()
+    return Check("simulated hand", Verdict.OK, f"{hand.host}:{hand.port} answers")
+
+
+def check_tensions(file: RigFile) -> list[Check]:
+    """Whether the motors can carry what the robot file allows, and how well their currents tell it."""
+    checks: list[Check] = []
+    low, high = file.robot.limits.tension
+    for entry, winch in zip(file.winches, file.robot.winches or (), strict=True):
+        carried = entry.current_limit * winch.newton_per_ampere
+        wanted = f"above {high:g} N"
+        advice = "" if carried > high else "raise current_limit, or lower the robot file's upper tension limit"
+        verdict = Verdict.FAILED if advice else Verdict.OK
+        checks.append(Check("tension at current_limit", verdict, f"{carried:.0f} N", advice, wanted, entry.name))
+    for entry, winch in zip(file.winches, file.robot.winches or (), strict=True):
+        if entry.tension.gain is None:
+            found = f"{winch.newton_per_ampere:.3g} N/A by drum, gear and efficiency"
+            advice = "measure gain, offset and friction against known poses; until then currents tell ± 10 %"
+            checks.append(Check("tension calibration", Verdict.WARNING, found, advice, "measured", entry.name))
+        else:
+            found = f"{entry.tension.gain:g} N/A, {entry.tension.offset:+g} N ± {entry.tension.friction or 0:g} N"
+            friction = entry.tension.friction
+            advice = "" if friction is None or friction < low else "friction hides the lower tension limit"
+            verdict = Verdict.FAILED if advice else Verdict.OK
+            checks.append(Check("tension calibration", verdict, found, advice, "measured", entry.name))
+    return checks
+
+
+def check_guards(file: RigFile) -> list[Check]:
+    """The reaction table, for a person to read."""
+    return [Check(f"guard {name.replace('_', ' ')}", Verdict.OK, _words(entry)) for name, entry in file.guards.items()]
+
+
+def _words(entry: GuardEntry) -> str:
+    thresholds = ", ".join(f"{name} {value:g}" for name, value in entry.thresholds.items())
+    return f"{entry.reaction}{f' ({thresholds})' if thresholds else ''}"

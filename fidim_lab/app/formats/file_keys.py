@@ -1,0 +1,78 @@
+"""docs/file-keys.md, from the models that check files: run `python -m fidim_lab.app.formats.file_keys`."""
+
+import sys
+from dataclasses import fields
+from typing import Any
+
+from pydantic import BaseModel
+
+from fidim_lab.app.formats.schema_words import default_words, one_line, range_words, type_words
+from fidim_lab.app.service.spec import number_type, number_words, numbers
+from fidim_lab.data.campaign import CampaignTable
+from fidim_lab.data.plan_file import PlanTable
+from fidim_lab.data.rigs.rig_tables import RigTable
+from fidim_lab.data.robot_file import RobotTable
+from fidim_lab.identification.results.result_file import ResultTable
+from procedures.settings import ReleaseSettings, Settings
+
+INTRODUCTION = """# Keys of files
+
+Made from the models that check the files, by `python -m fidim_lab.app.formats.file_keys`; a test compares them. SI
+units throughout. A key without a default must be there; an unknown key is an error. What the tables of a rig file mean:
+[rig.md](rig.md); what a run's folder holds: [files.md](files.md).
+"""
+FILES: tuple[tuple[str, type[BaseModel]], ...] = (
+    ("Robot file, `fidim-robot/1` (TOML)", RobotTable),
+    ("Rig file, `fidim-rig/1` (TOML)", RigTable),
+    ("Plan, `fidim-plan/1` (TOML)", PlanTable),
+    ("Campaign, `fidim-campaign/1` (TOML)", CampaignTable),
+    ("Result, `fidim-result/1` (JSON)", ResultTable),
+)
+SETTINGS = """## Settings of a procedure (`fidim run --set TABLE.KEY=NUMBER`)
+
+SI units. What the rig file says comes before these defaults, and `--set` before both: guards go as far as a rig file
+may set them, speeds and accelerations as far as its winches may. What each means: `procedures/settings.py`.
+"""
+
+
+def file_keys_page() -> str:
+    """The whole page: each file, then the tables inside it."""
+    parts = [INTRODUCTION]
+    for heading, model in FILES:
+        schema = model.model_json_schema()
+        parts += [f"## {heading}\n", *_table(schema)]
+        for name, inner in schema.get("$defs", {}).items():
+            if "properties" in inner:
+                parts += [f"### {_title(name, inner)}\n", *_table(inner)]
+    return "\n".join([*parts, SETTINGS, *_settings()])
+
+
+def _settings() -> list[str]:
+    """A row for each number that can be set."""
+    rows: list[str] = []
+    settings = Settings(release=ReleaseSettings())
+    for field in fields(settings):
+        part = getattr(settings, field.name)
+        for name, value in numbers(part).items():
+            words = number_words(number_type(type(part), name).json_schema())
+            rows.append(f"| `{field.name}.{name}` | {words} | `{value:g}` |")
+    return ["| setting | allowed | default |", "|---|---|---|", *rows, ""]
+
+
+def _title(name: str, schema: dict[str, Any]) -> str:
+    """The model's docstring says which table it is; its name is what other tables call it."""
+    says = one_line(schema.get("description", "")).rstrip(".")
+    return f"{name}: {says}" if says else name
+
+
+def _table(schema: dict[str, Any]) -> list[str]:
+    rows = [_row(name, field, schema) for name, field in schema["properties"].items()]
+    return ["| key | value | allowed | default |", "|---|---|---|---|", *rows, ""]
+
+
+def _row(name: str, field: dict[str, Any], schema: dict[str, Any]) -> str:
+    return f"| `{name}` | {type_words(field)} | {range_words(field)} | {default_words(name, field, schema)} |"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(file_keys_page())

@@ -1,0 +1,1 @@
+"""Commands on what was recorded: import, export, verify, replay, compare."""

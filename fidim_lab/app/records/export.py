@@ -1,0 +1,138 @@
+"""`fidim export`: a campaign for pandas, MATLAB or Foxglove, or identified parameters for simulators.
+
+csv, mcap   a campaign folder with its windows in that form        urdf, mjcf    need a mass
+parquet     one table of all windows (fidim_lab.data.load)         python, toml  s′ and I′ with their sd
+mat         one MATLAB file, a struct for each window
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import scipy.io
+
+from fidim_lab.app.formats.answer_file import write_answer
+from fidim_lab.app.formats.manifest import EXPORTS
+from fidim_lab.app.records.export_body import mass_of, mjcf, python_snippet, toml, urdf
+from fidim_lab.app.records.export_unfinished import export_unfinished
+from fidim_lab.app.terminal import console
+from fidim_lab.data.campaign import ROBOT, write_campaign
+from fidim_lab.data.campaign_frame import LoadedCampaign, load_campaign
+from fidim_lab.data.files.input_file import read_text
+from fidim_lab.data.records import Window
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.results.result_file import ResultTable, read_result
+
+_OF_RESULT: Mapping[str, tuple[str, Callable[[ResultTable, float | None], str]]] = MappingProxyType(
+    {
+        "urdf": (".urdf", lambda result, mass: urdf(result, mass_of(result, mass))),
+        "mjcf": (".xml", lambda result, mass: mjcf(result, mass_of(result, mass))),
+        "python": (".py", python_snippet),
+        "toml": (".toml", toml),
+    }
+)
+"""(suffix, text) of what a result file becomes"""
+
+
+def export_command(
+    source: Path,
+    kind: str,
+    out: Path | None,
+    mass: float | None,
+    *,
+    unfinished: bool = False,
+    json_file: Path | None = None,
+) -> int:
+    """Export and say where; returns 0. Raises FileError for a wrong source, SetupError for options that cannot be."""
+    unfinished_files: list[dict[str, str]] = []
+    if kind in _OF_RESULT:
+        if source.is_dir():
+            raise SetupError(f"{source} is a folder; --to {kind} takes a result file, as identify --json writes it.")
+        path = _export_result(source, kind, out, mass)
+    else:
+        if source.is_file():
+            raise SetupError(f"{source} is a file; --to {kind} takes a campaign folder.")
+        path = _export_campaign(source, kind, out)
+        if unfinished:
+            for made, problem in export_unfinished(source, path.with_name(f"{path.stem}-unfinished")):
+                console.warn([f"{made}: incomplete: {problem}"])
+                unfinished_files.append({"file": str(made), "problem": problem})
+    console.out.print(f"exported    {path}", markup=False)
+    write_answer(json_file, "fidim-export/1", {"kind": kind, "path": str(path), "unfinished": unfinished_files})
+    return 0
+
+
+def _export_result(source: Path, kind: str, out: Path | None, mass: float | None) -> Path:
+    suffix, make = _OF_RESULT[kind]
+    text = make(read_result(source), mass)
+    path = _free(out or source.parent / EXPORTS / f"{source.stem}{suffix}")
+    return _written(path, lambda: path.write_text(text, encoding="utf-8"))
+
+
+def _export_campaign(source: Path, kind: str, out: Path | None) -> Path:
+    campaign = load_campaign(source)
+    suffix = "" if kind in ("csv", "mcap") else f".{kind}"
+    name = f"{source.resolve().name}{suffix}" if suffix else f"{source.resolve().name}-{kind}"
+    path = _free(out or source / EXPORTS / name)
+    if kind == "parquet":
+        return _written(path, lambda: _parquet(path, campaign))
+    if kind == "mat":
+        return _written(path, lambda: scipy.io.savemat(path, matlab(campaign), oned_as="column", long_field_names=True))
+    return _written(path, lambda: write_campaign(path, campaign, suffix=".csv" if kind == "csv" else ".mcap"))
+
+
+def matlab(campaign: LoadedCampaign) -> dict[str, object]:
+    """What a .mat file holds: name, sample_rate, and `windows`, a cell array of structs."""
+    windows = np.empty(len(campaign.windows), dtype=object)
+    windows[:] = [_struct(window) for window in campaign.windows]
+    return {"name": campaign.name, "sample_rate": campaign.sample_rate, "windows": windows}
+
+
+def _struct(window: Window) -> dict[str, object]:
+    """One window: t (N), markers (N, 3, M) m, lengths (N, n) m, currents (N, n) A; empty where not recorded."""
+    empty = np.zeros((0, 0))
+    return {
+        "id": window.id,
+        "role": window.role.value,
+        "t": window.t,
+        "markers": np.moveaxis(window.markers, 1, 2),
+        "lengths": empty if window.lengths is None else window.lengths,
+        "currents": empty if window.currents is None else window.currents,
+        "equilibrium": empty if window.equilibrium is None else window.equilibrium,
+        **{f"further_{k}_{name}"[:60]: values for k, (name, values) in enumerate(window.further.items(), start=1)},
+    }
+
+
+def _parquet(path: Path, campaign: LoadedCampaign) -> None:
+    """One table of all windows; the robot file and what campaign.toml says are in the file's metadata."""
+    table = pa.Table.from_pandas(campaign.to_frame(), preserve_index=False)
+    about = {
+        "name": campaign.name,
+        "sample_rate": campaign.sample_rate,
+        "equilibrium": {w.id: None if w.equilibrium is None else w.equilibrium.tolist() for w in campaign.windows},
+    }
+    metadata = {b"fidim-campaign": json.dumps(about).encode()}
+    robot = campaign.folder / ROBOT
+    if robot.exists():
+        metadata[b"fidim-robot"] = read_text(robot).encode()
+    pq.write_table(table.replace_schema_metadata({**(table.schema.metadata or {}), **metadata}), path)
+
+
+def _free(path: Path) -> Path:
+    """A path where nothing is yet, its folder made. Raises SetupError."""
+    if path.exists():
+        raise SetupError(f"{path} exists already; nothing in it was touched.", hint="Choose another --out.")
+    return _written(path, lambda: path.parent.mkdir(parents=True, exist_ok=True))
+
+
+def _written(path: Path, write: Callable[[], object]) -> Path:
+    try:
+        write()
+    except OSError as error:
+        what = f"{path} cannot be written: {error.strerror or error}."
+        raise SetupError(what, hint="Choose another --out, or make room.") from error
+    return path

@@ -1,0 +1,214 @@
+"""`fidim import` of many takes of one robot: takes + robot (+ logs) → a campaign folder.
+
+    read → missing samples → even steps, z up → which marker is which → poses → free stretches → lengths → campaign
+
+What was decided for each take is in import.json ("fidim-takes/1") and on screen; a take that cannot be used is named
+there with the reason and never stops the others.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.app.terminal import console
+from fidim_lab.arrays import Positions, Rotations
+from fidim_lab.data.alignment import align_clocks
+from fidim_lab.data.campaign import write_campaign
+from fidim_lab.data.importers.recording import MarkerLog
+from fidim_lab.data.importers.takes import Take, Takes
+from fidim_lab.data.marker_order import order_of
+from fidim_lab.data.missing import without_filled
+from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.data.rigid_body import fit_pose
+from fidim_lab.errors import FidimError, RefusedError
+from fidim_lab.identification.motion.free_stretches import find_free_motion
+from fidim_lab.model.mechanism import Mechanism
+
+JOURNAL = "import.json"
+FORMAT = "fidim-takes/1"
+HELD_OUT_EVERY = 3
+"""every third window validates where the source does not say"""
+SEEN = 0.8
+"""share of a free stretch in which a marker is to be seen; less is told"""
+JUMP = 3e-4
+"""m, by which the misfit of the rigid markers changes from one sample to the next where a marker is mislabelled"""
+TRUSTED_CLOCK = 0.9
+"""correlation of swivel angles above which log and markers are brought to one clock"""
+Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What one take gave."""
+
+    take: Take
+    windows: tuple[Window, ...]
+    decided: tuple[str, ...]
+    warnings: tuple[str, ...]
+    refused: str = ""
+
+
+def import_takes_command(groups: Sequence[Takes], out: Path, json_file: Path | None) -> int:
+    """Import one campaign a group and print what was found. Returns the exit code; raises FidimError."""
+    reports: list[dict[str, object]] = []
+    for group in groups:
+        folder = out if len(groups) == 1 else out / group.name
+        found = tuple(find_windows(group))
+        reports.append(_write(group, found, folder))
+        _print(group, found, folder)
+    if json_file is not None:
+        json_file.write_text(json.dumps({"format": FORMAT, "campaigns": reports}, indent=1) + "\n", encoding="utf-8")
+    return 0 if all(report["windows"] for report in reports) else 1
+
+
+def find_windows(group: Takes) -> Sequence[Found]:
+    """Windows of all takes. A take that is refused says why."""
+    mechanism = Mechanism(group.robot)
+    found: list[Found] = []
+    for take in group.takes:
+        try:
+            found.append(_of_take(mechanism, take))
+        except FidimError as error:
+            found.append(Found(take, (), take.markers.decided, (), str(error)))
+    return found
+
+
+def _of_take(mechanism: Mechanism, take: Take) -> Found:
+    markers, said = without_filled(take.markers.positions, take.markers.scale)
+    t, markers = _even(take.markers, markers)
+    if take.markers.up == "y":
+        markers = markers @ Z_UP_FROM_Y_UP.T
+        said = (*said, "y points upwards in the file; it was turned so that z does")
+    body = mechanism.robot.markers
+    order, misfit, certain = order_of(markers, body)
+    markers = markers[:, order]
+    names = ", ".join(take.markers.names[k] for k in order)
+    said = (*said, f"markers in the robot file's order: {names}; distances agree to {misfit * 1e3:.1f} mm")
+    warnings = [] if certain else ["another order of the markers fits nearly as well: check it"]
+    positions, rotations, rms = fit_pose(markers, body)
+    free = find_free_motion(mechanism, t, positions, rotations)
+    if not free.stretches:
+        raise RefusedError("no free motion of 3 s or more was found", hint="Let go of the platform while recording.")
+    windows: list[Window] = []
+    for number, stretch in enumerate(free.stretches, start=1):
+        rows = (t >= stretch.begin - 1e-9) & (t <= stretch.end + 1e-9)
+        name = take.id if len(free.stretches) == 1 else f"{take.id}-{number}"
+        warnings += _doubts(name, take.markers.names, order, markers[rows], rms[rows])
+        lengths, how = _lengths(mechanism, take, t, positions, rotations, rows)
+        said = (*said, f"window {name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {how}")
+        windows.append(Window(name, take.role or Role.IDENTIFY, t[rows], markers[rows], lengths, None))
+    return Found(take, tuple(windows), (*take.markers.decided, *said), tuple(warnings))
+
+
+def _even(log: MarkerLog, markers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Even steps at the file's rate: a dropped frame becomes a sample in which nothing was seen."""
+    at = np.rint(log.t * log.rate).astype(int)
+    full = np.full((at[-1] + 1, *markers.shape[1:]), np.nan)
+    full[at] = markers
+    return np.arange(at[-1] + 1) / log.rate, full
+
+
+def _doubts(
+    window: str, names: Sequence[str], order: Sequence[int], markers: np.ndarray, rms: np.ndarray
+) -> Sequence[str]:
+    seen = np.isfinite(markers).all(axis=2).mean(axis=0)
+    doubts = [
+        f"window {window}: marker {names[k]} is seen in {share:.0%} of it"
+        for k, share in zip(order, seen, strict=True)
+        if share < SEEN
+    ]
+    jumps = int((np.abs(np.diff(rms)) > JUMP).sum())
+    if jumps:
+        doubts.append(f"window {window}: the rigid shape of the markers jumps {jumps} times")
+    return doubts
+
+
+def _lengths(
+    mechanism: Mechanism, take: Take, t: np.ndarray, positions: Positions, rotations: Rotations, rows: np.ndarray
+) -> tuple[np.ndarray | None, str]:
+    """Lengths of a window: by the log where there is one, its unknown zeros from the poses; without one, none."""
+    known = rows & np.isfinite(positions).all(axis=1)
+    held = np.median(mechanism.lengths(positions[known], rotations[known]), axis=0)
+    if take.log is None:
+        return np.tile(held, (int(rows.sum()), 1)), "lengths: the median of what the poses say, for there is no log"
+    offset = _offset(mechanism, take, t, positions, rotations)
+    at = t[rows] + (take.log.t[0] - t[0] if offset is None else offset)
+    logged = np.column_stack([np.interp(at, take.log.t, column) for column in take.log.lengths.T])
+    lengths = logged - np.median(logged, axis=0) + held
+    clock = "clocks not aligned: the log begins with the take" if offset is None else "clocks aligned by swivel angles"
+    return lengths, f"lengths by {take.log.source.name}, zeros by the poses, {clock}"
+
+
+def _offset(
+    mechanism: Mechanism, take: Take, t: np.ndarray, positions: Positions, rotations: Rotations
+) -> float | None:
+    """What to add to the markers' time for the log's, s; None where the swivel angles do not tell it."""
+    if take.log is None or take.log.swivels is None:
+        return None
+    known = np.isfinite(positions).all(axis=1)
+    angles = np.full((len(t), mechanism.robot.n), np.nan)
+    angles[known] = mechanism.swivel_angles(positions[known], rotations[known])
+    try:
+        clock = align_clocks(t, angles, take.log.t, take.log.swivels)
+    except RefusedError:
+        return None
+    return clock.offset if clock.correlation > TRUSTED_CLOCK else None
+
+
+def _write(group: Takes, found: Sequence[Found], folder: Path) -> dict[str, object]:
+    windows = [window for one in found for window in one.windows]
+    if all(one.take.role is None for one in found):
+        windows = [
+            replace(window, role=Role.VALIDATE if k % HELD_OUT_EVERY == 0 else Role.IDENTIFY)
+            for k, window in enumerate(windows, start=1)
+        ]
+    table = _table(group, found, windows)
+    folder.mkdir(parents=True, exist_ok=True)
+    if windows:
+        rate = next(one.take.markers.rate for one in found if one.windows)
+        campaign = Campaign(group.name, group.robot, rate, tuple(windows))
+        write_campaign(folder, campaign, robot_comment=f"Written by fidim import {group.kind} from its own geometry.")
+    (folder / JOURNAL).write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return table
+
+
+def _table(group: Takes, found: Sequence[Found], windows: Sequence[Window]) -> dict[str, object]:
+    return {
+        "format": FORMAT,
+        "kind": group.kind,
+        "name": group.name,
+        "geometry": str(group.geometry_source),
+        "takes": [
+            {
+                "id": one.take.id,
+                "file": str(one.take.markers.source),
+                "log": None if one.take.log is None else str(one.take.log.source),
+                "decided": list(one.decided),
+                "warnings": list(one.warnings),
+                "refused": one.refused or None,
+            }
+            for one in found
+        ],
+        "unread": dict(group.unread),
+        "windows": [{"id": w.id, "role": w.role.value, "t": [float(w.t[0]), float(w.t[-1])]} for w in windows],
+    }
+
+
+def _print(group: Takes, found: Sequence[Found], folder: Path) -> None:
+    out = console.out
+    windows = sum(len(one.windows) for one in found)
+    out.print(f"{group.name}: {len(found)} takes of {group.robot.n} cables, {windows} windows of free motion")
+    for one in found:
+        for window in one.windows:
+            out.print(f"  {window.id}: {window.t[0]:.2f} to {window.t[-1]:.2f} s", highlight=False)
+        for warning in one.warnings:
+            out.print(f"  check {one.take.id}: {warning}", highlight=False)
+        if one.refused:
+            out.print(f"  {one.take.id} left out: {one.refused}", highlight=False)
+    for name, why in group.unread.items():
+        out.print(f"  {name} not read: {why}", highlight=False)
+    if windows:
+        out.print(f"Written to {folder} (import.json tells what was decided); next: fidim identify {folder}")

@@ -1,0 +1,185 @@
+"""`fidim replay`: the raw bytes of a run once more through the same drivers, held against what was recorded.
+
+CAN frames go through the CANopen master into the winches, packets through decoder and sequencing into the marker
+source, each at its own time. Where a window's MCAP file says something else, the first such place is named: the bytes
+of a field problem have become a test.
+"""
+
+import asyncio
+import heapq
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from drivers.canbus.candump import read_candump
+from drivers.canbus.transport import CanFrame
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.words import Mode
+from drivers.clock import LoopClock
+from drivers.mocap.packet_log import Packet, read_packets
+from drivers.mocap.source import StreamMarkerSource
+from drivers.ports import MarkerFrame, WinchSample
+from drivers.recorded import RecordedBus, RecordedClock, RecordedFeed
+from fidim_lab.app.formats.devices_file import DEVICES, Devices, read_devices
+from fidim_lab.app.records.replay_windows import Expected, expected_of
+from fidim_lab.app.terminal import console
+from fidim_lab.errors import FidimError, FileError
+from procedures.recording.raw_logs import can_logs, packet_logs
+
+FORMAT = "fidim-replay/1"
+_SYNC, _SDO_ANSWERS = 0x080, range(0x580, 0x600)
+_LARGE = 1e9
+
+
+@dataclass
+class Replayed:
+    """What came of it."""
+
+    frames: int = 0
+    """CAN frames of the logs"""
+    packets: int = 0
+    samples: int = 0
+    """winch samples that came out, of those that were recorded"""
+    markers: int = 0
+    """marker frames that came out, of those that were recorded"""
+    windows: tuple[str, ...] = ()
+    differences: list[tuple[float, str]] = field(default_factory=list[tuple[float, str]])
+    """(monotonic s, sentence) of each"""
+    counters: dict[str, int] = field(default_factory=dict[str, int])
+    """of motion capture: received, lost, late, doubled, malformed …"""
+
+    @property
+    def first(self) -> tuple[float, str] | None:
+        """The earliest difference."""
+        return min(self.differences, default=None)
+
+
+def replay_command(folder: Path, speed: float, json_file: Path | None) -> int:
+    """Replay and say whether it agrees; 0 or 1. Raises FileError where something that is needed is missing or wrong."""
+    found = asyncio.run(replay(folder, speed))
+    if json_file is not None:
+        table = {**asdict(found), "format": FORMAT, "agrees": found.first is None, "first": found.first}
+        json_file.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    console.out.print(f"replayed    {found.frames} CAN frames, {found.packets} motion-capture packets", markup=False)
+    console.out.print(
+        f"compared    {found.samples} winch samples, {found.markers} marker frames of {len(found.windows)} recordings",
+        markup=False,
+    )
+    if found.first is None:
+        console.out.print("agrees      what the drivers read now is what was recorded", markup=False)
+        return 0
+    t, says = found.first
+    console.out.print(f"differs     {len(found.differences)} times, first at {t:.6f} s: {says}", markup=False)
+    return 1
+
+
+async def replay(folder: Path, speed: float = 0.0) -> Replayed:
+    """Play a run folder back; `speed` times real time, 0: as fast as it goes. Raises FileError."""
+    if not (folder / DEVICES).exists():
+        raise FileError(folder / DEVICES, "", "no such file.", hint="Only what runs recorded can be replayed.")
+    expected = expected_of(folder)
+    devices = read_devices(folder)
+    logs = can_logs(folder)
+    if not logs:
+        raise FileError(folder / "raw", "", "there is no raw CAN log (can.log) to replay.")
+    if not expected.windows:
+        raise FileError(folder, "", "no recording in MCAP form to compare with, in windows/ or rejected/.")
+    return await _Player(devices, expected).play(_merged(folder), speed)
+
+
+def _merged(folder: Path) -> Iterator[CanFrame | Packet]:
+    """All raw bytes in the order of their times."""
+    frames = (frame for path in can_logs(folder) for frame in read_candump(path))
+    packets = (packet for path in packet_logs(folder) for packet in read_packets(path))
+    return heapq.merge(frames, packets, key=lambda item: item.t)
+
+
+class _Player:
+    """The drivers on recorded devices."""
+
+    def __init__(self, devices: Devices, expected: Expected) -> None:
+        self._expected = expected
+        self._found = Replayed(windows=expected.windows)
+        self._clock = RecordedClock(-math.inf)
+        self._bus = RecordedBus()
+        # It never runs: SYNCs come from the log. Its own limits must not refuse what the recording's master allowed.
+        self._master = CanopenMaster(self._bus, self._clock, sync_rate=1000.0, heartbeat_period=0.001, bitrate=_LARGE)
+        self._winches = [Cia402Winch(entry.config, self._master) for entry in devices.winches]
+        self._nodes = {entry.config.node_id: k for k, entry in enumerate(devices.winches)}
+        self._feed = RecordedFeed()
+        self._source: StreamMarkerSource | None = None
+        if devices.markers is not None:
+            decoder = devices.markers.decoder.make()
+            self._source = StreamMarkerSource(self._feed, decoder, self._clock, rate=devices.markers.rate)
+
+    async def play(self, items: Iterator[CanFrame | Packet], speed: float) -> Replayed:
+        """Every item at its time, then whatever is missing."""
+        wall = LoopClock()
+        begin, started = None, wall.now()
+        reader: asyncio.Task[None] | None = None
+        for item in items:
+            if begin is None:
+                begin, started = item.t, wall.now()
+                self._clock.advance(item.t)
+                reader = await self._listen()
+            elif speed > 0.0:
+                await wall.sleep(started + (item.t - begin) / speed - wall.now())
+            self._clock.advance(item.t)
+            if isinstance(item, Packet):
+                self._found.packets += 1
+                self._feed.put(item)
+                await wall.sleep(0.0)
+                await wall.sleep(0.0)
+            else:
+                self._found.frames += 1
+                self._deliver(item)
+        if self._source is not None and reader is not None:
+            await wall.sleep(0.0)
+            await self._source.close()
+            await reader
+            self._found.counters = self._source.counters()
+        self._found.differences += self._expected.missing()
+        return self._found
+
+    async def _listen(self) -> "asyncio.Task[None] | None":
+        if self._source is None:
+            return None
+        await self._source.start()
+        return asyncio.ensure_future(self._read(self._source))
+
+    async def _read(self, source: StreamMarkerSource) -> None:
+        frames = source.frames()
+        while True:
+            try:
+                self._mark(await anext(frames))
+            except StopAsyncIteration:
+                return
+            except FidimError:
+                continue  # a silent stream: it was silent then, too
+
+    def _mark(self, frame: MarkerFrame) -> None:
+        says = self._expected.marker(frame)
+        self._found.markers += says is not None
+        if says:
+            self._found.differences.append((frame.t, says))
+
+    def _deliver(self, frame: CanFrame) -> None:
+        if frame.id == _SYNC:
+            self._master.sync.advance(self._expected.sync(frame.t))
+        elif frame.id not in _SDO_ANSWERS:
+            self._bus.deliver(frame)
+            cable = self._nodes.get(frame.id & 0x7F)
+            if cable is not None and 0x180 <= frame.id < 0x580:
+                self._sampled(cable, self._winches[cable].latest())
+
+    def _sampled(self, cable: int, sample: WinchSample | None) -> None:
+        if sample is None:
+            return
+        by_drive = self._winches[cable].config.mode is not Mode.CYCLIC_POSITION
+        says = self._expected.sample(cable, sample, arrival=by_drive)
+        self._found.samples += says is not None
+        if says:
+            self._found.differences.append((sample.t, says))

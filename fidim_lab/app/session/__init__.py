@@ -1,0 +1,1 @@
+"""Commands of a lab session: run, resume, stop, reset, shutdown, dry runs, simulators, the UI."""

@@ -1,0 +1,267 @@
+"""`fidim dry-run`: the whole experiment on the embedded simulators, from the plan to the report.
+
+The steps, drivers, protocols and identification are those of a real session; only `compose` knows that the world is not
+real. A run folder is a campaign with journal, raw CAN log, truth and report beside it.
+"""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.table import Table
+
+from fidim_lab.app import compose
+from fidim_lab.app.analysis.identify import run_identify, summary
+from fidim_lab.app.formats.run_records import RunRecords
+from fidim_lab.app.judging.model_check import Checked, ModelCheck
+from fidim_lab.app.report.write import write_report
+from fidim_lab.app.session.dry_run_spec import DryRunSpec, write_dry_run
+from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.run_display import display
+from fidim_lab.app.terminal.working import Working, windows_of
+from fidim_lab.data.campaign import ROBOT
+from fidim_lab.data.plan_file import read_plan, write_plan
+from fidim_lab.data.records import Plan, Robot
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.errors import HardwareError
+from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
+from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.result_file import write_result
+from procedures.events import Event, RunFinished
+from procedures.guards.robot_guards import LogGuard
+from procedures.protocols.catalogue import experiment as procedure_of
+from procedures.recording.resumption import Resumption, read_resumption
+from procedures.recording.run_folder import one_writer, require_new
+from procedures.report import RunReport
+from procedures.run import Experiment, run_procedure
+from procedures.settings import MotionSettings, Settings
+
+SIMULATED_DAY = "2000-01-01T00:00:00Z"
+"""wall time of a simulated journal: the same seed gives the same bytes"""
+PLAN = "plan.toml"
+TRUTH = "truth.json"
+RESULT = "result.json"
+
+
+@dataclass(frozen=True)
+class DryRunOptions:
+    """As on the command line."""
+
+    out: Path | None
+    seed: int
+    robot: Path | None
+    equilibria: int
+    validation: int
+    hide: tuple[str, ...]
+    real_time: bool
+    json_file: Path | None
+    ui: bool = False
+    excite: bool = False
+    """the winches excite, instead of a hand"""
+    light: bool = False
+    """the UI dark on light"""
+
+
+def run_dry_run(options: DryRunOptions) -> int:
+    """Rehearse, identify, report; returns the exit code. Raises FidimError before anything has moved."""
+    robot = read_robot(options.robot or PAPERS_ROBOT)
+    folder = options.out or _free_folder(options.seed)
+    if options.ui:
+        from fidim_lab.app.session.ui_dry_run import run_ui_dry_run
+
+        return run_ui_dry_run(options, folder)
+    require_new(folder)
+    spec = DryRunSpec(seed=options.seed, hide=options.hide, real_time=options.real_time, excite=options.excite)
+    world = compose.simulated_world(robot, options.seed, options.hide)
+    with Working("planning: equilibria where the robot can rest and swing", options.equilibria + options.validation):
+        numbers = (options.equilibria, options.validation, options.seed)
+        plan = random_plan(robot, "dry run", *numbers, WITHIN_LIMITS)
+        experiment = _experiment(spec, plan, robot)
+    with one_writer(folder):  # makes the folder: nothing is left of a plan that was refused
+        return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world), options.json_file)
+
+
+def resume_dry_run(folder: Path, spec: DryRunSpec, json_file: Path | None) -> int:
+    """Go on with what is left of a dry run, in the same world; returns its exit code.
+
+    Windows with their verdict stay as they are. Raises FileError for a damaged folder.
+    """
+    with one_writer(folder):
+        robot = read_robot(folder / ROBOT)
+        plan = read_plan(folder / PLAN, robot.n)
+        resumption = read_resumption(folder, {window.id: window.role for window in plan.windows})
+        world = compose.simulated_world(robot, spec.seed, spec.hide)
+        if len(resumption.rows) == len(plan.windows):  # the journal may end while it was identified
+            _identify(folder, compose.world_truth(world, plan.name, spec.seed), json_file)
+            return 0
+        experiment = _experiment(spec, plan, robot, resumption)
+        return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world, resumption), json_file)
+
+
+def _experiment(spec: DryRunSpec, plan: Plan, robot: Robot, resumption: Resumption | None = None) -> Experiment:
+    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+    return procedure_of("excite" if spec.excite else "identify", plan, robot, settings, resumption=resumption)
+
+
+def _finish(rehearsal: "_Rehearsal", json_file: Path | None) -> int:
+    """Carry it out, and identify what was recorded; returns the exit code."""
+    report, folder = rehearsal.run(), rehearsal.folder
+    console.out.print(_says(report), markup=False)
+    if not report.accepted:
+        console.out.print(f"Nothing to identify. The run folder is {folder}", markup=False)
+        return report.exit_code
+    if report.exit_code == 0:
+        try:
+            _identify(folder, rehearsal.truth, json_file)
+        except OSError as error:
+            what = f"{error.filename or folder}: cannot be written: {error.strerror or error}."
+            hint = f"All windows are recorded. Free some space, then: fidim identify {folder}"
+            raise HardwareError(what, hint=hint) from error
+    console.out.print(f"run folder  {folder}", markup=False)
+    return report.exit_code
+
+
+def _says(report: RunReport) -> str:
+    return f"run {report.outcome}: {report.reason or 'all windows have their verdict.'} {report.held_says}"
+
+
+def _identify(folder: Path, truth: dict[str, object], json_file: Path | None) -> None:
+    with Working("identifying", windows_of(folder)):
+        result = run_identify(folder)
+    write_result(folder / RESULT, result)
+    if json_file is not None:
+        write_result(json_file, result)
+    console.out.print(summary(result))
+    console.out.print(truth_table(result, truth))
+    report = write_report(folder, result)
+    console.out.print(f"report      {report}", markup=False)
+
+
+def truth_table(result: IdentificationResult, truth: dict[str, object]) -> Table:
+    """Identified parameters beside the hidden true ones, the error in units of the stated uncertainty."""
+    true = [*_numbers(truth["s"]), *_numbers(truth["I"])]
+    table = Table(title="Identified beside the hidden truth (s in mm, I in 1e-3 m² per unit mass, about P)")
+    for column in ("parameter", "identified", "±", "true", "error", "error, %", "error / ±"):
+        table.add_column(column, justify="left" if column == "parameter" else "right")
+    for (name, parameter), value in zip(result.parameters.items(), true, strict=True):
+        error = parameter.value - value
+        stated = max(parameter.sd, parameter.spread or 0.0)
+        table.add_row(
+            name,
+            f"{parameter.value * 1e3:.4f}",
+            f"{stated * 1e3:.4f}",
+            f"{value * 1e3:.4f}",
+            f"{error * 1e3:+.4f}",
+            f"{100 * error / value:+.3f}" if value else "",
+            f"{error / stated:+.1f}" if stated else "",
+        )
+    return table
+
+
+def _numbers(values: object) -> list[float]:
+    return [float(v) for v in values] if isinstance(values, list) else []
+
+
+class _Rehearsal:
+    """One run of the experiment in the simulated laboratory, with its displays and logs."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        plan: Plan,
+        experiment: Experiment,
+        folder: Path,
+        spec: DryRunSpec,
+        world: compose.World,
+        resumption: Resumption | None = None,
+    ) -> None:
+        self.folder = folder
+        self.truth = compose.world_truth(world, plan.name, spec.seed)
+        self._robot, self._plan, self._experiment = robot, plan, experiment
+        self._spec, self._world, self._resumption = spec, world, resumption
+        self._records: RunRecords | None = None
+        self._ended: RunReport | None = None
+
+    def run(self) -> RunReport:
+        """Carry it out. Ctrl-C ends in a report too: the robot is held, and what was recorded is there."""
+        title = "dry run" + (" in real time" if self._spec.real_time else "")
+        with display(console.err, title) as shown:
+            try:
+                report = compose.run_loop(self._carry_out(shown), real_time=self._spec.real_time)
+            except KeyboardInterrupt:
+                if self._ended is None:
+                    raise
+                report = replace(self._ended, interrupted=True)
+            except Exception:  # a bug beside the run (the drives' control loop): how the run ended is said all the same
+                if self._ended is not None:
+                    console.err.print(_says(self._ended), markup=False)
+                raise
+            finally:
+                if self._records is not None:
+                    self._records.close()
+        if self._records is not None and (error := self._records.error()) is not None:
+            console.warn([error])
+        return report
+
+    async def _carry_out(self, shown: object) -> RunReport:
+        spec, resumption = self._spec, self._resumption
+        place = None if resumption is None else resumption.place
+        async with compose.simulated_rig(
+            self._robot,
+            self._plan,
+            self._world,
+            spec.seed,
+            real_time=spec.real_time,
+            start=None if place is None else place.end,
+            part=0 if resumption is None else resumption.part,
+        ) as simulated:
+            self._records = records = RunRecords(self.folder, simulated.rig, self._write_papers)
+            simulated.transport.tap(records.on_frame)
+            planned = len(self._experiment.roles) if spec.real_time else 0  # time that jumps waits for nobody
+            check = ModelCheck(self.folder, planned, _say_checked)
+            try:
+                report = await run_procedure(
+                    self._experiment,
+                    simulated.rig,
+                    self.folder,
+                    wall_time=_wall_time if spec.real_time else lambda: SIMULATED_DAY,
+                    listeners=(records.on_event, self._on_event, shown, check),  # type: ignore[arg-type]
+                    guards=(LogGuard(records.error),),
+                    resumption=resumption,
+                )
+                await records.after_run()
+                await check.close()
+            finally:
+                await check.close(patience=0.0)
+            return report
+
+    def _on_event(self, event: Event) -> None:
+        if isinstance(event, RunFinished):
+            self._ended = event.report
+
+    def _write_papers(self) -> None:
+        if self._resumption is not None:
+            return  # they are there
+        write_plan(self.folder / PLAN, self._plan)
+        (self.folder / TRUTH).write_text(json.dumps(self.truth, indent=1) + "\n", encoding="utf-8")
+        write_dry_run(self.folder, self._spec)
+
+
+def _say_checked(checked: Checked) -> None:
+    console.err.print(f"{checked.window}  {checked.says}", markup=False)
+
+
+def _wall_time() -> str:
+    from datetime import UTC, datetime
+
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def _free_folder(seed: int) -> Path:
+    """runs/dry-run-SEED, or the first numbered one that does not exist."""
+    folder = Path("runs") / f"dry-run-{seed}"
+    number = 1
+    while folder.exists():
+        number += 1
+        folder = Path("runs") / f"dry-run-{seed}-{number}"
+    return folder

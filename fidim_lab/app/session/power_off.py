@@ -1,0 +1,79 @@
+"""`fidim power-off`: take the power from a rig's drives, as after a run whose host has gone, and acknowledge faults."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from drivers.cia402.takeover import refuse_other_master
+from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.without_power import acknowledge_fault, read_state, take_power
+from drivers.clock import LoopClock
+from drivers.ports import DriveState
+from fidim_lab.app import compose
+from fidim_lab.app.compose.real import listening_time, make_master, open_bus, winch_configs
+from fidim_lab.app.formats.answer_file import write_answer
+from fidim_lab.app.service.lock import holder, in_use
+from fidim_lab.app.service.place import place_of
+from fidim_lab.app.terminal import console
+from fidim_lab.data.rigs.rig import RigFile
+from fidim_lab.data.rigs.rig_file import read_rig
+from fidim_lab.errors import DeviceError, HardwareError, SetupError
+
+FORMAT = "fidim-power-off/1"
+
+
+@dataclass(frozen=True)
+class PowerOffOptions:
+    """As on the command line."""
+
+    rig: Path
+    yes: bool
+    acknowledged_by: str | None
+    json_file: Path | None = None
+
+
+def power_off_command(options: PowerOffOptions) -> int:
+    """Do it, drive by drive; returns 3 where one kept its power, its fault or its silence.
+
+    Raises SetupError while a service has the rig; BusError where the bus cannot be reached, and where another master is
+    heard: that one holds the load.
+    """
+    file = read_rig(options.rig)
+    if (other := holder(place_of(file, embedded=False))) is not None:
+        raise SetupError(in_use(other))
+    if not options.yes:
+        click.confirm("Without power only brakes and stands hold the platform. Is the load secured?", abort=True)
+    drives: list[dict[str, object]] = []
+    code = compose.run_loop(_power_off(file, options.acknowledged_by, drives), real_time=True)
+    write_answer(options.json_file, FORMAT, {"exit_code": code, "drives": drives})
+    return code
+
+
+async def _power_off(file: RigFile, acknowledged_by: str | None, told: list[dict[str, object]]) -> int:
+    clock = LoopClock()
+    transport = open_bus(file)
+    failed = False
+    try:
+        nodes = [entry.node_id for entry in file.winches]
+        await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file), nodes)
+        master = make_master(file, transport, clock)
+        for winch in [Cia402Winch(config, master) for config in winch_configs(file)]:
+            link, device = winch.link, winch.config.device
+            try:
+                before = await read_state(link)
+                after = await take_power(link, clock, device)
+                if after is DriveState.FAULT and acknowledged_by is not None:
+                    after = await acknowledge_fault(link, clock, device, acknowledged_by)
+            except DeviceError as error:
+                failed = True
+                told.append({"drive": device, "error": str(error)})
+                console.err.print(str(error), markup=False)
+                continue
+            failed |= after is DriveState.FAULT
+            told.append({"drive": device, "before": str(before), "after": str(after)})
+            hint = "; look at the cause, then --acknowledge NAME" if after is DriveState.FAULT else ""
+            console.out.print(f"{device}: {before} → {after}{hint}", markup=False)
+    finally:
+        transport.close()
+    return HardwareError.exit_code if failed else 0

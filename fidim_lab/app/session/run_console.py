@@ -1,0 +1,91 @@
+"""The terminal of `fidim run` as a client of the service: an example of one, in a hundred lines."""
+
+import asyncio
+import signal
+from contextlib import suppress
+from pathlib import Path
+
+from drivers.ports import Prompt, PromptKind
+from fidim_lab.app.service.client import ServiceClient, ServiceGoneError
+from fidim_lab.app.service.commands import Abort, EmergencyStop, Message
+from fidim_lab.app.service.messages import Happening, PromptClosed, Question
+from fidim_lab.app.terminal import console
+from fidim_lab.errors import HardwareError
+from procedures.operators import ConsoleOperator
+
+EXIT_INTERRUPTED = 130
+
+
+class Console:
+    """The terminal as a client: says what happens, asks what is to be answered, aborts at Ctrl-C."""
+
+    def __init__(self, service: ServiceClient, *, asks: bool) -> None:
+        self._service = service
+        self._operator = ConsoleOperator(lambda text: console.err.print(text, end="", markup=False)) if asks else None
+        self._asking: dict[int, asyncio.Task[None]] = {}
+        self._aborting: asyncio.Task[None] | None = None
+
+    async def watch(self, folder: Path) -> int:
+        """Until the service ends; returns the exit code, 130 after Ctrl-C. Raises HardwareError where it was killed."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._interrupt, signal.Signals(number).name)
+        try:
+            async for message in self._service:
+                self._take(message)
+        finally:
+            for task in self._asking.values():
+                task.cancel()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+        bye = self._service.bye
+        if bye is None:
+            raise HardwareError(
+                "The service has ended without a word: it was killed, or it failed.",
+                hint=f"Its drives stop by themselves when they miss its heartbeat. Then: fidim resume {folder}",
+            )
+        console.out.print(bye.says, markup=False)
+        return EXIT_INTERRUPTED if self._aborting is not None else bye.exit_code
+
+    def _take(self, message: Message) -> None:
+        match message:
+            case Happening():
+                _print(message)
+            case Question() if self._operator is not None:
+                self._asking[message.number] = asyncio.ensure_future(self._ask(message, self._operator))
+            case PromptClosed():
+                if (task := self._asking.pop(message.number, None)) is not None:
+                    task.cancel()
+            case _:
+                pass
+
+    async def _ask(self, question: Question, operator: ConsoleOperator) -> None:
+        prompt = Prompt(PromptKind(question.kind), question.text, question.choices, question.displacement)
+        choice = await operator.answer(prompt)
+        self._asking.pop(question.number, None)  # its closing is our own doing
+        with suppress(ServiceGoneError):
+            await self._service.answer(question.number, choice)
+
+    def _interrupt(self, name: str) -> None:
+        if self._aborting is None:
+            console.err.print("aborting: the robot is being held …", markup=False)
+            self._aborting = asyncio.ensure_future(self._abort(name))
+
+    async def _abort(self, name: str) -> None:
+        with suppress(ServiceGoneError):
+            answer = await self._service.command(Abort(reason=f"{name} at the console"))
+            if not answer.ok:  # too early or too late for an abort: stop it all the same
+                await self._service.command(EmergencyStop(reason=f"{name} at the console"))
+
+
+def _print(event: Happening) -> None:
+    words = [event.text, event.outcome, "" if event.text.endswith(event.reason) else event.reason]
+    match event.kind:
+        case "step-finished" if not event.reason:
+            return
+        case "step-started" | "step-finished" | "window-finished":
+            pass
+        case _:
+            words = [event.kind.upper(), *words]
+    says = "  ".join(word for word in words if word)
+    console.err.print(f"{event.wall[11:19]}  {event.window:4} {says}", markup=False)

@@ -1,0 +1,26 @@
+"""Reading JSON files as what they should hold: the first mistake as a FileError with its place."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from fidim_lab.data.files.input_file import JSON_LIMIT, place_words, read_json
+from fidim_lab.errors import FileError
+
+T = TypeVar("T")
+
+
+def read_json_as(path: Path, validate: Callable[[Any], T], limit: int = JSON_LIMIT) -> T:
+    """A JSON file as `validate` makes it (`Model.model_validate`). Raises FileError with the key that is wrong."""
+    return validated_json(path, read_json(path, limit), validate)
+
+
+def validated_json(path: Path, found: Any, validate: Callable[[Any], T]) -> T:
+    """What was read of a file as `validate` makes it. Raises FileError with the key that is wrong."""
+    try:
+        return validate(found)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise FileError(path, place_words(first["loc"]), first["msg"]) from None

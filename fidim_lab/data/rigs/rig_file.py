@@ -1,0 +1,163 @@
+"""Rig files: the hardware of a laboratory, as TOML ("fidim-rig/1"). Paths in it are relative to the file."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from fidim_lab.data.files.toml_file import nearest, read_toml
+from fidim_lab.data.records import Robot, Winch
+from fidim_lab.data.rigs.home_file import read_homes
+from fidim_lab.data.rigs.rig import (
+    BusEntry,
+    GuardEntry,
+    GuardReaction,
+    HandEntry,
+    MocapEntry,
+    MocapKind,
+    PlaceEntry,
+    RigFile,
+    StopEntry,
+    TemperatureEntry,
+    TensionEntry,
+    WinchEntry,
+    WinchHome,
+)
+from fidim_lab.data.rigs.rig_guard_tables import GuardsTable
+from fidim_lab.data.rigs.rig_serial_tables import COMMANDS, gauge_entries, release_entry
+from fidim_lab.data.rigs.rig_tables import STANDARD_PORTS, UNITS, MocapTable, RigTable, WinchTable
+from fidim_lab.data.robot_file import read_robot, robot_path
+from fidim_lab.errors import FileError
+
+FORMAT = "fidim-rig/1"
+GENERIC = "generic"
+"""the name of the built-in EDS"""
+SAME_DRUM = 0.01
+"""by how much of it a drum radius may differ between rig and robot file"""
+
+
+def read_rig(path: Path, *, opened: bool = True) -> RigFile:
+    """Read and check a rig file and the robot file it names.
+
+    opened: False where its bus will not be: then python-can is not asked for the interface, and an emergency stop does
+    not wait until it is imported.
+    Raises FileError naming file, table, key, what was found and what is allowed; all mistakes of one kind at once.
+    """
+    table = read_toml(path, RigTable, FORMAT, COMMANDS)
+    if opened:
+        _check_interface(path, table.bus.interface)
+    robot_file = robot_path(table.robot, path.parent)
+    robot = read_robot(robot_file)
+    _check_cables(path, table, robot)
+    homes = read_homes(path)
+    winches = tuple(
+        _winch(path, number, winch, homes.get(winch.name), drum.torque_constant)
+        for number, (winch, drum) in enumerate(zip(table.winch, robot.winches or (), strict=True), start=1)
+    )
+    return RigFile(
+        path=path,
+        name=table.name,
+        robot_path=robot_file,
+        robot=calibrated(robot, tuple(winch.tension for winch in winches)),
+        bus=BusEntry(**table.bus.model_dump()),
+        winches=winches,
+        motion_capture=_motion_capture(path, table.motion_capture, len(robot.markers)),
+        guards=_guards(table.guards),
+        place=PlaceEntry(table.place.off, table.place.change, table.place.part),
+        hand=None if table.simulated_hand is None else HandEntry(**table.simulated_hand.model_dump()),
+        release=release_entry(path, table.release),
+        gauges=gauge_entries(path, table.load_cells, table.inclinometer, robot.n),
+    )
+
+
+def calibrated(robot: Robot, tensions: tuple[TensionEntry, ...]) -> Robot:
+    """The robot whose winches turn a motor current into tension with the measured gain, where there is one."""
+    if robot.winches is None:
+        return robot
+    return replace(
+        robot, winches=tuple(_with_gain(winch, entry) for winch, entry in zip(robot.winches, tensions, strict=True))
+    )
+
+
+def _with_gain(winch: Winch, tension: TensionEntry) -> Winch:
+    if tension.gain is None:
+        return winch
+    return replace(winch, torque_constant=winch.torque_constant * tension.gain / winch.newton_per_ampere)
+
+
+def _check_interface(path: Path, name: str) -> None:
+    """By what python-can and its plug-ins list; none of them is loaded."""
+    from can.interfaces import BACKENDS  # 0.1 s, for nobody who reads no rig file
+
+    if name not in BACKENDS:
+        near = nearest(name, BACKENDS)
+        meant = f"; the nearest is {near!r}" if near else ""
+        known = ", ".join(sorted(BACKENDS))
+        raise FileError(path, "bus, interface", f"{name!r} is no interface of python-can{meant}. It has {known}.")
+
+
+def _check_cables(path: Path, table: RigTable, robot: Robot) -> None:
+    if len(table.winch) != robot.n:
+        raise FileError(path, "winch", f"{len(table.winch)} winches for the {robot.n} cables of {table.robot}")
+    if robot.winches is None:
+        raise FileError(
+            path,
+            "robot",
+            f"{table.robot} has no [winch] table, so motor currents tell no tension and no limit can be kept",
+            hint="Add drum_radius, gear_ratio, efficiency and torque_constant to it.",
+        )
+    for number, (ours, theirs) in enumerate(zip(table.winch, robot.winches, strict=True), start=1):
+        if abs(ours.drum_radius / theirs.drum_radius - 1.0) > SAME_DRUM:
+            raise FileError(
+                path,
+                f"winch {number}, drum_radius",
+                f"{ours.drum_radius:g} m, but {table.robot} says {theirs.drum_radius:g} m",
+            )
+
+
+def _winch(path: Path, number: int, table: WinchTable, home: WinchHome | None, torque_constant: float) -> WinchEntry:
+    eds = None
+    if table.eds != GENERIC:
+        eds = path.parent / table.eds
+        if not eds.is_file():
+            raise FileError(
+                path, f"winch {number}, eds", f'{table.eds!r}: no such file; "{GENERIC}" is the built-in one'
+            )
+    values = table.model_dump(exclude={"eds", "temperature", "tension", "stop", "encoder"})
+    if home is not None:
+        values |= {"home_count": home.home_count, "home_length": home.home_length}
+    tension, stop = TensionEntry(**table.tension.model_dump()), StopEntry(**table.stop.model_dump())
+    temperature = None if table.temperature is None else TemperatureEntry(**table.temperature.model_dump())
+    return WinchEntry(
+        **values,
+        eds=eds,
+        torque_constant=torque_constant,
+        multi_turn=table.encoder == "multi-turn",
+        home=home,
+        temperature=temperature,
+        tension=tension,
+        stop=stop,
+    )
+
+
+def _motion_capture(path: Path, table: MocapTable, markers: int) -> MocapEntry:
+    names = table.markers
+    carried_by_body = table.kind is MocapKind.VICON_UDP and table.subject is not None
+    if names and len(names) != markers:
+        raise FileError(
+            path, "motion_capture, markers", f"{len(names)} names for the {markers} marker(s) of the robot file"
+        )
+    if not names and not carried_by_body:
+        names = tuple(f"marker{k}" for k in range(1, markers + 1))
+    if table.kind is MocapKind.VICON_DATASTREAM and table.subject is not None:
+        names = tuple(f"{table.subject}/{name}" for name in names)
+    return MocapEntry(
+        **table.model_dump(exclude={"port", "markers", "transport", "unit"}),
+        port=STANDARD_PORTS[table.kind] if table.port is None else table.port,
+        markers=names,
+        transport=table.way,
+        unit=UNITS[table.unit],
+    )
+
+
+def _guards(table: GuardsTable) -> dict[str, GuardEntry]:
+    entries = table.model_dump()
+    return {name: GuardEntry(GuardReaction(values.pop("reaction")), values) for name, values in entries.items()}

@@ -1,0 +1,221 @@
+"""The tables of a rig file ("fidim-rig/1"), as pydantic checks them. `rig_file` turns them into `rig` records."""
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from fidim_lab.data.files.toml_file import NotNegative, Positive, Table
+from fidim_lab.data.rigs.rig import MocapKind
+from fidim_lab.data.rigs.rig_guard_tables import GuardsTable, PlaceTable
+from fidim_lab.data.rigs.rig_serial_tables import InclinometerTable, LoadCellsTable, ReleaseTable, SeveralLoadCells
+
+Name = Annotated[str, Field(min_length=1)]
+Port = Annotated[int, Field(ge=1, le=65535)]
+
+STANDARD_PORTS = {
+    MocapKind.VICON_UDP: 51001,
+    MocapKind.VICON_DATASTREAM: 801,
+    MocapKind.MARKER_TEXT: 51100,
+    MocapKind.OSC: 51200,
+    MocapKind.QTM: 22223,
+    MocapKind.NATNET: 1510,
+    MocapKind.LSL: 0,
+}
+"""LSL finds its own"""
+TRANSPORTS = {
+    MocapKind.VICON_UDP: ("udp",),
+    MocapKind.VICON_DATASTREAM: ("tcp",),
+    MocapKind.MARKER_TEXT: ("udp", "tcp"),
+    MocapKind.OSC: ("udp",),
+    MocapKind.QTM: ("tcp",),
+    MocapKind.NATNET: ("udp",),
+    MocapKind.LSL: ("lsl",),
+}
+"""how each kind arrives, the usual way first"""
+UNITS = {"m": 1.0, "mm": 1e-3}
+NATNET_MARKER = re.compile(r"\d{1,5}/\d{1,5}|unlabelled", re.ASCII)
+"""streaming ID of an asset, and the number of its marker; or the one that has no label"""
+
+
+class BusTable(Table):
+    """`[bus]`."""
+
+    interface: Name
+    channel: Annotated[str, BeforeValidator(str)]
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+    sync_rate: Annotated[float, Field(ge=1, le=500)] = 250.0
+    heartbeat: Annotated[float, Field(gt=0, le=10)] = 0.05
+    host_id: Annotated[int, Field(ge=1, le=127)] = 127
+    options: dict[str, str | int | float | bool] = Field(default_factory=dict[str, str | int | float | bool])
+
+
+class TensionTable(Table):
+    """`tension` of a winch."""
+
+    gain: Positive | None = None
+    offset: float = 0.0
+    friction: NotNegative | None = None
+    load_friction: Annotated[float, Field(gt=-0.9, lt=0.9)] = 0.0
+    scatter: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> "TensionTable":
+        if self.friction is None and (self.scatter is not None or self.load_friction):
+            raise ValueError("friction: is missing; scatter and load_friction are what is left beside it")
+        return self
+
+
+class TemperatureTable(Table):
+    """`temperature` of a winch: a vendor object."""
+
+    index: Annotated[int, Field(ge=0x2000, le=0xFFFF)]
+    sub: Annotated[int, Field(ge=0, le=255)] = 0
+    scale: Positive = 1.0
+
+
+class StopTable(Table):
+    """`stop` of a winch: CiA 402 option codes."""
+
+    quick_stop: Annotated[int, Field(ge=1, le=8)] = 6
+    halt: Annotated[int, Field(ge=1, le=4)] = 1
+    fault: Annotated[int, Field(ge=1, le=4)] = 2
+    connection_lost: Literal[3] = 3
+    communication_error: Literal[0, 1] = 1
+
+
+class WinchTable(Table):
+    """`[[winch]]`, with what `[every_winch]` says filled in."""
+
+    name: Name
+    node_id: Annotated[int, Field(ge=1, le=126)]
+    eds: Name = "generic"
+    direction: Literal[-1, 1] = 1
+    counts_per_turn: Positive
+    gear_ratio: Positive = 1.0
+    drum_radius: Positive
+    rated_current: Positive
+    rated_torque: Positive | None = None
+    current_limit: Positive
+    length_limits: tuple[NotNegative, Positive]
+    max_speed: Positive
+    max_acceleration: Positive
+    quick_stop_deceleration: Positive = 2.0
+    following_error: Positive = 0.02
+    following_error_time: Positive = 0.05
+    home_count: int = 0
+    home_length: float = 0.0
+    heartbeat: Annotated[float, Field(ge=0.001, le=65)] = 0.1
+    host_timeout: Annotated[float, Field(ge=0.001, le=65)] = 0.25
+    sdo_timeout: Annotated[float, Field(ge=0.05, le=10)] = 0.5
+    brake_time: Annotated[float, Field(ge=0, le=10)] = 0.0
+    vendor_id: Annotated[int, Field(ge=0)] | None = None
+    product_code: Annotated[int, Field(ge=0)] | None = None
+    serial_number: Annotated[int, Field(ge=0)] | None = None
+    mode: Literal["profile-position", "cyclic-position"] = "profile-position"
+    family: Name = "generic"
+    load: Literal["current", "torque"] | None = None
+    encoder: Literal["multi-turn", "incremental"] = "incremental"
+    turned: NotNegative = 2e-3
+    temperature: TemperatureTable | None = None
+    tension: TensionTable = TensionTable()
+    stop: StopTable = StopTable()
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "WinchTable":
+        if self.load == "torque" and self.rated_torque is None:
+            raise ValueError("rated_torque: is missing; a drive tells its torque as a part of it (load)")
+        low, high = self.length_limits
+        if low >= high:
+            raise ValueError(f"length_limits: the shortest, {low:g} m, is not below the longest, {high:g} m")
+        return self
+
+
+class MocapTable(Table):
+    """`[motion_capture]`."""
+
+    kind: MocapKind
+    host: Name = "0.0.0.0"
+    port: Port | None = None
+    transport: Literal["udp", "tcp", "lsl"] | None = None
+    rate: Annotated[float, Field(ge=1, le=2000)]
+    markers: tuple[Name, ...] = ()
+    subject: Name | None = None
+    up: Literal["z", "y"] = "z"
+    unit: Literal["m", "mm"] = "m"
+    stream: Name | None = None
+    frame_address: Annotated[str, Field(pattern="^/.")] = "/frame"
+    sender: Name | None = None
+
+    @property
+    def way(self) -> str:
+        """The transport, as given or usual."""
+        return self.transport or TRANSPORTS[self.kind][0]
+
+    @model_validator(mode="after")
+    def _possible(self) -> "MocapTable":
+        if self.way not in TRANSPORTS[self.kind]:
+            ways = " or ".join(f'"{way}"' for way in TRANSPORTS[self.kind])
+            raise ValueError(f'transport: "{self.way}", {self.kind} is always {ways}')
+        if self.kind is MocapKind.VICON_UDP and bool(self.markers) == (self.subject is not None):
+            raise ValueError("markers, subject: give one of them: objects that are markers, or the tracked body")
+        if self.subject is not None and self.kind not in (MocapKind.VICON_UDP, MocapKind.VICON_DATASTREAM):
+            raise ValueError(f"subject: {self.kind} carries markers only; leave it out")
+        if self.sender is not None and (self.way == "tcp" or self.kind is MocapKind.NATNET):
+            raise ValueError(f"sender: {self.kind} by {self.way} comes from host alone; leave it out")
+        if self.host == "0.0.0.0" and (self.way == "tcp" or self.kind is MocapKind.NATNET):
+            raise ValueError("host: is missing; it is the server's address")
+        if self.kind is MocapKind.NATNET and not (self.markers and all(map(NATNET_MARKER.fullmatch, self.markers))):
+            raise ValueError('markers: natnet needs "ASSET/NUMBER" of each, as ["1/1"] (Motive: streaming ID, label)')
+        if (self.kind is MocapKind.LSL) != (self.stream is not None):
+            raise ValueError("stream: is the name of an LSL stream, and lsl needs one")
+        if self.unit != "m" and self.kind not in (MocapKind.OSC, MocapKind.LSL):
+            raise ValueError(f"unit: {self.kind} has its own; leave it out")
+        return self
+
+
+class HandTable(Table):
+    """`[simulated_hand]`."""
+
+    host: Name = "127.0.0.1"
+    port: Port
+
+
+class RigTable(Table):
+    """The whole file."""
+
+    format: Literal["fidim-rig/1"]
+    name: Name
+    robot: Name
+    bus: BusTable
+    winch: Annotated[list[WinchTable], Field(min_length=1, max_length=5)]
+    motion_capture: MocapTable
+    guards: GuardsTable = GuardsTable()
+    place: PlaceTable = PlaceTable()
+    simulated_hand: HandTable | None = None
+    every_winch: dict[str, object] = Field(default_factory=dict[str, object])
+    release: ReleaseTable | None = None
+    load_cells: SeveralLoadCells = Field(default_factory=list[LoadCellsTable])
+    inclinometer: InclinometerTable | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, table: dict[str, object]) -> dict[str, object]:
+        """What `[every_winch]` says counts for each winch that does not say otherwise."""
+        common, winches = table.get("every_winch", {}), table.get("winch")
+        if not isinstance(common, dict) or not isinstance(winches, list):
+            return table  # said below as what it is
+        return table | {"winch": [common | winch if isinstance(winch, dict) else winch for winch in winches]}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "RigTable":
+        for key in ("name", "node_id"):
+            taken: set[object] = set()
+            for number, winch in enumerate(self.winch, start=1):
+                value = getattr(winch, key)
+                if value in taken:
+                    raise ValueError(f"winch {number}, {key}: {value!r} is taken by another winch")
+                taken.add(value)
+        if any(winch.node_id == self.bus.host_id for winch in self.winch):
+            raise ValueError(f"bus, host_id: {self.bus.host_id} is a winch's node_id")
+        return self

@@ -1,0 +1,1 @@
+"""Effects of cables, winches and swivels that stretch, weigh or give way."""

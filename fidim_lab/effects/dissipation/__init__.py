@@ -1,0 +1,1 @@
+"""Effects that take energy from the motion."""

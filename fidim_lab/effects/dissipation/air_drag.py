@@ -1,0 +1,91 @@
+"""Drag of the air on the platform as a whole, at its centre of mass; and drag that is steeper than any air's."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from fidim_lab.data.records import Robot
+from fidim_lab.effects.effect import NamedEffect, Parameter
+from fidim_lab.effects.loads.forces import at_centre
+from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.effects.without_term import Unknown
+from fidim_lab.model.slots import PlatformState
+
+STILL = 1e-6
+"""m/s: keeps ‖v‖ differentiable at rest"""
+
+
+@dataclass(frozen=True)
+class AirDragLinear(NamedEffect):
+    """F = −c v_G."""
+
+    id: ClassVar[str] = "air-drag-linear"
+    says: ClassVar[str] = "drag of slow air at the centre of mass, F = −c v_G"
+    source: ClassVar[str] = "Stokes; MODEL.md §5"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("c", "N s/m", "drag takes energy", scale=0.1, low=0.0, high=100.0, start=0.2),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−c v_G at G."""
+        return at_centre(state, -theta[0] * state.velocity(state.centre))
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """That of a sail at the usual speed."""
+        return {"c": context.linear_drag}
+
+
+@dataclass(frozen=True)
+class AirDragQuadratic(NamedEffect):
+    """F = −c ‖v_G‖ v_G."""
+
+    id: ClassVar[str] = "air-drag-quadratic"
+    says: ClassVar[str] = "drag of turbulent air at the centre of mass, F = −c ‖v_G‖ v_G, c = ½ ρ C A"
+    source: ClassVar[str] = "Newton's drag law; MODEL.md §5"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("c", "N s²/m²", "drag takes energy", scale=0.2, low=0.0, high=100.0, start=0.5),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−c ‖v_G‖ v_G at G."""
+        velocity = state.velocity(state.centre)
+        speed = ca.sqrt(ca.dot(velocity, velocity) + STILL**2)
+        return at_centre(state, -theta[0] * speed * velocity)
+
+    def wider(self, values: np.ndarray, robot: Robot) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """Of a higher power of the speed, as strong at 1 m/s."""
+        del robot
+        return ((SteepDrag(), np.array([values[0], SteepDrag().absent[1]])),) if values[0] > 0 else ()
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """½ ρ C A of a sail."""
+        return {"c": context.quadratic_drag}
+
+
+@dataclass(frozen=True)
+class SteepDrag(Unknown):
+    """F = −c ‖v_G‖^(p − 1) v_G with p well above 2, v in m/s: no air does that, whatever does.
+
+    Without it drags of the catalogue are put together with what is not there, until they imitate it.
+    """
+
+    variant: ClassVar[str] = "a drag steeper than air's"
+    says: ClassVar[str] = "a force against the velocity of the centre of mass, F = −c ‖v_G‖^(p − 1) v_G"
+    source: ClassVar[str] = "a power law, for want of a better one"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("c", "N at 1 m/s", "drag takes energy", scale=0.2, low=0.0, high=1e3, start=0.5),
+        Parameter("p", "1", "that of air has 1 to 2", scale=0.5, low=2.5, high=8.0, start=3.0, scan=(3.0,)),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−c ‖v_G‖^(p − 1) v_G at G."""
+        velocity = state.velocity(state.centre)
+        squared = ca.dot(velocity, velocity) + STILL**2
+        return at_centre(state, -theta[0] * squared ** (0.5 * (theta[1] - 1)) * velocity)
+
+    def narrower(self, values: np.ndarray) -> tuple[NamedEffect, np.ndarray]:
+        """Of the square, as strong at 1 m/s."""
+        return AirDragQuadratic(), values[:1]

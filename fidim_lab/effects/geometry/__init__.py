@@ -1,0 +1,1 @@
+"""Effects of a geometry or a clock that is not as the robot file says."""

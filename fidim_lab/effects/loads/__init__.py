@@ -1,0 +1,1 @@
+"""Effects that push, pull or swing with the platform."""

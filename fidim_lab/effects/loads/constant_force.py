@@ -1,0 +1,39 @@
+"""A steady force on the platform."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from fidim_lab.effects.effect import NamedEffect, Parameter, vector
+from fidim_lab.effects.loads.forces import at_centre
+from fidim_lab.effects.plausibility import Context, Limit
+from fidim_lab.model.slots import PlatformState
+
+SHARE_OF_WEIGHT = 0.3
+"""more would not be called a disturbance"""
+
+
+@dataclass(frozen=True)
+class ConstantForce(NamedEffect):
+    """A steady force (fx, fy, fz) at G, world frame."""
+
+    id: ClassVar[str] = "constant-force"
+    says: ClassVar[str] = "a steady force (fx, fy, fz) at the centre of mass, world frame"
+    source: ClassVar[str] = "MODEL.md §5"
+    parameters: ClassVar[tuple[Parameter, ...]] = vector("f", "N", "force", scale=0.05, most=1000.0)
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """The force at G."""
+        return at_centre(state, theta)
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """A share of the weight."""
+        return {parameter.name: share_of_weight(context) for parameter in self.parameters}
+
+
+def share_of_weight(context: Context) -> Limit:
+    """The largest force that still is a disturbance, N."""
+    why = f"that is over {100 * SHARE_OF_WEIGHT:.0f} % of the weight of {context.weight:.0f} N"
+    return Limit(SHARE_OF_WEIGHT * context.weight, why)

@@ -1,0 +1,112 @@
+"""Guards that look at the host instead of the robot: control loop late, disk nearly full, clock stepped.
+
+Each is told time and disk by callables, so that a test or a simulation decides what they are.
+"""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from drivers.disk import InlineDisk
+from drivers.ports import Disk
+from procedures.guards.guard import Guard, Observation, Reacting
+from procedures.settings import GuardSettings, Reaction
+
+SPARE_BACK = 1.2
+"""times the threshold at which a violation is forgotten"""
+DISK_PERIOD = 5.0
+"""s between two looks at the disk"""
+STEP = 1.0
+"""s by which the time of day may depart from the monotonic clock between two looks, NTP's slewing allowed"""
+STEP_PERIOD = 1.0
+
+
+class LoopGuard:
+    """The host's loop came late: what was commanded, and what was seen, is older than it should be."""
+
+    name = "host loop"
+    reaction = Reaction.HOLD
+
+    def __init__(self, allowed: float) -> None:
+        self._allowed = allowed
+        self._before: float | None = None
+
+    def look(self, seen: Observation) -> str | None:
+        """Whether too much time has passed since the last look."""
+        before, self._before = self._before, seen.t
+        late = 0.0 if before is None else seen.t - before
+        if late <= self._allowed:
+            return None
+        return f"this computer did nothing for {late:.2f} s, {self._allowed:g} s is allowed; what else runs on it?"
+
+
+class DiskGuard:
+    """The disk is nearly full: better held now than a window torn later."""
+
+    name = "disk"
+    reaction = Reaction.HOLD
+
+    def __init__(
+        self, folder: Path, spare: float, free: Callable[[Path], float] | None = None, disk: Disk | None = None
+    ) -> None:
+        """disk: asks, for a share that is gone does not answer."""
+        self._folder = folder
+        self._spare = spare
+        self._free = free or _free
+        self._disk = InlineDisk() if disk is None else disk
+        self._next = 0.0
+        self._low: float | None = None
+
+    def look(self, seen: Observation) -> str | None:
+        """Whether there is too little space."""
+        if seen.t >= self._next:
+            self._next = seen.t + DISK_PERIOD
+            self._disk.put(self._ask)
+        if self._low is None:
+            return None
+        return f"{self._folder} has {self._low / 1e6:.0f} MB left, {self._spare / 1e6:.0f} MB are wanted"
+
+    def _ask(self) -> None:
+        free = self._free(self._folder)
+        self._low = free if free < self._spare * (1.0 if self._low is None else SPARE_BACK) else None
+
+
+class ClockStepGuard:
+    """The time of day was set: nothing is timed by it, but a comparison with other computers' logs would be wrong."""
+
+    name = "clock step"
+    reaction = Reaction.WARN
+
+    def __init__(self, wall: Callable[[], float], allowed: float = STEP) -> None:
+        """wall: s since the epoch."""
+        self._wall = wall
+        self._allowed = allowed
+        self._offset: float | None = None
+        self._next = 0.0
+
+    def look(self, seen: Observation) -> str | None:
+        """Whether it was set since the last look; told once."""
+        if seen.t < self._next:
+            return None
+        self._next = seen.t + STEP_PERIOD
+        offset = self._wall() - seen.t
+        before, self._offset = self._offset, offset
+        if before is None or abs(offset - before) <= self._allowed:
+            return None
+        return f"the computer's time of day was set by {offset - before:+.1f} s while running"
+
+
+def _free(folder: Path) -> float:
+    try:
+        return float(shutil.disk_usage(folder).free)
+    except OSError:
+        return float("inf")  # the recorder says better what is wrong with it
+
+
+def host_guards(
+    folder: Path, settings: GuardSettings, wall: Callable[[], float], disk: Disk | None = None
+) -> tuple[Guard, ...]:
+    """A fresh set for one run into a folder, reacting as the settings say."""
+    space = DiskGuard(folder, settings.disk_spare, disk=disk)
+    guards = (LoopGuard(settings.loop_late), space, ClockStepGuard(wall))
+    return tuple(Reacting(guard, settings.reactions.get(guard.name, guard.reaction)) for guard in guards)

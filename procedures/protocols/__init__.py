@@ -1,0 +1,1 @@
+"""The procedures themselves: generators of frozen steps, by name in `catalogue`; `experiment` checks one."""

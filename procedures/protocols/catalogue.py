@@ -1,0 +1,169 @@
+"""Which procedures there are, by name, and procedures of a laboratory's own: `experiment` makes a checked one.
+
+A Python file is a procedure when it has a generator function `procedure(lab)`: docs/procedures.md shows one.
+"""
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import cast
+
+from fidim_lab.data.records import Plan, Robot, Role
+from fidim_lab.errors import SetupError
+from procedures.limits import Statics
+from procedures.protocols.compare import compare, compare_by_winches
+from procedures.protocols.experiment import Experiment, Lab, Make, checked_experiment
+from procedures.protocols.home import home
+from procedures.protocols.identify import identify
+from procedures.protocols.tension_check import tension_check
+from procedures.recording.resumption import Resumption
+from procedures.settings import Settings
+from procedures.steps import Steps
+
+CROSS_VALIDATION = 22
+"""windows of the paper's Fig. 3"""
+
+
+def _identify(lab: Lab) -> Steps:
+    return identify(lab.plan, lab.robot, lab.settings, lab.route, lab.attempts, lab.recorded, lab.swings)
+
+
+def _excite(lab: Lab) -> Steps:
+    from procedures.protocols.excite import (
+        excite,  # scipy's optimizers: who resumes another procedure does not wait for them
+    )
+
+    return excite(lab)
+
+
+def _tension_check(lab: Lab) -> Steps:
+    return tension_check(lab.plan, lab.robot, lab.settings, lab.route)
+
+
+def _home(lab: Lab) -> Steps:
+    return home(lab.plan, lab.robot, lab.settings)
+
+
+def _align(lab: Lab) -> Steps:
+    from procedures.protocols.align import align  # scipy, as above
+
+    return align(lab.plan, lab.robot, lab.settings, lab.route)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One procedure."""
+
+    says: str
+    make: Make
+    role: Role | None = None
+    """that all its windows get, whatever the plan says"""
+    further: Callable[[Lab, AbstractSet[str]], Steps] | None = None
+    """the same for one that adds windows to the plan's: told which have their verdict when it is resumed"""
+    alone: bool = False
+    """never asks anybody anything"""
+    needs: tuple[Role, ...] = ()
+    """roles of which the plan must have a window"""
+
+
+CATALOGUE: Mapping[str, Entry] = MappingProxyType(
+    {
+        "identify": Entry("free motion about each equilibrium of the plan, recorded and judged", _identify),
+        "excite": Entry("the same without a hand: the winches excite, calm and travel gently", _excite, alone=True),
+        "cross-validate": Entry(
+            f"the same, for windows that no fit will see (the paper has {CROSS_VALIDATION})",
+            _identify,
+            Role.VALIDATE,
+        ),
+        "payload-mass": Entry(
+            "the same with a known payload mounted: identify EMPTY --payload THIS finds the mass",
+            _identify,
+            Role.IDENTIFY,
+        ),
+        "home": Entry("the encoders' zeros, at a known or measured pose, without power", _home),
+        "align": Entry("how late motion capture is against the encoders, by a jog up and down", _align, alone=True),
+        "compare": Entry(
+            "record the plan, explain it, record where it tells most: until the verdict is clear",
+            compare,
+            further=compare,
+            needs=(Role.IDENTIFY, Role.VALIDATE),
+        ),
+        "compare-by-winches": Entry(
+            "compare without a hand, excited as by excite",
+            compare_by_winches,
+            further=compare_by_winches,
+            alone=True,
+            needs=(Role.IDENTIFY, Role.VALIDATE),
+        ),
+        "tension-check": Entry("every tension at rest at each equilibrium against its limits", _tension_check),
+    }
+)
+
+
+def experiment(
+    name: str,
+    plan: Plan,
+    robot: Robot,
+    settings: Settings | None = None,
+    *,
+    statics: Statics | None = None,
+    resumption: Resumption | None = None,
+) -> Experiment:
+    """A procedure of the catalogue, or of a Python file, for a plan; its limits checked (some seconds).
+
+    Raises SetupError for an unknown name, a file that is no procedure, or a plan without windows of a role that it
+    needs, InfeasibleError where it leaves the limits.
+    """
+    entry = _entry(name)
+    for role in entry.needs:
+        if all(window.role is not role for window in plan.windows):
+            raise SetupError(
+                f"The plan {plan.name} has no window of the role {role.value}, which {name} needs: what is found in "
+                "some windows is judged on others.",
+                hint=f'Write role = "{role.value}" into one window in three or four.',
+            )
+    if entry.role is not None:
+        plan = replace(plan, windows=tuple(replace(window, role=entry.role) for window in plan.windows))
+    make = entry.make
+    if entry.further is not None and resumption is not None:
+        make = partial(_further, entry.further, frozenset(resumption.rows))
+        resumption = replace(resumption, goes_on=True)
+    return checked_experiment(make, plan, robot, settings, statics, resumption)
+
+
+def never_asks(name: str) -> bool:
+    """Whether a procedure needs nobody to answer a prompt. Raises SetupError for an unknown name."""
+    return _entry(name).alone
+
+
+def _further(make: Callable[[Lab, AbstractSet[str]], Steps], done: AbstractSet[str], lab: Lab) -> Steps:
+    return make(lab, done)
+
+
+def _entry(name: str) -> Entry:
+    if name.endswith(".py"):
+        return Entry("a procedure of your own", _own(Path(name)))
+    if name not in CATALOGUE:
+        known = ", ".join(CATALOGUE)
+        raise SetupError(f"Procedure {name!r}: there is none of this name; there are {known}, or a Python file.")
+    return CATALOGUE[name]
+
+
+def _own(path: Path) -> Make:
+    """The generator function `procedure` of a Python file."""
+    spec = importlib.util.spec_from_file_location("fidim_own_procedure", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise SetupError(f"{path}: no such Python file.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise SetupError(f"{path}: cannot be imported: {type(error).__name__}: {error}.") from error
+    make = getattr(module, "procedure", None)
+    if not callable(make):
+        raise SetupError(f"{path}: has no function `procedure(lab)` that yields steps (docs/procedures.md).")
+    return cast("Make", make)  # that it yields steps shows when it is listed

@@ -1,0 +1,63 @@
+"""Record, explain, and record where it tells most, until the verdict is clear or it is known why it cannot be.
+
+The plan's windows come first (some of them with the role `validate`, on which explanations are judged), then at most
+`FURTHER` windows that the explanation itself asks for. How it explains is not known here: the step `Explain` says.
+`compare` has windows displaced as `identify` does, `compare_by_winches` as `excite`: no hand, no prompt.
+"""
+
+from collections.abc import Set as AbstractSet
+
+import numpy as np
+
+from fidim_lab.data.records import PlannedWindow, Role
+from fidim_lab.errors import InfeasibleError
+from procedures.outcomes import Outcome
+from procedures.protocols.beginning import begin
+from procedures.protocols.enough import windows_of
+from procedures.protocols.experiment import Lab
+from procedures.protocols.identify import WindowProtocol
+from procedures.steps import Note, Steps, Stop
+from procedures.steps.compare import Clarity, Explain
+
+FURTHER = ("more1", "more2", "more3", "more4")
+"""ids of windows that are proposed"""
+ESTIMATE = 90.0
+"""s of an explanation"""
+
+
+def compare(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
+    """The steps; done: windows that have their verdict from an earlier process."""
+    return _compare(lab, done, WindowProtocol(lab.robot, lab.settings, lab.route, lab.attempts))
+
+
+def compare_by_winches(lab: Lab, done: AbstractSet[str] = frozenset()) -> Steps:
+    """The same without a hand."""
+    from procedures.protocols.excite import ExciteProtocol  # scipy's optimizers: nobody else waits for them
+
+    return _compare(lab, done, ExciteProtocol(lab))
+
+
+def _compare(lab: Lab, done: AbstractSet[str], protocol: WindowProtocol) -> Steps:
+    at = yield from begin(lab.robot.n, lab.settings, attended=protocol.attended)
+    at, swinging = yield from windows_of(lab.plan, protocol, at, lab.recorded, lab.swings)
+    left = [id_ for id_ in FURTHER if id_ not in done]
+    while True:
+        found = yield Explain(number=len(FURTHER) - len(left) + 1, estimate=ESTIMATE)
+        if found.answer == Clarity.CLEAR:
+            yield Note(remark="the verdict is clear")
+            return
+        if found.answer != Clarity.UNCLEAR or not left:
+            more = "" if left else f" {len(FURTHER)} further windows have been recorded; the next step is a person's."
+            yield Stop(outcome=Outcome.FAIL, reason=f"The verdict is not clear: {found.reason}{more}")
+        id_ = left.pop(0)
+        yield Note(window=id_, remark="recorded because the verdict is not clear yet")
+        try:
+            at, swinging = yield from protocol.window(proposed(id_, lab.robot.n, found.values), at, swinging)
+        except InfeasibleError as refusal:  # no safe way from here; the next look proposes another
+            yield Note(window=id_, remark=refusal.message)
+
+
+def proposed(id_: str, n: int, values: tuple[float, ...]) -> PlannedWindow:
+    """The window that the values of `Explain` describe: n lengths, two of displacement, three of the marker's place."""
+    lengths, displacement, position = np.split(np.array(values), [n, n + 2])
+    return PlannedWindow(id_, Role.IDENTIFY, lengths, displacement, position)

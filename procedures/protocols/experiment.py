@@ -1,0 +1,99 @@
+"""What is to be run on which robot, checked: `checked_experiment` makes one of a plan and a generator of steps."""
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from typing import Any, TypeVar
+
+from fidim_lab.data.records import Plan, Robot, Role
+from procedures.limits import Statics, Workspace, check_moves, find_route, way_points
+from procedures.nominal_rest import NominalRest
+from procedures.protocols.identify import Route
+from procedures.protocols.listing import Outline
+from procedures.recording.resumption import Resumption
+from procedures.recording.run_folder import check_window_ids
+from procedures.settings import Settings
+from procedures.steps import Lengths, Procedure, Steps
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What is to be run on which robot."""
+
+    name: str
+    robot: Robot
+    procedure: Procedure
+    roles: Mapping[str, Role]
+    """of the planned windows, in order"""
+    workspace: Workspace
+    settings: Settings
+    rest: NominalRest | None = None
+    """where the platform should rest; None: not known, nothing is compared with it"""
+
+
+class Memory:
+    """Answers that the readings of one procedure share: it is listed, checked and carried out by the same model."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, Any] = {}
+
+    def once(self, key: Hashable, compute: Callable[[], T]) -> T:
+        """`compute()`, only the first time that the key is asked for."""
+        if key not in self._known:
+            self._known[key] = compute()
+        return self._known[key]
+
+
+@dataclass(frozen=True, eq=False)
+class Lab:
+    """What a procedure is made of: the plan's windows that are left, the robot, the settings, and safe ways."""
+
+    plan: Plan
+    robot: Robot
+    settings: Settings
+    route: Route
+    attempts: Mapping[str, int]
+    """recordings that an earlier process made, by window"""
+    recorded: int = 0
+    """windows to identify from that an earlier process has kept"""
+    swings: bool = False
+    """an earlier process has not seen the platform at rest again"""
+    memory: Memory = field(default_factory=Memory)
+
+
+Make = Callable[[Lab], Steps]
+
+
+def checked_experiment(
+    make: Make,
+    plan: Plan,
+    robot: Robot,
+    settings: Settings | None = None,
+    statics: Statics | None = None,
+    resumption: Resumption | None = None,
+) -> Experiment:
+    """The steps that `make` yields for a plan, their limits checked (some seconds; the robot is not needed).
+
+    statics: tensions at rest; by the nominal model unless given. resumption: what an earlier process has done of it.
+    Raises InfeasibleError naming window, cable, value and what is allowed where the plan, or every way between two of
+    its equilibria, leaves the limits; SetupError for a window that cannot be a file.
+    """
+    settings = settings or Settings()
+    check_window_ids([window.id for window in plan.windows])
+    rest = NominalRest(robot)
+    workspace = Workspace(robot, statics or rest.tensions, settings.motion.length_limits)
+    via = lru_cache(partial(way_points, robot, plan))
+
+    def route(start: Lengths, goal: Lengths) -> tuple[Lengths, ...]:
+        return find_route(workspace, start, goal, via)
+
+    left = plan if resumption is None else resumption.left_of(plan)
+    lab = Lab(left, robot, settings, route, {})
+    if resumption is not None:
+        lab = replace(lab, attempts=resumption.attempts, recorded=resumption.recorded, swings=resumption.swings)
+    procedure: Procedure = partial(make, lab)
+    check_moves(Outline(procedure).steps, robot, workspace)
+    roles = {window.id: window.role for window in plan.windows}
+    return Experiment(plan.name, robot, procedure, roles, workspace, settings, rest if statics is None else None)
