@@ -8,7 +8,9 @@ from types import SimpleNamespace
 import pytest
 
 from fidim_lab.app import cli
-from fidim_lab.app.doctor.command import Check, Verdict, doctor, permissions_doctor
+from fidim_lab.app.doctor import command as doctor
+from fidim_lab.app.doctor import permissions_doctor
+from fidim_lab.app.doctor.checks import Check, Verdict
 from fidim_lab.data.records import Limits
 from fidim_lab.data.robot_file import write_robot
 
