@@ -4,16 +4,13 @@ Make one for a bus, `add_node` for each drive, then run `run()` as a task for as
 heartbeat comes from the same loop: where that hangs or ends, the drives miss it and stop by themselves (1016, 6007).
 """
 
-import io
 import math
-import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import cast
 
 import can
 import canopen
-from canopen.objectdictionary.eds import import_eds
 
 from drivers.canbus.load import MAX_LOAD, bus_load
 from drivers.canbus.transport import CanFrame, CanTransport
@@ -27,7 +24,7 @@ from drivers.cia402.strangers import SDO_REQUEST, Strangers
 from drivers.cia402.sync import SyncTimes
 from drivers.cia402.words import controlword
 from drivers.ports import Clock
-from fidim_lab.data.files.eds_text import read_eds_text
+from fidim_lab.data.eds import read_dictionary
 from fidim_lab.errors import BusError, FileError, SetupError
 
 _SYNC = 0x080
@@ -234,14 +231,11 @@ class CanopenMaster:
 def _remote_node(config: WinchConfig) -> canopen.RemoteNode:
     """A drive with the object dictionary of its EDS file. Raises SetupError naming the EDS file."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # canopen's own, where [DeviceInfo] is missing
-            known = import_eds(io.StringIO(read_eds_text(config.eds)), config.node_id)
-        node = canopen.RemoteNode(config.node_id, known)
+        known = read_dictionary(config.eds, config.node_id).dictionary
     except FileError as error:
         raise SetupError(f"winch {config.name!r}: the EDS file {error.message}", hint=error.hint) from error
-    except Exception as error:  # canopen raises whatever its parser meets
-        raise SetupError(f"winch {config.name!r}: the EDS file {config.eds} cannot be read: {error}") from error
-    if not known.indices:
-        raise SetupError(f"winch {config.name!r}: the EDS file {config.eds} describes no object.")
+    node = canopen.RemoteNode(
+        config.node_id, canopen.ObjectDictionary()
+    )  # its own PDOs, which we do not use, stay empty
+    node.object_dictionary = node.sdo.od = known
     return node

@@ -1,15 +1,10 @@
 """An EDS file as object dictionary of a simulated drive (parsed by `canopen`, nothing else of which is used)."""
 
-import configparser
-import io
 import struct
-import warnings
 from pathlib import Path
 from typing import Any
 
-from canopen.objectdictionary.eds import import_eds
-
-from fidim_lab.data.files.eds_text import read_eds_text
+from fidim_lab.data.eds import read_dictionary
 from fidim_lab.errors import FileError
 from sim_backends.drive.dictionary import Dictionary, ObjectSpec, Value
 
@@ -23,17 +18,10 @@ def read_eds(path: Path, node_id: int) -> Dictionary:
     A DCF's ParameterValue wins over the EDS's DefaultValue. Raises FileError where the file cannot be read, is no EDS,
     or gives a default that its type or range does not allow.
     """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # canopen's own, where [DeviceInfo] is missing
-            tree: Any = import_eds(io.StringIO(read_eds_text(path)), node_id)
-    except (ValueError, LookupError, TypeError, AttributeError, configparser.Error) as problem:
-        raise FileError(path, "", f"is no EDS file: {problem}") from problem
+    tree: Any = read_dictionary(path, node_id).dictionary
     variables: list[Any] = []
     for entry in tree.values():
         variables.extend(entry.values() if hasattr(entry, "values") else [entry])
-    if not variables:
-        raise FileError(path, "", "holds no objects", hint="An EDS has sections such as [1000] and [1018sub1].")
     return Dictionary(_spec(path, variable) for variable in variables)
 
 

@@ -173,9 +173,14 @@ def test_what_it_lacks_is_named_before_there_is_power(on_bench, eds):
     on_bench(script, eds=eds)
 
 
-def test_a_file_at_odds_with_itself_is_named(on_bench, eds):
+def test_a_pdo_without_its_mapping_is_no_matter_to_sdos(on_bench, eds):
     eds.write_text(GENERATED.replace("[1A00", "[1A01"), encoding="utf-8")
-    with pytest.raises(SetupError, match=r"winch 3.*slave\.eds cannot be read.*1A00"):
+    assert channel(on_bench, eds).knows(0x1800, 1)
+
+
+def test_a_file_that_cannot_be_read_is_named_with_its_winch(on_bench, eds):
+    eds.write_text(GENERATED + "[6041]\nDataType=7\n", encoding="utf-8")
+    with pytest.raises(SetupError, match=r"winch 3.*slave\.eds: \[6041\], line 1\d\d: DataType 7, but 0x0006 .*Delete"):
         on_bench(None, eds=eds)
 
 

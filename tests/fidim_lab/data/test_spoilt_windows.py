@@ -12,7 +12,6 @@ from google.protobuf import descriptor_pb2
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fidim_lab.data.files.eds_text import read_eds_text
 from fidim_lab.data.files.mcap_file import CHUNK_LIMIT, read_mcap
 from fidim_lab.data.window_csv import read_window_csv
 from fidim_lab.data.window_mcap import read_window_mcap
@@ -131,26 +130,3 @@ def test_rows_of_other_types(tmp_path: Path, kind: int, repeated: bool) -> None:
     path.write_bytes(_file(schema, channel, *rows))
     with pytest.raises(FileError, match=r"topic /window, (t|markers): is not"):
         read_window_mcap(path, 4)
-
-
-COUNTS = {
-    "two thousand million": "[1F80Name]\nNrOfEntries=2000000000\n",
-    "in hexadecimal": "[1F80Name]\nNrOfEntries = 0x7FFFFFFF\n",
-    "of 5000 digits": "[1F80Name]\nNrOfEntries=" + "9" * 5000 + "\n",
-    "old Mac line ends": "[1F80Name]\rNrOfEntries:300\r",
-    "comment lines": "[Comments]\nLines=2000000000\nLine1=x\n",
-}
-
-
-@pytest.mark.parametrize("text", COUNTS.values(), ids=list(COUNTS))
-def test_a_count_that_an_eds_cannot_keep(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "x.eds"
-    path.write_bytes(text.encode())
-    with pytest.raises(FileError, match=r"x\.eds: (NrOfEntries|Lines): .* more than the file can hold; at most"):
-        read_eds_text(path)
-
-
-def test_a_count_that_an_eds_keeps(tmp_path: Path) -> None:
-    path = tmp_path / "x.eds"
-    path.write_bytes(b"[Comments]\r\nLines=1\r\nLine1=\xe9\r\n[1F80Name]\r\nNrOfEntries=254\r\n")
-    assert read_eds_text(path) == "[Comments]\nLines=1\nLine1=\ufffd\n[1F80Name]\nNrOfEntries=254\n"

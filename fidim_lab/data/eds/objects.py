@@ -1,0 +1,287 @@
+"""One clean description of each object of a file, in the form that `canopen` reads, and what was repaired for it."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from fidim_lab.data.eds.numbers import NODE, number, plain, with_node
+from fidim_lab.data.eds.standard import (
+    BOOLEAN,
+    BYTES,
+    DOMAIN,
+    FLOATS,
+    HIGHEST,
+    SIGNED,
+    TEXTS,
+    UNSIGNED,
+    known_access,
+    known_type,
+    same_register,
+)
+from fidim_lab.data.eds.text import Repair, Section, Value
+from fidim_lab.errors import FileError
+
+MOST_ENTRIES = 20_000
+"""entries of one dictionary, sub-indices counted; the largest of a drive's maker that we know has 3000"""
+_OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})", re.IGNORECASE)
+_SUB = re.compile(r"(?:0x)?([0-9a-f]{1,4})[ _.]*sub[ _.]*(?:0x)?([0-9a-f]{1,4})", re.IGNORECASE)
+_LIST = re.compile(r"([0-9a-f]{4})(name|value)", re.IGNORECASE)
+_FIRST, _LAST_SUB = 0x1000, 0xFF
+_VARIABLE, _DOMAIN_OBJECT, _RECORD = 7, 2, 9
+_ACCESS = {"readonly": "ro", "writeonly": "wo", "readwrite": "rw", "constant": "const"}
+_COUNTED = (0x1003, *range(0x1600, 0x1800), *range(0x1A00, 0x1C00))
+"""whose sub-index 0 is written"""
+
+
+@dataclass
+class _Object:
+    parent: Section | None = None
+    subs: dict[int, Section] = field(default_factory=dict[int, Section])
+    lists: dict[str, Section] = field(default_factory=dict[str, Section])
+
+
+def clean_objects(path: Path, sections: Sequence[Section]) -> tuple[str, list[Repair]]:
+    """An EDS text of all objects, and the repairs. Raises FileError with section, line and cure."""
+    return _Cleaner(path).clean(sections)
+
+
+class _Cleaner:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._types: dict[int, int] = {}
+        """types that CANFestival describes as objects of their own, [A0] and on"""
+        self._repairs: list[Repair] = []
+        self._lines: list[str] = []
+        self._entries = 0
+
+    def clean(self, sections: Sequence[Section]) -> tuple[str, list[Repair]]:
+        objects = self._gather(sections)
+        if not objects:
+            raise FileError(
+                self._path, "", "holds no objects", hint="An EDS has sections such as [1000] and [1018sub1]."
+            )
+        self._emit("DeviceInfo")  # canopen misses it aloud
+        for index, entry in objects.items():
+            self._object(index, entry)
+        return "\n".join(self._lines) + "\n", self._repairs
+
+    def _gather(self, sections: Sequence[Section]) -> dict[int, _Object]:
+        objects: dict[int, _Object] = {}
+        for section in sections:
+            if (sub := _SUB.fullmatch(section.name)) is not None:
+                index, at = int(sub[1], 16), int(sub[2], 16)
+                if index < _FIRST:
+                    self._types[index] = number(section.text("defaultvalue")) or 0
+                elif at > _LAST_SUB:
+                    self._say(section, "", "there are no sub-indices beyond FF: passed over")
+                else:
+                    entry = objects.setdefault(index, _Object())
+                    entry.subs[at] = self._first(entry.subs.get(at), section)
+            elif (whole := _OBJECT.fullmatch(section.name)) is not None and int(whole[1], 16) >= _FIRST:
+                entry = objects.setdefault(int(whole[1], 16), _Object())
+                entry.parent = self._first(entry.parent, section)
+            elif (listed := _LIST.fullmatch(section.name)) is not None:
+                objects.setdefault(int(listed[1], 16), _Object()).lists[listed[2].lower()] = section
+        return {index: entry for index, entry in objects.items() if entry.parent is not None or entry.subs}
+
+    def _first(self, old: Section | None, new: Section) -> Section:
+        """Of two sections of one object the first counts, unless they contradict each other in its type."""
+        if old is None:
+            return new
+        types = [number(section.text("datatype")) for section in (old, new)]
+        if None not in types and types[0] != types[1]:
+            raise FileError(
+                self._path,
+                f"[{new.name}], line {new.line}",
+                f"DataType {new.text('datatype')}, but {old.text('datatype')} for the same object in line {old.line}",
+                hint="Delete the section that is wrong: the drive's manual says which.",
+            )
+        self._say(new, "", f"stands twice: the one in line {old.line} counts")
+        return old
+
+    def _say(self, section: Section, key: str, what: str) -> None:
+        self._repairs.append(Repair(section.name, section.at(key), what))
+
+    # objects --------------------------------------------------------------------------------------------------------
+
+    def _object(self, index: int, entry: _Object) -> None:
+        parent, subs = entry.parent, dict(entry.subs)
+        if parent is None:
+            first = min(subs.values(), key=lambda section: section.line)
+            self._say(first, "", f"has no section [{index:04X}] above it: taken as a record")
+            parent = Section(f"{index:04X}", first.line)
+        compact = self._integer(parent, "compactsubobj") or 0
+        if not subs and not compact:
+            if "datatype" in parent.values or self._kind(parent) in (None, _VARIABLE, _DOMAIN_OBJECT):
+                self._variable(index, 0, parent)
+            return
+        if subs and self._kind(parent) in (_VARIABLE, _DOMAIN_OBJECT):
+            self._say(parent, "objecttype", "ObjectType says variable, but it has sub-indices: taken as a record")
+        if not 0 <= compact < _LAST_SUB:
+            self._say(parent, "compactsubobj", f"CompactSubObj={compact}: at most 254 are read")
+            compact = max(0, min(compact, _LAST_SUB - 1))
+        for sub in range(1, compact + 1):
+            subs.setdefault(sub, _compact(index, sub, parent, entry.lists))
+        if 0 not in subs:
+            if not compact:
+                self._say(parent, "", "has no sub-index 0: added")
+            subs[0] = _count(index, max(subs), parent, subs)
+        self._emit(f"{index:04X}", ParameterName=parent.text("parametername") or f"object {index:04X}", ObjectType="9")
+        for sub in sorted(subs):
+            self._variable(index, sub, subs[sub])
+
+    def _variable(self, index: int, sub: int, section: Section) -> None:
+        self._entries += 1
+        if self._entries > MOST_ENTRIES:
+            raise FileError(
+                self._path,
+                f"[{section.name}], line {section.line}",
+                f"there are more than {MOST_ENTRIES} entries",
+                hint="Delete what the drive does not have.",
+            )
+        name = f"{index:04X}sub{sub:X}" if sub or self._is_sub(section) else f"{index:04X}"
+        given = section.text("parametername")
+        if not given:
+            self._say(section, "parametername", "ParameterName is missing")
+        kind = self._type(index, sub, section)
+        low, high = self._limits(section, kind)
+        self._emit(
+            name,
+            ParameterName=given or f"object {name}",
+            ObjectType=str(_VARIABLE),
+            DataType=str(kind),
+            AccessType=self._access(index, section),
+            PDOMapping=str(int(self._mappable(section))),
+            LowLimit=low,
+            HighLimit=high,
+            DefaultValue=self._value(section, "defaultvalue", kind),
+            ParameterValue=self._value(section, "parametervalue", kind),
+        )
+
+    @staticmethod
+    def _is_sub(section: Section) -> bool:
+        return _SUB.fullmatch(section.name) is not None
+
+    def _emit(self, section: str, **keys: str) -> None:
+        self._lines += ["", f"[{section}]", *(f"{key}={text}" for key, text in keys.items() if text)]
+
+    # keys -----------------------------------------------------------------------------------------------------------
+
+    def _integer(self, section: Section, key: str) -> int | None:
+        text = section.text(key)
+        value = number(text) if text else None
+        if value is not None and not plain(text) and text.strip("0"):
+            self._say(section, key, f"{text!r} is read as {value}")
+        return value
+
+    @staticmethod
+    def _kind(section: Section) -> int | None:
+        return number(section.text("objecttype")) if section.text("objecttype") else None
+
+    def _type(self, index: int, sub: int, section: Section) -> int:
+        kind, standard = self._integer(section, "datatype"), known_type(index, sub)
+        if kind is not None and kind > HIGHEST:
+            kind = self._types.get(kind, kind)
+        if kind is None or not 0 < kind <= HIGHEST:
+            if standard is None and self._kind(section) == _DOMAIN_OBJECT:
+                return DOMAIN
+            found = section.text("datatype")
+            taken = "bytes, which are not used" if standard is None else f"type 0x{standard:02X}, as the standard says"
+            problem = f"DataType {found!r} is unknown" if found else "DataType is missing"
+            self._say(section, "datatype", f"{problem}: taken as {taken}")
+            return DOMAIN if standard is None else standard
+        if standard is not None and same_register(kind, standard):
+            self._say(section, "datatype", f"DataType 0x{kind:02X} has the wrong sign: 0x{standard:02X} is meant")
+            return standard
+        return kind
+
+    def _access(self, index: int, section: Section) -> str:
+        text = section.text("accesstype")
+        access = re.sub(r"[^a-z]", "", text.lower())
+        access = _ACCESS.get(access, access)
+        if access in ("ro", "wo", "rw", "rwr", "rww", "const"):
+            return access
+        access = known_access(index) or "ro"
+        problem = f"AccessType {text[:20]!r} is unknown" if text else "AccessType is missing"
+        self._say(section, "accesstype", f"{problem}: taken as {access}")
+        return access
+
+    def _mappable(self, section: Section) -> bool:
+        if "pdomapping" not in section.values:
+            return False
+        value = self._integer(section, "pdomapping")
+        if value is None:
+            text = section.text("pdomapping")
+            mapped = text.lower() in ("optional", "default", "tpdo", "rpdo", "both")
+            self._say(section, "pdomapping", f"PDOMapping {text[:20]!r}: taken as {int(mapped)}")
+            return mapped
+        return bool(value)
+
+    def _limits(self, section: Section, kind: int) -> tuple[str, str]:
+        low, high = (self._value(section, key, kind, quiet=True) for key in ("lowlimit", "highlimit"))
+        if NODE.search(low + high) or kind not in (*SIGNED, *UNSIGNED):
+            return "", ""
+        if low and high and int(low) >= int(high):
+            if int(low) > int(high):
+                self._say(section, "lowlimit", f"limits {low} to {high} leave no value: passed over")
+            return "", ""
+        return low, high
+
+    def _value(self, section: Section, key: str, kind: int, *, quiet: bool = False) -> str:
+        text = section.text(key)
+        if not text or kind in TEXTS:
+            return text
+        if kind in BYTES:
+            return text if re.fullmatch(r"(?:[0-9a-fA-F]{2}\s*)*", text) else ""
+        value = self._float(text) if kind in FLOATS else self._fitting(section, key, text, kind)
+        if value is None and not quiet:
+            self._say(section, key, f"{text[:20]!r} is no value of its type: passed over")
+        return value or ""
+
+    @staticmethod
+    def _float(text: str) -> str | None:
+        try:
+            return text if math.isfinite(float(text)) else None
+        except ValueError:
+            return None
+
+    def _fitting(self, section: Section, key: str, text: str, kind: int) -> str | None:
+        """The number as a decimal, in the range of its type: 0x80000000 of a signed one is negative."""
+        if NODE.search(text):
+            value = with_node(text)
+            return None if value is None or not 0 <= value < 1 << 32 else f"$NODEID+{value}"
+        value = self._integer(section, key)
+        bits = 1 if kind == BOOLEAN else SIGNED.get(kind) or UNSIGNED.get(kind)
+        if value is None or bits is None or not -(1 << bits - 1) <= value < 1 << bits:
+            return None
+        if kind in SIGNED and value >= 1 << bits - 1:
+            if text.isdigit():
+                return None
+            value -= 1 << bits
+        elif kind in UNSIGNED and value < 0:
+            value += 1 << bits
+        return str(value)
+
+
+def _compact(index: int, sub: int, parent: Section, lists: dict[str, Section]) -> Section:
+    """One entry of an array that its file describes once for all (CompactSubObj), with its own name and value."""
+    values = {key: value for key, value in parent.values.items() if key not in ("objecttype", "compactsubobj")}
+    for key, listed in (("parametername", lists.get("name")), ("parametervalue", lists.get("value"))):
+        if listed is not None and (own := listed.values.get(str(sub))) is not None:
+            values[key] = own
+    return replace(parent, name=f"{index:04X}sub{sub:X}", values=values)
+
+
+def _count(index: int, highest: int, parent: Section, subs: dict[int, Section]) -> Section:
+    """A sub-index 0 that the file leaves out."""
+    written = index in _COUNTED and any("w" in s.text("accesstype").lower() for s in subs.values())
+    texts = {
+        "parametername": "Number of entries",
+        "datatype": "0x05",
+        "accesstype": "rw" if written else "ro",
+        "defaultvalue": str(highest),
+    }
+    values = {key: Value(text, parent.line) for key, text in texts.items()}
+    return Section(f"{index:04X}sub0", parent.line, values)
