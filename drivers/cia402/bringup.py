@@ -4,28 +4,19 @@ The result is a list of checks (a table for a person); the drive stays without p
 in PRE-OPERATIONAL, where it takes no controlword by PDO.
 """
 
+import contextlib
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass
 
-from drivers.cia402.config import Load, WinchConfig
+from drivers.cia402.abilities import used_pdos as used_pdos
+from drivers.cia402.config import WinchConfig
+from drivers.cia402.grading import grade, refusals
 from drivers.cia402.machine import state_of
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.nmt import NmtCommand, NmtState
-from drivers.cia402.node import NodeLink
-from drivers.cia402.pdo import (
-    COB_MASK,
-    COB_OFF,
-    RPDO,
-    TARGET_RPDO,
-    TORQUE_TPDOS,
-    TPDOS,
-    Entry,
-    ObjectValue,
-    PdoMap,
-    VendorEntry,
-    mapping_expected,
-    mapping_writes,
-)
+from drivers.cia402.node import HEARTBEAT, NodeLink
+from drivers.cia402.pdo import COB_MASK, COB_OFF, ObjectValue, PdoMap, mapping_expected, mapping_writes
+from drivers.cia402.requirements import Graded
 from drivers.cia402.sdo import SdoRefusedError
 from drivers.cia402.settings import Check, Setting, identity, interpolation, limits
 from drivers.cia402.waiting import wait_until
@@ -41,30 +32,76 @@ _POWERED = (
     DriveState.FAULT_REACTION,
 )
 HAS_POWER = "the drive has power already"
+OF_A_MOVE = ("6083:0", "6084:0")
+"""ramps that each move sets anew"""
 _COMMUNICATION = tuple(range(0x1400, 0x1404)) + tuple(range(0x1800, 0x1804))
 
 
-async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> tuple[Check, ...]:
-    """All checks, once all of them hold. `master.run()` must be running.
+@dataclass(frozen=True)
+class BroughtUp:
+    """What a bring-up found."""
 
-    Raises DeviceError naming every object that does not hold, a drive that has power, or one that does not answer.
+    checks: tuple[Check, ...]
+    grades: tuple[Graded, ...]
+
+
+async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> BroughtUp:
+    """All checks and grades, once all of them hold. `master.run()` must be running.
+
+    Raises DeviceError naming every object that does not hold, every requirement that is not met, a drive that has
+    power, or one that does not answer.
     """
     link.forget()
-    checks = [await _apply(link, setting) for setting in identity(config, _eds_identity(link))]
+    checks = [await _apply(link, setting) for setting in link.able.fitting(identity(config, _eds_identity(link)))]
     checks += await check_zero(link.sdo, config)
     _refuse(config, checks)
+    grades = await graded(link, config)
+    refuse_grades(config, grades)
     await _refuse_power(link, config)
     asked = master.clock.now()
     link.send_nmt(NmtCommand.PRE_OPERATIONAL)
     written = (*limits(config, master.host_id), *interpolation(config, master.period))
-    checks += [await _apply(link, setting) for setting in written]
+    checks += [await _apply(link, setting) for setting in link.able.fitting(written)]
     _refuse(config, checks)
     await _await_nmt(master, link, config, NmtState.PRE_OPERATIONAL, asked)
-    checks += await _map_pdos(link, used_pdos(config))
+    checks += await _map_pdos(link, link.layout.pdos)
     checks.append(await _choose_mode(master, link, config))
     _refuse(config, checks)
     await start_sampling(master, link, config)
-    return tuple(checks)
+    return BroughtUp(tuple(checks), grades)
+
+
+async def graded(link: NodeLink, config: WinchConfig) -> tuple[Graded, ...]:
+    """The grade table of a drive: only read, so that it can be asked for at any time. Raises DeviceError."""
+    told: dict[str, int] = {}
+    for setting in link.able.kept(limits(config, 0)):
+        with contextlib.suppress(SdoRefusedError):
+            told[setting.object] = await link.sdo.read(setting.index, setting.sub)
+    serial_number = 0
+    if link.able.has(0x1018, 4):
+        with contextlib.suppress(SdoRefusedError):
+            serial_number = await link.sdo.read(0x1018, 4)
+    return grade(link.able, config, told, serial_number)
+
+
+def refuse_grades(config: WinchConfig, grades: tuple[Graded, ...]) -> None:
+    """Raise DeviceError naming what this drive must have and has not, unless it is on trial for it."""
+    if wrong := refusals(grades, on_trial=config.on_trial):
+        raise DeviceError(
+            config.device,
+            "refused, it may not have power: " + "; ".join(wrong) + ".",
+            hint="Use the EDS file of this drive and its firmware; docs/rig.md, Bring your drive, says what each is.",
+        )
+
+
+async def forgotten(link: NodeLink, config: WinchConfig, host_id: int) -> list[str]:
+    """What bring-up has written and the drive no longer holds, in sentences: it has restarted unheard.
+
+    Ramps are left out, which each move sets anew. Raises DeviceError where the drive does not answer.
+    """
+    written = [s for s in link.able.fitting(limits(config, host_id)) if s.write and s.object not in OF_A_MOVE]
+    found = [(setting, await link.sdo.read(setting.index, setting.sub)) for setting in written]
+    return [f"{s.object} {s.meaning}: {value} found, {s.words} written" for s, value in found if not s.holds(value)]
 
 
 def _eds_identity(link: NodeLink) -> tuple[int, int]:
@@ -103,6 +140,10 @@ async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
 
 
 async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig, state: NmtState, asked: float) -> None:
+    """By its heartbeat; a drive without has its samples to show that it is operational."""
+    if not link.able.can_write(*HEARTBEAT):
+        return
+
     def there() -> bool:
         heartbeat = link.heartbeat
         return heartbeat is not None and heartbeat.t >= asked and heartbeat.state is state
@@ -116,16 +157,6 @@ async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig,
             else f"{last.state.words} by its last heartbeat, {master.clock.now() - last.t:.2f} s ago"
         )
         raise DeviceError(config.device, f"{state.words} expected within {timeout:g} s, {found}.")
-
-
-def used_pdos(config: WinchConfig) -> tuple[PdoMap, ...]:
-    """Those that the config's mode needs."""
-    told = TORQUE_TPDOS if config.load is Load.TORQUE else TPDOS
-    if config.load is Load.VENDOR and (own := config.family.load_object) is not None:
-        load = VendorEntry(f"{own.index:04X}:{own.sub:X}", own.index, own.sub, Entry.CURRENT.code)
-        told = (told[0], replace(told[1], entries=(Entry.VELOCITY, load)))
-    cyclic = config.mode is Mode.CYCLIC_POSITION
-    return (*told, RPDO, TARGET_RPDO) if cyclic else (*told, RPDO)
 
 
 async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[Check]:
@@ -147,10 +178,13 @@ async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[Check]:
 
 async def _switch_off(link: NodeLink, index: int) -> Check:
     """A PDO that we do not use must not talk, nor take controlwords."""
-    cob = await link.sdo.read(index, 1)
-    if not cob & COB_OFF:
-        await link.sdo.write(index, 1, cob | COB_OFF)
+    try:
         cob = await link.sdo.read(index, 1)
+        if not cob & COB_OFF:
+            await link.sdo.write(index, 1, cob | COB_OFF)
+            cob = await link.sdo.read(index, 1)
+    except SdoRefusedError as error:
+        return Check(f"{index:04X}:1", "unused PDO", "off", error.reason, ok=False)
     return Check(f"{index:04X}:1", "unused PDO", "off", "off" if cob & COB_OFF else "on", ok=bool(cob & COB_OFF))
 
 
@@ -168,7 +202,11 @@ async def _compare(link: NodeLink, entry: ObjectValue) -> Check:
 
 
 async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> Check:
-    """Write 6060 and look at 6061: a drive may keep its old mode without a word."""
+    """Write 6060 and look at 6061: a drive may keep its old mode without a word.
+
+    Some drives display no mode (0) before they are enabled, and hold what they were told in 6060 until then: enabling
+    looks again, and takes the power away at once where the mode is not displayed.
+    """
     wanted = link.mode = config.mode
     deadline = master.clock.now() + config.step_timeout
     await link.sdo.write(0x6060, 0, wanted)
@@ -176,7 +214,13 @@ async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfi
     while found != wanted and master.clock.now() < deadline:
         await master.clock.sleep(master.period)
         found = await link.sdo.read(0x6061)
-    return Check("6061:0", "mode of operation", mode_name(wanted), mode_name(found), ok=found == wanted)
+    link.decoder.displayed = found
+    name, ok = mode_name(found), found == wanted
+    if found == Mode.NONE:
+        with contextlib.suppress(SdoRefusedError):
+            ok = await link.sdo.read(0x6060) == wanted
+            name += " until it is enabled" if ok else ""
+    return Check("6061:0", "mode of operation", mode_name(wanted), name, ok=ok)
 
 
 async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> None:

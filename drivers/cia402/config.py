@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from drivers.cia402.family import GENERIC_FAMILY, DriveFamily
+from drivers.cia402.family import GENERIC_FAMILY, DriveFamily, Unit
 from drivers.cia402.requirements import Proof
 from drivers.cia402.scale import COUNT_MAX, COUNT_MIN, LengthScale
 from drivers.cia402.words import Mode
@@ -184,19 +184,28 @@ class WinchConfig:
         """For messages: winch and node."""
         return f"{self.name} (node {self.node_id})"
 
-    @property
-    def counts_per_speed(self) -> float:
-        """counts/s for one digit of the drive's speeds; with another /s of its accelerations."""
-        turn = self.counts_per_turn if self.motor_counts is None else self.motor_counts
-        return turn / 60.0 if self.family.speed == "rpm" else 1.0
-
     def drive_speed(self, metres: float) -> int:
-        """A speed (m/s) or acceleration (m/s²) without direction in the drive's units, at least 1."""
-        return max(1, round(abs(metres) * self.scale.counts_per_metre / self.counts_per_speed))
+        """A speed (m/s) without direction as the drive is told it (6081, 607F, 60FF), at least 1."""
+        return max(1, round(self._digits(metres, self.family.speed)))
+
+    def drive_acceleration(self, metres: float) -> int:
+        """An acceleration (m/s²) without direction as the drive is told it (6083 to 6085), at least 1."""
+        return max(1, round(self._digits(metres, self.family.acceleration)))
+
+    def drive_velocity(self, metres: float) -> float:
+        """A speed (m/s) without direction as the drive tells it (606C)."""
+        return self._digits(metres, self.family.velocity)
 
     def cable_speed(self, digits: float) -> float:
         """m/s of cable, positive pays out, of a velocity as the drive tells it (606C)."""
-        return self.scale.direction * digits * self.counts_per_speed / self.scale.counts_per_metre
+        return self.scale.velocity(digits * self.family.velocity.counts(self._motor_turn))
+
+    @property
+    def _motor_turn(self) -> float:
+        return self.counts_per_turn if self.motor_counts is None else self.motor_counts
+
+    def _digits(self, metres: float, unit: Unit) -> float:
+        return abs(metres) * self.scale.counts_per_metre / unit.counts(self._motor_turn)
 
     @property
     def ampere_per_mille(self) -> float:

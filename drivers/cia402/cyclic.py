@@ -71,7 +71,7 @@ class CyclicWinch(Cia402Winch):
             self._way = order, stop, 0
             seconds = self.config.step_timeout + 2.0 * stop.end
             await self._drive.word(order, lambda _word: not self._moving, "the end of the stop ramp", seconds)
-        slowest = STANDSTILL * self.config.drive_speed(self.config.max_speed)
+        slowest = self.config.drive_velocity(STANDSTILL * self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout)
         self.stands()
 

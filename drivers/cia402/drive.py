@@ -9,7 +9,7 @@ from collections.abc import Callable
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.machine import Command, answer, next_command, state_of
 from drivers.cia402.master import CanopenMaster
-from drivers.cia402.pdo import DriveValues
+from drivers.cia402.pdo import DriveValues, Entry
 from drivers.cia402.waiting import wait_until
 from drivers.cia402.words import FOLLOWS, HALT, SET_POINT_ACKNOWLEDGED, Mode, controlword, mode_name, remarks, set_point
 from drivers.ports import DriveState
@@ -19,6 +19,8 @@ _STALE_PERIODS = 10.0
 _SHORTEST_STALE = 0.05
 _STILL_SAMPLES = 3
 _LONGEST_WALK = 8
+_SHOWN = 0.05
+"""s with power in which a mode must be displayed; a brake takes longer to let go"""
 _FAULTED = (DriveState.FAULT, DriveState.FAULT_REACTION)
 
 
@@ -113,6 +115,8 @@ class Drive:
             self.target = self.healthy().position
             self.send(order, controlword(command, halt=command is Command.ENABLE_OPERATION))
             await self.reach(order, wanted, after=command)
+            if wanted is goal:
+                await self._display_or_power_off(order)
         raise DeviceError(
             self._config.device,
             f"falls back again and again on the way to {goal}: {_describe(self.link.values, self._clock.now())}.",
@@ -121,8 +125,34 @@ class Drive:
     async def reach(self, order: int, state: DriveState, *, after: Command) -> None:
         """Wait for a state. Raises DeviceError."""
         await self._expect(
-            order, lambda v: state_of(v.statusword) is state, f"{state} after {after}", leaves_fault=True
+            order,
+            lambda v: state_of(v.statusword) is state and v.mode in (self.link.mode, Mode.NONE),
+            f"{state} after {after}",
+            leaves_fault=True,
+            in_mode=False,
         )
+
+    async def _display_or_power_off(self, order: int) -> None:
+        """A drive with power in another mode may not hold its load: the brake does, before it has been released."""
+        try:
+            await self.display(order, self.link.mode, _SHOWN)
+        except DeviceError:
+            self.send(order, controlword(Command.DISABLE_VOLTAGE))
+            raise
+
+    async def clear_acknowledgement(self, order: int) -> None:
+        """Some drives show bit 12 from the moment they are enabled until their first handshake.
+
+        One is made for the place where the drive stands, halted. Raises DeviceError.
+        """
+        values = self.healthy()
+        if not _acknowledged(values):
+            return
+        self.target = values.position
+        self.send(order, set_point(new=True, halt=True))
+        await self._expect(order, _acknowledged, "the set-point acknowledged (statusword bit 12)")
+        self.send(order, set_point(new=False, halt=True))
+        await self._expect(order, lambda v: not _acknowledged(v), "the handshake finished (statusword bit 12 low)")
 
     async def take_set_point(self, order: int, target: int, begins: Callable[[], None] | None = None) -> None:
         """The handshake of profile position mode: bit 4 low, bit 4 high with the target, acknowledged, bit 4 low again.
@@ -145,9 +175,27 @@ class Drive:
         """Wait until a drive in a cyclic mode follows its targets (statusword bit 12). Raises DeviceError."""
         await self._expect(order, lambda v: bool(v.statusword & FOLLOWS), "following (statusword bit 12)")
 
-    async def display(self, order: int, mode: Mode) -> None:
-        """Wait until the mode is displayed (6061). Raises DeviceError."""
-        await self._expect(order, lambda v: v.mode == mode, f"{mode_name(mode)} displayed (6061)")
+    async def choose(self, order: int, word: int, mode: Mode) -> None:
+        """Ask for a mode, with a controlword, and wait until it is displayed. Raises DeviceError."""
+        before, self.link.mode = self.link.mode, mode
+        try:
+            if not self.link.layout.asks(Entry.MODE.name):
+                await self.link.sdo.write(0x6060, 0, mode)
+            self.send(order, word)
+            await self.display(order, mode)
+        except DeviceError:
+            self.link.mode = before
+            raise
+
+    async def display(self, order: int, mode: Mode, timeout: float | None = None) -> None:
+        """Wait until the mode is displayed (6061), in a TPDO or asked by SDO. Raises DeviceError."""
+        if not self.link.layout.tells(Entry.MODE_DISPLAY.name):
+            deadline = self._clock.now() + (self._config.step_timeout if timeout is None else timeout)
+            self.link.decoder.displayed = await self.link.sdo.read(0x6061)
+            while self.link.decoder.displayed != mode and self._clock.now() < deadline:
+                await self._clock.sleep(self._period)
+                self.link.decoder.displayed = await self.link.sdo.read(0x6061)
+        await self._expect(order, lambda v: v.mode == mode, f"{mode_name(mode)} displayed (6061)", timeout=timeout)
 
     async def word(
         self, order: int, fulfilled: Callable[[int], bool], what: str, timeout: float | None = None

@@ -1,7 +1,7 @@
-"""What a drive family does otherwise than CiA 402, as data: units, vendor objects, objects that it lacks.
+"""What a drive family does otherwise than CiA 402, as data: units, vendor objects, what it lacks or keeps to itself.
 
-One TOML file for each in `families/`, or a laboratory's own beside its rig file. What a stop without the host rests on
-(watch of the heartbeat, reactions, position limits) is never declared absent: such a drive is refused.
+One TOML file for each in `families/`, with the source of every quirk, or a laboratory's own beside its rig file. What
+is absent is neither written nor asked for, in bring-up and in moves; what then takes its place, `requirements` says.
 """
 
 from collections.abc import Mapping
@@ -14,10 +14,10 @@ from fidim_lab.errors import FileError
 
 FORMAT = "fidim-drive-family/1"
 FOLDER = Path(__file__).parent / "families"
-NEVER_ABSENT = frozenset({"1016:1", "1017:0", "6007:0", "605A:0", "605E:0", "607D:1", "607D:2", "6065:0", "6085:0"})
-SPEEDS = ("counts/s", "rpm")
 LOADS = ("current", "torque")
-_KEYS = {"format", "name", "speed", "load", "current_limit", "absent"}
+_KEYS = {"format", "name", "source", "speed", "velocity", "acceleration", "load", "rated_current", "current_limit"} | {
+    *("absent", "read_only", "not_mappable")
+}
 
 
 @dataclass(frozen=True)
@@ -31,20 +31,48 @@ class AmpereObject:
 
 
 @dataclass(frozen=True)
+class Unit:
+    """What one digit of a speed (or acceleration) is: encoder counts, or turns of the motor, in a second (squared)."""
+
+    amount: float
+    of_motor: bool = False
+
+    def counts(self, motor_counts: float) -> float:
+        """counts/s (counts/s²) for one digit, with so many counts for a turn of the motor."""
+        return self.amount * (motor_counts if self.of_motor else 1.0)
+
+
+COUNTS, RPM = Unit(1.0), Unit(1.0 / 60.0, of_motor=True)
+UNITS = {"counts/s": COUNTS, "rpm": RPM}
+
+
+@dataclass(frozen=True)
 class DriveFamily:
     """One drive family; without arguments it keeps to the profile."""
 
     name: str = "generic CiA 402"
-    speed: str = "counts/s"
-    """of 606C, 6081, 607F, and with /s of 6083 to 6085: "counts/s", or "rpm" of the motor"""
+    source: str = ""
+    """where what it says comes from"""
+    speed: Unit = COUNTS
+    """of 6081, 607F and 60FF"""
+    velocity: Unit = COUNTS
+    """of 606C"""
+    acceleration: Unit = COUNTS
+    """of 6083 to 6085"""
     load: str = "current"
     """"current" (6078) or "torque" (6077), where it is no vendor object"""
     load_object: AmpereObject | None = None
-    """16 bits, mappable"""
+    """mappable; its size is in the EDS file"""
+    rated_current: AmpereObject | None = None
+    """in place of 6075: compared"""
     current_limit: AmpereObject | None = None
     """in place of 6072 and 6073"""
     absent: Mapping[str, str] = field(default_factory=dict[str, str])
-    """objects of bring-up that it lacks, and what stands in for each"""
+    """objects that it lacks, whatever its EDS file says, and why that is known"""
+    read_only: Mapping[str, str] = field(default_factory=dict[str, str])
+    """objects that it shows and does not let be written, and why that is known"""
+    not_mappable: Mapping[str, str] = field(default_factory=dict[str, str])
+    """objects that no PDO carries, and why that is known"""
 
 
 GENERIC_FAMILY = DriveFamily()
@@ -71,20 +99,40 @@ def read_family(path: Path) -> DriveFamily:
         if key not in _KEYS:
             raise FileError(path, key, "unknown key")
     load = table.get("load", "current")
-    speed = table.get("speed", "counts/s")
-    if speed not in SPEEDS:
-        raise FileError(path, "speed", f"{speed!r}; there are {', '.join(SPEEDS)}")
     if not isinstance(load, dict) and load not in LOADS:
         raise FileError(path, "load", f"{load!r}; there are {', '.join(LOADS)}, or a table of a vendor object")
-    limit = table.get("current_limit")
+    speed = _unit(path, "speed", table.get("speed", "counts/s"))
     return DriveFamily(
         name=str(table.get("name", path.stem)),
+        source=str(table.get("source", "")),
         speed=speed,
+        velocity=_unit(path, "velocity", table["velocity"]) if "velocity" in table else speed,
+        acceleration=_unit(path, "acceleration", table["acceleration"]) if "acceleration" in table else speed,
         load="current" if isinstance(load, dict) else load,
         load_object=_object(path, "load", load) if isinstance(load, dict) else None,
-        current_limit=None if limit is None else _object(path, "current_limit", limit),
-        absent=_absent(path, table.get("absent", {})),
+        rated_current=_optional(path, "rated_current", table),
+        current_limit=_optional(path, "current_limit", table),
+        absent=_objects(path, "absent", table),
+        read_only=_objects(path, "read_only", table),
+        not_mappable=_objects(path, "not_mappable", table),
     )
+
+
+def _unit(path: Path, key: str, said: Any) -> Unit:
+    if isinstance(said, str) and said in UNITS:
+        return UNITS[said]
+    if isinstance(said, dict) and len(said) == 1:
+        [(of, amount)] = said.items()
+        right = isinstance(amount, int | float) and not isinstance(amount, bool) and 0 < amount < float("inf")
+        if of in ("counts", "turns") and right:
+            return Unit(float(amount), of_motor=of == "turns")
+    raise FileError(
+        path, key, f"{said!r}; there are {', '.join(UNITS)}, or {{ counts = … }} or {{ turns = … }} for one digit"
+    )
+
+
+def _optional(path: Path, key: str, table: Mapping[str, Any]) -> AmpereObject | None:
+    return None if key not in table else _object(path, key, table[key])
 
 
 def _object(path: Path, key: str, table: Any) -> AmpereObject:
@@ -98,10 +146,8 @@ def _object(path: Path, key: str, table: Any) -> AmpereObject:
     return AmpereObject(index, sub, float(ampere))
 
 
-def _absent(path: Path, table: Any) -> Mapping[str, str]:
-    if not isinstance(table, dict) or not all(isinstance(why, str) and why for why in table.values()):
-        raise FileError(path, "absent", 'objects as "6072:0" with a text each, which says what stands in for them')
-    for name in table:
-        if name.upper() in NEVER_ABSENT:
-            raise FileError(path, f"absent, {name}", "a drive without it cannot be trusted to stop by itself")
-    return {name.upper(): why for name, why in table.items()}
+def _objects(path: Path, key: str, table: Mapping[str, Any]) -> Mapping[str, str]:
+    said = table.get(key, {})
+    if not isinstance(said, dict) or not all(isinstance(why, str) and why for why in said.values()):
+        raise FileError(path, key, 'objects as "6072:0" with a text each, which says why that is known')
+    return {name.upper(): why for name, why in said.items()}

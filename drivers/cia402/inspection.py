@@ -6,7 +6,6 @@ The same table as bring-up (`settings`, `pdo`), but nothing is written: what bri
 from dataclasses import dataclass
 from enum import Enum
 
-from drivers.cia402.bringup import used_pdos
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.machine import state_of
 from drivers.cia402.node import NodeLink
@@ -46,11 +45,12 @@ class Inspected:
 async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[Inspected, ...]:
     """All that bring-up would look at. Raises DeviceError where the drive does not answer."""
     sdo = link.sdo
-    found = [await _setting(sdo, s) for s in identity(config, (sdo.default(0x1018, 1), sdo.default(0x1018, 2)))]
+    able, eds_identity = link.able, (sdo.default(0x1018, 1), sdo.default(0x1018, 2))
+    found = [await _setting(sdo, s) for s in able.fitting(identity(config, eds_identity))]
     found += [_zero(check) for check in await check_zero(sdo, config)]
     found += [await _state(sdo), await _error_register(sdo)]
-    found += [await _setting(sdo, setting) for setting in limits(config, host_id)]
-    found += [await _pdo(sdo, pdo, link.node_id) for pdo in used_pdos(config)]
+    found += [await _setting(sdo, setting) for setting in able.fitting(limits(config, host_id))]
+    found += [await _pdo(sdo, pdo, link.node_id) for pdo in link.layout.pdos]
     if sdo.knows(0x60C2, 1):
         found.append(await _interpolation(sdo))
     return tuple(found)

@@ -14,11 +14,11 @@ import canopen
 
 from drivers.canbus.load import MAX_LOAD, bus_load
 from drivers.canbus.transport import CanFrame, CanTransport
+from drivers.cia402.abilities import Layout, abilities
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.machine import Command
 from drivers.cia402.nmt import heartbeat_frame
 from drivers.cia402.node import NodeLink
-from drivers.cia402.pdo import RPDO, TPDOS
 from drivers.cia402.sdo import SdoChannel
 from drivers.cia402.strangers import SDO_REQUEST, Strangers
 from drivers.cia402.sync import SyncTimes
@@ -89,7 +89,8 @@ class CanopenMaster:
         self._heartbeat_due = float("-inf")
         self._links: dict[int, NodeLink] = {}
         self._strangers = Strangers(host_id, ())
-        self._heartbeats: list[float] = []
+        self._talk: list[tuple[float, Layout]] = []
+        """period of its heartbeat (s), and its PDOs, for each drive"""
         self._before_sync: list[Callable[[], None]] = []
         self._receivers: dict[int, Callable[[CanFrame], None]] = {}
         self._network = canopen.Network(cast(can.BusABC, _TransportBus(transport, self._links)))
@@ -104,15 +105,16 @@ class CanopenMaster:
                 f"winch {config.name!r}: host_timeout: {config.host_timeout:g} s found, must be at least "
                 f"{_HOST_PERIODS * self._heartbeat_period:g} s, three periods of the host's heartbeat."
             )
-        self._refuse_overload(config.heartbeat)
         node = _remote_node(config)
+        able = abilities(node.object_dictionary, config)
+        self._refuse_overload(config.heartbeat, able.layout)
         self._network.add_node(node)
         sdo = SdoChannel(node, self.transport, self.clock, device=config.device, timeout=config.sdo_timeout)
-        link = NodeLink(config.node_id, self.transport, sdo, self.sync, config.heartbeat)
+        link = NodeLink(config.node_id, self.transport, sdo, self.sync, config.heartbeat, able)
         self._links[config.node_id] = link
         self._strangers.add(config.node_id)
-        self._heartbeats.append(config.heartbeat)
-        for part, pdo in enumerate(TPDOS):
+        self._talk.append((config.heartbeat, able.layout))
+        for part, pdo in enumerate(able.layout.tpdos):
             self._receivers[pdo.cob_id(config.node_id)] = partial(link.on_tpdo, part)
         self._receivers[0x080 + config.node_id] = link.on_emergency
         self._receivers[0x580 + config.node_id] = partial(self._on_sdo, link)
@@ -122,7 +124,7 @@ class CanopenMaster:
     @property
     def load(self) -> float:
         """Worst-case share of the bus that SYNC, PDOs (one RPDO a cycle) and heartbeats take."""
-        return self._load_with(self._heartbeats)
+        return self._load_with(self._talk)
 
     @property
     def strangers(self) -> str:
@@ -210,19 +212,20 @@ class CanopenMaster:
         elif not link.answers_controlword(frame):
             self._network.notify(frame.id, bytearray(frame.data), frame.t)
 
-    def _load_with(self, heartbeats: list[float]) -> float:
-        frames = {0: self._rate, 1: 1.0 / self._heartbeat_period + sum(1.0 / period for period in heartbeats)}
-        for pdo in (*TPDOS, RPDO):
-            size = pdo.format.size
-            frames[size] = frames.get(size, 0.0) + self._rate * len(heartbeats)
+    def _load_with(self, talk: list[tuple[float, Layout]]) -> float:
+        frames = {0: self._rate, 1: 1.0 / self._heartbeat_period + sum(1.0 / period for period, _ in talk)}
+        for _, layout in talk:
+            for pdo in (*layout.tpdos, layout.rpdo):
+                size = pdo.format.size
+                frames[size] = frames.get(size, 0.0) + self._rate
         return bus_load(frames, self._bitrate)
 
-    def _refuse_overload(self, another: float) -> None:
-        heartbeats = [*self._heartbeats, another]
-        load = self._load_with(heartbeats)
+    def _refuse_overload(self, heartbeat: float, layout: Layout) -> None:
+        talk = [*self._talk, (heartbeat, layout)]
+        load = self._load_with(talk)
         if load > MAX_LOAD:
             raise SetupError(
-                f"The CAN bus would be {load:.0%} full with {len(heartbeats)} of the winches at {self._rate:g} Hz; "
+                f"The CAN bus would be {load:.0%} full with {len(talk)} of the winches at {self._rate:g} Hz; "
                 f"allowed is {MAX_LOAD:.0%}.",
                 hint="Lower the SYNC rate or raise the bit rate.",
             )

@@ -7,6 +7,7 @@ does not take is an error. Every function leaves the winch in the mode of its co
 import math
 
 from drivers.cia402.machine import Command, state_of
+from drivers.cia402.moves import refuse_beyond_limits
 from drivers.cia402.sdo import SdoRefusedError
 from drivers.cia402.winch import STANDSTILL, Cia402Winch
 from drivers.cia402.words import Mode, controlword, mode_name
@@ -29,29 +30,24 @@ async def switch_mode(winch: Cia402Winch, mode: Mode) -> None:
     """
     drive, link, device = winch.drive, winch.link, winch.config.device
     winch.free()
-    if not await link.sdo.read(0x6502) >> (mode - 1) & 1:
+    if link.able.has(0x6502) and not await link.sdo.read(0x6502) >> (mode - 1) & 1:
         raise DeviceError(device, f"does not have the mode {mode_name(mode)} (6502).")
     order = drive.begin()
-    await drive.stand_still(order, STANDSTILL * winch.config.drive_speed(winch.config.max_speed), _STILL_WITHIN)
-    values = drive.healthy()
-    before, link.mode = link.mode, mode
-    drive.target = values.position
-    word = controlword(Command.ENABLE_OPERATION, halt=True) if _has_power(winch) else 0
-    try:
-        drive.send(order, word)
-        await drive.display(order, mode)
-    except DeviceError:
-        link.mode = before
-        raise
+    await drive.stand_still(order, winch.config.drive_velocity(STANDSTILL * winch.config.max_speed), _STILL_WITHIN)
+    drive.target = drive.healthy().position
+    await drive.choose(order, controlword(Command.ENABLE_OPERATION, halt=True) if _has_power(winch) else 0, mode)
 
 
 async def jog(winch: Cia402Winch, speed: float, seconds: float) -> None:
     """Turn an enabled winch at `speed` (m/s of cable, positive pays out) for some seconds, in profile velocity mode.
 
-    Stops whatever happens, and at the drive's position limits. Raises RefusedError beyond the winch's speed or for
-    longer than LONGEST_JOG, DeviceError as `switch_mode`.
+    Stops whatever happens, and at the drive's position limits. Raises RefusedError beyond the winch's speed, for longer
+    than LONGEST_JOG, or out of the length limits where the drive has none; DeviceError as `switch_mode`.
     """
     config, sdo = winch.config, winch.link.sdo
+    sample = winch.latest()
+    if sample is not None and not winch.link.able.can_write(0x607D, 1):
+        refuse_beyond_limits(config, sample.length + speed * seconds, abs(speed), config.max_acceleration)
     if not 0.0 < abs(speed) <= config.max_speed or not 0.0 < seconds <= LONGEST_JOG:
         raise RefusedError(
             f"{config.device} refuses to jog at {speed:g} m/s for {seconds:g} s; allowed is up to "

@@ -28,11 +28,11 @@ def refuse_beyond_limits(config: WinchConfig, length: float, speed: float, accel
 
 def profile(config: WinchConfig, speed: float, acceleration: float) -> tuple[Setting, ...]:
     """Speed (m/s) and acceleration (m/s²) of one move."""
-    ramp = config.drive_speed(acceleration)
+    ramp = config.drive_acceleration(acceleration)
     return (
-        Setting(0x6081, 0, config.drive_speed(speed), f"profile velocity, {config.family.speed}"),
-        Setting(0x6083, 0, ramp, f"profile acceleration, {config.family.speed} in a second"),
-        Setting(0x6084, 0, ramp, f"profile deceleration, {config.family.speed} in a second"),
+        Setting(0x6081, 0, config.drive_speed(speed), "profile velocity"),
+        Setting(0x6083, 0, ramp, "profile acceleration"),
+        Setting(0x6084, 0, ramp, "profile deceleration"),
     )
 
 
@@ -62,7 +62,7 @@ def make_sample(
         t=values.t,
         state=state,
         length=scale.length(values.position),
-        velocity=scale.velocity(values.velocity * config.counts_per_speed),
+        velocity=config.cable_speed(values.velocity),
         current=config.ampere_per_mille * (-config.direction * values.current) + config.current_offset,
         target_reached=bool(values.statusword & TARGET_REACHED),
         fault=beside.fault,

@@ -8,10 +8,11 @@ from collections import deque
 from dataclasses import dataclass
 
 from drivers.canbus.transport import CanFrame, CanTransport
+from drivers.cia402.abilities import Abilities
 from drivers.cia402.emcy import Emergency, decode_emergency
 from drivers.cia402.last_motion import LastMotion
 from drivers.cia402.nmt import Heartbeat, NmtCommand, NmtState, decode_heartbeat, nmt_frame
-from drivers.cia402.pdo import RPDO, TARGET_RPDO, TPDOS, DriveValues, SampleDecoder
+from drivers.cia402.pdo import DriveValues, SampleDecoder
 from drivers.cia402.sdo import SdoChannel
 from drivers.cia402.strangers import TwinWatch
 from drivers.cia402.sync import SyncAnswers, SyncTimes
@@ -21,6 +22,10 @@ _CONTROLWORD_MULTIPLEXER = bytes((0x40, 0x60, 0x00))
 _WRITE_TWO_BYTES = 0x2B
 _KEPT_EMERGENCIES = 64
 _MISSED_HEARTBEATS = 3.0
+_SAMPLED_LATELY = 0.1
+"""s"""
+HEARTBEAT = (0x1017, 0)
+"""where a drive is told to send its heartbeat"""
 
 
 @dataclass
@@ -41,11 +46,21 @@ class NodeLink:
     """The bus side of one drive."""
 
     def __init__(
-        self, node_id: int, transport: CanTransport, sdo: SdoChannel, sync: SyncTimes, heartbeat_period: float
+        self,
+        node_id: int,
+        transport: CanTransport,
+        sdo: SdoChannel,
+        sync: SyncTimes,
+        heartbeat_period: float,
+        able: Abilities,
     ) -> None:
         """`heartbeat_period` (s) is what the drive is told to keep."""
         self.node_id = node_id
         self.sdo = sdo
+        self.able = able
+        """what this drive can do"""
+        self.layout = able.layout
+        """its PDOs"""
         self.values: DriveValues | None = None
         self.heartbeat: Heartbeat | None = None
         self.emergencies: deque[Emergency] = deque(maxlen=_KEPT_EMERGENCIES)
@@ -56,17 +71,19 @@ class NodeLink:
         self.counters = NodeCounters()
         self.twins = TwinWatch()
         """whether another node has the same id"""
-        self.decoder = SampleDecoder(TPDOS)
+        self.decoder = SampleDecoder(self.layout.tpdos)
         self.motion: LastMotion | None = None
         """which way the drum turned last, where somebody wants to know"""
         self.brought_up = False
         self._restarted = False
         self._transport = transport
-        self.answers = SyncAnswers(sync, len(TPDOS))
+        self.answers = SyncAnswers(sync, len(self.layout.tpdos))
         """which SYNC a TPDO belongs to"""
+        self._sync = sync
         self._whole = 0
+        self._mapped_otherwise = 0
+        """TPDOs of a wrong length before the bring-up"""
         self._heartbeat_period = heartbeat_period
-        self._rpdo = RPDO.format
         self.mode = Mode.PROFILE_POSITION
         """that RPDOs ask for, and that commands expect to be displayed"""
         self.target = 0
@@ -132,7 +149,9 @@ class NodeLink:
         """
         if self.brought_up and self.nmt_state is NmtState.OPERATIONAL:
             self.target = target
-            self._transport.send(RPDO.cob_id(self.node_id), self._rpdo.pack(word, self.mode, target))
+            rpdo = self.layout.rpdo
+            values = {"CONTROLWORD": word, "MODE": self.mode, "TARGET_POSITION": target}
+            self._transport.send(rpdo.cob_id(self.node_id), rpdo.format.pack(*(values[e.name] for e in rpdo.entries)))
         else:
             data = bytes((_WRITE_TWO_BYTES,)) + _CONTROLWORD_MULTIPLEXER + struct.pack("<Hxx", word)
             self.twins.asked()
@@ -141,14 +160,18 @@ class NodeLink:
     def send_target(self, target: int) -> None:
         """One frame with the position (counts, 32 bits) that is taken at the next SYNC."""
         self.target = target
-        self._transport.send(TARGET_RPDO.cob_id(self.node_id), TARGET_RPDO.format.pack(target))
+        if (pdo := self.layout.target) is not None:
+            self._transport.send(pdo.cob_id(self.node_id), pdo.format.pack(target))
 
     # what is known --------------------------------------------------------------------------------------------------
 
     @property
     def nmt_state(self) -> NmtState | None:
-        """As the last heartbeat said; its age is not looked at."""
-        return None if self.heartbeat is None else self.heartbeat.state
+        """As the last heartbeat said, whose age is not looked at; of a drive without, as its samples show."""
+        if self.able.can_write(*HEARTBEAT):
+            return None if self.heartbeat is None else self.heartbeat.state
+        sampled = self.values is not None and self._sync.current - self.values.t <= _SAMPLED_LATELY
+        return NmtState.OPERATIONAL if sampled else None
 
     def forget(self) -> None:
         """Before a bring-up: what was latched belongs to the past; the history stays."""
@@ -157,6 +180,7 @@ class NodeLink:
         self.latched = self.withdrawn = None
         self.twins.forget()
         self.values = None
+        self._mapped_otherwise = self.decoder.malformed
         self.answers.restart()
 
     def count_missing(self) -> None:
@@ -182,6 +206,10 @@ class NodeLink:
     def _network_faults(self, now: float) -> list[str]:
         if self._restarted:
             return ["the drive restarted by itself (power cut?) and must be configured again"]
+        if wrong := self.decoder.malformed - self._mapped_otherwise:
+            return [f"{wrong} TPDOs had a wrong length: its mapping has changed (restarted?), configure it again"]
+        if not self.able.can_write(*HEARTBEAT):
+            return []
         heartbeat = self.heartbeat
         age = float("inf") if heartbeat is None else now - heartbeat.t
         if heartbeat is None or age > _MISSED_HEARTBEATS * self._heartbeat_period:

@@ -4,6 +4,7 @@ The layout is a value, compared with the drive's own mapping in entries and bits
 frame can then be taken apart with `struct` alone.
 """
 
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -69,6 +70,8 @@ class PdoMap:
     entries: tuple[Entry | VendorEntry, ...]
     transmission: int
     """1: at every SYNC; 255: at once"""
+    type_fixed: bool = False
+    """the drive has this transmission type already, and does not let it be written"""
 
     @property
     def format(self) -> struct.Struct:
@@ -102,8 +105,6 @@ TPDOS = (
 )
 """Sampled at every SYNC."""
 
-TORQUE_TPDOS = (TPDOS[0], PdoMap(2, transmit=True, entries=(Entry.VELOCITY, Entry.TORQUE), transmission=1))
-"""Likewise, for drives that tell torque (6077) and no current; the decoder takes its per mille for the current's."""
 
 COB_OFF = 1 << 31
 NO_REMOTE = 1 << 30
@@ -130,7 +131,7 @@ def mapping_writes(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
         ObjectValue(pdo.mapping_index, 0, 0),
         *entries,
         ObjectValue(pdo.mapping_index, 0, len(entries)),
-        ObjectValue(pdo.communication_index, 2, pdo.transmission),
+        *(() if pdo.type_fixed else (ObjectValue(pdo.communication_index, 2, pdo.transmission),)),
         ObjectValue(pdo.communication_index, 1, cob | on_flags),
     )
 
@@ -158,12 +159,17 @@ class DriveValues:
     mode: int
     velocity: int
     """counts/s"""
-    current: int
-    """per mille of rated current, or of rated torque where the drive tells that"""
+    current: float
+    """per mille of rated current, of rated torque, or digits of a vendor object; NaN where the drive tells no load"""
 
 
-_SAMPLED = (Entry.STATUSWORD, Entry.POSITION, Entry.MODE_DISPLAY, Entry.VELOCITY, Entry.CURRENT)
-_Numbers = tuple[int, ...]
+_Numbers = tuple[float, ...]
+
+
+_SAMPLED = (Entry.STATUSWORD, Entry.POSITION, Entry.VELOCITY)
+_TOLD = (*(entry.name for entry in _SAMPLED), Entry.MODE_DISPLAY.name)
+"""what else a TPDO carries is the load"""
+_values = cast(Callable[..., DriveValues], DriveValues)
 
 
 class SampleDecoder:
@@ -173,13 +179,17 @@ class SampleDecoder:
     """
 
     def __init__(self, tpdos: tuple[PdoMap, ...] = TPDOS) -> None:
-        """Raises OurBugError where the layout leaves out one of the sampled values."""
-        order = [entry for pdo in tpdos for entry in pdo.entries]
-        missing = [entry.name for entry in _SAMPLED if entry not in order]
-        if missing:
+        """Raises OurBugError where the layout leaves out statusword, position or velocity."""
+        order = [entry.name for pdo in tpdos for entry in pdo.entries]
+        if missing := [entry.name for entry in _SAMPLED if entry.name not in order]:
             raise OurBugError(f"The TPDO layout leaves out {', '.join(missing)}.")
+        load = next((n for n, name in enumerate(order) if name not in _TOLD), len(order) + 1)
+        mode = order.index(Entry.MODE_DISPLAY.name) if Entry.MODE_DISPLAY.name in order else len(order)
+        state, place, speed = (order.index(entry.name) for entry in _SAMPLED)
+        self.displayed = 0
+        """the mode (6061) where no TPDO carries it: as it was read last"""
         self._formats = tuple(pdo.format for pdo in tpdos)
-        self._pick = cast(Callable[[_Numbers], _Numbers], itemgetter(*(order.index(entry) for entry in _SAMPLED)))
+        self._pick = cast(Callable[[_Numbers], _Numbers], itemgetter(state, place, mode, speed, load))
         self._parts: list[_Numbers | None] = [None] * len(tpdos)
         self._t = float("nan")
         self.received = 0
@@ -211,7 +221,7 @@ class SampleDecoder:
                 return None
             merged += have
         self.received += 1
-        return DriveValues(t, *self._pick(merged))
+        return _values(t, *self._pick((*merged, self.displayed, math.nan)))
 
     def _start(self, t: float) -> None:
         present = sum(part is not None for part in self._parts)

@@ -77,18 +77,33 @@ _MUST, _PROVEN, _GOOD = Grade.MUST, Grade.PROVEN, Grade.GOOD
 REQUIREMENTS: tuple[Requirement, ...] = (
     Requirement("state machine", _MUST, (("6040:0", "6041:0"),)),
     Requirement("position actual value", _MUST, (("6064:0",),)),
-    Requirement("position command", _MUST, (("6060:0", "607A:0"),)),
+    Requirement("position command", _MUST, (("6060:0", "6061:0", "607A:0"),)),
+    Requirement("samples at each SYNC", _MUST, ()),
     Requirement(
         "reaction to a lost host",
         _PROVEN,
         (("1016:1", "6007:0"),),
         trials=(Trial.LOST_HEARTBEAT, Trial.LOST_SYNC),
     ),
-    Requirement("quick-stop reaction", _PROVEN, (("605A:0",),), trials=(Trial.QUICK_STOP,)),
+    Requirement("quick-stop reaction", _PROVEN, (("605A:0", "6085:0"),), trials=(Trial.QUICK_STOP,)),
     Requirement("halt reaction", _PROVEN, (("605D:0",),), trials=(Trial.HALT,)),
     Requirement("fault reaction", _PROVEN, (("605E:0",),), trials=(Trial.FOLLOWING_ERROR,)),
     Requirement("following-error limit", _PROVEN, (("6065:0",),), trials=(Trial.FOLLOWING_ERROR,)),
+    Requirement("position limits", _GOOD, (("607D:1", "607D:2"),), "each target is checked; smaller allowed area"),
+    Requirement("speed limit", _GOOD, (("607F:0",),), "each move's speed is checked, and the motion guard watches it"),
+    Requirement("current limit", _GOOD, (("6073:0",), ("6072:0",)), "the tension guard stops"),
+    Requirement("deceleration of its own", _GOOD, (("6084:0",),), "6083 is for both ramps"),
+    Requirement("following-error time", _GOOD, (("6066:0",),), "the drive's own"),
+    Requirement("communication error", _GOOD, (("1029:1",),), "the drive's own; samples that stop are seen"),
+    Requirement("load told", _GOOD, (), "load cells; without them the tension guard refuses the run"),
+    Requirement("heartbeat of the drive", _GOOD, (("1017:0",),), "its samples at each SYNC show that it lives"),
+    Requirement("following error told", _GOOD, (("60F4:0",),), "the motion guard compares encoder and command"),
+    Requirement("rated current", _GOOD, (("6075:0",),), "the rig file's word is taken"),
+    Requirement("supported modes", _GOOD, (("6502:0",),), "the displayed mode (6061) counts"),
+    Requirement("serial number", _GOOD, (("1018:4",),), "the first jog shows drives that changed places"),
+    Requirement("jerk limit", _GOOD, (("60A4:1",), ("6086:0",)), "ramps are trapezoids"),
 )
+"""6502 and all other values are compared with the drive where they are there; `grading` grades one drive"""
 
 
 @dataclass(frozen=True)
@@ -98,7 +113,8 @@ class Graded:
     requirement: Requirement
     met: Met
     found: str
-    """in words: objects, the trial, or what takes their place"""
+    """objects that are there or not, the trial, or both"""
+    proof: Proof | None = None
 
     @property
     def refused(self) -> bool:

@@ -72,8 +72,12 @@ def identity(config: WinchConfig, eds_identity: tuple[int, int]) -> tuple[Settin
     bit = 1 << (config.mode - 1)
     meaning = f"{config.mode.name.lower().replace('_', ' ')} mode supported"
     wanted.append(Setting(0x6502, 0, bit, meaning, write=False, mask=bit))
-    milliamperes = round(config.rated_current * 1000)
-    wanted.append(Setting(0x6075, 0, milliamperes, "rated current, mA", write=False))
+    own = config.family.rated_current
+    if own is None:
+        wanted.append(Setting(0x6075, 0, round(config.rated_current * 1000), "rated current, mA", write=False))
+    else:
+        digits = round(config.rated_current / own.ampere)
+        wanted.append(Setting(own.index, own.sub, digits, "rated current, vendor object", write=False))
     if config.rated_torque is not None:
         wanted.append(Setting(0x6076, 0, round(config.rated_torque * 1000), "rated torque, mN m", write=False))
     return _as_family_has_it(config, wanted)
@@ -84,7 +88,7 @@ def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
     scale, stop = config.scale, config.stop
     low, high = sorted(scale.count(length) for length in config.length_limits)
     per_mille = round(1000 * config.current_limit / config.rated_current)
-    acceleration = config.drive_speed(config.max_acceleration)
+    acceleration = config.drive_acceleration(config.max_acceleration)
     wanted = (
         Setting(0x1017, 0, _milliseconds(config.heartbeat), "heartbeat of the drive, ms"),
         Setting(0x1016, 1, host_id << 16 | _milliseconds(config.host_timeout), "watch of the host's heartbeat"),
@@ -102,7 +106,7 @@ def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
         Setting(0x607F, 0, config.drive_speed(config.max_speed), "highest profile velocity"),
         Setting(0x6083, 0, acceleration, "profile acceleration"),
         Setting(0x6084, 0, acceleration, "profile deceleration"),
-        Setting(0x6085, 0, config.drive_speed(config.quick_stop_deceleration), "quick stop deceleration"),
+        Setting(0x6085, 0, config.drive_acceleration(config.quick_stop_deceleration), "quick stop deceleration"),
     )
     return _as_family_has_it(config, (*wanted, *_current_limit(config)))
 

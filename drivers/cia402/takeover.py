@@ -10,7 +10,7 @@ is refused: that takes a person, who secures the load and takes the power away (
 from collections.abc import Iterable
 
 from drivers.canbus.transport import CanFrame, CanTransport
-from drivers.cia402.bringup import bring_up, start_sampling
+from drivers.cia402.bringup import OF_A_MOVE, BroughtUp, bring_up, graded, refuse_grades, start_sampling
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.inspection import Inspected, Standing, inspect
 from drivers.cia402.machine import Command, state_of
@@ -29,12 +29,10 @@ _STANDSTILL = 0.005
 """of the highest speed"""
 _JUDGED_ELSEWHERE = ("6041:0", "1001:0")
 """state and error register: what they are is why we are here"""
-_OF_THE_LAST_MOVE = ("6083:0", "6084:0")
-"""ramps that each move sets anew, so that they are not as bring-up wrote them"""
 _MOVES = (DriveState.OPERATION_ENABLED, DriveState.FAULT_REACTION)
 
 
-async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> tuple[Check, ...]:
+async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> BroughtUp:
     """What `bring_up` establishes, for a drive in whatever state; a load that it holds is held all the while.
 
     `master.run()` must be running. A drive without power (also one whose 605A takes it away after a quick stop) is
@@ -48,7 +46,7 @@ async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) 
     mode = await link.sdo.read(0x6061)
     wanted = link.mode = config.mode
     checks.append(Check("6061:0", "mode of operation", mode_name(wanted), mode_name(mode), ok=mode == wanted))
-    for setting in interpolation(config, master.period):
+    for setting in link.able.fitting(interpolation(config, master.period)):
         found = await link.sdo.read(setting.index, setting.sub)
         checks.append(Check(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found)))
     if wrong := [str(check) for check in checks if not check.ok]:
@@ -57,8 +55,11 @@ async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) 
             f"{NOT_TAKEN_OVER}: " + "; ".join(wrong) + ".",
             hint="Secure the load, then: fidim power-off RIG.",
         )
+    grades = await graded(link, config)
+    refuse_grades(config, grades)
+    link.decoder.displayed = mode
     await start_sampling(master, link, config)
-    return tuple(checks)
+    return BroughtUp(tuple(checks), grades)
 
 
 async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState:
@@ -68,7 +69,7 @@ async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState
         link.send_controlword(controlword(Command.QUICK_STOP), 0)
     elif state is DriveState.SWITCHED_ON:  # on its way to be enabled: the motor does not hold anything yet
         link.send_controlword(controlword(Command.DISABLE_VOLTAGE), 0)
-    slowest = _STANDSTILL * config.drive_speed(config.max_speed)
+    slowest = config.drive_velocity(_STANDSTILL * config.max_speed)
     deadline = clock.now() + config.step_timeout + config.max_speed / config.quick_stop_deceleration
     while True:
         state, speed = state_of(await link.sdo.read(0x6041)), abs(await link.sdo.read(0x606C))
@@ -86,7 +87,7 @@ def _counts(found: Inspected) -> bool:
 
 
 def _check(found: Inspected) -> Check:
-    written = found.standing is Standing.TO_BE_WRITTEN and found.object in _OF_THE_LAST_MOVE
+    written = found.standing is Standing.TO_BE_WRITTEN and found.object in OF_A_MOVE
     return Check(found.object, found.meaning, found.wanted, found.found, ok=written or found.standing is Standing.HOLDS)
 
 

@@ -6,7 +6,7 @@ overtake whatever is in progress: a move that was waiting ends with an error and
 
 from dataclasses import replace
 
-from drivers.cia402.bringup import bring_up
+from drivers.cia402.bringup import bring_up, forgotten
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.drive import Drive
 from drivers.cia402.health import HealthPoll
@@ -17,6 +17,7 @@ from drivers.cia402.moves import Beside, make_sample, profile, refuse_beyond_lim
 from drivers.cia402.nmt import NmtCommand
 from drivers.cia402.node import NodeLink
 from drivers.cia402.pdo import DriveValues
+from drivers.cia402.requirements import Graded
 from drivers.cia402.scale import LengthScale
 from drivers.cia402.settings import Check
 from drivers.cia402.takeover import take_over
@@ -43,6 +44,8 @@ class Cia402Winch:
         self.config = config
         self.checks: tuple[Check, ...] = ()
         """of the last bring-up that succeeded: wanted and found"""
+        self.grades: tuple[Graded, ...] = ()
+        """likewise: how the drive meets each requirement"""
         self._master = master
         self._configure = take_over if takes_over else bring_up
         self._scale: LengthScale = config.scale
@@ -86,7 +89,8 @@ class Cia402Winch:
         self._drive.begin()
         self._prepared = self._commanded = None
         self._forced = False
-        self.checks = await self._configure(self._master, self.link, self.config)
+        found = await self._configure(self._master, self.link, self.config)
+        self.checks, self.grades = found.checks, found.grades
 
     async def set_length(self, length: float) -> None:
         """The cable is `length` (m) long where the encoder stands now. Configure anew before power: limits go by it.
@@ -106,12 +110,19 @@ class Cia402Winch:
             await self.hold()
             return
         order = self._drive.begin()
+        if lost := await forgotten(self.link, self.config, self._master.host_id):
+            raise DeviceError(
+                self.config.device,
+                f"has forgotten its settings, so that it must have restarted: {'; '.join(lost)}.",
+                hint="Configure it again.",
+            )
         self.stands()
         await self._drive.walk_to_operation(order)
         await self._take_over(order)
 
     async def _take_over(self, order: int) -> None:
         """Enabled and halted: from now on the drive stands by a set-point of ours."""
+        await self._drive.clear_acknowledgement(order)
         await self._drive.take_set_point(order, self._drive.healthy().position, self.stands)
 
     async def prepare(self, speed: float, acceleration: float) -> None:
@@ -122,7 +133,7 @@ class Cia402Winch:
         """
         refuse_beyond_limits(self.config, self.config.length_limits[0], speed, acceleration)
         self._prepared = None
-        for setting in profile(self.config, speed, acceleration):
+        for setting in self.link.able.fitting(profile(self.config, speed, acceleration)):
             await self.link.sdo.write_verified(setting.index, setting.sub, setting.wanted)
         self._ramp = acceleration
         self._prepared = (speed, acceleration)
@@ -156,7 +167,7 @@ class Cia402Winch:
             self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
             self._stops(self._ramp)
         speed = abs(self.config.cable_speed(values.velocity))
-        slowest = STANDSTILL * self.config.drive_speed(self.config.max_speed)
+        slowest = self.config.drive_velocity(STANDSTILL * self.config.max_speed)
         await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
         self.stands()
 

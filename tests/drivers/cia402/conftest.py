@@ -64,6 +64,8 @@ class PlainDrive:
     drops_tpdo: int = -1
     stubborn_mode: bool = False
     host_t: float | None = None
+    acknowledges_early: bool = False
+    """bit 12 is high from the moment it is enabled until the end of its first handshake"""
 
     def get(self, index: int, sub: int = 0) -> int:
         return self.objects[index, sub][0]
@@ -154,7 +156,10 @@ class PlainDrive:
         if self.state == "enabled":
             if word & 0x10 and not before & 0x10:
                 self.goal = self.get(0x607A)
-            self.flags = self.flags | 0x1000 if word & 0x10 else self.flags & ~0x1000
+            ended = before & 0x10 and not word & 0x10
+            self.acknowledges_early = self.acknowledges_early and not ended
+            early = self.acknowledges_early
+            self.flags = self.flags | 0x1000 if word & 0x10 or early else self.flags & ~0x1000
 
     def _statusword(self) -> int:
         reached = self.goal is None or self.goal == self.get(0x6064)

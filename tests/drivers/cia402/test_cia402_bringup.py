@@ -1,8 +1,11 @@
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from drivers.cia402.family import DriveFamily
+from drivers.cia402.requirements import Met, Proof, Trial
 from fidim_lab.errors import DeviceError
 
 OnBench = Callable[..., None]
@@ -112,10 +115,88 @@ def test_a_mapping_that_is_refused(on_bench: OnBench) -> None:
 def test_a_mode_that_is_not_taken_is_refused(on_bench: OnBench) -> None:
     async def script(bench: Any) -> None:
         bench.drive.stubborn_mode = True
-        with pytest.raises(DeviceError, match=r"6061:0 mode of operation: none \(0\) found, profile position \(1\)"):
+        bench.drive.put(0x6061, 3)
+        with pytest.raises(DeviceError, match=r"6061:0 mode of operation: profile velocity \(3\) found, profile pos"):
             await bench.winch.configure()
 
     on_bench(script)
+
+
+def test_a_mode_that_is_displayed_only_with_power(on_bench: OnBench) -> None:
+    async def script(bench: Any) -> None:
+        bench.drive.stubborn_mode = True
+        await bench.winch.configure()
+        assert any(check.found == "none (0) until it is enabled" for check in bench.winch.checks)
+        begun = bench.master.clock.now()
+        with pytest.raises(DeviceError, match=r"profile position \(1\) displayed \(6061\) expected within 0.05 s"):
+            await bench.winch.enable()
+        assert bench.drive.state == "disabled", "a drive with power in no mode may let its load go"
+        assert bench.master.clock.now() - begun < 0.15
+
+    on_bench(script)
+
+
+def test_a_drive_that_has_restarted_unheard_gets_no_power(on_bench: OnBench) -> None:
+    async def script(bench: Any) -> None:
+        await bench.enabled()
+        bench.drive.state = "disabled"
+        bench.drive.put(0x1016, 0, 1)
+        await bench.cycles(3)
+        with pytest.raises(DeviceError, match=r"forgotten its settings.*1016:1 watch of the host's heartbeat: 0 found"):
+            await bench.winch.enable()
+        assert bench.drive.state == "disabled"
+
+    on_bench(script)
+
+
+def test_an_acknowledgement_that_is_high_from_the_beginning(on_bench: OnBench) -> None:
+    async def script(bench: Any) -> None:
+        await bench.winch.configure()
+        bench.drive.acknowledges_early = True
+        await bench.winch.enable()
+        await bench.winch.move_to(1.2, 0.4, 1.0)
+        assert bench.drive.goal == round(0.2 * 20000 / (2 * 3.141592653589793 * 0.03))
+
+    on_bench(script)
+
+
+def test_an_object_that_a_family_lacks_is_not_asked_for_in_moves(on_bench: OnBench) -> None:
+    async def script(bench: Any) -> None:
+        bench.drive.refuses = {(0x6084, 0): 0x06020000}
+        await bench.enabled()
+        await bench.winch.move_to(1.2, 0.4, 1.0)
+        line = next(line for line in bench.winch.grades if line.requirement.key == "deceleration of its own")
+        assert (line.met, line.found) == (Met.HOST, "no 6084:0")
+
+    on_bench(script, family=DriveFamily(absent={"6084:0": "by its EDS file"}))
+
+
+LACKS = {"6007:0": "reaction to a lost host", "605A:0": "quick-stop reaction", "605E:0": "fault reaction"} | {
+    "605D:0": "halt reaction",
+    "6065:0": "following-error limit",
+}
+
+
+@pytest.mark.parametrize("lacking", LACKS)
+def test_what_cannot_be_configured_must_be_proven_by_trial(on_bench: OnBench, lacking: str) -> None:
+    index = int(lacking[:4], 16)
+    family = DriveFamily(absent={lacking: "for this test"})
+
+    async def refused(bench: Any) -> None:
+        bench.drive.refuses = {(index, 0): 0x06020000}
+        with pytest.raises(DeviceError, match=rf"neither configured nor proven .*{LACKS[lacking]} \(no {lacking}\)"):
+            await bench.winch.configure()
+        assert bench.drive.get(0x6085) == 0, "nothing is written"
+
+    async def accepted(bench: Any) -> None:
+        bench.drive.refuses = {(index, 0): 0x06020000}
+        await bench.enabled()
+
+    proofs = tuple(Proof(trial, 99, 0.02, 0.1, 1e-4, "A. Name", "2026-11-25") for trial in Trial)
+    on_bench(refused, family=family)
+    on_bench(refused, family=family, proofs=tuple(replace(proof, serial_number=98) for proof in proofs))
+    on_bench(accepted, family=family, proofs=proofs)
+    on_bench(accepted, family=family, on_trial=True)
 
 
 @pytest.mark.parametrize("state", ["on", "enabled", "quick stop"])

@@ -166,7 +166,10 @@ def test_what_a_generated_file_says_is_understood(on_bench, eds):
 def test_what_it_lacks_is_named_before_there_is_power(on_bench, eds):
     async def script(bench: Any) -> None:
         bench.drive.put(0x1018, 0x555, 1)
-        with pytest.raises(DeviceError, match=r"object 1005:0 is not in the EDS file.*Use the EDS file of this drive"):
+        with pytest.raises(
+            DeviceError,
+            match=r"position actual value: no 6064:0.*halt reaction.*Use the EDS file",
+        ):
             await bench.winch.configure()
         assert bench.drive.controlwords == []
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.cia402.bringup import used_pdos
+from drivers.cia402.abilities import used_pdos
 from drivers.cia402.config import GENERIC_EDS, Load, WinchConfig
-from drivers.cia402.family import FOLDER, GENERIC_FAMILY, NEVER_ABSENT, built_in, family_path, read_family
+from drivers.cia402.family import FOLDER, GENERIC_FAMILY, built_in, family_path, read_family
 from drivers.cia402.moves import Beside, make_sample, profile
 from drivers.cia402.pdo import DriveValues
 from drivers.cia402.settings import identity, limits
@@ -64,7 +64,6 @@ def test_epos2_speaks_of_rpm_and_milliamperes():
     assert objects["6083:0"] == 3000
     assert objects["6410:2"] == 6000
     assert not set(EPOS2.absent) & set(objects)
-    assert set(objects) >= NEVER_ABSENT
     mapped = [[f"{entry.mapping:08X}" for entry in pdo.entries] for pdo in used_pdos(config)]
     assert mapped[1] == ["606C0020", "20270010"]
     values = DriveValues(0.0, 0x27, 200_000, 1, -600, -1500)
@@ -91,7 +90,8 @@ WRONG = {
     "ampere": (f"{GOOD}load = {{ index = 0x2000, ampere = 0 }}", "load, ampere: 0; A for one digit"),
     "limit": (f"{GOOD}current_limit = 3", "current_limit: 3; a table"),
     "absent": (f'{GOOD}absent = {{ "6072:0" = "" }}', "with a text each"),
-    "never absent": (f'{GOOD}absent = {{ "605a:0" = "no need" }}', "absent, 605a:0: a drive without it cannot"),
+    "unit": (f"{GOOD}acceleration = {{ turns = 0 }}", "acceleration: {'turns': 0}; there are counts/s, rpm, or"),
+    "two units": (f"{GOOD}velocity = {{ turns = 1, counts = 1 }}", "velocity: {'turns': 1, 'counts': 1}; there are"),
     "no TOML": ("= 3", "is not TOML"),
 }
 
