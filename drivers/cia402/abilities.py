@@ -141,6 +141,8 @@ class _Record:
 
     pdo: PdoMap
     places: int
+    kinds: Mapping[int, bool]
+    """transmission types of ours that it takes, and whether each is fixed"""
     entries: list[Entry | VendorEntry]
 
     def takes(self, entry: Entry | VendorEntry) -> bool:
@@ -161,26 +163,30 @@ def _layout(registers: Mapping[tuple[int, int], Register], config: WinchConfig) 
         elif entry.name not in _OPTIONAL and entry is not told[-1]:  # the last is the load
             problems.append(f"no TPDO carries {_name(entry)}")
     tpdos = tuple(replace(r.pdo, entries=tuple(r.entries)) for r in records if r.entries)
-    rpdos = [_received(registers, pdo, problems) for pdo in wanted if not pdo.transmit]
+    free = _records(registers, RPDO)
+    rpdos = [_received(registers, free, pdo, problems) for pdo in wanted if not pdo.transmit]
     if problems:
         return Layout(TPDOS, RPDO, TARGET_RPDO if len(rpdos) > 1 else None, "; ".join(problems))
     return Layout(tpdos, rpdos[0], rpdos[1] if len(rpdos) > 1 else None)
 
 
-def _received(registers: Mapping[tuple[int, int], Register], wanted: PdoMap, problems: list[str]) -> PdoMap:
-    """An RPDO with all its entries, or without the mode."""
-    record = next((r for r in _records(registers, wanted) if r.pdo.number == wanted.number), None)
+def _received(
+    registers: Mapping[tuple[int, int], Register], free: list[_Record], wanted: PdoMap, problems: list[str]
+) -> PdoMap:
+    """An RPDO with all its entries, or without the mode; the record that it takes is no longer free."""
     entries = [_as_it_is(registers, entry) for entry in wanted.entries]
     lacking = [entry for entry in entries if not entry.code and entry.name not in _OPTIONAL]
     carried = [entry for entry in entries if entry.code]
-    if record is not None and len(carried) > record.places:
-        carried = [entry for entry in carried if entry.name not in _OPTIONAL]
-    if record is None or len(carried) > record.places:
-        problems.append(f"RPDO {wanted.number} cannot be mapped freely")
-        return wanted
     if lacking:
         problems.append(f"no RPDO carries {', '.join(map(_name, lacking))}")
-    return replace(record.pdo, entries=tuple(carried))
+    for chosen in (carried, [entry for entry in carried if entry.name not in _OPTIONAL]):
+        for record in free:
+            kind = record.kinds.get(wanted.transmission)
+            if kind is not None and len(chosen) <= record.places:
+                free.remove(record)
+                return replace(record.pdo, entries=tuple(chosen), transmission=wanted.transmission, type_fixed=kind)
+    problems.append(f"no RPDO can be mapped with {', '.join(map(_name, carried))}")
+    return wanted
 
 
 def _as_it_is(registers: Mapping[tuple[int, int], Register], entry: Entry | VendorEntry) -> Entry | VendorEntry:
@@ -193,7 +199,7 @@ def _as_it_is(registers: Mapping[tuple[int, int], Register], entry: Entry | Vend
 
 
 def _records(registers: Mapping[tuple[int, int], Register], like: PdoMap) -> list[_Record]:
-    """PDOs of this direction that can be mapped, and have or take the transmission type."""
+    """PDOs of this direction that can be mapped; TPDOs only where they are sent at each SYNC."""
     found: list[_Record] = []
     for number in range(1, _PDOS + 1):
         pdo = replace(like, number=number, entries=())
@@ -202,9 +208,11 @@ def _records(registers: Mapping[tuple[int, int], Register], like: PdoMap) -> lis
         places = [n for n in range(1, FRAME + 1) if _writable(registers.get((pdo.mapping_index, n)))]
         if not (_writable(count) and _writable(cob) and places):
             continue
-        if kind is None or not (_writable(kind) or kind.default == pdo.transmission):
+        fixed = not _writable(kind)
+        kinds = {t: fixed for t in (1, 255) if kind is not None and (not fixed or kind.default == t)}
+        if pdo.transmit and pdo.transmission not in kinds:
             continue
-        found.append(_Record(replace(pdo, type_fixed=not _writable(kind)), len(places), []))
+        found.append(_Record(replace(pdo, type_fixed=fixed), len(places), kinds, []))
     return found
 
 

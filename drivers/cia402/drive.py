@@ -21,6 +21,7 @@ _STILL_SAMPLES = 3
 _LONGEST_WALK = 8
 _SHOWN = 0.05
 """s with power in which a mode must be displayed; a brake takes longer to let go"""
+_TESTED = "the end of its self-test"
 _FAULTED = (DriveState.FAULT, DriveState.FAULT_REACTION)
 
 
@@ -108,6 +109,11 @@ class Drive:
             state = state_of(self.healthy().statusword)
             if state is goal:
                 return
+            if state is DriveState.NOT_READY:  # it has just been switched on
+                await self._expect(
+                    order, lambda v: state_of(v.statusword) is not DriveState.NOT_READY, _TESTED, in_mode=False
+                )
+                continue
             command = next_command(state, goal, quick_stop_holds=self._config.stop.holds_in_quick_stop)
             wanted = None if command is None else answer(state, command)
             if command is None or wanted is None:

@@ -8,6 +8,7 @@ from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.emergency import FOLLOWING_ERROR, HEARTBEAT_LOST, ErrorLog
 from sim_backends.drive.feedback import Feedback
 from sim_backends.drive.machine import State, commanded
+from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.other_modes import (
     CYCLIC_POSITION,
     HOMING,
@@ -40,13 +41,15 @@ class Axis:
     Not simulated: torque and velocity loops of their own, DC link, temperatures, limit switches.
     """
 
-    def __init__(self, dictionary: Dictionary, shaft: Shaft, errors: ErrorLog, position: float) -> None:
+    def __init__(
+        self, dictionary: Dictionary, shaft: Shaft, errors: ErrorLog, position: float, make: Make = PROFILE
+    ) -> None:
         self._number = dictionary.number
         self._errors = errors
-        self._positioner = Positioner(dictionary, shaft, position)
-        self.feedback = Feedback(dictionary, shaft, self._positioner)
+        self._positioner = Positioner(dictionary, shaft, position, make)
+        self.feedback = Feedback(dictionary, shaft, self._positioner, make)
         self._set_points = SetPoints(dictionary, self._positioner, self.feedback)
-        parts = (dictionary, self._positioner, self.feedback)
+        parts = (dictionary, self._positioner, self.feedback, make)
         self._modes: dict[int, MotionMode] = {
             PROFILE_VELOCITY: ProfileVelocity(*parts),
             HOMING: Homing(*parts),
@@ -139,7 +142,7 @@ class Axis:
 
     def abort_connection(self) -> None:
         """The host is gone: do what 6007 says."""
-        option = self._number(0x6007)
+        option = self._number(0x6007, default=1)
         if option == 1:
             self.fail(HEARTBEAT_LOST)
         elif option in (2, 3):

@@ -4,6 +4,7 @@ from sim_backends.drive.abort import Abort
 from sim_backends.drive.axis import MODES, Axis
 from sim_backends.drive.dictionary import Dictionary, Guard
 from sim_backends.drive.emergency import ErrorLog
+from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.other_modes import HOME_HERE
 
 _OPTIONS = {
@@ -20,7 +21,7 @@ _OPTIONS = {
 """option codes that this drive has; others are refused, as vendors do that support subsets"""
 
 
-def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog) -> None:
+def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog, make: Make = PROFILE) -> None:
     """Attach sources, guards and watchers; say in 6502 which modes there are."""
     dictionary.fix(0x6502, 0, sum(1 << mode - 1 for mode in MODES))
     feedback = axis.feedback
@@ -33,6 +34,9 @@ def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog) -> None:
     dictionary.attach(0x6074, source=feedback.current)
     dictionary.attach(0x6077, source=feedback.current)
     dictionary.attach(0x6078, source=feedback.current)
+    if (own := make.load) is not None and not isinstance(spec := dictionary.find(own.index, own.sub), Abort):
+        bits = 8 * (spec.size or 4)
+        dictionary.attach(own.index, own.sub, source=lambda: feedback.vendor_current(own.ampere, bits))
     dictionary.attach(0x60F4, source=feedback.lag)
     dictionary.attach(0x6040, watcher=lambda _subindex, word: axis.control(word))
     dictionary.attach(

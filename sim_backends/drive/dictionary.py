@@ -102,14 +102,15 @@ class Dictionary:
     def attach(
         self,
         index: int,
+        subindex: int = 0,
         *,
         source: Callable[[], int] | None = None,
         guard: Guard | None = None,
         watcher: Watcher | None = None,
     ) -> None:
-        """Give an index its source (of subindex 0), guard (all but subindex 0 of records too) and watcher."""
+        """Give an index its source (of one subindex), guard (all but subindex 0 of records too) and watcher."""
         if source is not None:
-            self._sources[index << 8] = source
+            self._sources[index << 8 | subindex] = source
         if guard is not None:
             self._guards[index] = guard
         if watcher is not None:

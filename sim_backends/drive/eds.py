@@ -1,6 +1,7 @@
 """An EDS file as object dictionary of a simulated drive (parsed by `canopen`, nothing else of which is used)."""
 
 import struct
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,24 +11,71 @@ from sim_backends.drive.dictionary import Dictionary, ObjectSpec, Value
 
 _CODES = {1: "?", 2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I", 8: "f", 0x11: "d", 0x15: "q", 0x1B: "Q"}
 """CiA 301 data types; every other type is kept as bytes"""
+_FIRST_OF_MAKER = 0x2000
+_PROFILE = 402
+_SERVO = 0x20192
+"""1000 of a servo drive"""
+_OFF = 1 << 31
+_FIRST_PDOS = {0x1400: 0x200, 0x1800: 0x180}
+"""identifiers of the predefined connection set: of the first PDO, 0x100 more of each next one"""
+_PREDEFINED = 4
+_STANDARD: Mapping[tuple[int, int], int] = {
+    **{(0x1005, 0): 0x80, (0x6007, 0): 1, (0x605A, 0): 2, (0x605B, 0): 0, (0x605C, 0): 1, (0x605D, 0): 1},
+    **{(0x605E, 0): 2, (0x6065, 0): 0xFFFFFFFF, (0x6072, 0): 1000, (0x6073, 0): 1000, (0x607F, 0): 0x7FFFFFFF},
+    **{(0x6081, 0): 1000, (0x6083, 0): 1000, (0x6085, 0): 10000, (0x60C2, 2): -3},
+}
+"""values of the standards, or ones with which a drive moves, where a file gives none"""
 
 
 def read_eds(path: Path, node_id: int) -> Dictionary:
     """The object dictionary in the EDS (or DCF) at `path`, its `$NODEID` resolved.
 
-    A DCF's ParameterValue wins over the EDS's DefaultValue. Raises FileError where the file cannot be read, is no EDS,
-    or gives a default that its type or range does not allow.
+    A DCF's ParameterValue wins over the EDS's DefaultValue. A real drive has a value in every object: where the file
+    gives none, it is the standard's, so that any file of a drive makes a node. Raises FileError where the file cannot
+    be read or is no EDS.
     """
     tree: Any = read_dictionary(path, node_id).dictionary
     variables: list[Any] = []
     for entry in tree.values():
         variables.extend(entry.values() if hasattr(entry, "values") else [entry])
-    return Dictionary(_spec(path, variable) for variable in variables)
+    given = {(int(v.index), int(v.subindex)): v.default if v.value is None else v.value for v in variables}
+    filled = _filled(given, node_id)
+    return Dictionary(_spec(path, variable, filled[variable.index, variable.subindex]) for variable in variables)
 
 
-def _spec(path: Path, variable: Any) -> ObjectSpec:
+def _filled(given: Mapping[tuple[int, int], Any], node_id: int) -> dict[tuple[int, int], Any]:
+    """What stands in each object at power-on."""
+    found = dict(given)
+    for key, value in given.items():
+        index, sub = key
+        if value is None:
+            found[key] = _STANDARD.get(key, value)
+            if sub == 0 and (index, 1) in given and not _is_mapping(index):
+                found[key] = _highest(given, index)
+        base = index & 0xFF00
+        if sub == 1 and base in _FIRST_PDOS and not value:
+            number = index - base
+            cob = _FIRST_PDOS[base] + 0x100 * number + node_id if number < _PREDEFINED else 0
+            found[key] = _OFF | cob
+    if (0x6040, 0) in given and int(found.get((0x1000, 0)) or 0) & 0xFFFF != _PROFILE:
+        found[0x1000, 0] = _SERVO
+    if not found.get((0x1014, 0), 1):
+        found[0x1014, 0] = 0x80 + node_id
+    return found
+
+
+def _is_mapping(index: int) -> bool:
+    return 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00 or index == 0x1003
+
+
+def _highest(keys: Iterable[tuple[int, int]], index: int) -> int:
+    return max(sub for at, sub in keys if at == index)
+
+
+def _spec(path: Path, variable: Any, value: Any) -> ObjectSpec:
     code = _CODES.get(variable.data_type, "")
     access = str(variable.access_type)
+    ranged = variable.index >= _FIRST_OF_MAKER  # ranges of communication objects are copied from elsewhere too often
     spec = ObjectSpec(
         index=int(variable.index),
         subindex=int(variable.subindex),
@@ -36,9 +84,9 @@ def _spec(path: Path, variable: Any) -> ObjectSpec:
         readable=access != "wo",
         writable=access not in ("ro", "const"),
         mappable=bool(variable.pdo_mappable),
-        low=variable.min,
-        high=variable.max,
-        default=_default(code, variable.default if variable.value is None else variable.value),
+        low=variable.min if ranged else None,
+        high=variable.max if ranged else None,
+        default=_default(code, value),
     )
     place = f"[{spec.index:04X}sub{spec.subindex:X}]"
     try:

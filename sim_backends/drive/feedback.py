@@ -3,6 +3,7 @@
 import math
 
 from sim_backends.drive.dictionary import Dictionary
+from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.positioner import Positioner
 from sim_backends.drive.profile import ShaftMotion
 from sim_backends.drive.shaft import Shaft
@@ -17,8 +18,9 @@ class Feedback:
     rated current. Without power there is none (the brake holds). Not simulated: speed ripple, dynamics of the sensors.
     """
 
-    def __init__(self, dictionary: Dictionary, shaft: Shaft, positioner: Positioner) -> None:
+    def __init__(self, dictionary: Dictionary, shaft: Shaft, positioner: Positioner, make: Make = PROFILE) -> None:
         self._number = dictionary.number
+        self._make = make
         self._shaft = shaft
         self._positioner = positioner
         self._strayed_since: float | None = None
@@ -57,15 +59,26 @@ class Feedback:
         return _wrap(self._positioner.demand(self.now).position + self.reference)
 
     def velocity(self) -> int:
-        """606C, counts/s."""
-        return _saturate(self.motion.velocity, 32)
+        """606C, counts/s or the maker's unit."""
+        return _saturate(self.motion.velocity / self._make.velocity, 32)
 
     def current(self) -> int:
         """6078 and 6077, per mille of the rated value."""
         if self.stuck_current is not None:
             return self.stuck_current
-        ampere = (self._shaft.load_current if self.powered else 0.0) + self.current_offset
-        return _saturate(1e6 * ampere / (self._number(0x6075) or 1000), 16)
+        return _saturate(1e3 * self._ampere() / self._rated(), 16)
+
+    def vendor_current(self, ampere: float, bits: int) -> int:
+        """The same in a maker's own object, of so many A for one digit."""
+        stuck = self.stuck_current
+        return _saturate((self._ampere() if stuck is None else 1e-3 * stuck * self._rated()) / ampere, bits)
+
+    def _ampere(self) -> float:
+        return (self._shaft.load_current if self.powered else 0.0) + self.current_offset
+
+    def _rated(self) -> float:
+        """A."""
+        return 1e-3 * self._number(0x6075) or self._make.rated_current
 
     def lag(self) -> int:
         """60F4, following error, counts."""
@@ -77,9 +90,12 @@ class Feedback:
 
     def lacking(self) -> float:
         """Sign of the torque that the load wants beyond 6073 or 6072; 0 where the motor can give it."""
-        limit = (
-            1e-6 * self._number(0x6075) * min(self._number(0x6073, default=1000), self._number(0x6072, default=1000))
-        )
+        own = self._make.current_limit
+        if own is not None:
+            limit = own.ampere * self._number(own.index, own.sub, default=0xFFFFFFFF)
+        else:
+            most = min(self._number(0x6073, default=0xFFFF), self._number(0x6072, default=0xFFFF))
+            limit = 1e-3 * self._rated() * most
         load = self._shaft.load_current
         return math.copysign(1.0, load) if abs(load) > limit else 0.0
 

@@ -13,6 +13,7 @@ from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.emergency import ErrorLog
 from sim_backends.drive.faults import DriveFaults
 from sim_backends.drive.machine import State
+from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.nmt import NmtState
 from sim_backends.drive.shaft import Shaft
 
@@ -32,7 +33,9 @@ class SimulatedDrive:
     `Positioner`, `Feedback`, `PdoUnit`, `SdoServer`).
     """
 
-    def __init__(self, node_id: int, od: Dictionary, shaft: Shaft, *, position: float = 0.0) -> None:
+    def __init__(
+        self, node_id: int, od: Dictionary, shaft: Shaft, *, position: float = 0.0, make: Make = PROFILE
+    ) -> None:
         """`od` as `read_eds(path, node_id)` gives it; `position`: where the shaft is at power-on, counts.
 
         Raises OurBugError for a node id outside 1…127.
@@ -42,9 +45,9 @@ class SimulatedDrive:
         self.node_id = node_id
         self.od = od
         errors = ErrorLog(od)
-        self._axis = Axis(od, shaft, errors, position)
+        self._axis = Axis(od, shaft, errors, position, make)
         self.faults = DriveFaults(od, errors, self._axis, self._disturbed)
-        connect(od, self._axis, errors)
+        connect(od, self._axis, errors, make)
         self._communication = Communication(node_id, od, self._axis, errors, self.faults)
         self._cycle = math.inf
         """when the next cycle is due, s; infinity while nothing moves"""

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.feedback import Feedback
+from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.positioner import Positioner
 
 PROFILE_VELOCITY, HOMING, CYCLIC_POSITION = 3, 6, 8
@@ -37,8 +38,11 @@ class MotionMode(Protocol):
 
 
 class _Mode:
-    def __init__(self, dictionary: Dictionary, positioner: Positioner, feedback: Feedback) -> None:
+    def __init__(
+        self, dictionary: Dictionary, positioner: Positioner, feedback: Feedback, make: Make = PROFILE
+    ) -> None:
         self._number = dictionary.number
+        self._make = make
         self._positioner = positioner
         self._feedback = feedback
 
@@ -71,13 +75,15 @@ class ProfileVelocity(_Mode):
         if wanted == 0:
             self._positioner.ramp_down(now, 0x6084)
         else:
-            self._positioner.run(now, self._limits()[wanted > 0], abs(wanted))
+            self._positioner.run(now, self._limits()[wanted > 0], abs(wanted) * self._make.speed)
 
     def bits(self) -> int:
         """10: at the target velocity; 12: stands."""
         velocity = self._feedback.motion.velocity
         wanted = 0 if self._halted else self._number(0x60FF)
-        return (_REACHED if abs(velocity - wanted) < 1.0 else 0) | (_BIT_12 if velocity == 0.0 else 0)
+        return (_REACHED if abs(velocity - wanted * self._make.speed) < 1.0 else 0) | (
+            _BIT_12 if velocity == 0.0 else 0
+        )
 
 
 class Homing(_Mode):

@@ -99,7 +99,7 @@ def _mapped(dictionary: Dictionary, mapping: int) -> list[ObjectSpec]:
     for subindex in range(1, dictionary.number(mapping, 0) + 1):
         entry = dictionary.number(mapping, subindex)
         spec = dictionary.find(entry >> 16, entry >> 8 & 0xFF)
-        if not isinstance(spec, Abort):
+        if not isinstance(spec, Abort) and spec.size is not None:
             specs.append(spec)
     return specs
 

@@ -6,6 +6,7 @@ Positions here are those of the shaft (counts, unquantised); `Feedback` turns th
 import math
 
 from sim_backends.drive.dictionary import Dictionary
+from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.profile import Profile, ShaftMotion, glide, standing, stop, trapezoid
 from sim_backends.drive.shaft import Shaft
 
@@ -20,8 +21,9 @@ class Positioner:
     current limit stands still until the load is less, then starts again from where it stands.
     """
 
-    def __init__(self, dictionary: Dictionary, shaft: Shaft, position: float) -> None:
+    def __init__(self, dictionary: Dictionary, shaft: Shaft, position: float, make: Make = PROFILE) -> None:
         self._dictionary = dictionary
+        self._make = make
         self._shaft = shaft
         self._demand = self._actual = standing(position)
         self._waiting: float | None = None
@@ -68,17 +70,15 @@ class Positioner:
     def resume(self, t: float) -> None:
         """Go to the target from wherever the shaft is, within 6081, 6083, 6084 and 607F, 60C5, 60C6."""
         number = self._dictionary.number
-        speed = min(number(0x6081), number(0x607F, default=0xFFFFFFFF))
-        acceleration = max(min(number(0x6083), number(0x60C5) or 0xFFFFFFFF), 1)
-        deceleration = max(min(number(0x6084), number(0x60C6) or 0xFFFFFFFF), 1)
+        speed = min(number(0x6081, default=1000), number(0x607F, default=0xFFFFFFFF)) * self._make.speed
+        acceleration, deceleration = self._ramp(0x6083, 0x60C5), self._ramp(0x6084, 0x60C6)
         self._positioning = True
         self._follow(t, trapezoid(t, self._actual.at(t), self.target, speed, acceleration, deceleration))
 
     def run(self, t: float, limit: float, speed: float) -> None:
         """Towards `limit` (counts) at `speed` (counts/s), at most 607F, and stop there: profile velocity mode."""
-        number = self._dictionary.number
-        fastest = min(speed, number(0x607F, default=0xFFFFFFFF))
-        acceleration, deceleration = max(number(0x6083), 1), max(number(0x6084), 1)
+        fastest = min(speed, self._dictionary.number(0x607F, default=0xFFFFFFFF) * self._make.speed)
+        acceleration, deceleration = self._ramp(0x6083), self._ramp(0x6084)
         self._positioning, self._waiting, self.target = False, None, limit
         self._follow(t, trapezoid(t, self._actual.at(t), limit, fastest, acceleration, deceleration))
 
@@ -86,13 +86,13 @@ class Positioner:
         """Straight to `target` (counts) within `period` (s), or as fast as 607F lets it: cyclic position mode."""
         self._positioning, self._waiting, self.target = False, None, target
         position = self._actual.at(t).position
-        fastest = max(self._dictionary.number(0x607F, default=0xFFFFFFFF), 1)
+        fastest = max(self._dictionary.number(0x607F, default=0xFFFFFFFF), 1) * self._make.speed
         self._follow(t, glide(t, position, target, max(period, abs(target - position) / fastest)))
 
     def ramp_down(self, t: float, deceleration_object: int, *, keep_target: bool = False) -> None:
         """Stop with the deceleration in that object; the target is kept for `resume`, or forgotten."""
         self._positioning = False
-        self._follow(t, stop(t, self._actual.at(t), max(self._dictionary.number(deceleration_object), 1)))
+        self._follow(t, stop(t, self._actual.at(t), self._ramp(deceleration_object)))
         if not keep_target:
             self._forget()
 
@@ -112,6 +112,14 @@ class Positioner:
         elif self._positioning and self._waiting is not None and t >= self._demand.end:
             self.target, self._waiting = self._waiting, None
             self.resume(t)
+
+    def _ramp(self, index: int, limit: int | None = None) -> float:
+        """counts/s² of a ramp; a drive without this object takes another of its ramps, a stop the profile's."""
+        number = self._dictionary.number
+        others = (0x6084, 0x6083) if index == 0x6085 else (0x6083,)
+        digits = next((found for at in (index, *others) if (found := number(at)) > 0), 1)
+        most = (number(limit) if limit else 0) or 0xFFFFFFFF
+        return min(digits, most) * self._make.acceleration
 
     def _braking(self, t: float) -> Profile:
         motion = self._actual.at(t)

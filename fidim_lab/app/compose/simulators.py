@@ -14,6 +14,7 @@ import numpy as np
 
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.config import GENERIC_EDS, WinchConfig
+from drivers.cia402.family import AmpereObject
 from drivers.clock import LoopClock
 from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.compose.simulated import GRAIN, simulated_world
@@ -29,7 +30,9 @@ from fidim_lab.data.records import Plan
 from fidim_lab.data.rigs.rig import BusEntry, RigFile
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.random_plan import random_plan
+from sim_backends.drive.abort import Abort
 from sim_backends.drive.eds import read_eds
+from sim_backends.drive.make import Ampere, Make
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.hand_server import HandServer
 from sim_backends.laboratory import DrumGeometry, Laboratory
@@ -172,16 +175,40 @@ def _drives(
     ):
         position = drum.direction * (float(length) - drum.home_length) / drum.metres_per_count
         od = read_eds(entry.eds or GENERIC_EDS, entry.node_id)
+        if isinstance(od.find(0x6040), Abort):
+            raise SetupError(
+                f"{file.path}: {entry.name}: the EDS file {entry.eds} describes no drive: no controlword (6040).",
+                hint="Give the file of the drive, not of an I/O module or a master.",
+            )
         od.fix(0x6075, 0, round(1e3 * entry.rated_current))
+        if (own := config.family.rated_current) is not None:
+            od.fix(own.index, own.sub, round(entry.rated_current / own.ampere))
         if entry.rated_torque is not None:
             od.fix(0x6076, 0, round(1e3 * entry.rated_torque))
         if entry.serial_number is not None:
             od.fix(0x1018, 4, entry.serial_number)
-        drive = SimulatedDrive(entry.node_id, od, shaft, position=position)
+        drive = SimulatedDrive(entry.node_id, od, shaft, position=position, make=make_of(config))
         drive.faults.claim_identity(vendor=entry.vendor_id, product=entry.product_code)
         drive.faults.offset_current(entry.direction * config.current_offset)
         drives.append(drive)
     return tuple(drives)
+
+
+def make_of(config: WinchConfig) -> Make:
+    """What the winch's drive family does otherwise than the profile, for a simulated drive."""
+    family, turn = config.family, config.motor_counts or config.counts_per_turn
+    return Make(
+        speed=family.speed.counts(turn),
+        velocity=family.velocity.counts(turn),
+        acceleration=family.acceleration.counts(turn),
+        rated_current=config.rated_current,
+        load=_ampere(family.load_object),
+        current_limit=_ampere(family.current_limit),
+    )
+
+
+def _ampere(told: AmpereObject | None) -> Ampere | None:
+    return None if told is None else Ampere(told.index, told.sub, told.ampere)
 
 
 def _open_bus(entry: BusEntry) -> can.BusABC:

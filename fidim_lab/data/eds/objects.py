@@ -30,7 +30,7 @@ _SUB = re.compile(r"(?:0x)?([0-9a-f]{1,4})[ _.]*sub[ _.]*(?:0x)?([0-9a-f]{1,4})"
 _LIST = re.compile(r"([0-9a-f]{4})(name|value)", re.IGNORECASE)
 _FIRST, _LAST_SUB = 0x1000, 0xFF
 _VARIABLE, _DOMAIN_OBJECT, _RECORD = 7, 2, 9
-_ACCESS = {"readonly": "ro", "writeonly": "wo", "readwrite": "rw", "constant": "const"}
+_ACCESS = {"readonly": "ro", "writeonly": "wo", "readwrite": "rw", "constant": "const", "r": "ro", "w": "wo"}
 _COUNTED = (0x1003, *range(0x1600, 0x1800), *range(0x1A00, 0x1C00))
 """whose sub-index 0 is written"""
 

@@ -150,9 +150,8 @@ def test_node_id_is_resolved():
     [
         (None, "no such file"),
         ("[DeviceInfo]\n", "holds no objects"),
-        ("no section\n", "is no EDS file"),
-        ("[DeviceInfo]\n[1000]\nParameterName=x\nDataType=zz\nAccessType=ro\n", "is no EDS file"),
-        ("[DeviceInfo]\n[1000]\nParameterName=x\nDataType=5\nAccessType=ro\nDefaultValue=300\n", r"\[1000sub0\].*300"),
+        ("no section\n", "holds no objects"),
+        ("[1000]\nDataType=5\n[1000]\nDataType=7\n", r"\[1000\], line 3: DataType 7, but 5"),
     ],
 )
 def test_a_bad_eds_is_named(tmp_path, text, problem):

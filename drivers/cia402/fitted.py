@@ -1,0 +1,33 @@
+"""A winch as its drive lets it be, before anything is asked of the drive: by dictionary and family alone."""
+
+import canopen
+
+from drivers.cia402.abilities import Abilities, abilities
+from drivers.cia402.config import GENERIC_EDS, WinchConfig
+from drivers.cia402.family import GENERIC_FAMILY
+from drivers.cia402.grading import grade, narrowed
+from drivers.cia402.requirements import Graded
+from fidim_lab.data.eds import read_dictionary
+from fidim_lab.errors import FileError, SetupError
+
+
+def fitted(config: WinchConfig) -> WinchConfig:
+    """With the smaller area and the lower speed that take the place of what the drive lacks (`grading.narrowed`).
+
+    Raises SetupError naming the winch where its EDS file cannot be read.
+    """
+    if config.eds == GENERIC_EDS and config.family == GENERIC_FAMILY:
+        return config
+    try:
+        known = read_dictionary(config.eds, config.node_id).dictionary
+    except FileError as error:
+        raise SetupError(f"winch {config.name!r}: the EDS file {error.message}", hint=error.hint) from error
+    return narrowed(config, by_file(known, config)[1])
+
+
+def by_file(known: canopen.ObjectDictionary, config: WinchConfig) -> tuple[Abilities, tuple[Graded, ...]]:
+    """Abilities and grade table by a dictionary; a value that cannot be written is believed to be the file's."""
+    able = abilities(known, config)
+    told = {f"{i:04X}:{s:X}": r.default for (i, s), r in able.registers.items() if r.default is not None}
+    serial_number = config.serial_number or next((proof.serial_number for proof in config.proofs), 0)
+    return able, grade(able, config, told, serial_number)
