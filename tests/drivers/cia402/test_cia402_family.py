@@ -106,7 +106,9 @@ def test_a_mistake_is_named(tmp_path, case):
 
 
 def test_an_unknown_name_lists_those_that_there_are(tmp_path):
-    with pytest.raises(FileError, match="Built in are generic, maxon-epos2, technosoft-ipos"):
+    with pytest.raises(
+        FileError, match="Built in are elmo-gold, faulhaber, generic, infranor, maxon-epos2, maxon-epos4"
+    ):
         read_family(family_path("brand-x", tmp_path))
 
 
