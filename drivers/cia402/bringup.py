@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from drivers.cia402.abilities import used_pdos as used_pdos
 from drivers.cia402.config import WinchConfig
+from drivers.cia402.factors import check_factors
 from drivers.cia402.grading import grade, refusals
 from drivers.cia402.machine import state_of
 from drivers.cia402.master import CanopenMaster
@@ -53,6 +54,7 @@ async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -
     """
     link.forget()
     checks = [await _apply(link, setting) for setting in link.able.fitting(identity(config, _eds_identity(link)))]
+    checks += await check_factors(link.sdo, config)
     checks += await check_zero(link.sdo, config)
     _refuse(config, checks)
     grades = await graded(link, config)

@@ -115,6 +115,8 @@ class WinchConfig:
     """m, shortest and longest cable; also written as the drive's own position limits"""
     direction: int = 1
     """+1 where rising counts pay cable out, −1 otherwise"""
+    reversed: bool = False
+    """whether the drive's polarity (607E) is set; `direction` is as seen with that"""
     home_count: int = 0
     home_length: float = 0.0
     """m, cable length at `home_count`"""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from drivers.cia402.config import WinchConfig
+from drivers.cia402.factors import check_factors
 from drivers.cia402.machine import state_of
 from drivers.cia402.node import NodeLink
 from drivers.cia402.pdo import COB_MASK, COB_OFF, Entry, PdoMap, VendorEntry, mapping_expected
@@ -15,6 +16,8 @@ from drivers.cia402.settings import Check, Setting, identity, limits
 from drivers.cia402.zero import check_zero
 from drivers.ports import DriveState
 
+HOME = "fidim run PLAN --rig RIG --procedure home"
+FACTORS = "correct the rig file or the drive; what a drive tells and does not use: absent, in a family file"
 _AT_REST = (DriveState.SWITCH_ON_DISABLED, DriveState.READY, DriveState.NOT_READY)
 _HIGHEST_MAPPED = 8
 _COMMUNICATION = 0x11
@@ -47,7 +50,8 @@ async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[In
     sdo = link.sdo
     able, eds_identity = link.able, (sdo.default(0x1018, 1), sdo.default(0x1018, 2))
     found = [await _setting(sdo, s) for s in able.fitting(identity(config, eds_identity))]
-    found += [_zero(check) for check in await check_zero(sdo, config)]
+    found += [_checked(check, HOME) for check in await check_zero(sdo, config)]
+    found += [_checked(check, FACTORS) for check in await check_factors(sdo, config)]
     found += [await _state(sdo), await _error_register(sdo)]
     found += [await _setting(sdo, setting) for setting in able.fitting(limits(config, host_id))]
     found += [await _pdo(sdo, pdo, link.node_id) for pdo in link.layout.pdos]
@@ -56,10 +60,9 @@ async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[In
     return tuple(found)
 
 
-def _zero(check: Check) -> Inspected:
+def _checked(check: Check, advice: str) -> Inspected:
     standing = Standing.HOLDS if check.ok else Standing.WRONG
-    advice = "" if check.ok else "fidim run PLAN --rig RIG --procedure home"
-    return Inspected(check.object, check.meaning, check.wanted, check.found, standing, advice)
+    return Inspected(check.object, check.meaning, check.wanted, check.found, standing, "" if check.ok else advice)
 
 
 async def _setting(sdo: SdoChannel, setting: Setting) -> Inspected:

@@ -8,6 +8,7 @@ from typing import Any
 from fidim_lab.data.eds import read_dictionary
 from fidim_lab.errors import FileError
 from sim_backends.drive.dictionary import Dictionary, ObjectSpec, Value
+from sim_backends.drive.factors import counted_as_it_is
 
 _CODES = {1: "?", 2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I", 8: "f", 0x11: "d", 0x15: "q", 0x1B: "Q"}
 """CiA 301 data types; every other type is kept as bytes"""
@@ -40,7 +41,8 @@ def read_eds(path: Path, node_id: int) -> Dictionary:
         variables.extend(entry.values() if hasattr(entry, "values") else [entry])
     given = {(int(v.index), int(v.subindex)): v.default if v.value is None else v.value for v in variables}
     filled = _filled(given, node_id)
-    return Dictionary(_spec(path, variable, filled[variable.index, variable.subindex]) for variable in variables)
+    specs = (_spec(path, variable, filled[variable.index, variable.subindex]) for variable in variables)
+    return counted_as_it_is(Dictionary(specs))
 
 
 def _filled(given: Mapping[tuple[int, int], Any], node_id: int) -> dict[tuple[int, int], Any]:

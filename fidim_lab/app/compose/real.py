@@ -158,6 +158,7 @@ def _winch_config(
         max_acceleration=entry.max_acceleration,
         length_limits=entry.length_limits,
         direction=entry.direction,
+        reversed=entry.reversed,
         home_count=entry.home_count,
         home_length=entry.home_length,
         quick_stop_deceleration=entry.quick_stop_deceleration,

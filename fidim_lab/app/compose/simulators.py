@@ -185,6 +185,9 @@ def _drives(
             od.fix(own.index, own.sub, round(entry.rated_current / own.ampere))
         if entry.rated_torque is not None:
             od.fix(0x6076, 0, round(1e3 * entry.rated_torque))
+        od.fix(0x607E, 0, 0xC0 if entry.reversed else 0)
+        if entry.counts_per_turn == round(entry.counts_per_turn):
+            od.fix(0x608F, 1, round(entry.counts_per_turn))
         if entry.serial_number is not None:
             od.fix(0x1018, 4, entry.serial_number)
         drive = SimulatedDrive(entry.node_id, od, shaft, position=position, make=make_of(config))

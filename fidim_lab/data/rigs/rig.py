@@ -105,6 +105,8 @@ class WinchEntry:
     """None: the built-in generic CiA 402 dictionary"""
     direction: int
     """+1 where rising counts pay cable out"""
+    reversed: bool
+    """whether the drive's polarity (607E) is set; `direction` is as seen with that"""
     counts_per_turn: float
     """encoder counts for one turn of the motor"""
     gear_ratio: float

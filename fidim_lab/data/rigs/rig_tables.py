@@ -91,6 +91,7 @@ class WinchTable(Table):
     node_id: Annotated[int, Field(ge=1, le=126)]
     eds: Name = "generic"
     direction: Literal[-1, 1] = 1
+    reversed: bool = False
     counts_per_turn: Positive
     gear_ratio: Positive = 1.0
     drum_radius: Positive
