@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from drivers.cia402.family import GENERIC_FAMILY, DriveFamily, Unit
+from drivers.cia402.family import GENERIC_FAMILY, DriveFamily, counts_per_digit
 from drivers.cia402.requirements import Proof
 from drivers.cia402.scale import COUNT_MAX, COUNT_MIN, LengthScale
 from drivers.cia402.words import Mode
@@ -192,22 +192,22 @@ class WinchConfig:
 
     def drive_acceleration(self, metres: float) -> int:
         """An acceleration (m/s²) without direction as the drive is told it (6083 to 6085), at least 1."""
-        return max(1, round(self._digits(metres, self.family.acceleration)))
+        return max(1, round(self._digits(metres, self.family.acceleration or self.family.speed)))
 
     def drive_velocity(self, metres: float) -> float:
         """A speed (m/s) without direction as the drive tells it (606C)."""
-        return self._digits(metres, self.family.velocity)
+        return self._digits(metres, self.family.velocity or self.family.speed)
 
     def cable_speed(self, digits: float) -> float:
         """m/s of cable, positive pays out, of a velocity as the drive tells it (606C)."""
-        return self.scale.velocity(digits * self.family.velocity.counts(self._motor_turn))
+        return self.scale.velocity(digits * self.counts_per_digit(self.family.velocity or self.family.speed))
 
-    @property
-    def _motor_turn(self) -> float:
-        return self.counts_per_turn if self.motor_counts is None else self.motor_counts
+    def counts_per_digit(self, unit: str) -> float:
+        """counts/s (counts/s²) for one digit of a quantity in a unit of the drive family."""
+        return counts_per_digit(unit, self.counts_per_turn if self.motor_counts is None else self.motor_counts)
 
-    def _digits(self, metres: float, unit: Unit) -> float:
-        return abs(metres) * self.scale.counts_per_metre / unit.counts(self._motor_turn)
+    def _digits(self, metres: float, unit: str) -> float:
+        return abs(metres) * self.scale.counts_per_metre / self.counts_per_digit(unit)
 
     @property
     def ampere_per_mille(self) -> float:

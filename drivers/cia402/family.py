@@ -4,6 +4,7 @@ One TOML file for each in `families/`, with the source of every quirk, or a labo
 is absent is neither written nor asked for, in bring-up and in moves; what then takes its place, `requirements` says.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,20 +31,19 @@ class AmpereObject:
     """A for one digit"""
 
 
-@dataclass(frozen=True)
-class Unit:
-    """What one digit of a speed (or acceleration) is: encoder counts, or turns of the motor, in a second (squared)."""
-
-    amount: float
-    of_motor: bool = False
-
-    def counts(self, motor_counts: float) -> float:
-        """counts/s (counts/s²) for one digit, with so many counts for a turn of the motor."""
-        return self.amount * (motor_counts if self.of_motor else 1.0)
+_UNIT = re.compile(r"(?:([0-9.eE+-]+) )?(counts|turns|rpm)(?:/s)?")
 
 
-COUNTS, RPM = Unit(1.0), Unit(1.0 / 60.0, of_motor=True)
-UNITS = {"counts/s": COUNTS, "rpm": RPM}
+def counts_per_digit(unit: str, motor_counts: float) -> float:
+    """counts/s (counts/s² of an acceleration) for one digit of a speed, with so many counts for a turn of the motor.
+
+    unit: "counts/s", "rpm", or a number of counts or turns of the motor: "0.1 rpm", "1 turns/s". Raises ValueError.
+    """
+    parted = _UNIT.fullmatch(unit)
+    amount = 0.0 if parted is None else float(parted[1] or 1.0)
+    if parted is None or not 0.0 < amount < float("inf"):
+        raise ValueError(f'{unit!r}; there are "counts/s", "turns/s" and "rpm", with a number before them or without')
+    return amount * {"counts": 1.0, "turns": motor_counts, "rpm": motor_counts / 60.0}[parted[2]]
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,12 @@ class DriveFamily:
     name: str = "generic CiA 402"
     source: str = ""
     """where what it says comes from"""
-    speed: Unit = COUNTS
-    """of 6081, 607F and 60FF"""
-    velocity: Unit = COUNTS
-    """of 606C"""
-    acceleration: Unit = COUNTS
-    """of 6083 to 6085"""
+    speed: str = "counts/s"
+    """what one digit of 6081, 607F and 60FF is (`counts_per_digit`)"""
+    velocity: str = ""
+    """of 606C; empty: as speed"""
+    acceleration: str = ""
+    """of 6083 to 6085, each a second; empty: as speed"""
     load: str = "current"
     """"current" (6078) or "torque" (6077), where it is no vendor object"""
     load_object: AmpereObject | None = None
@@ -101,13 +101,12 @@ def read_family(path: Path) -> DriveFamily:
     load = table.get("load", "current")
     if not isinstance(load, dict) and load not in LOADS:
         raise FileError(path, "load", f"{load!r}; there are {', '.join(LOADS)}, or a table of a vendor object")
-    speed = _unit(path, "speed", table.get("speed", "counts/s"))
     return DriveFamily(
         name=str(table.get("name", path.stem)),
         source=str(table.get("source", "")),
-        speed=speed,
-        velocity=_unit(path, "velocity", table["velocity"]) if "velocity" in table else speed,
-        acceleration=_unit(path, "acceleration", table["acceleration"]) if "acceleration" in table else speed,
+        speed=_unit(path, "speed", table.get("speed", "counts/s")),
+        velocity=_unit(path, "velocity", table["velocity"]) if "velocity" in table else "",
+        acceleration=_unit(path, "acceleration", table["acceleration"]) if "acceleration" in table else "",
         load="current" if isinstance(load, dict) else load,
         load_object=_object(path, "load", load) if isinstance(load, dict) else None,
         rated_current=_optional(path, "rated_current", table),
@@ -118,17 +117,12 @@ def read_family(path: Path) -> DriveFamily:
     )
 
 
-def _unit(path: Path, key: str, said: Any) -> Unit:
-    if isinstance(said, str) and said in UNITS:
-        return UNITS[said]
-    if isinstance(said, dict) and len(said) == 1:
-        [(of, amount)] = said.items()
-        right = isinstance(amount, int | float) and not isinstance(amount, bool) and 0 < amount < float("inf")
-        if of in ("counts", "turns") and right:
-            return Unit(float(amount), of_motor=of == "turns")
-    raise FileError(
-        path, key, f"{said!r}; there are {', '.join(UNITS)}, or {{ counts = … }} or {{ turns = … }} for one digit"
-    )
+def _unit(path: Path, key: str, said: Any) -> str:
+    try:
+        counts_per_digit(str(said), 1.0)
+    except ValueError as error:
+        raise FileError(path, key, str(error)) from error
+    return str(said)
 
 
 def _optional(path: Path, key: str, table: Mapping[str, Any]) -> AmpereObject | None:

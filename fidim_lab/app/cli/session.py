@@ -195,17 +195,22 @@ def power_off(**options: Any) -> None:
 @fidim.command()
 @click.option("--robot", type=ROBOT, default=None, help="Also check this robot file for plausibility.")
 @click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
+@click.option("--eds", type=FILE, default=None, help="Tell what the drive of this EDS or DCF file can do.")
+@click.option("--family", default=None, help="Of --eds: a built-in drive family, or a file of your own (.toml).")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-doctor/1".')
 @example("fidim doctor --rig rig.toml")
-def doctor(robot: Path | None, rig: Path | None, json_file: Path | None) -> None:
+def doctor(robot: Path | None, rig: Path | None, eds: Path | None, family: str | None, json_file: Path | None) -> None:
     """Check installation, buses, sockets, clock and disk, and say what to do where one fails.
 
     With --rig also each drive against the rig file (wanted, found), motion capture, guards and the robot file: exit 1
-    where a check failed, 3 where something cannot be reached.
+    where a check failed, 3 where something cannot be reached. With --eds only the grade table of one drive, before
+    anything is connected, and what had to be repaired in its file.
     """
-    from fidim_lab.app.doctor.command import doctor_command
+    from fidim_lab.app.doctor.command import Drive, doctor_command
 
-    sys.exit(doctor_command(robot, json_file, rig))
+    if family is not None and eds is None:
+        raise click.UsageError("--family belongs to --eds.")
+    sys.exit(doctor_command(robot, json_file, rig, None if eds is None else Drive(eds, family)))
 
 
 @fidim.command("tension-calibrate")

@@ -14,6 +14,7 @@ from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.config import GENERIC_EDS, Load, StopReactions, StoredZero, TemperatureObject, WinchConfig
 from drivers.cia402.cyclic import make_winch
 from drivers.cia402.family import DriveFamily, family_path, read_family
+from drivers.cia402.fitted import fitted
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.takeover import refuse_other_master
 from drivers.cia402.winch import Cia402Winch
@@ -147,7 +148,7 @@ def _winch_config(
     entry: WinchEntry, newton_per_ampere: float, sample_age: float, homing: bool, folder: Path
 ) -> WinchConfig:
     family = read_family(family_path(entry.family, folder))
-    return WinchConfig(
+    config = WinchConfig(
         name=entry.name,
         node_id=entry.node_id,
         counts_per_turn=entry.counts_per_turn * entry.gear_ratio,
@@ -184,6 +185,7 @@ def _winch_config(
         mode=MODES[entry.mode],
         zero=None if homing else _stored_zero(entry),
     )
+    return fitted(config)
 
 
 def _load(entry: WinchEntry, family: DriveFamily) -> Load:
@@ -216,13 +218,13 @@ async def _hand(file: RigFile, stack: contextlib.AsyncExitStack) -> Operator:
 
 def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
     """What a procedure is told of this rig: length limits, speeds that its winches can do, friction band, guards."""
-    base = base or Settings()
-    speed, acceleration = _highest(file)
+    base, configs = base or Settings(), winch_configs(file)
+    speed, acceleration = _highest(configs)
     motion = replace(
         base.motion,
         speed=min(base.motion.speed, speed),
         acceleration=min(base.motion.acceleration, acceleration),
-        length_limits=tuple(winch.length_limits for winch in file.winches),
+        length_limits=tuple(config.length_limits for config in configs),
         together=max(base.motion.together, min(file.guards["stale_winch"].thresholds["age"], LONGEST_TOGETHER)),
     )
     excite = replace(
@@ -252,7 +254,7 @@ def require_what_winches_do(file: RigFile, settings: Settings) -> None:
 
     Speeds, accelerations, and the guard of the following error.
     """
-    speed, acceleration = _highest(file)
+    speed, acceleration = _highest(winch_configs(file))
     for table, one in (("motion", settings.motion), ("excite", settings.excite), ("align", settings.align)):
         for name, value, most, unit in (
             ("speed", one.speed, speed, "m/s"),
@@ -272,9 +274,9 @@ def require_what_winches_do(file: RigFile, settings: Settings) -> None:
         )
 
 
-def _highest(file: RigFile) -> tuple[float, float]:
+def _highest(configs: tuple[WinchConfig, ...]) -> tuple[float, float]:
     """Speed (m/s) and acceleration (m/s²) that all winches may do."""
-    return min(winch.max_speed for winch in file.winches), min(winch.max_acceleration for winch in file.winches)
+    return min(config.max_speed for config in configs), min(config.max_acceleration for config in configs)
 
 
 def _release_settings(entry: ReleaseEntry, base: Settings) -> ReleaseSettings:

@@ -199,11 +199,11 @@ def _drives(
 
 def make_of(config: WinchConfig) -> Make:
     """What the winch's drive family does otherwise than the profile, for a simulated drive."""
-    family, turn = config.family, config.motor_counts or config.counts_per_turn
+    family = config.family
     return Make(
-        speed=family.speed.counts(turn),
-        velocity=family.velocity.counts(turn),
-        acceleration=family.acceleration.counts(turn),
+        speed=config.counts_per_digit(family.speed),
+        velocity=config.counts_per_digit(family.velocity or family.speed),
+        acceleration=config.counts_per_digit(family.acceleration or family.speed),
         rated_current=config.rated_current,
         load=_ampere(family.load_object),
         current_limit=_ampere(family.current_limit),

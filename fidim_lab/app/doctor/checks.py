@@ -29,6 +29,8 @@ class Verdict(StrEnum):
         return self in (Verdict.FAILED, Verdict.UNREACHABLE)
 
 
+BY_TRIAL = "prove it at low speed and without load: fidim commission RIG"
+"""what to do about a stop that is neither configured nor proven"""
 MARKS = {Verdict.OK: "✓", Verdict.WRITTEN: "→", Verdict.WARNING: "!", Verdict.FAILED: "✗", Verdict.UNREACHABLE: "✗"}
 
 

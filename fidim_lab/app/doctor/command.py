@@ -6,10 +6,11 @@ import socket
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 
-from fidim_lab.app.doctor.checks import Check, Verdict, make_table, summary, write_checks
+from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict, make_table, summary, write_checks
 from fidim_lab.app.doctor.permissions_doctor import check_permissions
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig_file import read_rig
@@ -25,13 +26,30 @@ CLOCK_STEP = 1e-4
 """s; a coarser monotonic clock cannot stamp a 250 Hz SYNC"""
 
 
-def doctor_command(robot: Path | None, json_file: Path | None, rig: Path | None = None) -> int:
+@dataclass(frozen=True)
+class Drive:
+    """A drive that nobody has connected yet."""
+
+    eds: Path
+    family: str | None = None
+
+
+def doctor_command(
+    robot: Path | None, json_file: Path | None, rig: Path | None = None, drive: Drive | None = None
+) -> int:
     """Run all checks, print them, and return the exit code: 1 where one failed, 3 where hardware cannot be reached.
 
-    Raises FileError where the rig file cannot be read.
+    With a drive's EDS file only that is told, and nothing of this computer. Raises FileError where a file cannot be
+    read.
     """
     file = None if rig is None else read_rig(rig)
-    checks = [check() for check in CHECKS]
+    checks: list[Check] = []
+    if drive is not None:
+        from fidim_lab.app.doctor.drive_doctor import check_dictionary
+
+        checks += check_dictionary(drive.eds, drive.family)
+    if drive is None or robot is not None or file is not None:
+        checks += [check() for check in CHECKS]
     if robot is not None:
         checks += check_robot(robot)
     if file is not None:
@@ -43,7 +61,12 @@ def doctor_command(robot: Path | None, json_file: Path | None, rig: Path | None 
     if json_file is not None:
         write_checks(json_file, checks)
     wrong = [check for check in checks if check.verdict.wrong]
+    unproven = sum(check.advice == BY_TRIAL for check in checks if not check.verdict.wrong)
     console.out.print(summary(checks, wrong), markup=False)
+    if unproven:
+        console.out.print(
+            f"{unproven} of them are to be proven by trial before a run: fidim commission RIG", markup=False
+        )
     if any(check.verdict is Verdict.UNREACHABLE for check in wrong):
         return HardwareError.exit_code
     return RefusedError.exit_code if wrong else 0

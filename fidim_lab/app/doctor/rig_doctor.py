@@ -5,11 +5,13 @@ SYNC, no heartbeat and no NMT command is sent: a drive that is at work for someb
 """
 
 import asyncio
+import contextlib
 from collections import Counter
 
 from drivers.canbus.load import MAX_LOAD
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
+from drivers.cia402.bringup import graded
 from drivers.cia402.inspection import Inspected, Standing, inspect
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.strangers import Strangers
@@ -19,8 +21,10 @@ from drivers.ports import Clock
 from fidim_lab.app import compose
 from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
 from fidim_lab.app.doctor.checks import Check, Verdict
+from fidim_lab.app.doctor.drive_doctor import check_grades, check_repairs
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.app.doctor.serial_doctor import check_serial
+from fidim_lab.data.eds import read_dictionary
 from fidim_lab.data.rigs.rig import GuardEntry, RigFile
 from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, SetupError
 
@@ -38,6 +42,9 @@ def check_rig(file: RigFile) -> list[Check]:
     """All checks of a rig; what cannot be reached is a check that says so."""
     checks = [Check(f"rig {file.path.name}", Verdict.OK, f"{file.name}: {len(file.winches)} winches, {file.bus.name}")]
     checks += check_tensions(file)
+    for eds in sorted({entry.eds for entry in file.winches if entry.eds is not None}):
+        with contextlib.suppress(FidimError):  # said with its winch, where the drives are asked
+            checks += check_repairs(read_dictionary(eds, 1))
     checks += compose.run_loop(_check_hardware(file), real_time=True)
     return checks + check_guards(file)
 
@@ -116,6 +123,7 @@ async def _listen(file: RigFile, transport: PythonCanTransport, clock: Clock) ->
 async def _check_drive(file: RigFile, winch: Cia402Winch) -> list[Check]:
     try:
         inspected = await inspect(winch.link, winch.config, file.bus.host_id)
+        grades = await graded(winch.link, winch.config)
     except DeviceError as error:
         advice = error.hint or "check its power, its node id, the bit rate and the bus's termination"
         found = error.message.removeprefix(f"{winch.config.device}: ")
@@ -123,7 +131,7 @@ async def _check_drive(file: RigFile, winch: Cia402Winch) -> list[Check]:
     says = winch.link.twins.says
     advice = "unplug one, or give it an id of its own" if says else ""
     alone = Check("nodes of this id", Verdict.FAILED if says else Verdict.OK, says or "one", advice, "one", winch.name)
-    return [alone, *(_as_check(item, winch.name) for item in inspected)]
+    return [alone, *(_as_check(item, winch.name) for item in inspected), *check_grades(grades, winch.name)]
 
 
 def _as_check(item: Inspected, device: str) -> Check:

@@ -13,6 +13,7 @@ from typing import Literal
 from pydantic import TypeAdapter
 
 from drivers.cia402.config import GENERIC_EDS, WinchConfig
+from drivers.cia402.requirements import Graded, Met
 from drivers.cia402.winch import Cia402Winch
 from drivers.mocap.description import DecoderDescription, describe
 from drivers.mocap.source import StreamMarkerSource
@@ -40,11 +41,24 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class GradeLine:
+    """How a drive met one requirement."""
+
+    requirement: str
+    grade: str
+    met: str
+    found: str
+    instead: str = ""
+    """what takes its place; empty where the drive has it"""
+
+
+@dataclass(frozen=True)
 class WinchEntry:
     """One winch."""
 
     config: WinchConfig
     parameters: tuple[Parameter, ...] = ()
+    grades: tuple[GradeLine, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -108,7 +122,13 @@ def read_devices(folder: Path) -> Devices:
 def _winch(winch: Cia402Winch) -> WinchEntry:
     checks = [asdict(check) for check in winch.checks]
     parameters = [Parameter(c["object"], c["meaning"], c["wanted"], c["found"]) for c in checks]
-    return WinchEntry(winch.config, tuple(parameters))
+    return WinchEntry(winch.config, tuple(parameters), tuple(map(_line, winch.grades)))
+
+
+def _line(graded: Graded) -> GradeLine:
+    requirement = graded.requirement
+    instead = requirement.instead if graded.met is Met.HOST else ""
+    return GradeLine(requirement.key, requirement.grade, graded.met, graded.found, instead)
 
 
 async def _read_again(winch: Cia402Winch, entry: WinchEntry) -> WinchEntry:

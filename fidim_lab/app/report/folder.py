@@ -2,6 +2,7 @@
 
 campaign.toml, robot.toml, windows/   the recording            truth.json     what a simulator hid
 journal.jsonl                         how it was recorded      import.json    where it was imported from
+devices.json                          the drives
 """
 
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from procedures.recording.journal import NAME as JOURNAL
 
 TRUTH = "truth.json"
 IMPORT = "import.json"
+DEVICES = "devices.json"
 TAKES = "fidim-takes/1"
 """format of import.json where many takes were imported"""
 
@@ -33,6 +35,35 @@ class _Lenient(BaseModel):
     """Files of which the report needs a part."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class GradeRow(_Lenient):
+    """How a drive met one requirement, as `fidim_lab.app.formats.devices_file` writes it."""
+
+    requirement: str
+    grade: str
+    met: str
+    found: str
+    instead: str = ""
+
+
+class DriveName(_Lenient):
+    """Of a winch."""
+
+    name: str
+
+
+class DriveTable(_Lenient):
+    """One winch's drive."""
+
+    config: DriveName
+    grades: tuple[GradeRow, ...] = ()
+
+
+class Drives(_Lenient):
+    """devices.json: the drives of a run."""
+
+    winches: tuple[DriveTable, ...] = ()
 
 
 class Case(_Lenient):
@@ -122,6 +153,8 @@ class Contents:
     rejected: tuple[str, ...]
     """names of the recordings kept aside"""
     provenance: Provenance
+    drives: tuple[DriveTable, ...] = ()
+    """with their grade tables; empty where nothing is known of them"""
 
 
 def read_folder(folder: Path) -> Contents:
@@ -134,6 +167,7 @@ def read_folder(folder: Path) -> Contents:
         imported=_imported(folder / IMPORT),
         rejected=tuple(sorted(path.name for path in folder.glob("rejected/*.csv"))),
         provenance=provenance(folder),
+        drives=() if (drives := _json(folder / DEVICES, Drives)) is None else drives.winches,
     )
 
 

@@ -88,7 +88,7 @@ def make_page(
         incidents=None if contents.story is None else tables.incident_table(contents.story),
         imported=None if contents.imported is None else tables.import_table(contents.imported),
         origin=(*_origin(contents, result), *contents.provenance.manifest),
-        origin_tables=(tables.version_table(contents), tables.file_table(contents)),
+        origin_tables=(*tables.drive_tables(contents), tables.version_table(contents), tables.file_table(contents)),
     )
 
 

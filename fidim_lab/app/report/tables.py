@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import compress
 
 from fidim_lab.app.report.figures import Bar, ParameterRow
-from fidim_lab.app.report.folder import Contents, Imported
+from fidim_lab.app.report.folder import Contents, GradeRow, Imported
 from fidim_lab.app.report.incidents import incident_rows
 from fidim_lab.app.report.numerals import decimals, duration, fixed, short, size
 from fidim_lab.app.report.paper import FOUND
@@ -240,6 +240,24 @@ def import_table(imported: Imported) -> Table:
         ("log clock − marker clock", f"{clock.offset:.4f} ± {clock.sd:.4f} s"),
     )
     return Table(f"Imported as {imported.kind}: {imported.name}", ("found", "value"), rows, numbers=False)
+
+
+def drive_tables(contents: Contents) -> tuple[Table, ...]:
+    """How the drives met their requirements; winches of one table share it."""
+    together: dict[tuple[GradeRow, ...], list[str]] = {}
+    for drive in contents.drives:
+        if drive.grades:
+            together.setdefault(drive.grades, []).append(drive.config.name)
+    names = ("requirement", "grade", "met", "by", "what takes its place")
+    return tuple(
+        Table(
+            f"What the drives of {', '.join(winches)} can do",
+            names,
+            tuple((g.requirement, g.grade, g.met, g.found, g.instead) for g in grades),
+            numbers=False,
+        )
+        for grades, winches in together.items()
+    )
 
 
 def file_table(contents: Contents) -> Table:

@@ -84,14 +84,14 @@ GOOD = 'format = "fidim-drive-family/1"\nname = "ours"\n'
 WRONG = {
     "format": ('format = "other/1"', "format: 'other/1'"),
     "key": (f"{GOOD}sped = 'rpm'", "sped: unknown key"),
-    "speed": (f"{GOOD}speed = 'knots'", "speed: 'knots'; there are counts/s, rpm"),
+    "speed": (f"{GOOD}speed = 'knots'", "speed: 'knots'; there are"),
     "load": (f"{GOOD}load = 'weight'", "load: 'weight'; there are current, torque"),
     "load object": (f"{GOOD}load = {{ index = 0x1000, ampere = 1.0 }}", "load: index 4096"),
     "ampere": (f"{GOOD}load = {{ index = 0x2000, ampere = 0 }}", "load, ampere: 0; A for one digit"),
     "limit": (f"{GOOD}current_limit = 3", "current_limit: 3; a table"),
     "absent": (f'{GOOD}absent = {{ "6072:0" = "" }}', "with a text each"),
-    "unit": (f"{GOOD}acceleration = {{ turns = 0 }}", "acceleration: {'turns': 0}; there are counts/s, rpm, or"),
-    "two units": (f"{GOOD}velocity = {{ turns = 1, counts = 1 }}", "velocity: {'turns': 1, 'counts': 1}; there are"),
+    "unit": (f"{GOOD}acceleration = '0 turns/s'", "acceleration: '0 turns/s'; there are"),
+    "no unit": (f"{GOOD}velocity = 3", "velocity: '3'; there are"),
     "no TOML": ("= 3", "is not TOML"),
 }
 

@@ -1,0 +1,92 @@
+"""What a drive can do, in a table for a person: from its dictionary alone, or from the drive that answers.
+
+One line for each requirement with its grade, how this drive meets it and what takes its place; and every repair without
+which its EDS file could not have been read.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from drivers.cia402.config import Load, WinchConfig
+from drivers.cia402.family import GENERIC_FAMILY, family_path, read_family
+from drivers.cia402.fitted import by_file
+from drivers.cia402.requirements import Graded, Met
+from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict
+from fidim_lab.data.eds import EdsFile, Repair, read_dictionary
+
+_CONTROLWORD = 0x6040
+
+
+def check_dictionary(path: Path, family_name: str | None) -> list[Check]:
+    """The grade table of a drive that nobody has asked yet. Raises FileError where EDS or family cannot be read.
+
+    family_name: a built-in family, or a file (.toml); None is the generic one.
+    """
+    family = GENERIC_FAMILY if family_name is None else read_family(family_path(family_name, Path()))
+    found = read_dictionary(path, 1)
+    config = WinchConfig(  # lengths and rated values do not matter: nothing is compared
+        name=path.stem or "drive",
+        node_id=1,
+        counts_per_turn=1e4,
+        drum_radius=0.03,
+        rated_current=1.0,
+        current_limit=1.0,
+        max_speed=0.1,
+        max_acceleration=1.0,
+        length_limits=(0.5, 5.0),
+        eds=path,
+        family=family,
+        load=Load.VENDOR if family.load_object else Load(family.load),
+        rated_torque=1.0,
+        torque_constant=1.0,
+    )
+    able, grades = by_file(found.dictionary, config)
+    checks = [_described(found, family.name), *check_repairs(found)]
+    if not able.has(_CONTROLWORD):
+        advice = "give the file of a drive: this one describes an I/O module, a master or an encoder"
+        return [*checks, Check("drive", Verdict.FAILED, "no controlword (6040)", advice)]
+    return checks + check_grades(grades, unproven=Verdict.WARNING)
+
+
+def _described(found: EdsFile, family: str) -> Check:
+    known = ", ".join(filter(None, (found.vendor, found.product))) or "no maker named"
+    return Check(f"EDS file {found.path.name}", Verdict.OK, f"{known}: {len(found.dictionary)} objects; {family}")
+
+
+def check_repairs(found: EdsFile) -> list[Check]:
+    """One line for each kind of repair, with every place."""
+    places: dict[str, list[Repair]] = {}
+    for repair in found.repairs:
+        places.setdefault(repair.what, []).append(repair)
+    advice = "nothing: it is repaired in memory; tell the maker"
+    return [
+        Check(f"EDS file {found.path.name}", Verdict.WARNING, f"{what}: {_places(where)}", advice)
+        for what, where in places.items()
+    ]
+
+
+def _places(repairs: Iterable[Repair]) -> str:
+    lines: dict[str, list[int]] = {}
+    for repair in repairs:
+        lines.setdefault(repair.section, []).append(repair.line)
+    words = [f"{f'[{section}] ' if section else ''}line {', '.join(map(str, at))}" for section, at in lines.items()]
+    return "; ".join(words)
+
+
+def check_grades(grades: Sequence[Graded], device: str = "", unproven: Verdict = Verdict.FAILED) -> list[Check]:
+    """The grade table. unproven: what it is that a stop is neither configured nor proven."""
+    return [_grade(line, device, unproven) for line in grades]
+
+
+def _grade(line: Graded, device: str, unproven: Verdict) -> Check:
+    requirement = line.requirement
+    match line.met:
+        case Met.CONFIGURED | Met.TRIAL:
+            verdict, advice = Verdict.OK, ""
+        case Met.HOST:
+            verdict, advice = Verdict.WARNING, f"instead: {requirement.instead}"
+        case Met.ABSENT if requirement.trials:
+            verdict, advice = unproven, BY_TRIAL
+        case Met.ABSENT:
+            verdict, advice = Verdict.FAILED, "no winch can be moved by this drive; is it the EDS file of its firmware?"
+    return Check(requirement.key, verdict, f"{line.met}: {line.found}", advice, requirement.grade, device)
