@@ -64,9 +64,7 @@ def doctor_command(
     unproven = sum(check.advice == BY_TRIAL for check in checks if not check.verdict.wrong)
     console.out.print(summary(checks, wrong), markup=False)
     if unproven:
-        console.out.print(
-            f"{unproven} of them are to be proven by trial before a run: fidim commission RIG", markup=False
-        )
+        console.out.print(f"{unproven} of them need a proof by trial before a run: fidim commission RIG", markup=False)
     if any(check.verdict is Verdict.UNREACHABLE for check in wrong):
         return HardwareError.exit_code
     return RefusedError.exit_code if wrong else 0

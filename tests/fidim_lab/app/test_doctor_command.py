@@ -1,12 +1,15 @@
 """`fidim doctor`: exit codes, the table, the JSON, and a check that fails."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from drivers.cia402.config import GENERIC_EDS
+from drivers.cia402.requirements import REQUIREMENTS
 from fidim_lab.app import cli
 from fidim_lab.app.doctor import command as doctor
 from fidim_lab.app.doctor import permissions_doctor
@@ -150,3 +153,51 @@ def test_a_robot_file_that_does_not_read_fails_with_its_place(tmp_path, capsys):
 def test_json_that_cannot_be_written_is_wrong_use(tmp_path, capsys):
     assert cli.run(["doctor", "--json", str(tmp_path / "none" / "d.json")]) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+def test_a_dictionary_alone_says_what_its_drive_can_do(tmp_path, capsys):
+    assert cli.run(["doctor", "--eds", str(GENERIC_EDS), "--json", str(tmp_path / "d.json")]) == 0
+    checks = _read(tmp_path / "d.json")
+    assert [r.key for r in REQUIREMENTS] == list(checks)[1:]
+    assert "Python" not in checks, "of this computer nothing was asked"
+    assert checks["reaction to a lost host"]["found"] == "configured: 1016:1 + 6007:0"
+    assert checks["reaction to a lost host"]["wanted"] == "must have, or be proven by trial"
+    assert "All well." in capsys.readouterr().out
+
+
+def test_what_a_dictionary_lacks_and_what_was_repaired_in_it(tmp_path, capsys):
+    eds = tmp_path / "drive.eds"
+    text = re.sub(r"\[(6007|607F)\][^\[]*", "", GENERIC_EDS.read_text(encoding="utf-8"))
+    eds.write_text(text.replace("DefaultValue=0x00020192", "DefaultValue=0x00020192 # servo"), encoding="utf-8")
+    assert cli.run(["doctor", "--eds", str(eds), "--family", "generic", "--json", str(tmp_path / "d.json")]) == 0
+    checks = _read(tmp_path / "d.json")
+    repair = checks["EDS file drive.eds"]
+    assert repair["verdict"] == "warning"
+    assert re.fullmatch(r"what follows # is taken as a comment: \[1000\] line \d+", repair["found"])
+    assert checks["reaction to a lost host"]["found"] == "absent: no 6007:0"
+    assert "fidim commission" in checks["reaction to a lost host"]["advice"]
+    assert checks["speed limit"]["advice"].startswith("instead: each move's speed is checked")
+    assert "1 of them need a proof by trial before a run" in capsys.readouterr().out
+
+
+def test_a_family_may_say_that_the_drive_has_less(tmp_path):
+    family = tmp_path / "ours.toml"
+    family.write_text('format = "fidim-drive-family/1"\n[absent]\n"6041:0" = "for this test"\n')
+    command = ["doctor", "--eds", str(GENERIC_EDS), "--family", str(family), "--json", str(tmp_path / "d.json")]
+    assert cli.run(command) == 1
+    checks = _read(tmp_path / "d.json")
+    assert checks["state machine"]["found"] == "absent: no 6041:0"
+    assert checks["samples at each SYNC"]["found"] == "absent: no TPDO carries 6041:0"
+
+
+def test_the_dictionary_of_what_is_no_drive(tmp_path, capsys):
+    eds = tmp_path / "module.eds"
+    eds.write_text("[1000]\nParameterName=x\nDataType=7\nAccessType=ro\n")
+    assert cli.run(["doctor", "--eds", str(eds)]) == 1
+    assert "controlword" in capsys.readouterr().out
+    eds.write_text("[6040]\nDataType=6\n[6040]\nDataType=7\n")
+    assert cli.run(["doctor", "--eds", str(eds)]) == 2
+    assert "[6040], line 3: DataType 7, but 6 for the same object in line 1" in capsys.readouterr().err.replace(
+        "\n", " "
+    )
+    assert cli.run(["doctor", "--family", "generic"]) == 2

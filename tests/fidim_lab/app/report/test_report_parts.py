@@ -5,6 +5,7 @@ import hashlib
 import io
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,13 +15,14 @@ from fidim_lab.app.formats.manifest import write_manifest
 from fidim_lab.app.report.copies import copies
 from fidim_lab.app.report.drawing import Drawing, write_pictures
 from fidim_lab.app.report.figures import ParameterRow
+from fidim_lab.app.report.folder import Drives
 from fidim_lab.app.report.incidents import incident_rows
 from fidim_lab.app.report.numerals import decimals, duration, fixed, interval, size
 from fidim_lab.app.report.paper import is_papers_robot
 from fidim_lab.app.report.provenance import provenance
 from fidim_lab.app.report.scene import scene, slanted, views
 from fidim_lab.app.report.story import Incident
-from fidim_lab.app.report.tables import parameter_table
+from fidim_lab.app.report.tables import drive_tables, parameter_table
 from fidim_lab.app.report.windows import measured_tension
 from fidim_lab.app.report.words import found_sentence, truth_sentence
 from fidim_lab.data.records import Winch
@@ -195,3 +197,18 @@ def test_what_was_said_over_and_over_is_one_row():
     assert [says for *_, says in rows] == ["5 times, first: winch 0: 26 cycles lost", "the marker was not seen"]
     assert "to" in rows[0][1]
     assert len(incident_rows(warned[:3])) == 3
+
+
+def test_winches_whose_drives_can_do_the_same_share_a_table():
+    same = [{"requirement": "speed limit", "grade": "good to have", "met": "configured", "found": "607F:0"}]
+    other = [{**same[0], "met": "by the host", "found": "no 607F:0", "instead": "each move's speed is checked"}]
+    winches = [{"config": {"name": f"winch {k}"}, "grades": grades} for k, grades in enumerate((same, other, same), 1)]
+    drives = Drives.model_validate({"format": "fidim-devices/1", "winches": [*winches, {"config": {"name": "old"}}]})
+    tables = drive_tables(SimpleNamespace(drives=drives.winches))
+    assert [table.caption for table in tables] == [
+        "What the drives of winch 1, winch 3 can do",
+        "What the drives of winch 2 can do",
+    ]
+    assert tables[1].rows == (
+        ("speed limit", "good to have", "by the host", "no 607F:0", "each move's speed is checked"),
+    )
