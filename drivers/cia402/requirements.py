@@ -95,7 +95,7 @@ REQUIREMENTS: tuple[Requirement, ...] = (
     Requirement("deceleration of its own", _GOOD, (("6084:0",),), "6083 is for both ramps"),
     Requirement("following-error time", _GOOD, (("6066:0",),), "the drive's own"),
     Requirement("communication error", _GOOD, (("1029:1",),), "the drive's own; samples that stop are seen"),
-    Requirement("load told", _GOOD, (), "load cells; without them the tension guard refuses the run"),
+    Requirement("load told", _GOOD, (), "no run: the tension guard stops it, for nothing tells that tension"),
     Requirement("heartbeat of the drive", _GOOD, (("1017:0",),), "its samples at each SYNC show that it lives"),
     Requirement("following error told", _GOOD, (("60F4:0",),), "the motion guard compares encoder and command"),
     Requirement("rated current", _GOOD, (("6075:0",),), "the rig file's word is taken"),

@@ -1,5 +1,6 @@
 """Guards that look at the robot: drives, cables, markers, motors. `standard_guards` is the set of every run."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 from drivers.ports import DriveState, MarkerFrame, WinchSample
@@ -92,6 +93,8 @@ class TensionGuard:
             if sample is None:
                 continue
             tension = factor * sample.current
+            if math.isnan(tension):
+                return f"nobody knows the tension of cable {cable}: its drive tells neither current nor torque"
             if seen.phase is Phase.HANDLING:
                 self._since.pop((cable, "under"), None)
             elif self._lasts(seen.t, (cable, "under"), tension - self._low):

@@ -1,5 +1,7 @@
 """A motor current that stays exactly the same while its winch moves is no measurement."""
 
+import math
+
 import pytest
 
 from drivers.ports import DriveState, WinchSample
@@ -31,3 +33,8 @@ def test_stuck_while_moving(current, velocity, trips):
         first = next(k for k, text in enumerate(says) if text)
         assert first == pytest.approx(100, abs=1)
         assert says[first].startswith("the motor current of cable 1 is exactly 2 A for 1 s while its winch moves")
+
+
+def test_a_drive_that_tells_no_load_leaves_no_tension_known():
+    says = TensionGuard([34.0], 2.0, 250.0, GuardSettings()).look(seen(0.0, math.nan, 0.0))
+    assert says == "nobody knows the tension of cable 1: its drive tells neither current nor torque"

@@ -1,5 +1,7 @@
 """Requirements in grades: the one list, and where proofs by trial are looked up."""
 
+from pathlib import Path
+
 from drivers.cia402.requirements import REQUIREMENTS, Grade, Proof, Trial, met_by_trial
 
 
@@ -19,3 +21,17 @@ def test_a_proof_counts_for_its_trial_and_its_drive():
     assert met_by_trial(lost, [proof(Trial.HALT)], 7) is None
     newer = proof(Trial.LOST_HEARTBEAT, at="2026-11-26T10:00:00")
     assert met_by_trial(lost, [newer, proof(Trial.LOST_SYNC)], 7) is newer
+
+
+def test_the_page_for_people_has_the_same_table():
+    page = (Path(__file__).parents[3] / "docs" / "rig.md").read_text(encoding="utf-8")
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| ")
+    ]
+    table = {row[0]: row for row in rows if len(row) == 4 and row[2] in list(Grade)}
+    assert list(table) == [requirement.key for requirement in REQUIREMENTS]
+    for requirement in REQUIREMENTS:
+        _, _, grade, instead = table[requirement.key]
+        trials = f"trial: {', or '.join(requirement.trials)}" if requirement.trials else ""
+        assert grade == requirement.grade
+        assert instead == (requirement.instead or trials or "refused")
