@@ -45,7 +45,7 @@ def doctor_command(
     file = None if rig is None else read_rig(rig)
     checks: list[Check] = []
     if drive is not None:
-        from fidim_lab.app.doctor.drive_doctor import check_dictionary
+        from fidim_lab.app.doctor.command.drive_doctor import check_dictionary
 
         checks += check_dictionary(drive.eds, drive.family)
     if drive is None or robot is not None or file is not None:

@@ -21,7 +21,7 @@ from drivers.ports import Clock
 from fidim_lab.app import compose
 from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
 from fidim_lab.app.doctor.checks import Check, Verdict
-from fidim_lab.app.doctor.drive_doctor import check_grades, check_repairs
+from fidim_lab.app.doctor.command.drive_doctor import check_grades, check_repairs
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.app.doctor.serial_doctor import check_serial
 from fidim_lab.data.eds import read_dictionary
