@@ -37,20 +37,8 @@ class SlcanPtyBus(can.BusABC):
         self.path = ""
         """what a host opens"""
         self.plugged = True
-        """false: it vanishes with its name, as an adapter whose plug is pulled"""
-        try:
-            self._end, self._host = os.openpty()
-            tty.setraw(self._host)
-            os.set_blocking(self._end, False)
-            self.path = os.ttyname(self._host)
-            if link is not None:
-                put_link(link, self.path)
-        except SetupError:
-            self._close()
-            raise
-        except OSError as error:
-            self._close()
-            raise SetupError(f"simulated CAN adapter: no pseudo terminal: {error.strerror or error}.") from error
+        """false: it vanishes with its name, as an adapter whose plug is pulled; true again: it is there anew"""
+        self._open()
         self.lost = 0
         """frames that the host did not take"""
         self._rest = b""
@@ -72,12 +60,31 @@ class SlcanPtyBus(can.BusABC):
     def shutdown(self) -> None:
         """Take the adapter away; may be called twice."""
         super().shutdown()
+        self.plugged = False
         self._close()
 
+    def _open(self) -> None:
+        try:
+            self._end, self._host = os.openpty()
+            tty.setraw(self._host)
+            os.set_blocking(self._end, False)
+            self.path = os.ttyname(self._host)
+            if self._link is not None:
+                put_link(self._link, self.path)
+        except SetupError:
+            self._close()
+            raise
+        except OSError as error:
+            self._close()
+            raise SetupError(f"simulated CAN adapter: no pseudo terminal: {error.strerror or error}.") from error
+
     def _there(self) -> bool:
-        """Vanish in the thread that uses it, so that no descriptor is closed while it is waited at."""
+        """Vanish, and come back, in the thread that uses it: no descriptor is closed while it is waited at."""
         if not self.plugged:
             self._close()
+        elif self._end < 0:
+            self._rest = b""
+            self._open()
         return self.plugged
 
     def _close(self) -> None:

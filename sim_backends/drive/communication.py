@@ -125,9 +125,17 @@ class Communication:
             return
         if self._axis.feedback.powered:
             self._axis.abort_connection()
-        self._od.restore(0x1000, 0x9FFF if command is NmtCommand.RESET_NODE else 0x1FFF)
         if command is NmtCommand.RESET_NODE:
-            self._axis.reset()
+            self.restart()
+            return
+        self._od.restore(0x1000, 0x1FFF)
+        self._errors.discard()
+        self.boot()
+
+    def restart(self) -> None:
+        """Everything as at power-on, but where the shaft is."""
+        self._od.restore(0x1000, 0x9FFF)
+        self._axis.reset()
         self._errors.discard()
         self.boot()
 

@@ -19,6 +19,8 @@ from sim_backends.drive.shaft import Shaft
 
 CYCLE = 0.005
 """s of the drive's own cycle; it runs only while something moves"""
+MAINS_LOST = 0x3120
+"""emergency code of a supply that fails"""
 _SYNC = 0x080
 
 
@@ -79,6 +81,22 @@ class SimulatedDrive:
         self._communication.boot()
         self._settle()
         return self._take()
+
+    def cut_power(self) -> None:
+        """The mains are gone: the brake holds, nothing is heard or said until `restore_power`."""
+        self.faults.raise_fault(MAINS_LOST)
+        self.faults.silent = True
+
+    def restore_power(self, t: float) -> None:
+        """The mains are back at time t: it boots, knows no setting of its host any more, and has no power stage on.
+
+        Not simulated: an encoder that begins to count anew.
+        """
+        self._axis.feedback.sample(t)
+        self.faults.silent = False
+        self._communication.outbox.clear()
+        self._communication.restart()
+        self._disturbed()
 
     def receive(self, frame: CanFrame) -> list[Outgoing]:
         """Live until `frame.t`, then obey the frame; the frames that all this makes the drive send."""

@@ -222,6 +222,15 @@ def test_doctor_names_what_cannot_be_reached(simulators, tmp_path, capsys):
     assert "winch 4: drive" in shown
     assert "motion capture: stream" in shown
     assert "2 of" in shown
+    world.pull("drive 4 again")
+    world.pull("mocap again")
+    wait(0.5)
+    assert doctor(world.path) == 0, capsys.readouterr().out
+    world.pull("bus")
+    wait(0.5)
+    world.pull("bus again")
+    wait(0.5)
+    assert doctor(world.path) == 0, capsys.readouterr().out
     code, _ = world.end()
     assert code == 0
 

@@ -60,6 +60,15 @@ def test_a_pulled_plug_takes_its_name_away_and_the_host_is_told(tmp_path):
                 os.write(host, b"O\r")
         finally:
             os.close(host)
+        bus.plugged = True
+        assert bus.recv(0.01) is None
+        host = os.open(link, os.O_RDWR | os.O_NOCTTY)
+        tty.setraw(host)
+        try:
+            os.write(host, b"t20110F\r")
+            assert bus.recv(1.0) is not None
+        finally:
+            os.close(host)
 
 
 def test_it_does_not_take_the_place_of_something_else(tmp_path):

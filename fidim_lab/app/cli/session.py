@@ -167,7 +167,7 @@ def simulators(**options: Any) -> None:
     """Simulate the devices of the RIG file for other processes, in real time, until Ctrl-C.
 
     Drives on its bus, motion capture at its socket, and a hand that answers prompts. A line typed here pulls a plug:
-    bus, mocap, drive K (loses power), fault K, off K (switched off over the bus).
+    bus, mocap, drive K (loses power), fault K, off K (switched off over the bus). "drive K again" puts it back.
     """
     from fidim_lab.app.session.simulators import SimulatorOptions, simulators_command
 

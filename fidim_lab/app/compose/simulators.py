@@ -7,7 +7,8 @@ import contextlib
 import time
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 
 import can
 import numpy as np
@@ -43,8 +44,10 @@ from sim_backends.slcan_server import SlcanServerBus
 SOCKET = "socket://"
 SWITCHED_OFF = bytes.fromhex("2b40600006000000")
 """controlword “shutdown” by SDO"""
-MAINS_LOST, OVERCURRENT = 0x3120, 0x2310
-"""emergency codes of the plugs and faults below"""
+OVERCURRENT = 0x2310
+"""emergency code of the fault below"""
+AGAIN = "again"
+"""after a plug's name: it is put back"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,30 +62,44 @@ class SimulatedDevices:
     drives: tuple[SimulatedDrive, ...]
     motion_capture: MocapSender
     serial: SerialSimulators = ()
+    out: set[str] = field(default_factory=set[str])
+    """plugs that are pulled at the moment"""
 
-    async def pull(self, plug: str) -> str:
-        """Pull a plug, and say so; raises SetupError for one that there is not.
+    async def pull(self, line: str) -> str:
+        """Pull a plug or, with "again" after its name, put it back, and say so. Raises SetupError for one there is not.
 
-        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "fault K": overcurrent; "off K":
-        another program switches it off;
-        "serial K": of the release or a measuring device, in the order of the file; "serial K again": back in.
+        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "serial K": of the release or a
+        measuring device, in the order of the file. Without a way back: "fault K": overcurrent; "off K": another program
+        switches it off.
         """
+        *words, last = line.split() or [""]
+        back = last == AGAIN
+        plug = " ".join(words if back else [*words, last])
         match plug.split():
-            case ["bus"]:
-                self._unplug_bus()
-            case ["mocap"]:
-                await self.motion_capture.close()
-            case ["serial", number, *again] if number in self._lines and again in ([], ["again"]):
-                line = self.serial[int(number) - 1].line
-                (line.plug if again else line.unplug)()
-            case ["drive" | "fault" | "off" as what, number] if number in self._numbers:
+            case ["fault" | "off" as what, number] if number in self._numbers and not back:
                 self._strike(self.drives[int(number) - 1], what)
+                return f"done: {line}"
+            case ["bus"]:
+                act = self._plug_bus
+            case ["mocap"]:
+                act = self._plug_motion_capture
+            case ["drive", number] if number in self._numbers:
+                act = partial(self._power, self.drives[int(number) - 1])
+            case ["serial", number] if number in self._lines:
+                act = partial(self._plug_serial, int(number) - 1)
             case _:
                 known = f"bus, mocap, drive K, fault K or off K with K from {', '.join(self._numbers)}"
                 if self.serial:
                     known += f"; serial K with K from {', '.join(self._lines)}"
-                raise SetupError(f"{plug!r}: no such plug.", hint=f"There are: {known}.")
-        return f"pulled: {plug}"
+                raise SetupError(
+                    f"{line!r}: no such plug.",
+                    hint=f"There are: {known}; {AGAIN} after it puts it back (not fault, off).",
+                )
+        if back is not (plug in self.out):
+            raise SetupError(f"{line!r}: {plug} is {'not pulled' if back else 'pulled already'}.")
+        await act(back)
+        self.out.symmetric_difference_update({plug})
+        return f"{'put back' if back else 'pulled'}: {plug}"
 
     @property
     def _numbers(self) -> tuple[str, ...]:
@@ -92,20 +109,36 @@ class SimulatedDevices:
     def _lines(self) -> tuple[str, ...]:
         return tuple(str(k) for k in range(1, len(self.serial) + 1))
 
-    def _unplug_bus(self) -> None:
+    async def _plug_bus(self, back: bool) -> None:
+        """The drives go on by themselves meanwhile; one whose power is cut stays silent."""
         with self.served.paused():
             if isinstance(self.bus, SlcanServerBus | SlcanPtyBus):
-                self.bus.plugged = False
-            for drive in self.drives:
-                drive.faults.silent = True
+                self.bus.plugged = back
+            for number, drive in enumerate(self.drives, start=1):
+                drive.faults.silent = not back or f"drive {number}" in self.out
+
+    async def _plug_motion_capture(self, back: bool) -> None:
+        """A system that comes back counts its frames anew."""
+        await (self.motion_capture.start() if back else self.motion_capture.close())
+
+    async def _plug_serial(self, number: int, back: bool) -> None:
+        line = self.serial[number].line
+        (line.plug if back else line.unplug)()
+
+    async def _power(self, drive: SimulatedDrive, back: bool) -> None:
+        with self.served.paused():
+            if not back:
+                drive.cut_power()
+                return
+            drive.restore_power(time.monotonic())
+            drive.faults.silent = "bus" in self.out
 
     def _strike(self, drive: SimulatedDrive, what: str) -> None:
         with self.served.paused():
             if what == "off":
                 drive.receive(CanFrame(0x600 + drive.node_id, SWITCHED_OFF, time.monotonic()))
-                return
-            drive.faults.raise_fault(MAINS_LOST if what == "drive" else OVERCURRENT)
-            drive.faults.silent = drive.faults.silent or what == "drive"
+            else:
+                drive.faults.raise_fault(OVERCURRENT)
 
 
 @asynccontextmanager

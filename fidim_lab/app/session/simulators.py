@@ -1,6 +1,7 @@
 """`fidim simulators`: the devices of a rig file, simulated in real time in this process, until Ctrl-C.
 
-Lines on standard input pull plugs: `bus`, `mocap`, `drive 2`, `fault 3`, `off 4`, `serial 1`.
+Lines on standard input pull plugs: `bus`, `mocap`, `drive 2`, `fault 3`, `off 4`, `serial 1`. `drive 2 again` puts one
+back.
 """
 
 import asyncio
@@ -61,8 +62,10 @@ async def _serve(file: RigFile, options: SimulatorOptions) -> None:
         named = [entry.name for entry in (file.release, *file.gauges) if entry is not None]
         for number, name in enumerate(named, start=1):
             _say(f"serial {number}: {name}")
-        serial = ", serial K, serial K again" if named else ""
-        _say(f"ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K, fault K, off K{serial}")
+        serial = ", serial K" if named else ""
+        _say(
+            f"ready; Ctrl-C ends, a line pulls a plug: bus, mocap, drive K{serial} (again puts it back), fault K, off K"
+        )
         lines = _standard_input(asyncio.get_running_loop())
         while devices.served.failure is None:
             try:

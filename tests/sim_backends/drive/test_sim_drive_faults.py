@@ -43,6 +43,26 @@ def test_a_hung_processor_says_nothing_while_the_servo_goes_on(bench):
     assert bench.sdo(READ_TYPE) == TYPE
 
 
+def test_power_that_is_cut_and_comes_back(bench):
+    """It boots, stands where the brake has held it, and has forgotten what its host had written."""
+    bench.write(0x1017, 0, "u16", 100)
+    bench.profile(1000, 10_000, 10_000)
+    bench.enable()
+    bench.go(5000)
+    bench.run(2.0)
+    bench.drive.cut_power()
+    assert bench.run(3.0) == []
+    place = bench.shaft.motion(bench.t).position
+    assert 1000.0 < place < 3000.0
+    bench.drive.restore_power(bench.t)
+    assert bench.run(1.0) == ["703: 00"]
+    assert bench.state() == "SWITCH ON DISABLED"
+    assert bench.read(0x1017, 0, "u16") == 0
+    assert bench.read(0x6064, 0, "i32") == round(place)
+    bench.enable()
+    assert bench.state() == "OPERATION ENABLED"
+
+
 def test_slow_answers_come_in_order_at_their_time(bench):
     bench.drive.faults.sdo_delay = 0.15
     assert bench.sdo(READ_TYPE) == ""
