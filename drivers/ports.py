@@ -170,6 +170,79 @@ class Winch(Protocol):
         ...
 
 
+class Trial(StrEnum):
+    """What a trial withholds or commands, at low speed and without load."""
+
+    QUICK_STOP = "quick stop"
+    HALT = "halt"
+    LOST_HEARTBEAT = "heartbeat withheld"
+    LOST_SYNC = "SYNC withheld"
+    POSITION_LIMIT = "position limit"
+    FOLLOWING_ERROR = "following error"
+
+
+@dataclass(frozen=True)
+class Stop:
+    """How a winch should stop in a trial, by what its drive was told."""
+
+    reaction: float
+    """s until it begins to"""
+    deceleration: float
+    """m/s²"""
+
+
+class TrialBench(Protocol):
+    """What one winch must do besides, so that its stops are proven: without load, one winch after another.
+
+    Every command raises DeviceError where the drive refuses or does not answer.
+    """
+
+    @property
+    def brake_time(self) -> float:
+        """s that the brake takes."""
+        ...
+
+    def lacks(self, trial: Trial) -> str:
+        """Why this trial cannot be made on this drive, in words; empty where it can."""
+        ...
+
+    def stop(self, trial: Trial, speed: float, acceleration: float) -> Stop:
+        """What is to be expected of a trial at this speed (m/s), on a move with this ramp (m/s²)."""
+        ...
+
+    def room(self, length: float, way: float) -> bool:
+        """Whether the cable (m) may go so far (m, with its sign)."""
+        ...
+
+    async def arm(self, trial: Trial, length: float) -> None:
+        """What must be done before the move: the position limit comes to this cable length (m)."""
+        ...
+
+    async def start(self, length: float, speed: float, acceleration: float) -> None:
+        """Begin to move to a length (m); until `leave`, what the winch does is the trial's matter, and no guard's."""
+        ...
+
+    async def provoke(self, trial: Trial) -> None:
+        """Withhold or command it, once, in motion."""
+        ...
+
+    def end(self) -> None:
+        """Withhold nothing any more: a single act, never waits."""
+        ...
+
+    def leave(self) -> None:
+        """As `end`; and what the winch does is a guard's matter again. Command it to stop, or take its power."""
+        ...
+
+    async def recover(self) -> None:
+        """Acknowledge, in the name of the person who is there, the fault that the trial has caused; no power."""
+        ...
+
+    async def identity(self) -> tuple[int, ...]:
+        """Vendor, product code, revision and serial number of the drive (1018:1 to 4); 0 where it tells none."""
+        ...
+
+
 @dataclass(frozen=True)
 class MarkerFrame:
     """One frame of motion capture."""
@@ -332,3 +405,5 @@ class Rig:
     gauges: tuple[Gauge, ...] = ()
     bus: Bus | None = None
     """None: the winches share none"""
+    trials: tuple[TrialBench, ...] = ()
+    """one for each winch, where their stops can be tried"""

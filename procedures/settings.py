@@ -174,6 +174,20 @@ class HomeSettings:
 
 
 @dataclass(frozen=True)
+class CommissionSettings:
+    """Proving the stops of each winch by trial, without load."""
+
+    speed: Annotated[float, Field(gt=0, le=0.2)] = 0.05
+    """m/s: a stop on a ramp of 2 m/s² takes 25 ms and 0.6 mm from it, one of a tenth of that 0.25 s and 6 mm"""
+    acceleration: Positive = 0.2
+    """m/s²"""
+    watch: Seconds = 1.0
+    """s for which a winch must stay where it has stopped, with power and again without"""
+    still: EncoderStill = 1e-4
+    """m of cable; less is no motion"""
+
+
+@dataclass(frozen=True)
 class AlignSettings:
     """How late the markers are against the encoders: the platform goes up and down, and both look."""
 
@@ -329,6 +343,7 @@ class Settings:
     hold: HoldSettings = field(default_factory=HoldSettings)
     home: HomeSettings = field(default_factory=HomeSettings)
     align: AlignSettings = field(default_factory=AlignSettings)
+    commission: CommissionSettings = field(default_factory=CommissionSettings)
     release: ReleaseSettings | None = None
     """None: the rig has none, a hand lets go"""
     prompt_estimate: float = 15.0

@@ -81,6 +81,8 @@ class CanopenMaster:
         self.sync = SyncTimes()
         self.silent = False
         """neither SYNC nor heartbeat is sent any more: a drive did not obey, its own watchdog shall stop it"""
+        self.without_sync = self.without_heartbeat = False
+        """withheld for a trial, for a while: does each drive stop by itself?"""
         self.skipped = 0
         """SYNCs that were not sent because the loop came too late"""
         self._rate = sync_rate
@@ -169,14 +171,16 @@ class CanopenMaster:
             raise BusError(f"The CAN bus cannot be trusted any more: {fault}.", hint="The drives were told to stop.")
         if self.silent:
             return
-        for link in self._links.values():
-            link.count_missing()
-        for stream in self._before_sync:
-            stream()
         now = self.clock.now()
-        self.sync.advance(now)
-        self.transport.send(_SYNC, b"")
-        if now >= self._heartbeat_due:
+        if not self.without_sync:
+            for link in self._links.values():
+                link.count_missing()
+            for stream in self._before_sync:
+                stream()
+            now = self.clock.now()
+            self.sync.advance(now)
+            self.transport.send(_SYNC, b"")
+        if now >= self._heartbeat_due and not self.without_heartbeat:
             self.transport.send(0x700 + self.host_id, heartbeat_frame())
             self._heartbeat_due = now + self._heartbeat_period - self.period / 2.0
 

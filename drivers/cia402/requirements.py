@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from drivers.ports import Trial
+
 
 class Grade(StrEnum):
     """How much a requirement matters."""
@@ -27,17 +29,6 @@ class Met(StrEnum):
     """the drive lacks it; `Requirement.instead` takes its place"""
     ABSENT = "absent"
     """neither the drive nor a trial nor the host: refused"""
-
-
-class Trial(StrEnum):
-    """What a trial withholds or commands, at low speed and without load."""
-
-    LOST_HEARTBEAT = "heartbeat withheld"
-    LOST_SYNC = "SYNC withheld"
-    QUICK_STOP = "quick stop"
-    HALT = "halt"
-    FOLLOWING_ERROR = "following error"
-    POSITION_LIMIT = "position limit"
 
 
 @dataclass(frozen=True)

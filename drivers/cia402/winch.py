@@ -59,6 +59,8 @@ class Cia402Winch:
         self._commanded: Trajectory | None = None
         self._forced = False
         """stopped by NMT: PDOs are off"""
+        self.on_trial = False
+        """its stops are being tried (`trials`), which looks at it itself"""
 
     @property
     def name(self) -> str:
@@ -79,6 +81,11 @@ class Cia402Winch:
     def clock(self) -> Clock:
         """The master's."""
         return self._master.clock
+
+    @property
+    def master(self) -> CanopenMaster:
+        """Of its bus."""
+        return self._master
 
     async def configure(self) -> None:
         """Identity, limits, stop reactions, PDO mapping: written, read back; power is never given.
@@ -219,7 +226,7 @@ class Cia402Winch:
     @property
     def commanded(self) -> Trajectory | None:
         """Where the cable (m) was told to be; None before power, and while something else than a winch uses it."""
-        return self._commanded
+        return None if self.on_trial else self._commanded
 
     def stands(self) -> None:
         """From now on the cable is to be where it is now."""

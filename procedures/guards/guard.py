@@ -89,7 +89,7 @@ async def watch(
     while True:
         seen = look()
         for guard in guards:
-            if seen.phase is Phase.PREPARING and not isinstance(guard, Always):
+            if seen.phase in (Phase.PREPARING, Phase.TRYING) and not isinstance(guard, Always):
                 continue
             says = guard.look(seen)
             if says is None:

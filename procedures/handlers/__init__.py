@@ -6,6 +6,7 @@ from typing import Any
 
 from procedures.handlers.accuracy import check_accuracy, identify_body
 from procedures.handlers.align import jog
+from procedures.handlers.commission import prove_stop
 from procedures.handlers.excitation import see_recorded_swing, strokes, think, watch_swing
 from procedures.handlers.hand import ask, await_hands_off
 from procedures.handlers.home import configure, measure_pose, set_lengths
@@ -43,6 +44,7 @@ from procedures.steps import (
 )
 from procedures.steps.accuracy import CheckAccuracy
 from procedures.steps.align import Jog, Told
+from procedures.steps.commission import ProveStop
 from procedures.steps.excitation import IdentifyBody, SeeRecordedSwing, Strokes, Think, WatchSwing
 from procedures.steps.placing import ComparePlace, TryWinches
 
@@ -81,6 +83,7 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         CheckAccuracy: check_accuracy,
         IdentifyBody: identify_body,
         Jog: jog,
+        ProveStop: prove_stop,
         Told: give_up,
     }
 )

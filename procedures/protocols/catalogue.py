@@ -15,6 +15,7 @@ from typing import cast
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import SetupError
 from procedures.limits import Statics
+from procedures.protocols.commission import commission
 from procedures.protocols.compare import compare, compare_by_winches
 from procedures.protocols.experiment import Experiment, Lab, Make, checked_experiment
 from procedures.protocols.home import home
@@ -46,6 +47,10 @@ def _tension_check(lab: Lab) -> Steps:
 
 def _home(lab: Lab) -> Steps:
     return home(lab.plan, lab.robot, lab.settings)
+
+
+def _commission(lab: Lab) -> Steps:
+    return commission(lab.plan, lab.robot, lab.settings)
 
 
 def _align(lab: Lab) -> Steps:
@@ -85,6 +90,7 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
             Role.IDENTIFY,
         ),
         "home": Entry("the encoders' zeros, at a known or measured pose, without power", _home),
+        "commission": Entry("every stop of every winch, proven by trial without load (fidim commission)", _commission),
         "align": Entry("how late motion capture is against the encoders, by a jog up and down", _align, alone=True),
         "compare": Entry(
             "record the plan, explain it, record where it tells most: until the verdict is clear",

@@ -15,6 +15,8 @@ class Phase(StrEnum):
 
     PREPARING = "preparing"
     """no power yet: drives are not expected to be enabled"""
+    TRYING = "trying"
+    """without load, one drive after another is made to stop by itself: faults and silence are what is asked for"""
     MOVING = "moving"
     RESTING = "resting"
     HANDLING = "handling"

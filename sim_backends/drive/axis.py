@@ -4,6 +4,7 @@ The node gives it the time (`feedback.sample`), its 5 ms cycle (`tick`), control
 """
 
 from sim_backends.drive.abort import Abort
+from sim_backends.drive.defects import Defects
 from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.emergency import FOLLOWING_ERROR, HEARTBEAT_LOST, ErrorLog
 from sim_backends.drive.feedback import Feedback
@@ -31,6 +32,8 @@ _RAMPS = {1: 0x6084, 2: 0x6085, 5: 0x6084, 6: 0x6085}
 """object that holds the deceleration of a stop, by option code; the others brake"""
 _STAYS = 5
 """quick stop options from here on stay in QUICK STOP ACTIVE"""
+_COMES_BACK = 0.3
+"""s after a stop at which a drive that enables itself does so"""
 
 
 class Axis:
@@ -42,13 +45,21 @@ class Axis:
     """
 
     def __init__(
-        self, dictionary: Dictionary, shaft: Shaft, errors: ErrorLog, position: float, make: Make = PROFILE
+        self,
+        dictionary: Dictionary,
+        shaft: Shaft,
+        errors: ErrorLog,
+        position: float,
+        make: Make = PROFILE,
+        defects: Defects | None = None,
     ) -> None:
         self._number = dictionary.number
         self._errors = errors
-        self._positioner = Positioner(dictionary, shaft, position, make)
-        self.feedback = Feedback(dictionary, shaft, self._positioner, make)
-        self._set_points = SetPoints(dictionary, self._positioner, self.feedback)
+        self._defects = defects or Defects()
+        self._comes_back: float | None = None
+        self._positioner = Positioner(dictionary, shaft, position, make, self._defects)
+        self.feedback = Feedback(dictionary, shaft, self._positioner, make, self._defects)
+        self._set_points = SetPoints(dictionary, self._positioner, self.feedback, self._defects)
         parts = (dictionary, self._positioner, self.feedback, make)
         self._modes: dict[int, MotionMode] = {
             PROFILE_VELOCITY: ProfileVelocity(*parts),
@@ -66,6 +77,7 @@ class Axis:
         """Whether something may change by itself, so that `tick` is wanted."""
         return (
             self._after_stop is not None
+            or self._comes_back is not None
             or self.state is State.NOT_READY
             or not self._positioner.at_rest(self.feedback.now)
             or self.feedback.strayed()
@@ -76,6 +88,9 @@ class Axis:
         now = self.feedback.now
         if self.state is State.NOT_READY:
             self.state = State.SWITCH_ON_DISABLED
+        if self._comes_back is not None and now >= self._comes_back:
+            self._comes_back = None
+            self._settle(State.OPERATION_ENABLED)
         if self._after_stop is not None:
             if self._positioner.at_rest(now):
                 self._settle(self._after_stop)
@@ -170,6 +185,8 @@ class Axis:
                 return False
             self._errors.acknowledge()
         if self.state is State.OPERATION_ENABLED and target is State.QUICK_STOP_ACTIVE:
+            if self._defects.quick_stop_ignored:
+                return False
             option = self._number(0x605A, default=2)
             final = State.QUICK_STOP_ACTIVE if option >= _STAYS else State.SWITCH_ON_DISABLED
             self._stop_towards(final, option, meanwhile=State.QUICK_STOP_ACTIVE)
@@ -186,8 +203,13 @@ class Axis:
 
     def _stop_towards(self, final: State, option: int, *, meanwhile: State) -> None:
         """Stop as an option code says, in the state `meanwhile`, then enter `final`; without power, at once."""
+        if self._defects.enables_itself:
+            self._comes_back = self.feedback.now + _COMES_BACK
         if not self.feedback.powered or option not in _RAMPS:
             self._settle(final)
+            return
+        if self._defects.stops_in_words:
+            self.state = final if final in _POWERED else meanwhile
             return
         self.state, self._after_stop = meanwhile, final
         self._set_points.reset()

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from drivers.canbus.transport import CanFrame
 from sim_backends.can_node import Outgoing
 from sim_backends.drive.axis import Axis
+from sim_backends.drive.defects import Defects
 from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.emergency import HEARTBEAT_LOST, ErrorLog
 from sim_backends.drive.faults import DriveFaults
@@ -13,6 +14,10 @@ from sim_backends.drive.nmt import HeartbeatProducer, HeartbeatWatch, NmtCommand
 from sim_backends.drive.pdo_unit import PdoUnit
 from sim_backends.drive.sdo_server import SdoServer
 
+SYNC_LOST = 0x8700
+"""emergency code"""
+SYNC_PERIODS = 5.0
+"""of 1006 without SYNC after which it is missed"""
 _NMT, _SYNC, _EMERGENCY, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x000, 0x080, 0x080, 0x580, 0x600, 0x700
 _OFF = 1 << 31
 _ENTERED = {
@@ -27,7 +32,12 @@ _COMMUNICATION_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
 class Communication:
     """What a node says and hears; frames to send gather in `outbox`."""
 
-    def __init__(self, node_id: int, od: Dictionary, axis: Axis, errors: ErrorLog, faults: DriveFaults) -> None:
+    def __init__(
+        self, node_id: int, od: Dictionary, axis: Axis, errors: ErrorLog, faults: DriveFaults, defects: Defects
+    ) -> None:
+        self._defects = defects
+        self._sync_due = math.inf
+        """when the next SYNC is missed, s; infinity before the first, and where 1006 asks for none"""
         self._node_id = node_id
         self._od = od
         self._axis = axis
@@ -49,17 +59,18 @@ class Communication:
         """When something is next to be sent or noticed, s."""
         late = self._late[0][0] if self._late else math.inf
         events = self._pdos.due if self.state is NmtState.OPERATIONAL else math.inf
-        return min(late, events, self._producer.due, self._watch.due)
+        return min(late, events, self._producer.due, self._watch.due, self._sync_due)
 
     @property
     def lively(self) -> bool:
         """Whether a SYNC may lead to more than the PDOs it asks for."""
-        return self._pdos.lively
+        return self._pdos.lively or bool(self._od.number(0x1006))
 
     def boot(self) -> None:
         """Announce the node, and be pre-operational with the dictionary as it is."""
         self._sdo.reset()
         self._watch.reset()
+        self._sync_due = math.inf
         self._late.clear()
         self.outbox.append((_HEARTBEAT + self._node_id, b"\x00"))
         self._producer.restart(self._axis.feedback.now)
@@ -68,7 +79,12 @@ class Communication:
 
     def live(self, now: float) -> None:
         """Do what is due: heartbeat, watchdog, late answers."""
-        if now >= self._watch.due and self._watch.missed(now):
+        if now >= self._sync_due:
+            self._sync_due = math.inf
+            if not self._defects.sync_ignored:
+                self._errors.report(SYNC_LOST)
+                self._axis.abort_connection()
+        if now >= self._watch.due and self._watch.missed(now) and not self._defects.heartbeat_ignored:
             self._errors.report(HEARTBEAT_LOST)
             self._axis.abort_connection()
             self.settle(now)
@@ -153,6 +169,9 @@ class Communication:
 
     def _sync(self, frame: CanFrame) -> None:
         if len(frame.data) <= 1:
+            if period := self._od.number(0x1006):
+                self._sync_due = frame.t + SYNC_PERIODS * 1e-6 * period
+                self._errors.withdraw(SYNC_LOST)
             self.outbox += self._pdos.sync()
 
     def _process(self, frame: CanFrame) -> None:

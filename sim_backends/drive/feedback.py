@@ -2,6 +2,7 @@
 
 import math
 
+from sim_backends.drive.defects import Defects
 from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.positioner import Positioner
@@ -18,9 +19,18 @@ class Feedback:
     rated current. Without power there is none (the brake holds). Not simulated: speed ripple, dynamics of the sensors.
     """
 
-    def __init__(self, dictionary: Dictionary, shaft: Shaft, positioner: Positioner, make: Make = PROFILE) -> None:
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        shaft: Shaft,
+        positioner: Positioner,
+        make: Make = PROFILE,
+        defects: Defects | None = None,
+    ) -> None:
         self._number = dictionary.number
         self._make = make
+        self._defects = defects or Defects()
+        self._frozen: int | None = None
         self._shaft = shaft
         self._positioner = positioner
         self._strayed_since: float | None = None
@@ -32,6 +42,8 @@ class Feedback:
         """A that the ammeter reads too much"""
         self.stuck_current: int | None = None
         """what a stuck ammeter shows, per mille of 6075"""
+        self.servo_lag = 0.0
+        """s by which the shaft is behind the demand in motion"""
         self.slipped = 0
         """counts by which the encoder is off the shaft"""
         self.reference = 0
@@ -52,11 +64,16 @@ class Feedback:
 
     def position(self) -> int:
         """6064, counts."""
-        return _wrap(self.motion.position + self.slipped)
+        if not self._defects.encoder_frozen:
+            return _wrap(self.motion.position + self.slipped)
+        if self._frozen is None:
+            self._frozen = _wrap(self.motion.position + self.slipped)
+        return self._frozen
 
     def demand(self) -> int:
         """6062, counts."""
-        return _wrap(self._positioner.demand(self.now).position + self.reference)
+        ahead = self.servo_lag * self.motion.velocity
+        return _wrap(self._positioner.demand(self.now).position + ahead + self.reference)
 
     def velocity(self) -> int:
         """606C, counts/s or the maker's unit."""
@@ -83,7 +100,7 @@ class Feedback:
     def lag(self) -> int:
         """60F4, following error, counts."""
         if not self._positioner.behind:
-            off = self.reference - self.slipped
+            off = self.reference - self.slipped + round(self.servo_lag * self.motion.velocity)
             return _wrap(off) if off else 0
         demand = self._positioner.demand(self.now).position + self.reference
         return _wrap(demand - self.motion.position - self.slipped)
@@ -102,6 +119,8 @@ class Feedback:
     def strayed(self) -> bool:
         """Whether the following error is outside 6065."""
         window = self._number(0x6065, default=_WINDOW_OFF)
+        if self._defects.following_error_ignored:
+            return False
         return window != _WINDOW_OFF and self.powered and abs(self.lag()) > window
 
     def lost(self) -> bool:

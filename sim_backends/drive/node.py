@@ -9,6 +9,7 @@ from sim_backends.can_node import Outgoing
 from sim_backends.drive.axis import Axis
 from sim_backends.drive.communication import Communication
 from sim_backends.drive.configuration import connect
+from sim_backends.drive.defects import Defects
 from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.emergency import ErrorLog
 from sim_backends.drive.faults import DriveFaults
@@ -36,21 +37,31 @@ class SimulatedDrive:
     """
 
     def __init__(
-        self, node_id: int, od: Dictionary, shaft: Shaft, *, position: float = 0.0, make: Make = PROFILE
+        self,
+        node_id: int,
+        od: Dictionary,
+        shaft: Shaft,
+        *,
+        position: float = 0.0,
+        make: Make = PROFILE,
+        lag: float = 0.0,
     ) -> None:
         """`od` as `read_eds(path, node_id)` gives it; `position`: where the shaft is at power-on, counts.
 
-        Raises OurBugError for a node id outside 1…127.
+        lag: s by which the shaft is behind the demand in motion, as a position loop's is (1/Kv); it shows in 60F4 and
+        6062 alone. Raises OurBugError for a node id outside 1…127.
         """
         if not 1 <= node_id <= 127:
             raise OurBugError(f"a CANopen node id is 1…127, not {node_id}")
         self.node_id = node_id
         self.od = od
         errors = ErrorLog(od)
-        self._axis = Axis(od, shaft, errors, position, make)
+        self.defects = Defects()
+        self._axis = Axis(od, shaft, errors, position, make, self.defects)
+        self._axis.feedback.servo_lag = lag
         self.faults = DriveFaults(od, errors, self._axis, self._disturbed)
         connect(od, self._axis, errors, make)
-        self._communication = Communication(node_id, od, self._axis, errors, self.faults)
+        self._communication = Communication(node_id, od, self._axis, errors, self.faults, self.defects)
         self._cycle = math.inf
         """when the next cycle is due, s; infinity while nothing moves"""
         self._due = math.inf

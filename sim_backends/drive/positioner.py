@@ -5,11 +5,18 @@ Positions here are those of the shaft (counts, unquantised); `Feedback` turns th
 
 import math
 
+from sim_backends.drive.defects import Defects
 from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.profile import Profile, ShaftMotion, glide, standing, stop, trapezoid
 from sim_backends.drive.shaft import Shaft
 
+QUICK_RAMP = 0x6085
+"""quick stop deceleration"""
+_SAGS, _LONG = 0.02, 60.0
+"""turns of 10 000 counts a second at which a shaft sags behind an open brake, and s for which it does"""
+_TEN_TIMES, _COASTING = 0.1, 0.02
+"""of the deceleration: a ramp that is ten times too long, and a shaft that runs down"""
 _BRAKE_TIME = 0.02
 """s that the holding brake takes to stop the shaft, whatever its speed"""
 
@@ -21,9 +28,17 @@ class Positioner:
     current limit stands still until the load is less, then starts again from where it stands.
     """
 
-    def __init__(self, dictionary: Dictionary, shaft: Shaft, position: float, make: Make = PROFILE) -> None:
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        shaft: Shaft,
+        position: float,
+        make: Make = PROFILE,
+        defects: Defects | None = None,
+    ) -> None:
         self._dictionary = dictionary
         self._make = make
+        self._defects = defects or Defects()
         self._shaft = shaft
         self._demand = self._actual = standing(position)
         self._waiting: float | None = None
@@ -63,6 +78,8 @@ class Positioner:
             self._waiting = target
             return
         self._waiting = None
+        if self._defects.wrong_direction:
+            target = 2.0 * self._actual.at(t).position - target
         self.target = target
         if start:
             self.resume(t)
@@ -92,13 +109,22 @@ class Positioner:
     def ramp_down(self, t: float, deceleration_object: int, *, keep_target: bool = False) -> None:
         """Stop with the deceleration in that object; the target is kept for `resume`, or forgotten."""
         self._positioning = False
-        self._follow(t, stop(t, self._actual.at(t), self._ramp(deceleration_object)))
+        deceleration = float(self._ramp(deceleration_object))
+        if self._defects.ramp_ten_times_too_long and deceleration_object == QUICK_RAMP:
+            deceleration *= _TEN_TIMES
+        if self._defects.halt_coasts and keep_target:
+            deceleration *= _COASTING
+        self._follow(t, stop(t, self._actual.at(t), deceleration))
         if not keep_target:
             self._forget()
 
     def brake(self, t: float) -> None:
         """Power goes, the brake closes; targets are forgotten."""
-        self._follow(t, self._braking(t))
+        if self._defects.brake_open:
+            place = self._actual.at(t).position
+            self._follow(t, glide(t, place, place + 1e4 * _SAGS * _LONG, _LONG))
+        else:
+            self._follow(t, self._braking(t))
         self._forget()
 
     def tick(self, t: float, lacking: float) -> None:

@@ -1,5 +1,6 @@
 """Profile position mode on the wire: the set-point handshake (bits 4, 5, 6, 12), halt (bit 8), position limits 607D."""
 
+from sim_backends.drive.defects import Defects
 from sim_backends.drive.dictionary import Dictionary
 from sim_backends.drive.feedback import Feedback
 from sim_backends.drive.positioner import Positioner
@@ -15,7 +16,8 @@ class SetPoints:
     Halt stops on the ramp 605D; released, the shaft goes on to its target.
     """
 
-    def __init__(self, dictionary: Dictionary, positioner: Positioner, feedback: Feedback) -> None:
+    def __init__(self, dictionary: Dictionary, positioner: Positioner, feedback: Feedback, defects: Defects) -> None:
+        self._defects = defects
         self._number = dictionary.number
         self._positioner = positioner
         self._feedback = feedback
@@ -65,7 +67,8 @@ class SetPoints:
         if word & _RELATIVE:
             wanted += round(self._positioner.target) + reference
         low, high = self._number(0x607D, 1), self._number(0x607D, 2)
-        target = min(max(wanted, low), high) if low < high else wanted  # both 0: no limits
+        limited = low < high and not self._defects.limit_ignored  # both 0: no limits
+        target = min(max(wanted, low), high) if limited else wanted
         self.limited = target != wanted
         self.acknowledged = True
         self._positioner.aim(self._feedback.now, float(target - reference), at_once=bool(word & _AT_ONCE), start=start)

@@ -1,0 +1,111 @@
+"""Every stop of every winch, proven by trial: without load, at low speed, with a person there.
+
+For each winch a quick stop first (the means by which the others are ended, where a drive does not stop by itself), then
+halt, heartbeat and SYNC withheld, the drive's position limit, its following-error limit. The plan has a window for each
+winch, whose name it bears. What passes is a proof, which the application keeps with the rig.
+"""
+
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass
+
+from drivers.ports import Prompt, PromptKind, Trial
+from fidim_lab.data.records import Plan, Robot
+from fidim_lab.errors import SetupError
+from procedures.outcomes import Outcome, worst
+from procedures.settings import Settings
+from procedures.steps import AskWithoutPower, Configure, Result, Step, Steps, Stop, Verdict
+from procedures.steps.commission import RUNS_ON, ProveStop
+
+TRIALS = tuple(Trial)
+"""in this order"""
+ONE_IS_ENOUGH = (Trial.LOST_HEARTBEAT, Trial.LOST_SYNC)
+"""reactions to a lost host: a drive needs one of them"""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the trials of one winch come to."""
+
+    outcome: Outcome
+    reason: str
+
+
+def commission(plan: Plan, robot: Robot, settings: Settings | None = None) -> Steps:
+    """The steps. Raises SetupError for a plan that has not one window for each winch."""
+    settings = settings or Settings()
+    if len(plan.windows) != robot.n:
+        raise SetupError(f"Plan {plan.name!r} has {len(plan.windows)} windows; commissioning has one for each winch.")
+    return _commission(plan, settings)
+
+
+def judge_trials(results: Mapping[Trial, Result]) -> Judged:
+    """A winch passes where every trial that its drive can undergo has passed; of `ONE_IS_ENOUGH` one must."""
+    said = [f"{trial}: {_told(result)}" for trial, result in results.items()]
+    needed = [result.outcome for trial, result in results.items() if trial not in ONE_IS_ENOUGH]
+    tried = [outcome for outcome in needed if outcome is not Outcome.SKIPPED]
+    lost = [results[trial].outcome for trial in ONE_IS_ENOUGH if trial in results]
+    if not any(outcome.usable for outcome in lost):
+        tried.append(Outcome.FAIL)
+        said.append("nothing has stopped it when its host was lost")
+    return Judged(worst(tried), "; ".join(said))
+
+
+def _told(result: Result) -> str:
+    if result.outcome.usable and result.values:
+        time, way = result.values
+        return f"{time:.2f} s, {way * 1e3:.1f} mm"
+    return f"{result.outcome} ({result.reason})"
+
+
+def _commission(plan: Plan, settings: Settings) -> Steps:
+    yield Configure()
+    if (yield _ask("", _WORD, settings, ("done", "abort"))).answer != "done":
+        yield Stop(outcome=Outcome.ABORTED, reason="left as it was by the operator")
+        return
+    outcomes: list[Outcome] = []
+    for index, window in enumerate(plan.windows):
+        text = _NEXT.format(window.id, index + 1)
+        answer = (yield _ask(window.id, text, settings, ("done", "skip", "abort"))).answer
+        if answer == "abort":
+            yield Stop(outcome=Outcome.ABORTED, reason="ended by the operator")
+            return
+        if answer == "skip":
+            yield Verdict(window=window.id, outcome=Outcome.SKIPPED, reason="not tried, by the operator's word")
+            outcomes.append(Outcome.SKIPPED)
+            continue
+        judged = judge_trials((yield from _tried(window.id, index, settings)))
+        yield Verdict(window=window.id, outcome=judged.outcome, reason=judged.reason)
+        outcomes.append(judged.outcome)
+    yield Configure()
+    proven = sum(outcome.usable for outcome in outcomes)
+    yield Stop(outcome=worst(outcomes), reason=f"{proven} of {len(outcomes)} winches stop by themselves in every trial")
+
+
+def _tried(window: str, index: int, settings: Settings) -> Generator[Step, Result, dict[Trial, Result]]:
+    results: dict[Trial, Result] = {}
+    told = settings.commission
+    for trial in TRIALS:
+        results[trial] = yield ProveStop(
+            window=window,
+            winch=index,
+            trial=trial,
+            speed=told.speed,
+            acceleration=told.acceleration,
+            watch=told.watch,
+        )
+        unstoppable = results[trial].answer == RUNS_ON
+        if unstoppable or (trial is Trial.QUICK_STOP and not results[trial].outcome.usable):
+            break  # what ends the other trials does not work on it
+    return results
+
+
+_WORD = (
+    "The winches will move and stop by themselves, one after another, and their drives will be cheated of their host. "
+    "Is there no load on any cable, the platform on its stand, nobody within reach, and the emergency stop at hand?"
+)
+_NEXT = "Next is {0} (winch {1}): may it wind and pay out, at low speed, without load?"
+
+
+def _ask(window: str, text: str, settings: Settings, choices: tuple[str, ...]) -> AskWithoutPower:
+    prompt = Prompt(PromptKind.CONFIRM, text, choices=choices)
+    return AskWithoutPower(window=window, prompt=prompt, estimate=settings.prompt_estimate)

@@ -1,0 +1,231 @@
+"""`commission` on simulated drives: healthy ones pass, each planted defect is found, objects may be absent."""
+
+import asyncio
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.cia402.config import GENERIC_EDS, WinchConfig
+from drivers.cia402.family import DriveFamily
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.trials import WinchTrials
+from drivers.cia402.winch import Cia402Winch
+from drivers.clock import LoopClock
+from drivers.ports import DriveState, MarkerFrame, Rig, Trial
+from fidim_lab.data.records import Plan, PlannedWindow, Role
+from fidim_lab.data.robot_file import read_robot, robot_path
+from procedures.catalogue import experiment
+from procedures.events import StepFinished
+from procedures.outcomes import Outcome
+from procedures.run import run_procedure
+from procedures.settings import CommissionSettings, Settings
+from procedures.steps.commission import ProveStop
+from sim_backends.drive.eds import read_eds
+from sim_backends.drive.node import SimulatedDrive
+from sim_backends.drive.shaft import DrumShaft
+from sim_backends.in_process_bus import InProcessBus
+from sim_backends.jumping_loop import run
+
+CLOCK = LoopClock()
+ROBOT = read_robot(robot_path("irma4"))
+PLAN = Plan(
+    "stops",
+    tuple(
+        PlannedWindow(f"w{k}", Role.IDENTIFY, np.full(4, 1.4), np.zeros(2), np.array([1.2, -0.2, -0.3]))
+        for k in range(1, 5)
+    ),
+)
+LAG = 0.01
+"""s of a position loop with Kv 100/s"""
+
+
+class NoMarkers:
+    rate = 100.0
+
+    def latest(self):
+        return MarkerFrame(CLOCK.now(), int(100 * CLOCK.now()), (None,))
+
+    def counters(self):
+        return {}
+
+    async def frames(self):
+        while True:
+            await CLOCK.sleep(0.01)
+            yield self.latest()
+
+
+class Person:
+    """Answers every question; other winches than the wanted ones are left out, for the tests' time."""
+
+    def __init__(self, wanted):
+        self.wanted = wanted
+
+    async def answer(self, prompt):
+        names = [window for window in ("w1", "w2", "w3", "w4") if f"{window} " in prompt.text]
+        return "skip" if names and names[0] not in self.wanted else "done"
+
+
+class Bench:
+    """Four drives; what is done to the second one is the case's."""
+
+    def __init__(self, spoil=lambda drive: None, change=lambda config: config, wanted=("w2",)):
+        self.spoil, self.change, self.wanted = spoil, change, wanted
+        self.results = {}
+
+    def _build(self):
+        self.bus = InProcessBus(CLOCK.now)
+        self.master = CanopenMaster(self.bus, CLOCK, sync_rate=100.0)
+        self.drives, self.winches = [], []
+        for node in range(1, 5):
+            shaft = DrumShaft()
+            drive = SimulatedDrive(node, read_eds(GENERIC_EDS, node), shaft, lag=LAG)
+            config = WinchConfig(
+                name=f"winch {node}",
+                node_id=node,
+                counts_per_turn=2.0 * math.pi * 0.05 * 2e5,
+                drum_radius=0.05,
+                rated_current=5.0,
+                current_limit=4.0,
+                max_speed=0.5,
+                max_acceleration=1.0,
+                length_limits=(0.5, 3.0),
+                home_length=1.4,
+                direction=(-1) ** node,
+                on_trial=True,
+            )
+            if node == 2:
+                self.spoil(drive)
+                config = self.change(config)
+            self.bus.attach(drive)
+            self.drives.append(drive)
+            self.winches.append(Cia402Winch(config, self.master))
+        trials = tuple(WinchTrials(winch, "A. Tester") for winch in self.winches)
+        self.rig = Rig(CLOCK, tuple(self.winches), NoMarkers(), Person(self.wanted), bus=self.master, trials=trials)
+
+    def hear(self, event):
+        if isinstance(event, StepFinished) and isinstance(event.step, ProveStop):
+            self.results[event.step.winch + 1, event.step.trial] = event.result
+
+    async def _live(self):
+        while True:
+            self.bus.advance(CLOCK.now())
+            await CLOCK.sleep(min(max(self.bus.due - CLOCK.now(), 1e-4), 0.05))
+
+    def commission(self, folder):
+        settings = Settings(commission=CommissionSettings(watch=0.5))
+        made = experiment("commission", PLAN, ROBOT, settings, statics=lambda lengths: np.full(len(lengths), 60.0))
+
+        async def main():
+            self._build()
+            tasks = [asyncio.ensure_future(work) for work in (self.master.run(), self._live())]
+            try:
+                report = await run_procedure(made, self.rig, folder, wall_time=lambda: "now", listeners=(self.hear,))
+                self.states = {winch.latest().state for winch in self.winches}
+                return report
+            finally:
+                for task in tasks:
+                    task.cancel()
+                await asyncio.gather(*tasks, return_exceptions=True)
+
+        return run(main())
+
+
+def test_healthy_drives_are_proven_and_left_without_power(tmp_path):
+    bench = Bench(wanted=("w1", "w2", "w3", "w4"))
+    report = bench.commission(tmp_path / "run")
+    assert report.outcome is Outcome.PASS, report.reason
+    assert report.exit_code == 0, report.held_says
+    assert {row.outcome for row in report.windows} == {Outcome.PASS}
+    for (_, trial), result in bench.results.items():
+        if trial is Trial.LOST_SYNC:
+            assert result.outcome is Outcome.FAIL  # nothing watches SYNC, and heartbeat does
+            continue
+        assert result.outcome is Outcome.PASS, (trial, result.reason)
+        time, way = result.values
+        reaction = 0.25 if trial is Trial.LOST_HEARTBEAT else 0.0
+        ramp = 0.25 if trial is Trial.HALT else 0.025
+        assert time <= reaction + ramp + 0.06
+        assert way <= 0.05 * (reaction + 0.06 + 0.5 * ramp) + 1e-4
+        assert way >= 0.05 * 0.8 * reaction - 1e-4
+    assert bench.states == {DriveState.SWITCH_ON_DISABLED}
+
+
+def without(*objects):
+    """A config whose drive has not these objects, as its family file says."""
+    family = DriveFamily(name="lacking", absent=dict.fromkeys(objects, "proven by trial"))
+    return lambda config: replace(config, family=family)
+
+
+def watches_sync(drive):
+    drive.od.fix(0x1006, 0, 10_000)
+
+
+DEFECTS = {
+    "heartbeat_ignored": (Trial.LOST_HEARTBEAT, "it does not stop"),
+    "sync_ignored": (Trial.LOST_SYNC, "it does not stop"),
+    "quick_stop_ignored": (Trial.QUICK_STOP, "it does not stop"),
+    "ramp_ten_times_too_long": (Trial.QUICK_STOP, "time to standstill is"),
+    "halt_coasts": (Trial.HALT, "it does not stop"),
+    "following_error_ignored": (Trial.FOLLOWING_ERROR, "it does not stop"),
+    "limit_ignored": (Trial.POSITION_LIMIT, "beyond its position limit"),
+    "wrong_direction": (Trial.QUICK_STOP, "moves the wrong way"),
+    "encoder_frozen": (Trial.QUICK_STOP, "its encoder has gone 0.0 mm"),
+    "enables_itself": (Trial.QUICK_STOP, "afterwards, by itself"),
+    "stops_in_words": (Trial.QUICK_STOP, "it does not stop"),
+    "brake_open": (Trial.QUICK_STOP, "moved without power is"),
+}
+
+
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_a_planted_defect_is_found(tmp_path, defect):
+    trial, says = DEFECTS[defect]
+
+    def spoil(drive):
+        setattr(drive.defects, defect, True)
+        if trial is Trial.LOST_SYNC:
+            watches_sync(drive)
+
+    # A drive that watches the heartbeat needs no reaction to SYNC: the defect matters where it has no such watch.
+    change = without("1016:1", "6007:0") if trial is Trial.LOST_SYNC else lambda config: config
+    bench = Bench(spoil, change)
+    report = bench.commission(tmp_path / "run")
+    found = bench.results[2, trial]
+    assert found.outcome is Outcome.FAIL
+    assert says in found.reason
+    assert report.exit_code in (1, 3)
+    rows = {row.id: row.outcome for row in report.windows}
+    assert rows == dict.fromkeys(("w1", "w3", "w4"), Outcome.SKIPPED) | {"w2": Outcome.FAIL}, report.reason
+    assert says in next(row.reason for row in report.windows if row.id == "w2")
+
+
+def test_the_watch_of_sync_takes_the_place_of_the_heartbeats(tmp_path):
+    bench = Bench(watches_sync, without("1016:1"))
+    report = bench.commission(tmp_path / "run")
+    assert report.windows[1].outcome is Outcome.PASS, report.reason
+    assert bench.results[2, Trial.LOST_HEARTBEAT].outcome is Outcome.SKIPPED
+    assert bench.results[2, Trial.LOST_SYNC].outcome is Outcome.PASS
+
+
+@pytest.mark.parametrize(
+    ("absent", "skipped"),
+    [
+        ("1016:1", Trial.LOST_HEARTBEAT),
+        ("605D:0", Trial.HALT),
+        ("6065:0", Trial.FOLLOWING_ERROR),
+        ("607D:1", Trial.POSITION_LIMIT),
+        ("605A:0", None),
+        ("605E:0", None),
+        ("6007:0", None),
+        ("6066:0", None),
+    ],
+)
+def test_a_drive_that_lacks_an_object_is_tried_in_all_else(tmp_path, absent, skipped):
+    bench = Bench(watches_sync, without(absent), wanted=("w1", "w2"))  # what is withheld from the first hits it, too
+    report = bench.commission(tmp_path / "run")
+    outcomes = {trial: bench.results[2, trial].outcome for trial in Trial}
+    assert [trial for trial, outcome in outcomes.items() if outcome is Outcome.SKIPPED] == (
+        [skipped] if skipped else []
+    )
+    assert report.windows[1].outcome is Outcome.PASS, report.windows[1].reason
