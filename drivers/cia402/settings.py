@@ -8,6 +8,8 @@ from drivers.cia402.words import Mode
 from fidim_lab.errors import SetupError
 
 _ALL_BITS = 0xFFFFFFFF
+STOPS = ("1016:1", "1029:1", "6007:0", "605A:0", "605D:0", "605E:0", "6065:0", "6066:0", "6085:0")
+"""objects by which a drive stops"""
 _PROFILE_402 = 402
 _SYNC_ID = 0x80
 _SYNC_BITS = 0x400007FF  # the identifier, and bit 30: the drive produces SYNC
@@ -109,6 +111,12 @@ def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
         Setting(0x6085, 0, config.drive_acceleration(config.quick_stop_deceleration), "quick stop deceleration"),
     )
     return _as_family_has_it(config, (*wanted, *_current_limit(config)))
+
+
+def stop_settings(config: WinchConfig, host_id: int) -> dict[str, int]:
+    """What a drive is told that its stops rest on, by object: a proof by trial holds for these values alone."""
+    told = {s.object: s.wanted for s in limits(config, host_id) if s.object in STOPS}
+    return {"6060:0": int(config.mode), **told}
 
 
 def _current_limit(config: WinchConfig) -> tuple[Setting, ...]:

@@ -174,6 +174,28 @@ def simulators(**options: Any) -> None:
     sys.exit(simulators_command(SimulatorOptions(**options)))
 
 
+@fidim.command()
+@click.argument("rig", type=FILE)
+@click.option("--by", required=True, metavar="NAME", help="Who is at the robot; faults are acknowledged in this name.")
+@click.option("--out", type=OUT_FOLDER, default=None, help="Run folder; default runs/commission-RIG.")
+@click.option("--list", "listing", is_flag=True, help="Print the steps and their times; nothing is opened.")
+@click.option("--embedded", is_flag=True, help="Rehearse in real time on simulated devices in a child process.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of an embedded world.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')
+@example('fidim commission rig.toml --by "A. Name"')
+def commission(**options: Any) -> None:
+    """Prove the stops of each drive of the RIG file by trial: without load, at low speed, with somebody there.
+
+    Quick stop, halt, heartbeat withheld, SYNC withheld, position limit, following error; time and way by the drive's own
+    encoder. What passes is kept in RIG.proofs.toml, for this drive and these settings.
+    """
+    if not options["embedded"]:
+        only_with("--embedded", "seed")
+    from fidim_lab.app.commission import CommissionOptions, commission_command
+
+    sys.exit(commission_command(CommissionOptions(**options)))
+
+
 @fidim.command("power-off")
 @click.argument("rig", type=FILE)
 @click.option("--yes", is_flag=True, help="The load is secured; do not ask.")

@@ -17,6 +17,7 @@ from drivers.cia402.family import DriveFamily, family_path, read_family
 from drivers.cia402.fitted import fitted
 from drivers.cia402.master import CanopenMaster
 from drivers.cia402.takeover import refuse_other_master
+from drivers.cia402.trials import WinchTrials
 from drivers.cia402.winch import Cia402Winch
 from drivers.cia402.words import Mode
 from drivers.clock import LoopClock
@@ -26,6 +27,7 @@ from drivers.remote_operator import RemoteOperator
 from fidim_lab.app.compose.homes import HomeKeeper
 from fidim_lab.app.compose.loop import running
 from fidim_lab.app.compose.motion_capture import marker_source
+from fidim_lab.app.compose.proofs import held_proofs
 from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devices, serial_devices
 from fidim_lab.data.rigs.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
 from fidim_lab.data.rigs.rig_serial import Loading, ReleaseEntry
@@ -67,12 +69,18 @@ class RealRig:
 
 @asynccontextmanager
 async def real_rig(
-    file: RigFile, operator: Operator | None = None, *, takes_over: bool = False, homing: bool = False
+    file: RigFile,
+    operator: Operator | None = None,
+    *,
+    takes_over: bool = False,
+    homing: bool = False,
+    tried_by: str = "",
 ) -> AsyncGenerator[RealRig]:
     """Open bus and motion capture, and keep the control loop running until the context ends; nothing moves by itself.
 
     operator: whoever answers prompts; may be left out where the rig file has a simulated hand. takes_over: drives that
     an earlier host has left holding the load are not refused. homing: stored zeros are made anew, none is checked.
+    tried_by: the person in whose presence the stops are tried, so that what is to be proven is not asked for yet.
     To be run on a loop that waits (`run_loop(..., real_time=True)`).
     Raises SetupError where a socket cannot be opened, the bus would be too full or nobody answers prompts; BusError
     where the bus cannot be reached or another master is heard; DeviceError where a motion-capture server does not
@@ -83,9 +91,9 @@ async def real_rig(
         transport = open_bus(file)
         stack.callback(transport.close)
         master = make_master(file, transport, clock)
-        winches = tuple(
-            make_winch(config, master, takes_over=takes_over) for config in winch_configs(file, homing=homing)
-        )
+        configs = winch_configs(file, homing=homing, on_trial=bool(tried_by))
+        winches = tuple(make_winch(config, master, takes_over=takes_over) for config in configs)
+        trials = tuple(WinchTrials(winch, tried_by) for winch in winches) if tried_by else ()
         markers = marker_source(file, clock)
         serial = serial_devices(file, clock)
         answering = operator or await _hand(file, stack)
@@ -99,7 +107,7 @@ async def real_rig(
         stack.push_async_callback(markers.close)
         await markers.start()
         await run_serial_devices(stack, serial)
-        rig = Rig(clock, winches, markers, answering, serial.release, serial.gauges, master)
+        rig = Rig(clock, winches, markers, answering, serial.release, serial.gauges, master, trials)
         yield RealRig(rig, transport, master, winches, markers, serial)
 
 
@@ -128,18 +136,19 @@ def make_master(file: RigFile, transport: PythonCanTransport, clock: Clock) -> C
     )
 
 
-def winch_configs(file: RigFile, *, homing: bool = False) -> tuple[WinchConfig, ...]:
+def winch_configs(file: RigFile, *, homing: bool = False, on_trial: bool = False) -> tuple[WinchConfig, ...]:
     """What the drivers are told of each winch. Raises SetupError naming file, winch and key.
 
-    homing: stored zeros are about to be made anew, so that none is checked.
+    homing: stored zeros are about to be made anew, so that none is checked. on_trial: stops are about to be tried.
     """
     winches = file.robot.winches or ()
     age = file.guards["stale_winch"].thresholds["age"]
     try:
-        return tuple(
+        configs = [
             _winch_config(entry, winch.newton_per_ampere, age, homing, file.path.parent)
             for entry, winch in zip(file.winches, winches, strict=True)
-        )
+        ]
+        return tuple(replace(one, proofs=held_proofs(file, one), on_trial=on_trial) for one in configs)
     except SetupError as error:
         raise SetupError(f"{file.path}: {error.message}", hint=error.hint) from error
 

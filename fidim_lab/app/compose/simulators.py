@@ -32,6 +32,7 @@ from fidim_lab.data.rigs.rig import BusEntry, RigFile
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.random_plan import random_plan
 from sim_backends.drive.abort import Abort
+from sim_backends.drive.defects import Defects
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.make import Ampere, Make
 from sim_backends.drive.node import SimulatedDrive
@@ -46,6 +47,8 @@ SWITCHED_OFF = bytes.fromhex("2b40600006000000")
 """controlword “shutdown” by SDO"""
 OVERCURRENT = 0x2310
 """emergency code of the fault below"""
+SERVO_LAG = 0.01
+"""s by which a simulated shaft is behind its demand in motion (1/Kv): 0.5 mm at 0.05 m/s"""
 AGAIN = "again"
 """after a plug's name: it is put back"""
 
@@ -70,12 +73,15 @@ class SimulatedDevices:
 
         "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "serial K": of the release or a
         measuring device, in the order of the file. Without a way back: "fault K": overcurrent; "off K": another program
-        switches it off.
+        switches it off. "defect K NAME": something is wrong that only a trial finds (`Defects`).
         """
         *words, last = line.split() or [""]
         back = last == AGAIN
         plug = " ".join(words if back else [*words, last])
         match plug.split():
+            case ["defect", number, *name] if number in self._numbers and " ".join(name) in Defects.names():
+                setattr(self.drives[int(number) - 1].defects, "_".join(name), not back)
+                return f"{'mended' if back else 'planted'}: {plug}"
             case ["fault" | "off" as what, number] if number in self._numbers and not back:
                 self._strike(self.drives[int(number) - 1], what)
                 return f"done: {line}"
@@ -91,9 +97,10 @@ class SimulatedDevices:
                 known = f"bus, mocap, drive K, fault K or off K with K from {', '.join(self._numbers)}"
                 if self.serial:
                     known += f"; serial K with K from {', '.join(self._lines)}"
+                known += f"; {AGAIN} after it puts it back (not fault, off); defect K {' | '.join(Defects.names())}"
                 raise SetupError(
                     f"{line!r}: no such plug.",
-                    hint=f"There are: {known}; {AGAIN} after it puts it back (not fault, off).",
+                    hint=f"There are: {known}.",
                 )
         if back is not (plug in self.out):
             raise SetupError(f"{line!r}: {plug} is {'not pulled' if back else 'pulled already'}.")
@@ -223,7 +230,9 @@ def _drives(
             od.fix(0x608F, 1, round(entry.counts_per_turn))
         if entry.serial_number is not None:
             od.fix(0x1018, 4, entry.serial_number)
-        drive = SimulatedDrive(entry.node_id, od, shaft, position=position, make=make_of(config))
+        drive = SimulatedDrive(
+            entry.node_id, od, shaft, position=position, make=make_of(config), lag=SERVO_LAG
+        )
         drive.faults.claim_identity(vendor=entry.vendor_id, product=entry.product_code)
         drive.faults.offset_current(entry.direction * config.current_offset)
         drives.append(drive)

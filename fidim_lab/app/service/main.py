@@ -20,6 +20,8 @@ from fidim_lab.app.formats.aligned import PROCEDURE as ALIGN
 from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Checked, ModelCheck
+from fidim_lab.app.compose.proofs import ProofKeeper
+from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.broadcast import wall_time
 from fidim_lab.app.service.judging import explain_step
@@ -141,6 +143,7 @@ async def _carry_out(work: Work, opened: Opened, service: Service, disk: Disk) -
         says = f"{known} windows have their verdict, {planned - known} are left"
         service.chronicle.note(kind="resumed", reason=says)
     check = ModelCheck(work.spec.out, len(work.experiment.roles), partial(_tell_checked, service))
+    proofs = _proof_keeper(work, service, disk)
     handlers = {**HANDLERS, Explain: explain_step}
     unattended = work.spec.unattended
     if unattended is not None and unattended.quiet_hours is not None:
@@ -152,13 +155,14 @@ async def _carry_out(work: Work, opened: Opened, service: Service, disk: Disk) -
             service.rig,
             work.spec.out,
             wall_time=wall_time,
-            listeners=(logs.on_event, *service.listeners(), check, _keeper(work, service, disk)),
+            listeners=(logs.on_event, *service.listeners(), check, _keeper(work, service, disk), proofs),
             guards=guards,
             handlers=handlers,
             control=service.control,
             resumption=work.resumption,
             disk=disk,
         )
+        await proofs.closed()
         await logs.after_run()
         await check.close()
         return report
@@ -181,6 +185,14 @@ def _keeper(work: Work, service: Service, disk: Disk) -> AlignmentKeeper:
         service.chronicle.note(kind="guard-warned", reason=says)
 
     return AlignmentKeeper(work.file, work.spec.out, wall_time, tell, disk)
+
+
+def _proof_keeper(work: Work, service: Service, disk: Disk) -> ProofKeeper:
+    def tell(says: str) -> None:
+        service.chronicle.note(kind="guard-warned", reason=says)
+
+    spec = work.spec
+    return ProofKeeper(work.file, winch_configs(work.file), spec.out, spec.by, wall_time, tell, disk)
 
 
 def _tell_checked(service: Service, checked: Checked) -> None:

@@ -62,7 +62,7 @@ async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | No
             await hand.open()
             stack.push_async_callback(hand.close)
         real = await stack.enter_async_context(
-            compose.real_rig(file, _Nobody(), takes_over=spec.resume, homing=spec.procedure == HOMING)
+            compose.real_rig(file, _Nobody(), takes_over=spec.resume, homing=spec.procedure == HOMING, tried_by=spec.by)
         )
         yield Opened(real.rig, hand, real.transport.tap, float(file.bus.bitrate))
 

@@ -84,6 +84,8 @@ class RunSpec(_Part):
     """shell command after a run that ended well; the folder is its $FIDIM_RUN, the outcome $FIDIM_OUTCOME"""
     on_fault: str = ""
     """… after one that did not"""
+    by: str = ""
+    """who is at the robot while stops are tried (`fidim commission`)"""
     stay: bool = False
     """the service goes on after the run, for clients to look at, until one shuts it down (or resumes the run)"""
     tcp_port: int | None = None

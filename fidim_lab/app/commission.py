@@ -1,0 +1,99 @@
+"""`fidim commission`: prove every stop of a rig's drives by trial, without load, with a person there.
+
+A procedure like others, carried out by a service that owns the rig: its journal, its guards, its emergency stop.
+"""
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.app import console
+from fidim_lab.app.answer_file import write_summary
+from fidim_lab.app.left_holding import left_by, power_advice
+from fidim_lab.app.run_process import start_and_watch
+from fidim_lab.app.service.main import prepare
+from fidim_lab.app.service.place import place_of
+from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.app.undo_stop import confirmed, stop_hint
+from fidim_lab.data.plan_file import write_plan
+from fidim_lab.data.proof_file import proofs_path, read_proofs
+from fidim_lab.data.records import Plan, PlannedWindow, Role
+from fidim_lab.data.rig import RigFile
+from fidim_lab.data.rig_file import read_rig
+from fidim_lab.errors import SetupError
+from procedures.listing import Outline
+from procedures.run_folder import require_new
+
+PROCEDURE = "commission"
+
+
+@dataclass(frozen=True)
+class CommissionOptions:
+    """As on the command line."""
+
+    rig: Path
+    by: str
+    out: Path | None
+    embedded: bool
+    listing: bool
+    seed: int = 1
+    json_file: Path | None = None
+
+
+def commission_command(options: CommissionOptions) -> int:
+    """Try, and keep what was proven; returns the run's exit code. Raises FidimError before anything has moved."""
+    if not options.by.strip():
+        raise SetupError("--by: nobody is named; somebody must be at the robot while its stops are tried.")
+    file = read_rig(options.rig)
+    out = (options.out or _free_folder(options.rig)).absolute()
+    with tempfile.TemporaryDirectory(prefix="fidim-commission-") as folder:
+        plan = Path(folder) / "plan.toml"
+        write_plan(plan, winch_plan(file))
+        spec = RunSpec(
+            plan=plan,
+            rig=options.rig.absolute(),
+            out=out,
+            procedure=PROCEDURE,
+            embedded=options.embedded,
+            seed=options.seed,
+            by=options.by.strip(),
+        )
+        if options.listing:
+            console.out.print(Outline(prepare(spec).experiment.procedure).text(), end="", markup=False)
+            return 0
+        require_new(out)
+        place = place_of(prepare(spec).file, embedded=spec.embedded)
+        left = left_by(place)
+        code = start_and_watch(spec, place, confirmed(spec))
+    if code:
+        for line in (*power_advice(out, options.rig, left), *stop_hint(spec)):
+            console.err.print(line, markup=False, soft_wrap=True)
+    if not options.embedded:
+        path = proofs_path(options.rig)
+        console.out.print(f"proofs      {path}: {len(read_proofs(path))} trials passed", markup=False, soft_wrap=True)
+    write_summary(options.json_file, out, code)
+    return code
+
+
+def winch_plan(file: RigFile) -> Plan:
+    """A window for each winch, of its name; its lengths are only where an embedded robot rests."""
+    lengths = np.array([float(np.mean(winch.length_limits)) for winch in file.winches])
+    places = [np.zeros(2), np.zeros(3)]
+    windows = [PlannedWindow(_id(winch.name), Role.IDENTIFY, lengths, *places) for winch in file.winches]
+    return Plan(f"stops of {file.name}", tuple(windows))
+
+
+def _id(name: str) -> str:
+    """A winch's name as the id of a window, which may be the name of a file."""
+    return "".join(letter if letter.isalnum() else "-" for letter in name)
+
+
+def _free_folder(rig: Path) -> Path:
+    """runs/commission-RIG, or the first numbered one that does not exist."""
+    folder, number = Path("runs") / f"commission-{rig.stem}", 1
+    while folder.exists():
+        number += 1
+        folder = Path("runs") / f"commission-{rig.stem}-{number}"
+    return folder

@@ -1,0 +1,96 @@
+"""Trials that the drives of a rig have passed, RIG.proofs.toml beside the rig file ("fidim-proofs/1").
+
+Written by `fidim commission`, readable for people. Each proof names the drive that was tried and what it was told:
+another drive, or another setting, has proven nothing.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tomli_w
+from pydantic import Field
+
+from fidim_lab.data.toml_file import NotNegative, Positive, Table, read_toml
+from fidim_lab.data.whole_file import write_whole
+
+FORMAT = "fidim-proofs/1"
+NAME = "proofs.toml"
+"""in the folder of the run that has made them"""
+_HEAD = "# Written by fidim commission: stops that were proven by trial. Another drive or setting voids a proof.\n"
+_Word = Annotated[int, Field(ge=0, lt=2**32)]
+
+
+@dataclass(frozen=True)
+class KeptProof:
+    """One trial that one drive has passed."""
+
+    winch: str
+    trial: str
+    """what was withheld or commanded"""
+    vendor_id: int
+    product_code: int
+    revision_number: int
+    serial_number: int
+    """1018 of the drive; 0 where it tells none"""
+    speed: float
+    """m/s of cable at which it was tried"""
+    time: float
+    """s until it stood"""
+    distance: float
+    """m of cable in that time"""
+    by: str
+    """who was there"""
+    at: str
+    """ISO 8601"""
+    settings: Mapping[str, int] = field(default_factory=dict[str, int])
+    """what the drive was told, by object"""
+
+
+class _ProofTable(Table):
+    winch: Annotated[str, Field(min_length=1)]
+    trial: Annotated[str, Field(min_length=1)]
+    vendor_id: _Word
+    product_code: _Word
+    revision_number: _Word
+    serial_number: _Word
+    speed: Positive
+    time: NotNegative
+    distance: float
+    by: Annotated[str, Field(min_length=1)]
+    at: str
+    settings: dict[str, int]
+
+
+class _ProofsTable(Table):
+    format: Literal["fidim-proofs/1"]
+    proof: list[_ProofTable] = Field(default_factory=list[_ProofTable])
+
+
+def proofs_path(rig: Path) -> Path:
+    """Beside the rig file."""
+    return rig.with_suffix(".proofs.toml")
+
+
+def read_proofs(path: Path) -> tuple[KeptProof, ...]:
+    """None of them without a file. Raises FileError for one that is none."""
+    if not path.exists():
+        return ()
+    return tuple(KeptProof(**proof.model_dump()) for proof in read_toml(path, _ProofsTable, FORMAT).proof)
+
+
+def write_proofs(path: Path, proofs: Sequence[KeptProof]) -> Path:
+    """Write what `read_proofs` reads, whole or not at all. Raises HardwareError where the disk does not take it."""
+    return write_whole(path, _HEAD + tomli_w.dumps({"format": FORMAT, "proof": [vars(proof) for proof in proofs]}))
+
+
+def with_newer(
+    kept: Sequence[KeptProof], tried: Sequence[KeptProof], failed: Sequence[tuple[str, str]]
+) -> list[KeptProof]:
+    """What is proven after some trials: of each winch and trial the newest, and none where the newest was failed.
+
+    failed: winch and trial.
+    """
+    over = {(proof.winch, proof.trial) for proof in tried} | set(failed)
+    return [*(proof for proof in kept if (proof.winch, proof.trial) not in over), *tried]
