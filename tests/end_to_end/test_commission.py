@@ -16,9 +16,9 @@ from drivers.clock import LoopClock
 from drivers.ports import DriveState, MarkerFrame, Rig, Trial
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.data.robot_file import read_robot, robot_path
-from procedures.catalogue import experiment
 from procedures.events import StepFinished
 from procedures.outcomes import Outcome
+from procedures.protocols.catalogue import experiment
 from procedures.run import run_procedure
 from procedures.settings import CommissionSettings, Settings
 from procedures.steps.commission import ProveStop
@@ -63,7 +63,7 @@ class Person:
         self.wanted = wanted
 
     async def answer(self, prompt):
-        names = [window for window in ("w1", "w2", "w3", "w4") if f"{window} " in prompt.text]
+        names = [window for window in ("w1", "w2", "w3", "w4") if f"{window}:" in prompt.text]
         return "skip" if names and names[0] not in self.wanted else "done"
 
 

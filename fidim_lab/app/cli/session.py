@@ -161,6 +161,7 @@ def shutdown(folder: Path | None, rig: Path | None, json_file: Path | None) -> N
 @hide_option("Hide physics in the simulated world.")
 @click.option("--plan", type=FILE, default=None, help="Begin at rest at the first lengths of this plan.")
 @click.option("--ports", default=None, metavar="BUS,MOCAP,HAND", help="Of 127.0.0.1, instead of what the rig names.")
+@click.option("--no-load", is_flag=True, help="No cable carries the platform: for fidim commission.")
 @click.option("--until-input-ends", is_flag=True, hidden=True)
 @example("fidim simulators examples/rigs/simulated.toml")
 def simulators(**options: Any) -> None:
@@ -186,12 +187,12 @@ def simulators(**options: Any) -> None:
 def commission(**options: Any) -> None:
     """Prove the stops of each drive of the RIG file by trial: without load, at low speed, with somebody there.
 
-    Quick stop, halt, heartbeat withheld, SYNC withheld, position limit, following error; time and way by the drive's own
-    encoder. What passes is kept in RIG.proofs.toml, for this drive and these settings.
+    Quick stop, halt, heartbeat withheld, SYNC withheld, position limit, following error; time and way by the drive's
+    own encoder. What passes is kept in RIG.proofs.toml, for this drive and these settings.
     """
     if not options["embedded"]:
         only_with("--embedded", "seed")
-    from fidim_lab.app.commission import CommissionOptions, commission_command
+    from fidim_lab.app.session.commission import CommissionOptions, commission_command
 
     sys.exit(commission_command(CommissionOptions(**options)))
 

@@ -100,17 +100,21 @@ def patient_settings(settings: Settings) -> Settings:
 
 
 @asynccontextmanager
-async def embedded_devices(file: RigFile, plan: Plan, seed: int, hide: tuple[str, ...]) -> AsyncGenerator[RigFile]:
+async def embedded_devices(
+    file: RigFile, plan: Plan, seed: int, hide: tuple[str, ...], *, loaded: bool = True
+) -> AsyncGenerator[RigFile]:
     """Serve a rig file's devices from a child process until the context ends; yields the rig file to open.
 
-    The robot rests at the plan's first lengths. Raises HardwareError with what the child said where it cannot serve.
-    The child ends with this process, however that ends: it is told by its standard input.
+    The robot rests at the plan's first lengths; where it is not `loaded`, its cables carry nothing and it stays there.
+    Raises HardwareError with what the child said where it cannot serve. The child ends with this process, however that
+    ends: it is told by its standard input.
     """
     with tempfile.TemporaryDirectory(prefix="fidim-embedded-") as folder:
         ports = replace(free_ports(), serial=folder)
         start = Path(folder) / "start.toml"
         write_plan(start, plan)
         effects = [part for effect in hide for part in ("--hide", effect)]
+        effects += [] if loaded else ["--no-load"]
         arguments = [str(file.path), "--plan", str(start), "--seed", str(seed), *effects, "--ports", ports.text]
         child = await asyncio.create_subprocess_exec(
             *(sys.executable, "-c", COMMAND, "simulators", *arguments, "--until-input-ends"),

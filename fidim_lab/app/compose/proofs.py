@@ -9,8 +9,8 @@ from drivers.cia402.config import WinchConfig
 from drivers.cia402.requirements import Proof
 from drivers.cia402.settings import stop_settings
 from drivers.ports import Disk, Trial
-from fidim_lab.data.proof_file import NAME, KeptProof, proofs_path, read_proofs, with_newer, write_proofs
-from fidim_lab.data.rig import RigFile
+from fidim_lab.data.rigs.proof_file import NAME, KeptProof, proofs_path, read_proofs, with_newer, write_proofs
+from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import HardwareError
 from procedures.events import Event, StepFinished
 from procedures.outcomes import Outcome

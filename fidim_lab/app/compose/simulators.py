@@ -36,6 +36,7 @@ from sim_backends.drive.defects import Defects
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.make import Ampere, Make
 from sim_backends.drive.node import SimulatedDrive
+from sim_backends.drive.shaft import DrumShaft
 from sim_backends.hand_server import HandServer
 from sim_backends.laboratory import DrumGeometry, Laboratory
 from sim_backends.served_bus import ServedBus
@@ -150,19 +151,21 @@ class SimulatedDevices:
 
 @asynccontextmanager
 async def simulated_devices(
-    file: RigFile, seed: int, hide: tuple[str, ...] = (), plan: Plan | None = None
+    file: RigFile, seed: int, hide: tuple[str, ...] = (), plan: Plan | None = None, *, loaded: bool = True
 ) -> AsyncGenerator[SimulatedDevices]:
     """Serve the devices of a rig file in real time until the context ends.
 
-    The robot rests at the plan's first lengths, else somewhere in its workspace. Raises SetupError where the file's bus
-    or stream cannot be simulated or an address is taken, InfeasibleError where the robot cannot rest anywhere.
+    loaded: False where no cable carries the platform, which then stays where it is. The robot rests at the plan's first
+    lengths, else somewhere in its workspace. Raises SetupError where the file's bus or stream cannot be simulated or an
+    address is taken, InfeasibleError where the robot cannot rest anywhere.
     """
     clock = LoopClock()
     file = as_cameras_see(file)
-    start = _start(file, plan, seed)
+    start = _start(file, plan if loaded else None, seed)
     configs = winch_configs(file)
     laboratory = _laboratory(file, configs, start, seed, hide)
-    drives = _drives(file, configs, laboratory, start)
+    shafts = laboratory.shafts if loaded else tuple(DrumShaft() for _ in configs)
+    drives = _drives(file, configs, laboratory, shafts, start)
     async with contextlib.AsyncExitStack() as stack:
         bus = _open_bus(file.bus)
         served = stack.enter_context(ServedBus(bus, drives))
@@ -206,13 +209,15 @@ def _laboratory(
 
 
 def _drives(
-    file: RigFile, configs: tuple[WinchConfig, ...], laboratory: Laboratory, start: PerCable
+    file: RigFile,
+    configs: tuple[WinchConfig, ...],
+    laboratory: Laboratory,
+    shafts: tuple[DrumShaft, ...],
+    start: PerCable,
 ) -> tuple[SimulatedDrive, ...]:
     """Drives as the factory made them: rated values and identity as the rig file says, the rest from the EDS."""
     drives: list[SimulatedDrive] = []
-    for entry, config, drum, shaft, length in zip(
-        file.winches, configs, laboratory.drums, laboratory.shafts, start, strict=True
-    ):
+    for entry, config, drum, shaft, length in zip(file.winches, configs, laboratory.drums, shafts, start, strict=True):
         position = drum.direction * (float(length) - drum.home_length) / drum.metres_per_count
         od = read_eds(entry.eds or GENERIC_EDS, entry.node_id)
         if isinstance(od.find(0x6040), Abort):

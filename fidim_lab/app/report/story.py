@@ -73,6 +73,21 @@ class WindowStory:
 
 
 @dataclass(frozen=True)
+class TriedStop:
+    """One trial of one winch's stop."""
+
+    window: str
+    """the winch's name"""
+    trial: str
+    speed: float
+    """m/s"""
+    outcome: Outcome
+    reason: str
+    measurements: tuple[Seen, ...]
+    """time (s) and way (m) to standstill, and what it moved afterwards"""
+
+
+@dataclass(frozen=True)
 class Incident:
     """Something that a reader of the run should know."""
 
@@ -99,6 +114,8 @@ class Story:
     windows: tuple[WindowStory, ...]
     bouts: tuple[Bout, ...]
     incidents: tuple[Incident, ...]
+    trials: tuple[TriedStop, ...] = ()
+    """of stops, as they were made"""
 
     def of(self, window: str) -> WindowStory | None:
         """The story of one window; None where it was not planned."""
@@ -140,6 +157,7 @@ class _Reader:
     windows: dict[str, WindowStory] = field(default_factory=dict[str, WindowStory])
     bouts: list[Bout] = field(default_factory=list[Bout])
     incidents: list[Incident] = field(default_factory=list[Incident])
+    trials: list[TriedStop] = field(default_factory=list[TriedStop])
     begun: tuple[Entry, float] | None = None
     """the step at hand and when it began"""
     held: str = ""
@@ -157,6 +175,8 @@ class _Reader:
             case Kind.STEP_STARTED:
                 self.begun = (entry, t)
             case Kind.STEP_FINISHED:
+                if entry.step == "ProveStop" and self.begun is not None:
+                    self.trials.append(self._tried_stop(self.begun[0], entry))
                 self._close(t)
                 self._finished(entry, t)
             case Kind.TRIPPED | Kind.HELD:
@@ -187,7 +207,12 @@ class _Reader:
             windows=tuple(self.windows.values()),
             bouts=tuple(self.bouts),
             incidents=tuple(self.incidents),
+            trials=tuple(self.trials),
         )
+
+    def _tried_stop(self, begun: Entry, entry: Entry) -> TriedStop:
+        trial, speed = str(begun.data.get("trial", "")), float(begun.data.get("speed", 0.0))
+        return TriedStop(entry.window, trial, speed, entry.outcome, entry.reason, self._seen(entry))
 
     def _close(self, t: float) -> None:
         """The step at hand ends here, however."""

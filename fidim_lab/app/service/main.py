@@ -16,12 +16,12 @@ from pathlib import Path
 from drivers.disk import DiskThreads
 from drivers.ports import Disk
 from fidim_lab.app import compose
+from fidim_lab.app.compose.proofs import ProofKeeper
+from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.formats.aligned import PROCEDURE as ALIGN
 from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Checked, ModelCheck
-from fidim_lab.app.compose.proofs import ProofKeeper
-from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.broadcast import wall_time
 from fidim_lab.app.service.judging import explain_step

@@ -55,7 +55,8 @@ async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | No
     async with contextlib.AsyncExitStack() as stack:
         if spec.embedded:
             where = plan if start is None else _resting_at(plan, start)
-            file = await stack.enter_async_context(compose.embedded_devices(file, where, spec.seed, spec.hide))
+            devices = compose.embedded_devices(file, where, spec.seed, spec.hide, loaded=not spec.by)
+            file = await stack.enter_async_context(devices)
         hand: RemoteOperator | None = None
         if file.hand is not None:
             hand = RemoteOperator(file.hand.host, file.hand.port)

@@ -35,6 +35,8 @@ class SimulatorOptions:
     plan: Path | None
     ports: str | None = None
     """BUS,MOCAP,HAND: rehearse the rig on these instead of what it names"""
+    no_load: bool = False
+    """drums turn freely, the platform stays where it is"""
     until_input_ends: bool = False
     """for a parent process, with which this one ends"""
 
@@ -53,7 +55,7 @@ def simulators_command(options: SimulatorOptions) -> int:
 
 async def _serve(file: RigFile, options: SimulatorOptions) -> None:
     plan = None if options.plan is None else read_plan_or_design(options.plan, file.robot.n)
-    async with compose.simulated_devices(file, options.seed, options.hide, plan) as devices:
+    async with compose.simulated_devices(file, options.seed, options.hide, plan, loaded=not options.no_load) as devices:
         lengths = " ".join(f"{length:.3f}" for length in devices.start)
         _say(f"{len(devices.drives)} drives on {file.bus.name}, the robot rests at lengths {lengths} m")
         _say(f"motion capture: {file.motion_capture.kind}, {file.motion_capture.place}")

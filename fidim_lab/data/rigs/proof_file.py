@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 import tomli_w
 from pydantic import Field
 
-from fidim_lab.data.toml_file import NotNegative, Positive, Table, read_toml
-from fidim_lab.data.whole_file import write_whole
+from fidim_lab.data.files.toml_file import NotNegative, Positive, Table, read_toml
+from fidim_lab.data.files.whole_file import write_whole
 
 FORMAT = "fidim-proofs/1"
 NAME = "proofs.toml"

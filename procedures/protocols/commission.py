@@ -64,7 +64,7 @@ def _commission(plan: Plan, settings: Settings) -> Steps:
         return
     outcomes: list[Outcome] = []
     for index, window in enumerate(plan.windows):
-        text = _NEXT.format(window.id, index + 1)
+        text = _NEXT.format(window.id)
         answer = (yield _ask(window.id, text, settings, ("done", "skip", "abort"))).answer
         if answer == "abort":
             yield Stop(outcome=Outcome.ABORTED, reason="ended by the operator")
@@ -103,7 +103,7 @@ _WORD = (
     "The winches will move and stop by themselves, one after another, and their drives will be cheated of their host. "
     "Is there no load on any cable, the platform on its stand, nobody within reach, and the emergency stop at hand?"
 )
-_NEXT = "Next is {0} (winch {1}): may it wind and pay out, at low speed, without load?"
+_NEXT = "Next is {0}: may it wind and pay out, at low speed, without load?"
 
 
 def _ask(window: str, text: str, settings: Settings, choices: tuple[str, ...]) -> AskWithoutPower:

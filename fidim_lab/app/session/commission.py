@@ -9,22 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app import console
-from fidim_lab.app.answer_file import write_summary
-from fidim_lab.app.left_holding import left_by, power_advice
-from fidim_lab.app.run_process import start_and_watch
+from fidim_lab.app.formats.answer_file import write_summary
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import place_of
 from fidim_lab.app.service.spec import RunSpec
-from fidim_lab.app.undo_stop import confirmed, stop_hint
+from fidim_lab.app.session.left_holding import left_by, power_advice
+from fidim_lab.app.session.run_process import start_and_watch
+from fidim_lab.app.session.undo_stop import confirmed, stop_hint
+from fidim_lab.app.terminal import console
 from fidim_lab.data.plan_file import write_plan
-from fidim_lab.data.proof_file import proofs_path, read_proofs
 from fidim_lab.data.records import Plan, PlannedWindow, Role
-from fidim_lab.data.rig import RigFile
-from fidim_lab.data.rig_file import read_rig
+from fidim_lab.data.rigs.proof_file import proofs_path, read_proofs
+from fidim_lab.data.rigs.rig import RigFile
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import SetupError
-from procedures.listing import Outline
-from procedures.run_folder import require_new
+from procedures.protocols.listing import Outline
+from procedures.recording.run_folder import require_new
 
 PROCEDURE = "commission"
 
@@ -80,8 +80,10 @@ def commission_command(options: CommissionOptions) -> int:
 def winch_plan(file: RigFile) -> Plan:
     """A window for each winch, of its name; its lengths are only where an embedded robot rests."""
     lengths = np.array([float(np.mean(winch.length_limits)) for winch in file.winches])
-    places = [np.zeros(2), np.zeros(3)]
-    windows = [PlannedWindow(_id(winch.name), Role.IDENTIFY, lengths, *places) for winch in file.winches]
+    windows = [
+        PlannedWindow(_id(winch.name), Role.IDENTIFY, lengths, displacement=np.zeros(2), position=np.zeros(3))
+        for winch in file.winches
+    ]
     return Plan(f"stops of {file.name}", tuple(windows))
 
 
