@@ -185,6 +185,9 @@ class CommissionSettings:
     """s for which a winch must stay where it has stopped, with power and again without"""
     still: EncoderStill = 1e-4
     """m of cable; less is no motion"""
+    late: Annotated[float, Field(gt=0, le=0.5)] = 0.06
+    """s that a stop may take besides reaction and ramp: bus and drive cycles, and looks at the encoder, as
+    `guard.motion_late`; at 0.15 a ramp that is ten times too long (0.25 s instead of 0.025) is seen barely"""
 
 
 @dataclass(frozen=True)

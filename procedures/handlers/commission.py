@@ -20,9 +20,6 @@ SETTLED = 0.15
 """s without motion after which a winch stands: ten looks and more, so that a slow ramp is not taken for its end"""
 AHEAD = 0.02
 """s of motion at full speed before anything is provoked"""
-LATE = 0.06
-"""s that a stop may take besides reaction and ramp: bus and drive cycles, and the looks at the encoder, as
-`guards.motion` allows it"""
 BEYOND = 1.5
 """times the allowed time, and `SLACK` s: so long a stop is waited for"""
 SLACK = 0.3
@@ -117,7 +114,7 @@ async def _stopped(stand: Stand, step: ProveStop, winch: Winch, bench: TrialBenc
     await winch.enable()
     expected = bench.stop(step.trial, step.speed, step.acceleration)
     ramp = step.speed**2 / (2.0 * step.acceleration)
-    allowed = expected.reaction + step.speed / expected.deceleration + LATE
+    allowed = expected.reaction + step.speed / expected.deceleration + stand.settings.commission.late
     longest = BEYOND * allowed + SLACK
     run_up = ramp + AHEAD * step.speed
     far = run_up + step.speed * longest + 2.0 * ramp
@@ -160,7 +157,7 @@ async def _stop(way: _Way, step: ProveStop, expected: Stop, longest: float) -> l
         if way.seen[-1][0] - began > longest + SETTLED:
             raise _WrongError(f"it does not stop: {gone * 1e3:.0f} mm in {longest:.1f} s")
     stopped, rest = way.moved_last()
-    late = expected.reaction + LATE
+    late = expected.reaction + way.stand.settings.commission.late
     return [
         Measurement("time to standstill", max(stopped - began, 0.0), "s", high=ramp + late),
         Measurement("way to standstill", rest - place, "m", high=step.speed * (late + 0.5 * ramp)),
@@ -174,9 +171,15 @@ async def _at_limit(way: _Way, limit: float, longest: float) -> list[Measurement
         if way.seen[-1][0] - began > longest + SETTLED:
             raise _WrongError(f"it goes {(gone - limit) * 1e3:.0f} mm beyond its position limit, and on")
     stopped, rest = way.moved_last()
+    late = way.stand.settings.commission.late
     crossed = next((t for t, gone in way.seen if gone >= limit), stopped)
     return [
-        Measurement("time to standstill beyond the limit", max(stopped - crossed, 0.0), "s", high=LATE),
+        Measurement(
+            "time to standstill beyond the limit",
+            max(stopped - crossed, 0.0),
+            "s",
+            high=way.stand.settings.commission.late,
+        ),
         Measurement("way beyond the limit", rest - limit, "m", high=way.stand.settings.guard.motion),
     ]
 

@@ -40,14 +40,22 @@ def commission(plan: Plan, robot: Robot, settings: Settings | None = None) -> St
 
 def judge_trials(results: Mapping[Trial, Result]) -> Judged:
     """A winch passes where every trial that its drive can undergo has passed; of `ONE_IS_ENOUGH` one must."""
-    said = [f"{trial}: {_told(result)}" for trial, result in results.items()]
+    watched = any(results[trial].outcome.usable for trial in ONE_IS_ENOUGH if trial in results)
+    said = [
+        f"{trial}: {'no reaction, and none is needed' if _unneeded(trial, result, watched) else _told(result)}"
+        for trial, result in results.items()
+    ]
     needed = [result.outcome for trial, result in results.items() if trial not in ONE_IS_ENOUGH]
     tried = [outcome for outcome in needed if outcome is not Outcome.SKIPPED]
-    lost = [results[trial].outcome for trial in ONE_IS_ENOUGH if trial in results]
-    if not any(outcome.usable for outcome in lost):
+    if not watched:
         tried.append(Outcome.FAIL)
         said.append("nothing has stopped it when its host was lost")
     return Judged(worst(tried), "; ".join(said))
+
+
+def _unneeded(trial: Trial, result: Result, watched: bool) -> bool:
+    """Whether a drive may leave this trial without a reaction, since it has another to a lost host."""
+    return watched and trial in ONE_IS_ENOUGH and not result.outcome.usable
 
 
 def _told(result: Result) -> str:
