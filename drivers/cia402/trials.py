@@ -14,12 +14,10 @@ from drivers.ports import DriveState, Stop, Trial
 QUICK_RAMPS, SLOW_RAMPS = (2, 6), (1, 5)
 """option codes that stop on the quick-stop ramp (6085), and on the move's own (6084)"""
 NEEDS = {
-    Trial.LOST_HEARTBEAT: ("1016:1",),
-    Trial.HALT: ("605D:0",),
-    Trial.POSITION_LIMIT: ("607D:1", "607D:2"),
-    Trial.FOLLOWING_ERROR: ("6065:0",),
+    Trial.POSITION_LIMIT: ((0x607D, 1), (0x607D, 2)),
+    Trial.FOLLOWING_ERROR: ((0x6065, 0),),
 }
-"""objects without which a drive cannot do it"""
+"""objects that are written to provoke it"""
 NARROW = 1
 """counts of following error that a drive in motion always exceeds"""
 
@@ -40,11 +38,10 @@ class WinchTrials:
 
     def lacks(self, trial: Trial) -> str:
         """Why this trial cannot be made on this drive; empty where it can."""
-        config, sdo = self._winch.config, self._winch.link.sdo
-        for name in NEEDS.get(trial, ()):
-            index, _, sub = name.partition(":")
-            if name in config.family.absent or not sdo.knows(int(index, 16), int(sub, 16)):
-                return f"the drive has no {name}"
+        config, able = self._winch.config, self._winch.link.able
+        for index, sub in NEEDS.get(trial, ()):
+            if not able.can_write(index, sub):
+                return f"{index:04X}:{sub:X} cannot be written to this drive"
         if trial is Trial.HALT and config.mode is Mode.CYCLIC_POSITION:
             return "in cyclic position mode a hold is the host's own ramp"
         return ""
@@ -94,7 +91,7 @@ class WinchTrials:
             case Trial.LOST_SYNC:
                 self._master.without_sync = True
             case Trial.FOLLOWING_ERROR:
-                if "6066:0" not in winch.config.family.absent and winch.link.sdo.knows(0x6066):
+                if winch.link.able.can_write(0x6066):
                     await winch.link.sdo.write(0x6066, 0, 0)
                 await winch.link.sdo.write(0x6065, 0, NARROW)
             case Trial.POSITION_LIMIT:
@@ -120,8 +117,8 @@ class WinchTrials:
         return tuple([await self._told(sub) for sub in (1, 2, 3, 4)])
 
     async def _told(self, sub: int) -> int:
-        sdo = self._winch.link.sdo
+        link = self._winch.link
         try:
-            return await sdo.read(0x1018, sub) if sdo.knows(0x1018, sub) else 0
+            return await link.sdo.read(0x1018, sub) if link.able.has(0x1018, sub) else 0
         except SdoRefusedError:
             return 0

@@ -174,12 +174,7 @@ async def _at_limit(way: _Way, limit: float, longest: float) -> list[Measurement
     late = way.stand.settings.commission.late
     crossed = next((t for t, gone in way.seen if gone >= limit), stopped)
     return [
-        Measurement(
-            "time to standstill beyond the limit",
-            max(stopped - crossed, 0.0),
-            "s",
-            high=way.stand.settings.commission.late,
-        ),
+        Measurement("time to standstill beyond the limit", max(stopped - crossed, 0.0), "s", high=late),
         Measurement("way beyond the limit", rest - limit, "m", high=way.stand.settings.guard.motion),
     ]
 

@@ -235,9 +235,7 @@ def _drives(
             od.fix(0x608F, 1, round(entry.counts_per_turn))
         if entry.serial_number is not None:
             od.fix(0x1018, 4, entry.serial_number)
-        drive = SimulatedDrive(
-            entry.node_id, od, shaft, position=position, make=make_of(config), lag=SERVO_LAG
-        )
+        drive = SimulatedDrive(entry.node_id, od, shaft, position=position, make=make_of(config), lag=SERVO_LAG)
         drive.faults.claim_identity(vendor=entry.vendor_id, product=entry.product_code)
         drive.faults.offset_current(entry.direction * config.current_offset)
         drives.append(drive)
