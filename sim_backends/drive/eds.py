@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from fidim_lab.data.eds import read_dictionary
+from fidim_lab.data.eds import EdsFile, read_dictionary
 from fidim_lab.errors import FileError
 from sim_backends.drive.dictionary import Dictionary, ObjectSpec, Value
 from sim_backends.drive.factors import counted_as_it_is
@@ -31,11 +31,19 @@ _STANDARD: Mapping[tuple[int, int], int] = {
 def read_eds(path: Path, node_id: int) -> Dictionary:
     """The object dictionary in the EDS (or DCF) at `path`, its `$NODEID` resolved.
 
-    A DCF's ParameterValue wins over the EDS's DefaultValue. A real drive has a value in every object: where the file
-    gives none, it is the standard's, so that any file of a drive makes a node. Raises FileError where the file cannot
-    be read or is no EDS.
+    Raises FileError where the file cannot be read or is no EDS.
     """
-    tree: Any = read_dictionary(path, node_id).dictionary
+    return make_dictionary(read_dictionary(path, node_id), node_id)
+
+
+def make_dictionary(found: EdsFile, node_id: int) -> Dictionary:
+    """The same of a file that was read for this node.
+
+    A DCF's ParameterValue wins over the EDS's DefaultValue. A real drive has a value in every object: where the file
+    gives none, it is the standard's, so that any file of a drive makes a node.
+    """
+    path = found.path
+    tree: Any = found.dictionary
     variables: list[Any] = []
     for entry in tree.values():
         variables.extend(entry.values() if hasattr(entry, "values") else [entry])

@@ -14,15 +14,17 @@ import pytest
 from drivers.cia402.config import Load, WinchConfig
 from drivers.cia402.cyclic import make_winch
 from drivers.cia402.family import FOLDER, read_family
-from drivers.cia402.fitted import fitted
+from drivers.cia402.fitted import by_file, fitted
 from drivers.cia402.master import CanopenMaster
-from drivers.cia402.requirements import Met, Proof, Trial
+from drivers.cia402.requirements import REQUIREMENTS, Met, Proof, Trial
 from drivers.cia402.words import Mode
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.app.compose.simulators import make_of
+from fidim_lab.data.eds import read_dictionary
 from fidim_lab.errors import DeviceError
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.abort import Abort
+from sim_backends.drive.eds import make_dictionary, read_eds
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.shaft import DrumShaft
 from sim_backends.in_process_bus import InProcessBus
@@ -58,7 +60,6 @@ MAKES = {
     ),
     "Trinamic TMCM-1636": Make("TMCM-1636-CANopen_Hw1.1_Fw1.12.eds", "trinamic-bldc", LOST_HOST),
     "Trinamic TMCM-1160": Make("TMCM_1160.eds", "trinamic-stepper", LOST_HOST, tells_load=False),
-    "Trinamic TMCM-3110": Make("TMCM_3110_V.320.eds", "trinamic-stepper", LOST_HOST, tells_load=False),
     "Elmo Gold": Make("canopen_test_utils__config__Elmo.dcf", "elmo-gold"),
     "Elmo Gold, cyclic": Make("canopen_test_utils__config__Elmo.dcf", "elmo-gold", mode=Mode.CYCLIC_POSITION),
     "Lexium MDrive": Make("SchneiderElectric__NEMA23.eds", "schneider-lexium-mdrive", LOST_HOST),
@@ -69,15 +70,28 @@ MAKES = {
     "IDM (two entries a PDO)": Make("ISD860.dcf", "generic", NO_STOPS, tells_load=False),
     "the profile's sample": Make("eds_library__cia__402.eds", "generic", LOST_HOST, tells_load=False),
 }
+FIXED_PDOS = tuple(
+    f"605.3150.{number}-{rest}-60.eds"
+    for number, rest in [(51, "V-EK-2"), (52, "V-EK-2"), (60, "B-EK-2"), (66, "B-EK-2"), (71, "A-EK-3")]
+)
+"""Faulhaber's older firmware: no PDO carries its position; refused"""
 PROOFS = tuple(Proof(trial, 0, 0.02, 0.1, 1e-4, "A. Name", "2026-11-25T10:00:00") for trial in Trial)
+
+
+def folder_of(shared: Path) -> Path:
+    folder = shared / "eds"
+    if not folder.is_dir():
+        pytest.skip(f"{folder} is absent: it holds EDS files of makers, which are not ours to ship")
+    return folder
+
+
+def file_of(make: Make, shared: Path) -> Path:
+    return next(path for path in sorted(folder_of(shared).iterdir()) if path.name.endswith(make.file))
 
 
 @pytest.fixture(params=MAKES)
 def made(request: pytest.FixtureRequest, shared: Path) -> tuple[Make, Path]:
-    make, folder = MAKES[request.param], shared / "eds"
-    if not folder.is_dir():
-        pytest.skip(f"{folder} is absent: it holds EDS files of makers, which are not ours to ship")
-    return make, next(path for path in sorted(folder.iterdir()) if path.name.endswith(make.file))
+    return MAKES[request.param], file_of(MAKES[request.param], shared)
 
 
 def winch_config(make: Make, eds: Path, **change: Any) -> WinchConfig:
@@ -195,30 +209,47 @@ def test_it_walks_from_bring_up_to_power_off(made):
     run(walk())
 
 
-def test_what_no_trial_has_proven_is_refused_before_anything_is_written(made):
-    make, eds = made
+@pytest.mark.parametrize("name", ["Faulhaber MCBL", "Maxon EPOS4", "Nanotec CL4-E"])
+def test_what_no_trial_has_proven_is_refused_before_anything_is_written(shared, name):
+    make = MAKES[name]
+    eds = file_of(make, shared)
 
     async def walk() -> None:
         async with Bench(winch_config(make, eds, proofs=())) as bench:
-            if not make.by_trial:
-                await bench.winch.configure()
-                return
             with pytest.raises(DeviceError, match="neither configured nor proven by trial") as caught:
                 await bench.winch.configure()
             assert all(f"{key} (" in str(caught.value) for key in make.by_trial)
+            assert bench.drive.od.number(0x607F) != bench.config.drive_speed(bench.config.max_speed)
 
     run(walk())
 
 
+def test_every_dictionary_is_read_graded_and_simulated(shared):
+    """No file of a maker is refused: drives stand at their node id, what is no drive is said to be none."""
+    drives, others = 0, 0
+    for path in {path.name.split("__")[-1]: path for path in sorted(folder_of(shared).iterdir())}.values():
+        found = read_dictionary(path, NODE)
+        od = make_dictionary(found, NODE)
+        able, grades = by_file(found.dictionary, winch_config(Make(path.name, "generic"), path))
+        if isinstance(od.find(0x6040), Abort):
+            others += 1
+            assert not able.has(0x6040), path.name
+            continue
+        drives += 1
+        drive = SimulatedDrive(NODE, od, DrumShaft())
+        assert (0x700 + NODE, b"\0") in drive.start(0.0), path.name
+        assert od.number(0x1000) & 0xFFFF in (402, 0x191), path.name
+        assert all(pdo_id & 0x7F == NODE for pdo_id in drive.listens if pdo_id > 0x100), path.name
+        assert [line.requirement.key for line in grades] == [r.key for r in REQUIREMENTS], path.name
+        lacks = [line.found for line in grades if line.met is Met.ABSENT and not line.requirement.trials]
+        assert bool(lacks) == path.name.endswith(FIXED_PDOS), path.name
+    assert (drives, others) == (32, 23)
+
+
 def test_what_the_drive_does_not_guard_the_area_is_smaller_for(shared):
-    eds = shared / "eds" / "KITmedical__kacanopen__master__share__eds_library__SchneiderElectric__NEMA23.eds"
-    if not eds.is_file():
-        pytest.skip(f"{eds} is absent")
-    config = winch_config(MAKES["Lexium MDrive"], eds, quick_stop_deceleration=2.0, proofs=())
+    lexium, roboteq = MAKES["Lexium MDrive"], MAKES["Roboteq"]
+    config = winch_config(lexium, file_of(lexium, shared), quick_stop_deceleration=2.0, proofs=())
     assert fitted(config).length_limits == pytest.approx((0.3225, 2.9775)), "0.3² / (2 · 2) m from each end"
     weak = Proof(Trial.QUICK_STOP, 0, 0.02, 0.04, 4e-4)  # 0.5 m/s²
-    needs = winch_config(MAKES["Roboteq"], eds.parent / ROBOTEQ, proofs=(weak,))
+    needs = winch_config(roboteq, file_of(roboteq, shared), proofs=(weak,))
     assert fitted(needs).max_speed == pytest.approx(0.15), "a quarter of the deceleration, half the speed"
-
-
-ROBOTEQ = "KITmedical__kacanopen__resources__eds_library__Roboteq__roboteq_motor_controllers_v2.0-30-01-2019.eds"

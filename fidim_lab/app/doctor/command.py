@@ -45,9 +45,9 @@ def doctor_command(
     file = None if rig is None else read_rig(rig)
     checks: list[Check] = []
     if drive is not None:
-        from fidim_lab.app.doctor.command.drive_doctor import check_dictionary
+        from .drive_doctor import check_eds
 
-        checks += check_dictionary(drive.eds, drive.family)
+        checks += check_eds(drive.eds, drive.family)
     if drive is None or robot is not None or file is not None:
         checks += [check() for check in CHECKS]
     if robot is not None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from drivers.cia402.config import Load, WinchConfig
-from drivers.cia402.family import GENERIC_FAMILY, family_path, read_family
+from drivers.cia402.family import GENERIC_FAMILY, DriveFamily, family_path, read_family
 from drivers.cia402.fitted import by_file
 from drivers.cia402.requirements import Graded, Met
 from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict
@@ -17,15 +17,19 @@ from fidim_lab.data.eds import EdsFile, Repair, read_dictionary
 _CONTROLWORD = 0x6040
 
 
-def check_dictionary(path: Path, family_name: str | None) -> list[Check]:
+def check_eds(path: Path, family_name: str | None) -> list[Check]:
     """The grade table of a drive that nobody has asked yet. Raises FileError where EDS or family cannot be read.
 
     family_name: a built-in family, or a file (.toml); None is the generic one.
     """
     family = GENERIC_FAMILY if family_name is None else read_family(family_path(family_name, Path()))
-    found = read_dictionary(path, 1)
+    return check_dictionary(read_dictionary(path, 1), family)
+
+
+def check_dictionary(found: EdsFile, family: DriveFamily) -> list[Check]:
+    """The same of a file that was read."""
     config = WinchConfig(  # lengths and rated values do not matter: nothing is compared
-        name=path.stem or "drive",
+        name=found.path.stem or "drive",
         node_id=1,
         counts_per_turn=1e4,
         drum_radius=0.03,
@@ -34,7 +38,7 @@ def check_dictionary(path: Path, family_name: str | None) -> list[Check]:
         max_speed=0.1,
         max_acceleration=1.0,
         length_limits=(0.5, 5.0),
-        eds=path,
+        eds=found.path,
         family=family,
         load=Load.VENDOR if family.load_object else Load(family.load),
         rated_torque=1.0,

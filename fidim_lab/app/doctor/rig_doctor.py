@@ -21,12 +21,13 @@ from drivers.ports import Clock
 from fidim_lab.app import compose
 from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
 from fidim_lab.app.doctor.checks import Check, Verdict
-from fidim_lab.app.doctor.command.drive_doctor import check_grades, check_repairs
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.app.doctor.serial_doctor import check_serial
 from fidim_lab.data.eds import read_dictionary
 from fidim_lab.data.rigs.rig import GuardEntry, RigFile
 from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, SetupError
+
+from .drive_doctor import check_grades, check_repairs
 
 LISTEN = 1.0
 """s; ten heartbeats of a drive that another master has set up"""

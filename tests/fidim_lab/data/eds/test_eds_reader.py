@@ -182,15 +182,3 @@ def test_any_bytes_are_a_dictionary_or_a_file_error(tmp_path_factory, data):
     path.write_bytes(data)
     with contextlib.suppress(FileError):
         assert read_dictionary(path, NODE).dictionary.indices
-
-
-@pytest.mark.shared
-def test_every_dictionary_of_the_makers_is_read(shared):
-    folder = shared / "eds"
-    if not folder.is_dir():
-        pytest.skip(f"{folder} is absent: it holds EDS files of makers, which are not ours to ship")
-    files = sorted(folder.iterdir())
-    assert len(files) >= 70
-    for path in files:
-        found = read_dictionary(path, NODE)
-        assert len(found.dictionary.indices) >= 7, path.name
