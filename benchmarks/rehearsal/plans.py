@@ -7,7 +7,7 @@ import numpy as np
 
 from fidim_lab.app import compose
 from fidim_lab.data.records import Plan, PlannedWindow, Role
-from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
+from procedures.settings import HandSettings, MotionSettings, PlaceSettings, RecordSettings, Settings, TensionSettings
 
 RATE = compose.MARKER_RATE
 
@@ -30,5 +30,6 @@ def short(**recording: Any) -> Settings:
         motion=MotionSettings(settle_over=0.3, length_limits=compose.length_limits(STANDS)),
         tension=TensionSettings(over=0.2),
         hand=HandSettings(over=0.3, timeout=2.0),
+        place=PlaceSettings(over=0.3, speed=0.05, acceleration=0.3),
         record=RecordSettings(**{"seconds": 1.5, **recording}),
     )

@@ -21,6 +21,7 @@ def contents(folder):
 
 
 @pytest.mark.parametrize("faults", [None, DISORDER], ids=["calm", "disorder"])
+@pytest.mark.sampled(1)
 def test_the_same_seed_gives_the_same_bytes(scene, faults):
     first, second = (run(scene, name, faults=faults) for name in ("a", "b"))
     first.check()
@@ -29,6 +30,7 @@ def test_the_same_seed_gives_the_same_bytes(scene, faults):
     assert there == contents(second.folder)
 
 
+@pytest.mark.slow
 def test_another_seed_gives_other_bytes(scene):
     first, second = (contents(run(scene, str(seed), seed=seed).folder) for seed in (1, 2))
     assert {str(path) for path in first if first[path] != second.get(path)} >= {

@@ -93,6 +93,7 @@ def test_a_drive_that_falls_silent_during_bring_up(rehearsal):
 
 
 @pytest.mark.parametrize("step", STEPS)
+@pytest.mark.sampled(2)
 def test_a_drive_that_falls_silent_is_missed_and_stops_by_itself(rehearsal, step):
     rehearsal.at(step, lambda stage: setattr(stage.drive(2).faults, "silent", True), after=STEPS[step])
     ended = rehearsal.run()

@@ -49,6 +49,7 @@ def test_a_full_disk_under_a_recording(rehearsal, room):
 
 @pytest.mark.parametrize("step", ["Enable", "MoveTo", "Ask", "Record", "CheckWindow"])
 @pytest.mark.parametrize("where", ["fsync", "write"])
+@pytest.mark.sampled(2)
 def test_a_full_disk_under_the_journal(rehearsal, monkeypatch, step, where):
     target = (os, "fsync") if where == "fsync" else (Journal, "_append")
     rehearsal.at(step, lambda stage: monkeypatch.setattr(*target, full))
@@ -64,6 +65,7 @@ def test_a_full_disk_under_the_journal(rehearsal, monkeypatch, step, where):
 
 
 @pytest.mark.parametrize("target", ["procedures.recording.run_folder.write_index", "pathlib.Path.replace"])
+@pytest.mark.sampled(2)
 def test_a_full_disk_as_a_window_is_accepted(scene, rehearsal, monkeypatch, target):
     rehearsal.plan = scene.two
     rehearsal.at("Record", lambda stage: monkeypatch.setattr(target, full), nth=2)
@@ -87,6 +89,7 @@ class FullFile:
 
 
 @pytest.mark.parametrize("step", ["MoveTo", "Record"])
+@pytest.mark.sampled(1)
 def test_a_full_disk_under_the_raw_log(rehearsal, monkeypatch, step):
     logs, make = [], CandumpLog.__init__
 

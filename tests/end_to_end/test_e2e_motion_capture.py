@@ -114,6 +114,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.sampled(2)
 def test_packets_in_disorder_give_the_right_samples_or_blank_ones(scene, case):
     rehearsal = scene.make(CASES[case])
     rehearsal.settings = scene.short(seconds=5.0)
@@ -136,6 +137,7 @@ def test_packets_in_disorder_give_the_right_samples_or_blank_ones(scene, case):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.sampled(1)
 def test_no_window_with_a_garbled_sample_is_accepted(scene, seed):
     """Damage that the decoder cannot see (no checksum in the stream) must not become motion."""
     rehearsal = scene.make(Faults(garbled=0.02))

@@ -82,6 +82,7 @@ BEFORE = {
 
 
 @pytest.mark.parametrize("kind", BEFORE)
+@pytest.mark.sampled(3)
 def test_what_is_wrong_is_found_before_anything_moves_farther(rehearsal: Any, kind: str) -> None:
     fault, says = BEFORE[kind]
     rehearsal.at("", fault)
@@ -104,6 +105,7 @@ AFTER = {
 
 
 @pytest.mark.parametrize("kind", AFTER)
+@pytest.mark.sampled(1)
 def test_what_goes_wrong_later_is_found_at_the_next_place(rehearsal: Any, scene: Any, kind: str) -> None:
     fault, says = AFTER[kind]
     rehearsal.plan = scene.two

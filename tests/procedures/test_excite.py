@@ -166,6 +166,7 @@ def test_strokes_that_were_stopped_halfway_are_done_again_from_the_equilibrium(
     np.testing.assert_allclose(window.lengths.mean(axis=0), one.windows[0].lengths, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_window_left_out_halfway_through_strokes_leaves_the_next_one_in_order(irma4: Robot, plan: Plan, tmp_path):
     report, done = carried_out(irma4, plan, tmp_path / "run", ("rotational-drag:c=0.15",), ((0.5, Verb.SKIP),))
     assert [type(e.step) for e in done if isinstance(e.step, GiveUp | Accept)] == [GiveUp, Accept]
@@ -298,6 +299,7 @@ def _going_on(step, steps):
         result = yield step
 
 
+@pytest.mark.slow
 def test_after_strokes_were_interrupted_the_new_rest_is_what_counts(irma4: Robot, plan: Plan):
     """The winches have come back within a millimetre: the platform rests elsewhere, and lengths are checked again."""
     window, rests = plan.windows[0], iter([(0.1, 0.0, 0.0), (0.2, 0.0, 0.0), (0.3, 0.0, 0.0), (0.4, 0.0, 0.0)])
@@ -326,6 +328,7 @@ def test_after_strokes_were_interrupted_the_new_rest_is_what_counts(irma4: Robot
     assert player.of(CheckTension)
 
 
+@pytest.mark.slow
 def test_nothing_between_a_recording_and_its_verdict_is_interrupted(irma4: Robot, plan: Plan):
     """A recording that is not yet accepted is given up at an interruption."""
 
@@ -374,6 +377,7 @@ def test_strokes_that_would_break_tensions_are_not_made(irma4: Robot, plan: Plan
     assert not player.of(Strokes)
 
 
+@pytest.mark.slow
 def test_the_body_is_identified_from_the_first_windows_until_it_is_known(irma4: Robot, plan: Plan):
     body, told = irma4.nominal.vector * 1.02, []
 
@@ -396,6 +400,7 @@ def test_the_body_is_identified_from_the_first_windows_until_it_is_known(irma4: 
 
 
 @pytest.mark.parametrize("recorded", [0, 6])
+@pytest.mark.sampled(1)
 def test_a_run_that_goes_on_plans_with_the_body_that_its_windows_show(irma4: Robot, plan: Plan, recorded: int):
     body = irma4.nominal.vector * 1.02
 
@@ -414,6 +419,7 @@ def test_a_run_that_goes_on_plans_with_the_body_that_its_windows_show(irma4: Rob
 
 
 @pytest.mark.parametrize("again", ["planned again", "no second plan", "a worse one"])
+@pytest.mark.sampled(1)
 def test_a_swing_that_was_missed_is_kept_where_it_cannot_be_done_better(irma4: Robot, plan: Plan, monkeypatch, again):
     protocol, window = protocol_of(irma4, plan), plan.windows[0]
     first, plans = excite.planned, []

@@ -96,6 +96,7 @@ WRONG_ROBOTS = {
 
 
 @pytest.mark.parametrize("case", WRONG_ROBOTS)
+@pytest.mark.sampled(1)
 def test_a_wrong_robot_file_is_blamed_before_its_limits(irma4_file: Path, tmp_path: Path, capsys, case: str):
     right, wrong, code, says = WRONG_ROBOTS[case]
     assert right in irma4_file.read_text()
@@ -107,6 +108,7 @@ def test_a_wrong_robot_file_is_blamed_before_its_limits(irma4_file: Path, tmp_pa
     assert "Widen" not in said
 
 
+@pytest.mark.slow
 def test_an_unusual_robot_is_designed_for_with_a_warning(irma4_file: Path, tmp_path: Path, capsys):
     text = irma4_file.read_text().replace("[0.051, 0.069, 0.037,", "[0.561, 0.759, 0.407,")
     (tmp_path / "robot.toml").write_text(text)

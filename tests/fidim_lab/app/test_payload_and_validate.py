@@ -53,6 +53,7 @@ def run(*arguments: object) -> int:
 
 
 @pytest.mark.parametrize("method", ["tls", "iv"])
+@pytest.mark.sampled(1)
 def test_the_mass_is_found(pair: Pair, method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "result.json"
     arguments = ["identify", pair.empty, "--payload", pair.loaded, *WITH_PAYLOAD, "--method", method, "--json", path]
@@ -77,6 +78,7 @@ def test_the_mass_is_found(pair: Pair, method: str, tmp_path: Path, capsys: pyte
     assert read.mass.value == mass["value"]
 
 
+@pytest.mark.slow
 def test_without_payload_a_result_has_no_key_more(pair: Pair, tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     assert run("identify", pair.empty, "--method", "tls", "--json", path) == 0
@@ -98,6 +100,7 @@ def test_without_payload_a_result_has_no_key_more(pair: Pair, tmp_path: Path) ->
         (["--paper", "--method", "iv"], 2, "does not go with --method iv"),
     ],
 )
+@pytest.mark.sampled(6)
 def test_what_does_not_go_together_is_said(
     pair: Pair, arguments: list[str], code: int, says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -107,6 +110,7 @@ def test_what_does_not_go_together_is_said(
     assert says in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_payload_at_the_centre_of_mass_is_refused(pair: Pair, capsys: pytest.CaptureFixture[str]) -> None:
     at = "0,0,0.19"  # where CAD says that it is; the second campaign is the same platform again
     arguments = ["identify", pair.empty, "--payload", pair.empty, "--mass", "1", "--at", at, "--method", "tls"]
@@ -124,6 +128,7 @@ def test_two_robots_are_refused(pair: Pair, tmp_path: Path, capsys: pytest.Captu
     assert "d of cable 2 differs by 0.002" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_papers_form_is_shown_beside_two_others(pair: Pair, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("identify", pair.empty, "--paper") == 0
     said = capsys.readouterr().out

@@ -73,6 +73,7 @@ def test_three_seconds_agree_to_micrometres(irma4: Robot, plain: np.ndarray):
     ],
 )
 @needs_mujoco
+@pytest.mark.sampled(4)
 def test_hidden_effects_agree(irma4: Robot, plain: np.ndarray, effects: list[str]):
     world = _world(irma4, *effects)
     native, _ = _swing(Plant(world), LENGTHS, ASIDE, 1.5)

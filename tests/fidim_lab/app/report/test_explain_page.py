@@ -97,6 +97,7 @@ def test_the_stated_numbers_reproduce_the_improvement(dragged, explanation):
     assert shown.notes == ()
 
 
+@pytest.mark.slow
 def test_numbers_that_do_not_hold_are_seen_not_to(dragged, explanation):
     (cause,) = explanation.effects
     wrong = replace(cause, parameters={"c": EffectParameter(0.2 * DRAG, 0.01, "N s/m")})

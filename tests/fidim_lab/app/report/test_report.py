@@ -223,6 +223,7 @@ def test_a_method_without_equations_needs_none(campaign, write_folder, result_of
 
 
 @pytest.mark.parametrize("windows", [24, 60])
+@pytest.mark.sampled(1)
 def test_it_stays_small(campaign, write_folder, result_of, monkeypatch, windows):
     """Windows of 10 s with noisy currents, from the growth by one window drawn as finely as so many would be."""
     for module in ("page", "scene", "solid"):

@@ -21,7 +21,7 @@ from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from procedures.protocols import catalogue
 from procedures.report import RunReport, WindowRow
 from procedures.run import run_procedure
-from procedures.settings import HandSettings, MotionSettings, RecordSettings, Settings, TensionSettings
+from procedures.settings import HandSettings, MotionSettings, PlaceSettings, RecordSettings, Settings, TensionSettings
 from sim_backends.jumping_loop import run
 
 ALWAYS = {kind: DefaultAnswer(kind and "done") for kind in PromptKind}
@@ -52,6 +52,7 @@ def short() -> Settings:
         motion=MotionSettings(settle_over=2.0, length_limits=compose.length_limits(TWO)),
         tension=TensionSettings(over=0.2),
         hand=HandSettings(over=0.3, timeout=2.0),
+        place=PlaceSettings(over=0.3, speed=0.05, acceleration=0.3),
         record=RecordSettings(seconds=1.5),
     )
 

@@ -72,6 +72,7 @@ def test_a_recording_that_no_model_follows_gets_a_reason(irma4, trace, tmp_path)
     assert found["doubt"]
 
 
+@pytest.mark.slow
 def test_a_body_that_is_not_quite_right_still_gives_a_prediction_whose_error_grows(irma4, path, tmp_path):
     write_robot(tmp_path / "robot.toml", replace(irma4, nominal=Body.from_vector(1.15 * irma4.nominal.vector)))
     times, marker = path

@@ -83,6 +83,7 @@ def test_from_every_screen_and_over_every_dialog(opened, state):
 
 
 @pytest.mark.parametrize("size", [(1, 1), (39, 5), (300, 100)])
+@pytest.mark.sampled(1)
 def test_in_a_terminal_of_any_size(opened, size):
     async def see(screen):
         for number, way in itertools.product(SCREENS, (OVER["nothing"], OVER["help"], OVER["palette"], OVER["abort"])):

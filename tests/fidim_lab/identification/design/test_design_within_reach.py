@@ -42,6 +42,7 @@ def test_displacements_get_smaller_and_are_in_reach_whatever_damps(drawn, some: 
             assert np.linalg.norm(plan.reached) > 0.85 * np.linalg.norm(plan.wanted)
 
 
+@pytest.mark.slow
 def test_less_damping_and_stronger_winches_reach_farther(some: Some):
     def size(winches: ByWinches) -> float:
         found = reached(replace(some, task=replace(some.task, winches=winches), z=some.z[:1]))

@@ -122,6 +122,7 @@ def test_no_step_is_taken_to_where_derivatives_are_not_finite(from_cad, monkeypa
     assert optimise(likelihood, found.point, from_cad.journey.ends, from_cad.prior, FINAL, free) is None
 
 
+@pytest.mark.slow
 def test_a_fit_far_astray_that_creeps_is_given_up_and_one_that_gains_is_not(from_cad):
     likelihood, found = from_cad.likelihood, from_cad.journey.optimum
     count, start = len(found.point.shared), likelihood.guesses
@@ -143,6 +144,7 @@ def test_a_fit_far_astray_that_creeps_is_given_up_and_one_that_gains_is_not(from
     assert idle.cost < found.cost + 1.0
 
 
+@pytest.mark.slow
 def test_a_fit_of_which_all_rounds_promise_too_little_is_given_up_and_another_is_not(from_cad):
     likelihood, found = from_cad.likelihood, from_cad.journey.optimum
     count, start = len(found.point.shared), likelihood.guesses

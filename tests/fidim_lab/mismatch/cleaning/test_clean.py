@@ -153,6 +153,7 @@ def test_gravity_that_points_up_is_refused_with_that_reason(recorded) -> None:
 
 
 @pytest.mark.parametrize("scatter", [1e-4, 0.01])
+@pytest.mark.sampled(1)
 def test_markers_that_only_scatter_are_refused(recorded, scatter: float) -> None:
     """Noise about one place, as small as declared and far larger; one window that swings is enough to go on."""
     campaign = recorded()

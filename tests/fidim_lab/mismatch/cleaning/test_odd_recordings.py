@@ -46,6 +46,7 @@ def unseen(campaign: Campaign, marker: int, places: range) -> Campaign:
 
 
 @pytest.mark.parametrize("places", [range(1, 2), range(4)], ids=["in one window", "anywhere"])
+@pytest.mark.sampled(1)
 def test_a_marker_that_is_never_seen_does_not_end_an_explanation(dragged: Campaign, places: range) -> None:
     found = explain(unseen(dragged, 1, places))
     assert found.verdict is Verdict.EXPLAINED

@@ -87,6 +87,7 @@ def test_a_sample_that_is_off_stays_out_and_one_that_is_not_comes_back(touched: 
     assert lacking == {"i03"}
 
 
+@pytest.mark.slow
 def test_screening_is_overruled_by_a_model_that_follows_the_samples(irma4: Robot) -> None:
     campaign = recorded(irma4)
     windows = {window.id: window for window in campaign.windows}

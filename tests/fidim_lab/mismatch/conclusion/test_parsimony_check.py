@@ -36,6 +36,7 @@ def judged(start: Baseline, *ids: str) -> tuple[Judged, SimpleNamespace]:
     ],
     ids=["a saddle of force", "a hose", "drag of the speed cubed", "drag of its square"],
 )
+@pytest.mark.sampled(1)
 def test_what_a_simple_wrench_says_better_is_not_named(
     baseline_of, hidden: str, named: tuple[str, str], wrench: Dependence | None
 ) -> None:

@@ -212,6 +212,7 @@ def explained(irma4: Robot, trials: list[Trial], tmp_path: Path) -> AfterOptions
     return AfterOptions(tmp_path / "explanation.json", None, None, 1, tmp_path / "next", None)
 
 
+@pytest.mark.slow
 def test_windows_that_hardly_tell_are_no_plan(explained: AfterOptions, capsys: pytest.CaptureFixture[str]):
     assert after_command(explained) == 1
     assert explained.out is not None
@@ -272,6 +273,7 @@ def test_rivals_that_no_window_excludes_are_set_aside(irma4: Robot, trials: list
     assert found.says.endswith("Free motion hardly separates it from constant-force.")
 
 
+@pytest.mark.slow
 def test_a_claim_without_odds_does_not_hide_the_others(irma4: Robot, trials: list[Trial]):
     hand = Claim("hand-contact", None, (1.0,), ("constant-force",))
     bias = Claim("cable-length-bias", 2, (5e-3,), ("anchor-offset",))

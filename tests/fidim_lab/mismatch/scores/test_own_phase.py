@@ -101,6 +101,7 @@ def test_a_fan_that_nothing_keeps_in_step_is_named_with_its_frequency(fanned: Ca
     assert found.best.held_out.chi2_per_dof < 1.1
 
 
+@pytest.mark.slow
 def test_a_sway_of_its_own_phase_is_heard_beside_a_model_that_follows_the_first_seconds_alone(baseline_of) -> None:
     texts = ("frame-sway:ax=0.002,ay=-0.001,f=0.62", "frame-misalignment:rx=0.004,rz=-0.003,dx=0.002")
     start = baseline_of(*texts, seed=33, windows=4, seconds=10.0)

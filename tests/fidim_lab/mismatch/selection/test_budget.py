@@ -36,6 +36,7 @@ def test_without_patience_nothing_is_tried_and_that_is_said(dragged: Campaign) -
     assert not [sentence for sentence in said if sentence.startswith("fitting air-drag")]
 
 
+@pytest.mark.slow
 def test_a_search_that_ends_by_itself_says_nothing_of_patience(dragged: Campaign) -> None:
     found = explain(dragged, native=False)
     assert [cause.id for cause in found.effects] == ["air-drag-linear"]

@@ -94,6 +94,7 @@ def test_what_was_found_on_one_cable_may_be_on_all_of_them(rubbing: Baseline) ->
     assert evidence(found, single, common_scale([found, single])) > 5.0
 
 
+@pytest.mark.slow
 def test_what_was_taken_for_a_turned_frame_may_be_one_cable(baseline_of) -> None:
     start = baseline_of("attachment-offset:dx=-3e-4,dz=-2e-4,cable=2", HIDDEN[1], seed=7, windows=4, seconds=4.0)
     seen = view(fitted(start, "frame-misalignment", "air-drag-linear"), start.tried, start.context)
