@@ -54,7 +54,7 @@ class RunReport:
 
     @property
     def exit_code(self) -> int:
-        """As FORMAT.md fixes it: 0 done, 1 a refusal or failed check, 3 hardware or guard, 130 interrupted."""
+        """As spec/formats.md fixes it: 0 done, 1 a refusal or failed check, 3 hardware or guard, 130 interrupted."""
         if self.interrupted:
             return 130
         if self.outcome is Outcome.ERROR or not self.held:

@@ -52,7 +52,7 @@ async def run_procedure(
     write: WriteBytes = os.write,
     disk: Disk | None = None,
 ) -> RunReport:
-    """Carry an experiment out into a new folder, which is a campaign as FORMAT.md fixes it.
+    """Carry an experiment out into a new folder, which is a campaign as spec/formats.md fixes it.
 
     wall_time: the time of day as ISO 8601 text, for the journal (a constant in simulations).
     guards: besides the standard ones. control: by which people pause, skip, retry, abort and stop.

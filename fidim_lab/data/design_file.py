@@ -42,7 +42,7 @@ class EquilibriumTable(Table):
 
 
 class DesignTable(Table):
-    """The whole file, as FORMAT.md fixes it."""
+    """The whole file, as spec/formats.md fixes it."""
 
     format: Literal["fidim-design/1"]
     criterion: Literal["C", "A", "D"]

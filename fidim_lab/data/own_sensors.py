@@ -1,6 +1,6 @@
 """The robot's own sensors beside the encoders, as the further columns of a window hold them.
 
-    s1 … sn                   swivel angles of the pulleys, rad (σ of MODEL.md §1, each with a constant of its own)
+    s1 … sn                   swivel angles of the pulleys, rad (σ of spec/model.md §1, each with a constant of its own)
     incl_x, incl_y[, incl_z]  inclinometer or IMU on the platform: rotations about the world's x, then y, then z, rad
 
 `own_sensors` finds them; what they mean for the pose is in `identification.motion.pose_sources`.

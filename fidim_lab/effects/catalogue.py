@@ -1,4 +1,4 @@
-"""All effects of MODEL.md §5 for one robot, in a stable order.
+"""All effects of spec/model.md §5 for one robot, in a stable order.
 
 `catalogue(robot)` has one value for each effect, variant and cable; `by_id` those of one id. `IDS` are the ids, fixed
 because they appear in results. To add an effect see docs/effects.md: write its file, and add a line to `_MAKERS`.
@@ -93,7 +93,7 @@ _MAKERS: tuple[Maker, ...] = (
 
 
 def catalogue(robot: Robot) -> tuple[NamedEffect, ...]:
-    """Every effect, variant and cable for this robot, in the order of MODEL.md §5, all cables before each cable."""
+    """Every effect, variant and cable for this robot, in the order of spec/model.md §5, all cables first."""
     return tuple(effect for maker in _MAKERS for effect in maker(robot))
 
 

@@ -1,7 +1,7 @@
 """What an effect of the catalogue says about itself, beside what it does in the model's slots.
 
-`NamedEffect` is the base of every file in this folder: a frozen value with an id of MODEL.md §5, the cable it concerns,
-its parameters with bounds, its formula and source, and what is physically possible for a given robot.
+`NamedEffect` is the base of every file in this folder: a frozen value with an id (spec/model.md §5), the cable it
+concerns, its parameters with bounds, its formula and source, and what is physically possible for a given robot.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
 """What free motion cannot tell apart, known beforehand: gauges and equivalences as data, with reason and way out.
 
 The information matrix finds these and more for the data at hand; this list says why, in words. `CONTAINED` and `GAUGE`
-hold for any data of free motion with locked motors, however good; `NEAR` ones nearly (FINDINGS.md: the share of one
-effect's influence that the other explains).
+hold for any data of free motion with locked motors, however good; `NEAR` ones nearly (spec/findings.md: the share of
+one effect's influence that the other explains).
 """
 
 from dataclasses import dataclass

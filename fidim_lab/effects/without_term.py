@@ -12,7 +12,7 @@ class HandContact(NamedEffect):
 
     id: ClassVar[str] = "hand-contact"
     says: ClassVar[str] = "an intermittent unknown wrench during part of a window; these times are left out of the fit"
-    source: ClassVar[str] = "REAL.md §2; MODEL.md §5"
+    source: ClassVar[str] = "spec/irma4u.md §2; spec/model.md §5"
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class SensorFault(NamedEffect):
 
     id: ClassVar[str] = "sensor-fault"
     says: ClassVar[str] = "outliers, frozen or jumped marker samples: the sensor, not the physics"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
 
 
 @dataclass(frozen=True)
@@ -30,4 +30,4 @@ class Unknown(NamedEffect):
 
     id: ClassVar[str] = "unknown"
     says: ClassVar[str] = "something real that none of the others explains"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"

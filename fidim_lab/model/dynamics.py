@@ -28,7 +28,7 @@ from fidim_lab.model.native import built
 from fidim_lab.model.slots import PlatformState
 
 STEP = 5e-3
-"""s; 10 ms already invents effects in the score test (FINDINGS.md)"""
+"""s; 10 ms already invents effects in the score test (spec/findings.md)"""
 
 STRETCHING = 1e-6
 """m/s of cable that an initial twist may ask for: 1e-5 m in 10 s"""

@@ -1,4 +1,4 @@
-"""Free motion on cables that are springs: twelve freedoms, tensions from stretch (MODEL.md §6).
+"""Free motion on cables that are springs: twelve freedoms, tensions from stretch (spec/model.md §6).
 
     stretch = l − l₀ − drift,   τ = stretch/κ + c · d stretch/dt,   M v̇ = φ − C v + w − (Ξᵀ − W) τ
 

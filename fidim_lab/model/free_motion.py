@@ -1,4 +1,4 @@
-"""Free motion at locked motors as a function of its free coordinates (paper §2.2, Eq. 5–7; MODEL.md §1).
+"""Free motion at locked motors as a function of its free coordinates (paper §2.2, Eq. 5–7; spec/model.md §1).
 
 Which λ coordinates are called free is a choice. A coordinate is named by an axis: 0, 1, 2 are the marker's x, y, z;
 3, 4, 5 are rotation about the world's x, y, z (needed only where λ > 3). A *selector* S has one row for each of them,
@@ -114,7 +114,7 @@ def conditioning(xi: Structure, selector: Selector) -> Series:
     """Condition number of Ξ over the dependent coordinates, those that S leaves: 1 is ideal, over 100 is hopeless.
 
     Metres and radians are taken as they are, no scaling. Where it is large the free coordinates are nearly dependent
-    at locked lengths, and errors of a measured marker are magnified by about as much (MODEL.md §1).
+    at locked lengths, and errors of a measured marker are magnified by about as much (spec/model.md §1).
     """
     if selector.shape[1] == 6:
         return np.ones(len(xi))

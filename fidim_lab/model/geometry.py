@@ -1,4 +1,4 @@
-"""Cable, swivel pulley and rotation as CasADi expressions (MODEL.md §1, paper §2.1 and Eq. 1).
+"""Cable, swivel pulley and rotation as CasADi expressions (spec/model.md §1, paper §2.1 and Eq. 1).
 
 Written once here; lengths, Ξ, dynamics and effects are all built from `cable_expressions`. For numbers use `Mechanism`.
 """
@@ -61,7 +61,7 @@ class CableConstants:
 
 @dataclass(frozen=True, eq=False)
 class CableExpressions:
-    """One cable at one pose, as expressions; names and symbols of MODEL.md §1. World frame, SI."""
+    """One cable at one pose, as expressions; names and symbols of spec/model.md §1. World frame, SI."""
 
     length: ca.SX
     """l = r φ + ρ, m"""
@@ -95,7 +95,7 @@ class CableExpressions:
 def cable_expressions(cable: Cable | CableConstants, position: ca.SX, rotation: ca.SX) -> CableExpressions:
     """One cable as a function of the pose.
 
-    position (3) of P in the world frame, m; rotation (3 × 3) body → world. Source: MODEL.md §1.
+    position (3) of P in the world frame, m; rotation (3 × 3) body → world. Source: spec/model.md §1.
     A radius that is the number 0 gives the point-to-point cable itself, regular on the swivel axis too; a symbolic
     radius tends to it. Singular for r > 0 where h → 0, and where L ≤ r: see `axis_distance` and `clearance`.
     """

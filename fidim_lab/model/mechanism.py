@@ -27,7 +27,7 @@ SINGULAR_DISTANCE = 1e-6
 
 
 class Mechanism:
-    """Kinematics of a platform on n cables; SI units, world frame (MODEL.md §1, Eq. 1–4).
+    """Kinematics of a platform on n cables; SI units, world frame (spec/model.md §1, Eq. 1–4).
 
     `theta` are the parameters of all effects, in their order; absent unless given. `native`: simulate and
     solve with compiled C where a compiler is found, the same digits faster after a second of building (see `native`).

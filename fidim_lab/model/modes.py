@@ -1,8 +1,8 @@
 """Small oscillations about an equilibrium (Eq. 37–39), and how near the mechanism is to having further freedoms.
 
 `modes` for frequencies and shapes; `scaled_singular_values` first: where the smallest is far below the next, cables
-that stretch by tenths of a millimetre let the platform turn by degrees, and rigid cables are the wrong model (MODEL.md
-§6).
+that stretch by tenths of a millimetre let the platform turn by degrees, and rigid cables are the wrong model
+(spec/model.md §6).
 """
 
 from dataclasses import dataclass

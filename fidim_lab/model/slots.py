@@ -1,4 +1,4 @@
-"""The places of the model into which physics that was left out can be put (DESIGN.md, decision 2).
+"""The places of the model into which physics that was left out can be put .
 
 An effect overrides the slots it needs and leaves the others neutral; it does nothing at its `absent` θ. The baseline
 and a completed model are the same code with a different list of effects. Slots speak SI with forces in N and masses in

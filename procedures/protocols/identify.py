@@ -1,4 +1,4 @@
-"""The identification protocol (paper §5; MODEL.md §2): free motion about each planned equilibrium, window by window.
+"""The identification protocol (paper §5; spec/model.md §2): free motion about each planned equilibrium by turns.
 
 For each window: move – settle (measured) – hold – read encoders – check tensions – ask to displace and release – wait
 until the hand is away – record – check – accept, or record again. A rejected window is kept aside and recorded anew.

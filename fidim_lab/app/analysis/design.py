@@ -126,7 +126,7 @@ def as_plan(found: Design) -> Plan:
 
 
 def as_json(found: Design) -> dict[str, object]:
-    """As FORMAT.md fixes it, "fidim-design/1"."""
+    """As spec/formats.md fixes it, "fidim-design/1"."""
     n, tensions, bad = found.task.robot.n, found.motions.tensions, _conditionings(found)
     return {
         "format": "fidim-design/1",

@@ -1,7 +1,7 @@
 """What scaling and weighting are worth to total least squares: the paper's form, its columns scaled, and ours.
 
-Total least squares is not invariant to the scaling of its columns (MODEL.md §3). The paper scales nothing; the spread
-between the three columns of this table is uncertainty that no standard deviation contains.
+Total least squares is not invariant to the scaling of its columns (spec/model.md §3). The paper scales nothing; the
+spread between the three columns of this table is uncertainty that no standard deviation contains.
 """
 
 from dataclasses import dataclass

@@ -40,7 +40,7 @@ NOT_TOGETHER = (
     {"anchor-offset", "cable-length-bias"},
     {"marker-offset", "frame-misalignment"},
 )
-"""pairs of which MODEL.md says that no data separate them: hidden together their sum is one effect"""
+"""pairs of which spec/model.md says that no data separate them: hidden together their sum is one effect"""
 
 
 @dataclass(frozen=True)

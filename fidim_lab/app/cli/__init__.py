@@ -1,4 +1,4 @@
-"""The `fidim` command: options in, exit code out (FORMAT.md). What a command does lives in a module of its own."""
+"""The `fidim` command: options in, exit code out (spec/formats.md). What a command does is in a module of its own."""
 
 from fidim_lab.app.cli import analysis, records, session
 from fidim_lab.app.cli.root import fidim

@@ -1,4 +1,4 @@
-"""Arguments in, exit code out (FORMAT.md): errors become sentences, signals interruptions."""
+"""Arguments in, exit code out (spec/formats.md): errors become sentences, signals interruptions."""
 
 import os
 import signal

@@ -27,7 +27,7 @@ GYRATION = 1.5
 DEPTHS = np.linspace(0.3, 1.0, 8)
 """under the middle of the anchors, in the workspace's scale"""
 SOFT = 0.1
-"""smallest scaled singular value over the next below which cables must not be taken as rigid (REAL.md §6)"""
+"""smallest scaled singular value over the next below which cables must not be taken as rigid (spec/irma4u.md §6)"""
 STRETCH = 3e-4
 """m, for the example in the soft modes' sentence"""
 MARKER_RATE = 100.0

@@ -1,4 +1,4 @@
-"""What the data cannot tell an effect from, as explanation.json says it (FORMAT.md)."""
+"""What the data cannot tell an effect from, as explanation.json says it (spec/formats.md)."""
 
 from pydantic import BaseModel, ConfigDict
 

@@ -1,4 +1,4 @@
-"""explanation.json, "fidim-explanation/1" (FORMAT.md), as a report reads it: `read_explanation`, `as_file`.
+"""explanation.json, "fidim-explanation/1" (spec/formats.md), as a report reads it: `read_explanation`, `as_file`.
 
 What `fidim explain` has just found goes the same way as what a file holds: `as_file`.
 """

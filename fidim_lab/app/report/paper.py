@@ -1,4 +1,4 @@
-"""What the paper found on its robot, to be set beside ours when the robot is theirs (MODEL.md §3, paper §5)."""
+"""What the paper found on its robot, to be set beside ours when the robot is theirs (spec/model.md §3, paper §5)."""
 
 from types import MappingProxyType
 

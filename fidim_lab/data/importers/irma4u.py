@@ -7,7 +7,7 @@ Files are recognised by what they hold, not by name, so a source may be the fold
     *.mat with `s.EndEffector`       geometry and nominal body: pulleys, attachments, mass, PtoG, InertialMatrix
 
 `cable_length` counts from wherever the encoders were zeroed; `InertialMatrix` is about the centre of mass (with it
-about P the nominal body would be impossible); axes of `FixedFrame` are x, y and the swivel axis z of MODEL.md §1.
+about P the nominal body would be impossible); axes of `FixedFrame` are x, y and the swivel axis z of spec/model.md §1.
 """
 
 from collections.abc import Sequence

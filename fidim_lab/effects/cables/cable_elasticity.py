@@ -23,7 +23,7 @@ class CableElasticity(NamedEffect):
     id: ClassVar[str] = "cable-elasticity"
     variant: ClassVar[str] = "by length"
     says: ClassVar[str] = "cables stretch with their free length, l = l₀ + ρ τ/EA; parameter 1/EA"
-    source: ClassVar[str] = "Hooke; MODEL.md §5"
+    source: ClassVar[str] = "Hooke; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("softness", "1/N", "1/EA is positive", scale=1e-7, low=0.0, high=1e-3, start=5e-6),
     )
@@ -51,7 +51,7 @@ class CableStiffness(NamedEffect):
     id: ClassVar[str] = "cable-elasticity"
     variant: ClassVar[str] = "whatever the length"
     says: ClassVar[str] = "cables, or what holds them, stretch whatever their length, l = l₀ + τ/k; parameter 1/k"
-    source: ClassVar[str] = "Hooke; MODEL.md §5"
+    source: ClassVar[str] = "Hooke; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("softness", "m/N", "1/k is positive", scale=1e-7, low=0.0, high=1e-3, start=1e-5),
     )

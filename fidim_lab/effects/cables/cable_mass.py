@@ -23,7 +23,7 @@ class CableMass(NamedEffect):
 
     id: ClassVar[str] = "cable-mass"
     says: ClassVar[str] = "weight and inertia of straight cables of linear density μ, to first order"
-    source: ClassVar[str] = "Lagrange; MODEL.md §5"
+    source: ClassVar[str] = "Lagrange; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("mu", "kg/m", "density is positive", scale=1e-3, low=0.0, high=1.0, start=0.01),
     )

@@ -21,7 +21,7 @@ class SwivelInertia(NamedEffect):
 
     id: ClassVar[str] = "swivel-inertia"
     says: ClassVar[str] = "inertia of pulley and housing about each swivel axis: kinetic energy ½ J σ̇²"
-    source: ClassVar[str] = "Lagrange; MODEL.md §5"
+    source: ClassVar[str] = "Lagrange; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("J", "kg m²", "inertia is positive", scale=1e-3, low=0.0, high=1.0, start=2e-3),
     )

@@ -21,7 +21,7 @@ class WinchHoldCompliance(NamedEffect):
 
     id: ClassVar[str] = "winch-hold-compliance"
     says: ClassVar[str] = "a held winch yields, l = l₀ + τ/k, and its encoder sees it; parameter 1/k"
-    source: ClassVar[str] = "Hooke; MODEL.md §5"
+    source: ClassVar[str] = "Hooke; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("softness", "m/N", "1/k is positive", scale=1e-7, low=0.0, high=1e-3, start=1e-5),
     )

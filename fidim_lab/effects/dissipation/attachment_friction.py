@@ -26,7 +26,7 @@ class AttachmentFriction(NamedEffect):
 
     id: ClassVar[str] = "attachment-friction"
     says: ClassVar[str] = "torque at each attachment, −(viscous + dry/√(s² + 0.01²)) s, s = ω − t × Ȧ/ρ"
-    source: ClassVar[str] = "Coulomb and viscous; MODEL.md §5, REAL.md §3.3"
+    source: ClassVar[str] = "Coulomb and viscous; spec/model.md §5, spec/irma4u.md §3.3"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("viscous", "N m s", "damping takes energy", scale=0.005, low=0.0, high=20.0, start=0.01),
         Parameter("dry", "N m", "friction takes energy", scale=0.002, low=0.0, high=10.0, start=0.005),
@@ -67,7 +67,7 @@ class AttachmentFrictionGivingWay(NamedEffect):
         "torque at each attachment, −(viscous s + dry T/T₀ b), and −dry_z T/T₀ c about the body's z axis; T the "
         "cable's tension, T₀ the weight over the number of cables; b and c build up over a turn of `give`"
     )
-    source: ClassVar[str] = "Coulomb; Dahl, A solid friction model, 1968; REAL.md §4"
+    source: ClassVar[str] = "Coulomb; Dahl, A solid friction model, 1968; spec/irma4u.md §4"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         *AttachmentFriction.parameters,
         Parameter("dry_z", "N m", "friction takes energy", scale=0.01, low=0.0, high=10.0, start=0.05),

@@ -19,7 +19,7 @@ class PulleyFriction(NamedEffect):
 
     id: ClassVar[str] = "pulley-friction"
     says: ClassVar[str] = "loss at the wrap, torque −viscous φ̇ − dry tanh(φ̇ / 0.01 rad/s) on the wrap angle φ"
-    source: ClassVar[str] = "Coulomb and viscous; MODEL.md §5"
+    source: ClassVar[str] = "Coulomb and viscous; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("viscous", "N m s", "damping takes energy", scale=0.01, low=0.0, high=100.0, start=0.02),
         Parameter("dry", "N m", "friction takes energy", scale=0.002, low=0.0, high=10.0, start=0.005),

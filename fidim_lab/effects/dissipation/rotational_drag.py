@@ -18,7 +18,7 @@ class RotationalDrag(NamedEffect):
 
     id: ClassVar[str] = "rotational-drag"
     says: ClassVar[str] = "viscous torque against the rotation, T = −c ω"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("c", "N m s", "drag takes energy", scale=0.01, low=0.0, high=10.0, start=0.02),
     )
@@ -39,7 +39,7 @@ class RotationalDragPerAxis(NamedEffect):
     id: ClassVar[str] = "rotational-drag"
     variant: ClassVar[str] = "per body axis"
     says: ClassVar[str] = "viscous torque against the rotation, another about each body axis, T = −R diag(c) Rᵀ ω"
-    source: ClassVar[str] = "REAL.md §3.3: yaw is damped most on IRMA4U"
+    source: ClassVar[str] = "spec/irma4u.md §3.3: yaw is damped most on IRMA4U"
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(f"c{axis}", "N m s", f"drag about {axis} takes energy", scale=0.01, low=0.0, high=10.0, start=0.02)
         for axis in "xyz"

@@ -18,7 +18,7 @@ class SwivelFriction(NamedEffect):
 
     id: ClassVar[str] = "swivel-friction"
     says: ClassVar[str] = "dry torque about each swivel axis, −c tanh(σ̇ / 0.01 rad/s)"
-    source: ClassVar[str] = "Coulomb; MODEL.md §5"
+    source: ClassVar[str] = "Coulomb; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("c", "N m", "friction takes energy", scale=0.002, low=0.0, high=10.0, start=0.005),
     )
@@ -44,7 +44,7 @@ class SwivelDamping(NamedEffect):
 
     id: ClassVar[str] = "swivel-damping"
     says: ClassVar[str] = "viscous torque about each swivel axis, −c σ̇"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("c", "N m s", "damping takes energy", scale=0.01, low=0.0, high=100.0, start=0.02),
     )

@@ -15,7 +15,7 @@ class AnchorOffset(NamedEffect):
 
     id: ClassVar[str] = "anchor-offset"
     says: ClassVar[str] = "pulley entry point elsewhere, d_i + (dx, dy, dz), world frame"
-    source: ClassVar[str] = "MODEL.md §1, §5"
+    source: ClassVar[str] = "spec/model.md §1, §5"
     parameters: ClassVar[tuple[Parameter, ...]] = vector(
         "d", "m", "true minus stated entry point", scale=1e-3, most=0.2
     )

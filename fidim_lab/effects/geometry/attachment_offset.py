@@ -15,7 +15,7 @@ class AttachmentOffset(NamedEffect):
 
     id: ClassVar[str] = "attachment-offset"
     says: ClassVar[str] = "attachment elsewhere, a_i + (dx, dy, dz), body frame"
-    source: ClassVar[str] = "MODEL.md §1, §5"
+    source: ClassVar[str] = "spec/model.md §1, §5"
     parameters: ClassVar[tuple[Parameter, ...]] = vector("d", "m", "true minus stated attachment", scale=1e-3, most=0.1)
 
     def geometry(self, number: int, cable: CableConstants, theta: ca.SX) -> CableConstants:

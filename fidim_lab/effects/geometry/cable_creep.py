@@ -17,7 +17,7 @@ class CableCreep(NamedEffect):
 
     id: ClassVar[str] = "cable-creep"
     says: ClassVar[str] = "one cable creeps, l₀(t) = l₀ + δ (1 − e^(−t/T)), from the start of each window"
-    source: ClassVar[str] = "Kelvin–Voigt; MODEL.md §5"
+    source: ClassVar[str] = "Kelvin–Voigt; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("delta", "m", "final creep", scale=1e-4, low=-0.05, high=0.05, start=1e-3),
         Parameter(

@@ -14,7 +14,7 @@ class CableLengthBias(NamedEffect):
 
     id: ClassVar[str] = "cable-length-bias"
     says: ClassVar[str] = "encoder zero wrong: it reads the true length + bias"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("bias", "m", "reading minus true length", scale=5e-4, low=-0.2, high=0.2, start=0.0),
     )

@@ -14,7 +14,7 @@ class ClockRate(NamedEffect):
 
     id: ClassVar[str] = "clock-rate"
     says: ClassVar[str] = "the cameras' clock runs fast: a frame stamped t was taken at t/(1 + rate)"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("rate", "1", "clock too fast by this ratio", scale=1e-4, low=-0.05, high=0.05, start=0.0),
     )
@@ -30,7 +30,7 @@ class TimeOffset(NamedEffect):
 
     id: ClassVar[str] = "time-offset"
     says: ClassVar[str] = "stamps are early: a frame stamped t was taken at t + offset"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("offset", "s", "taken later than stamped", scale=1e-3, low=-0.5, high=0.5, start=0.0),
     )

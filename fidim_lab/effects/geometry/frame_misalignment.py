@@ -19,7 +19,7 @@ class FrameMisalignment(NamedEffect):
 
     id: ClassVar[str] = "frame-misalignment"
     says: ClassVar[str] = "motion capture reports points turned by (rx, ry, rz), then shifted by (dx, dy, dz)"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         *vector("r", "rad", "turned about", scale=1e-3, most=0.2),
         *vector("d", "m", "shift", scale=5e-4, most=0.2),

@@ -21,7 +21,7 @@ class GravityTilt(NamedEffect):
 
     id: ClassVar[str] = "gravity-tilt"
     says: ClassVar[str] = "gravity turned by (rx, ry, 0) against the robot's frame"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(f"r{axis}", "rad", f"turned about {axis}", scale=1e-3, low=-0.2, high=0.2, start=0.0) for axis in "xy"
     )

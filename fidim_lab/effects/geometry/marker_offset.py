@@ -14,7 +14,7 @@ class MarkerOffset(NamedEffect):
 
     id: ClassVar[str] = "marker-offset"
     says: ClassVar[str] = "a marker elsewhere on the platform, m + (dx, dy, dz), body frame"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = vector("d", "m", "true minus stated place", scale=5e-4, most=0.1)
 
     number: int = 1

@@ -17,7 +17,7 @@ class PulleyRadius(NamedEffect):
 
     id: ClassVar[str] = "pulley-radius"
     says: ClassVar[str] = "pulleys of another radius, r + dr"
-    source: ClassVar[str] = "MODEL.md §1, §5"
+    source: ClassVar[str] = "spec/model.md §1, §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("dr", "m", "true minus stated radius", scale=5e-4, low=-0.05, high=0.05, start=0.0),
     )

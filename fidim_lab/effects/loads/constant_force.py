@@ -21,7 +21,7 @@ class ConstantForce(NamedEffect):
 
     id: ClassVar[str] = "constant-force"
     says: ClassVar[str] = "a steady force (fx, fy, fz) at the centre of mass, world frame"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = vector("f", "N", "force", scale=0.05, most=1000.0)
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:

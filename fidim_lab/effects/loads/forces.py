@@ -9,7 +9,7 @@ from fidim_lab.model.geometry import CableExpressions
 from fidim_lab.model.slots import PlatformState
 
 DRY_RATE = 0.01
-"""rad/s within which dry friction builds up: 0.001–0.03 fit alike, 0.1 does not (FINDINGS.md)"""
+"""rad/s within which dry friction builds up: 0.001–0.03 fit alike, 0.1 does not (spec/findings.md)"""
 
 
 def dry(rate: ca.SX) -> ca.SX:

@@ -26,7 +26,7 @@ class FrameSway(NamedEffect):
     says: ClassVar[str] = (
         "the frame moves by u = s sin(2π f t) + c cos(2π f t): −m ü at the centre of mass, cameras see + u"
     )
-    source: ClassVar[str] = "d'Alembert; MODEL.md §5"
+    source: ClassVar[str] = "d'Alembert; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = oscillation_parameters("m", "displacement", scale=1e-4, most=0.1)
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:

@@ -28,7 +28,7 @@ class LooseMass(NamedEffect):
 
     id: ClassVar[str] = "loose-mass"
     says: ClassVar[str] = "a mass m on a spring (f) and damper (ζ) at b inside the platform, in addition to its mass"
-    source: ClassVar[str] = "Newton; MODEL.md §5"
+    source: ClassVar[str] = "Newton; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("m", "kg", "a mass is positive", scale=0.02, low=0.0, high=100.0, start=0.1),
         Parameter(
@@ -87,7 +87,7 @@ class LooseMassOnAxis(NamedEffect):
     id: ClassVar[str] = "loose-mass"
     variant: ClassVar[str] = "along an axis"
     says: ClassVar[str] = "a mass m that slides along an axis e through b of the platform, on a spring (f) and damper"
-    source: ClassVar[str] = "Routh's equations; MODEL.md §5"
+    source: ClassVar[str] = "Routh's equations; spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         *LooseMass.parameters,
         Parameter("ex", "1", "axis, body frame, of any length", scale=0.1, low=-2.0, high=2.0, start=0.0, scan=(0.0,)),

@@ -21,7 +21,7 @@ class PeriodicForce(NamedEffect):
     id: ClassVar[str] = "periodic-force"
     variant: ClassVar[str] = "same phase"
     says: ClassVar[str] = "a force s sin(2π f t) + c cos(2π f t) at the centre of mass, t from each window's start"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = oscillation_parameters("N", "force", scale=0.05, most=1000.0)
 
     def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:

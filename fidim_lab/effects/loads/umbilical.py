@@ -41,7 +41,7 @@ class Umbilical(NamedEffect):
     id: ClassVar[str] = "umbilical"
     variant: ClassVar[str] = "always taut"
     says: ClassVar[str] = "a spring and damper to the fixed point h/k, F = h − k A − c Ȧ at A = p + R b"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         STIFFNESS,
         DAMPING,
@@ -104,7 +104,7 @@ class UmbilicalWithRest(NamedEffect):
     id: ClassVar[str] = "umbilical"
     variant: ClassVar[str] = "with rest length"
     says: ClassVar[str] = "a hose to a fixed point E, pulling k (‖A − E‖ − rest) + c d‖A − E‖/dt where stretched"
-    source: ClassVar[str] = "MODEL.md §5"
+    source: ClassVar[str] = "spec/model.md §5"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         STIFFNESS,
         DAMPING,

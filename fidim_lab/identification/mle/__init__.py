@@ -1,4 +1,4 @@
-"""Maximum likelihood on whole trajectories (output error): the method `mle` (MODEL.md §3).
+"""Maximum likelihood on whole trajectories (output error): the method `mle` (spec/model.md §3).
 
 Residual: every recorded marker coordinate against the simulated free motion, whitened by the marker noise. Unknown:
 the shared parameters (body, and θ of effects), and for each window its initial state; the cable lengths enter through

@@ -1,4 +1,4 @@
-"""Where cameras and markers are against the robot, as unknowns of a trajectory fit (REAL.md §6.6).
+"""Where cameras and markers are against the robot, as unknowns of a trajectory fit (spec/irma4u.md §6.6).
 
 A registration made before the fit (`registration.register`) takes cables for rigid; what it is off by, the body would
 carry. So both frames are free in the fit: that of the cameras and that of the rigid set of markers. Anchors and
@@ -31,7 +31,7 @@ class MarkerSet(NamedEffect):
 
     id: ClassVar[str] = "marker-set"
     says: ClassVar[str] = "all markers sit turned by (rx, ry, rz) about P, then shifted by (dx, dy, dz)"
-    source: ClassVar[str] = "REAL.md §6.6"
+    source: ClassVar[str] = "spec/irma4u.md §6.6"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         *vector("r", "rad", "turned about", scale=1e-3, most=0.2),
         *vector("d", "m", "shift", scale=5e-4, most=0.2),

@@ -1,7 +1,7 @@
 """From a campaign to an IdentificationResult by maximum likelihood: fit, hold windows out, and say what it is worth.
 
-The numbers of the equations of motion that FORMAT.md asks for too (σ_W, C, σ⊥) come from total least squares on the
-side; where that cannot be had they stay unknown.
+The numbers of the equations of motion that spec/formats.md asks for too (σ_W, C, σ⊥) come from total least squares on
+the side; where that cannot be had they stay unknown.
 """
 
 from collections.abc import Mapping

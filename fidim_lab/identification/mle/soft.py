@@ -1,4 +1,4 @@
-"""Robots whose cables hold one direction hardly at all: what is fitted there instead of rigid cables (MODEL.md §6).
+"""Robots with one direction that cables hardly hold: what is fitted there instead of rigid cables (spec/model.md §6).
 
 Stretch decides how such a platform moves, so every cable is a spring; and its slow rotation meets whatever rubs. Terms
 that any such robot has are fitted along with the body, within what is physically possible: one compliance for all

@@ -1,7 +1,7 @@
 """A fit gone on from its optimum with another model: `exchanged` puts another effect in the place of one of its own.
 
 A model that is richer than one already fitted has its optimum near that of the poorer one; begun from nowhere it would
-have to find its way again, and may miss it (REAL.md §6.5).
+have to find its way again, and may miss it (spec/irma4u.md §6.5).
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Which parts of a recording no hand was on: a rule fixed before anything is fitted (REAL.md §2).
+"""Which parts of a recording no hand was on: a rule fixed before anything is fitted (spec/irma4u.md §2).
 
 With locked motors the platform's Newton–Euler equations, projected on the directions in which the cables do no work,
 must balance by themselves (Eq. 21). What is left over, with the nominal body, is an outside force: a hand that pushes
@@ -27,7 +27,7 @@ FILTER_ORDER = 4
 
 @dataclass(frozen=True)
 class HandFreeRule:
-    """The thresholds, fixed before any fit (REAL.md §2)."""
+    """The thresholds, fixed before any fit (spec/irma4u.md §2)."""
 
     low_pass: float = 8.0
     """Hz, zero phase"""

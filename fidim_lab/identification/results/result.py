@@ -197,7 +197,7 @@ class IdentificationResult:
         }
 
     def to_json(self) -> dict[str, object]:
-        """The result as "fidim-result/1" (FORMAT.md), ready for json.dump; what is unknown is null."""
+        """The result as "fidim-result/1" (spec/formats.md), ready for json.dump; what is unknown is null."""
         return {
             "format": "fidim-result/1",
             "campaign": self.campaign,

@@ -1,4 +1,4 @@
-"""Result files, "fidim-result/1" (FORMAT.md): written by `identify --json`, read by `validate --parameters`."""
+"""Result files, "fidim-result/1" (spec/formats.md): written by `identify --json`, read by `validate --parameters`."""
 
 import json
 from pathlib import Path

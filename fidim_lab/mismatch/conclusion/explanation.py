@@ -1,4 +1,4 @@
-"""What `explain` answers, and its file "fidim-explanation/1" (FORMAT.md)."""
+"""What `explain` answers, and its file "fidim-explanation/1" (spec/formats.md)."""
 
 import json
 from dataclasses import dataclass
@@ -114,7 +114,7 @@ class Explanation:
 
     @property
     def table(self) -> dict[str, Any]:
-        """As FORMAT.md has it."""
+        """As spec/formats.md has it."""
         return {
             "format": "fidim-explanation/1",
             "campaign": self.campaign,

@@ -9,7 +9,7 @@ class ConclusionThresholds:
 
     # explanation
     most_alike: int = 3
-    """effects in `equivalent_to` of the file, by FORMAT.md; the others are in `further_equivalent`"""
+    """effects in `equivalent_to` of the file, by spec/formats.md; the others are in `further_equivalent`"""
 
     # merge_cleaning
     merge_cleaning_places: int = 6
@@ -73,7 +73,7 @@ class ConclusionThresholds:
     """of the excess that named effects must take away, where little is left, to count as a part of the truth"""
     beyond_siblings: float = 0.99
     """the same where more is left: of what something else does, a sibling takes 0.94 to 0.97 (drag by swivel damping,
-    dry friction by damping: FINDINGS.md), so that a name which takes no more may be a mere stand-in"""
+    dry friction by damping: spec/findings.md), so that a name which takes no more may be a mere stand-in"""
 
 
 CONCLUSION = ConclusionThresholds()

@@ -43,7 +43,7 @@ class Companion:
 
 @dataclass(frozen=True)
 class Where:
-    """One place of a mismatch; the fields of FORMAT.md `where`, and some more."""
+    """One place of a mismatch; the fields of spec/formats.md `where`, and some more."""
 
     window: str
     t: tuple[float, float]

@@ -36,7 +36,7 @@ class ScoreThresholds:
 
     # views
     enough: float = 5.0
-    """log-evidence below which a term is not believed: never reached in 20 000 draws without an effect (FINDINGS.md)"""
+    """log-evidence below which a term is not believed: never reached in 20 000 null draws (spec/findings.md)"""
     shortest_view: float = 1.0
     """s, of the view where not even the first seconds are followed"""
     views_singles: int = 3

@@ -1,4 +1,4 @@
-"""The figures of ../shared/DRIVERS.md §5, and the law behind the stated uncertainty."""
+"""The figures of the protocol's layout, and the law behind the stated uncertainty."""
 
 import numpy as np
 import pytest

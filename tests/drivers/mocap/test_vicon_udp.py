@@ -11,7 +11,7 @@ from drivers.mocap.decoder import DecodedFrame, Malformed
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconBlock, ViconUdpDecoder, parse_block
 from sim_backends.mocap.encoders import Occluded, ViconEncoder
 
-# Written out byte by byte from the layout in ../shared/DRIVERS.md §4.
+# Written out byte by byte from the layout in the protocol's layout.
 GOLDEN = bytes.fromhex(
     "04030201"  # frame 0x01020304
     "02"  # two items

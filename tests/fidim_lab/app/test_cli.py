@@ -1,4 +1,4 @@
-"""The command line as a user meets it: exit codes, sentences, no traceback (FORMAT.md)."""
+"""The command line as a user meets it: exit codes, sentences, no traceback (spec/formats.md)."""
 
 import os
 import subprocess

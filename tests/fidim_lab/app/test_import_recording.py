@@ -102,7 +102,7 @@ def test_a_recording_that_ends_after_the_first_push_is_refused(lab_recording, tm
 
 
 REAL_WINDOWS = ((9.58, 11.89), (16.88, 19.12), (23.56, 26.85), (35.39, 38.57), (48.61, 51.04))
-"""REAL.md §2"""
+"""spec/irma4u.md §2"""
 
 
 @pytest.mark.shared

@@ -14,7 +14,7 @@ from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
 from fidim_lab.effects.table import page
 from fidim_lab.errors import SetupError
 
-IDS = [  # MODEL.md §5, in its order
+IDS = [  # spec/model.md §5, in its order
     "air-drag-linear",
     "air-drag-quadratic",
     "rotational-drag",
@@ -136,7 +136,7 @@ def test_what_lies_within_the_bounds_is_plausible_and_what_lies_beyond_is_not(ef
     ],
 )
 def test_the_lessons_of_the_real_robot(irma4, context, id, values, says):
-    """REAL.md §3: what fits there, and what is impossible on pulleys of 30 mm under 55 N."""
+    """spec/irma4u.md §3: what fits there, and what is impossible on pulleys of 30 mm under 55 N."""
     real = replace(context, mass=13.0, weight=127.0, tension=(55.0,) * 4, radii=(0.03,) * 4, swivel_rate=0.15)
     real = replace(real, wrap_rate=0.15, slip_rate=0.5)
     effect = by_id(irma4, id)[0]

@@ -85,7 +85,7 @@ class Bench:
         return texts
 
 
-STATUS = [  # DRIVERS.md §3
+STATUS = [
     ("NOT READY", 0x4F, 0x00),
     ("SWITCH ON DISABLED", 0x4F, 0x40),
     ("READY", 0x6F, 0x21),

@@ -6,7 +6,7 @@ from drivers.mocap.vicon_udp import SubjectPoints, ViconUdpDecoder
 from sim_backends.mocap.encoders import Occluded, TextEncoder, ViconEncoder, ViconSubjectEncoder
 
 ROTATION = np.full(3, np.radians(0.1)).tobytes()
-# Written out from the layout in ../shared/DRIVERS.md §4.
+# Written out from the layout in the protocol's layout.
 BALL = bytes.fromhex("00480062616c6c" + "00" * 20 + "0000000000408f400000000000506fc0000000000000c03f")
 WAND = bytes.fromhex("004800776e64" + "00" * 21 + "0000000000408fc0" + "00" * 16)
 BALL_AT, WAND_AT = (1.0, -0.2505, 0.000125), (-1.0, 0.0, 0.0)

@@ -75,7 +75,7 @@ def _true_world(robot: Robot) -> World:
 
 
 def _paper_length(cable: Cable, attachment: np.ndarray) -> float:
-    """Cable length by the closed formulas of MODEL.md §1, point by point: another derivation than the plant's."""
+    """Cable length by the closed formulas of spec/model.md §1, point by point: another derivation than the plant's."""
     c = attachment - cable.d
     h, cz, r = np.hypot(c @ cable.x, c @ cable.y), c @ cable.z, cable.radius
     e = h - r

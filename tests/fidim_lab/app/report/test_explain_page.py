@@ -163,7 +163,7 @@ def test_the_summary_tells_what_became_of_the_explanation(explanation, verdict, 
 
 
 def test_a_large_class_is_told_whole_and_the_file_keeps_to_its_format(explanation):
-    """At most three in `equivalent_to`, by FORMAT.md; a fourth is no less possible."""
+    """At most three in `equivalent_to`, by spec/formats.md; a fourth is no less possible."""
     alike = ("rotational-drag", "swivel-damping", "umbilical", "pulley-friction")
     large = replace(explanation, effects=(replace(explanation.effects[0], equivalent_to=alike),))
     assert large.table["effects"][0]["equivalent_to"] == list(alike[:3])
