@@ -18,10 +18,20 @@ from fidim_lab.app.cli.root import FOLDER, Number, example, fidim
 @click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
 @click.option("--robot", type=FOLDER, default=None, help="Robot file with the markers; every kind but irma4u, grab.")
 @click.option("--map", "map_file", type=FOLDER, default=None, help="csv: which column is what, fidim-columns/1.")
-@click.option("--takes", default=None, metavar="1-36,40", help="grab: which takes, by number.")
+@click.option("--takes", default=None, metavar="WHICH", help="grab: numbers (1-36,40). Others: a pattern ('v_*.txt').")
+@click.option("--log", "logs", multiple=True, metavar="PATTERN", help="Robot logs, by name or clock ('logs/r_*.log').")
+@click.option("--log-map", type=FOLDER, default=None, help="Which column of the logs is what, fidim-log/1.")
+@click.option("--topic", "topics", multiple=True, metavar="PATTERN", help="mcap, ros2-bag: which topics.")
+@click.option("--up", type=click.Choice(["x", "y", "z"]), default=None, help="The file's axis that points upwards.")
+@click.option("--unit", type=click.Choice(["m", "cm", "mm", "in"]), default=None, help="The file's unit of length.")
+@click.option("--order", default=None, metavar="A,B,C", help="The file's markers in the robot file's order.")
+@click.option("--body", default=None, metavar="NAME", help="Poses of this rigid body, not of the markers.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write what was found for programs.")
 @example("fidim import irma4u recordings/irma4u --out real")
 @example("fidim import vicon-text take1.txt take2.txt --robot robot.toml --out takes")
+@example(
+    "fidim import c3d takes --takes 'free*.c3d' --robot robot.toml --log 'logs/*.log' --log-map log.toml --out all"
+)
 def import_(
     kind: str,
     sources: tuple[Path, ...],
@@ -29,16 +39,27 @@ def import_(
     robot: Path | None,
     map_file: Path | None,
     takes: str | None,
+    logs: tuple[str, ...],
+    log_map: Path | None,
+    topics: tuple[str, ...],
+    up: str | None,
+    unit: str | None,
+    order: str | None,
+    body: str | None,
     json_file: Path | None,
 ) -> None:
     """Turn other labs' recordings of KIND into a campaign folder.
 
-    KIND: irma4u, grab, vicon-text, vicon-csv, motive-csv, qtm-tsv, trc, csv. Several files become one
-    campaign: each gives the windows of free motion that are found in it.
+    KIND: irma4u, grab, vicon-text, vicon-csv, motive-csv, qtm-tsv, qtm-mat, trc, c3d, mcap, ros2-bag, csv. Several
+    files become one campaign: each gives the windows of free motion that are found in it.
     """
-    from fidim_lab.app.records.import_kinds import import_kind_command
+    from fidim_lab.app.import_kinds import ImportOptions, import_kind_command
+    from fidim_lab.data.importers.takes import Asked
 
-    sys.exit(import_kind_command(kind, list(sources), out, robot, takes, json_file, map_file))
+    names = tuple(name.strip() for name in order.split(",")) if order else ()
+    asked = Asked(up, unit, names, body)
+    options = ImportOptions(robot, takes, map_file, logs, log_map, topics, asked)
+    sys.exit(import_kind_command(kind, sources, out, options, json_file))
 
 
 @fidim.command()
@@ -71,7 +92,7 @@ def compare(first: Path, second: Path, json_file: Path | None, report: Path | No
     Parameters with their difference in standard deviations, windows, tensions and verdicts. Exit 1 where a difference
     is larger than chance explains.
     """
-    from fidim_lab.app.records.compare import compare_command
+    from fidim_lab.app.compare import compare_command
 
     sys.exit(compare_command(first, second, json_file, report))
 
@@ -82,7 +103,7 @@ def compare(first: Path, second: Path, json_file: Path | None, report: Path | No
 @example("fidim verify runs/dry-run-1")
 def verify(folder: Path, json_file: Path | None) -> None:
     """Check every file of a run FOLDER against its manifest: exit 1 where one is changed, missing or extra."""
-    from fidim_lab.app.records.verify import verify_command
+    from fidim_lab.app.verify import verify_command
 
     sys.exit(verify_command(folder, json_file))
 
@@ -105,7 +126,7 @@ def export(
     source: Path, kind: str, out: Path | None, mass: float | None, unfinished: bool, json_file: Path | None
 ) -> None:
     """Export a campaign folder, or the parameters of a "fidim-result/1" file, for other programs."""
-    from fidim_lab.app.records.export import export_command
+    from fidim_lab.app.export import export_command
 
     sys.exit(export_command(source, kind, out, mass, unfinished=unfinished, json_file=json_file))
 
@@ -120,6 +141,6 @@ def replay(folder: Path, speed: float, json_file: Path | None) -> None:
 
     Exit 1 at the first difference: the drivers now read the same bytes in another way.
     """
-    from fidim_lab.app.records.replay import replay_command
+    from fidim_lab.app.replay import replay_command
 
     sys.exit(replay_command(folder, speed, json_file))

@@ -1,25 +1,36 @@
-"""Which importer a KIND of `fidim import` means, and the options each takes."""
+"""Which importer a KIND of `fidim import` means, the options each takes, and the files that a command names."""
 
+import fnmatch
+import glob
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
-from fidim_lab.app.records.import_recording import import_command
-from fidim_lab.app.records.import_takes import import_takes_command
+import numpy as np
+
+from fidim_lab.app.import_logs import match
+from fidim_lab.app.import_recording import import_command
+from fidim_lab.app.import_takes import import_takes_command
 from fidim_lab.data.campaign import refuse_taken
+from fidim_lab.data.importers.c3d_file import read_c3d
 from fidim_lab.data.importers.grab import read_grab
 from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.motive_csv import read_motive
+from fidim_lab.data.importers.qtm_mat import read_qtm_mat
 from fidim_lab.data.importers.qtm_tsv import read_qtm
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.importers.registry import READERS
-from fidim_lab.data.importers.takes import Take, Takes
+from fidim_lab.data.importers.robot_log import read_robot_log
+from fidim_lab.data.importers.ros_bag import read_bag
+from fidim_lab.data.importers.takes import Asked, EncoderLog, Take, Takes
 from fidim_lab.data.importers.trc import read_trc
 from fidim_lab.data.importers.vicon_text import read_trajectories
+from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import read_robot
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import FidimError, SetupError
 
 MARKER_READERS: Mapping[str, Callable[[Path], MarkerLog]] = MappingProxyType(
     {
@@ -27,59 +38,142 @@ MARKER_READERS: Mapping[str, Callable[[Path], MarkerLog]] = MappingProxyType(
         "vicon-csv": read_trajectories,
         "motive-csv": read_motive,
         "qtm-tsv": read_qtm,
+        "qtm-mat": read_qtm_mat,
         "trc": read_trc,
+        "c3d": read_c3d,
     }
 )
 """kinds of which one file is one take"""
-MAPPED = "csv"
-"""alike, by a column map"""
+MAPPED, BAGS = "csv", ("mcap", "ros2-bag")
+"""alike, by a column map; and by topics"""
+VIRTUAL = 0.2
+"""m, from the marker to three virtual ones along the body's axes where only poses were exported: as real ones are"""
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """What was said beside kind and files."""
+
+    robot: Path | None = None
+    takes: str | None = None
+    """grab: numbers; else a pattern of file names"""
+    map_file: Path | None = None
+    logs: tuple[str, ...] = ()
+    """patterns of robot logs"""
+    log_map: Path | None = None
+    topics: tuple[str, ...] = ()
+    asked: Asked = field(default_factory=Asked)
 
 
 def import_kind_command(
-    kind: str,
-    sources: list[Path],
-    out: Path,
-    robot: Path | None,
-    takes: str | None,
-    json_file: Path | None,
-    map_file: Path | None = None,
+    kind: str, sources: Sequence[Path], out: Path, options: ImportOptions, json_file: Path | None
 ) -> int:
     """Import by kind. Returns the exit code; raises FidimError."""
-    wanted = None if takes is None else take_numbers(takes)
-    if (kind == MAPPED) != (map_file is not None):
+    if (kind == MAPPED) != (options.map_file is not None):
         raise SetupError(f"--map belongs to {MAPPED}, which needs it.")
-    if kind in MARKER_READERS or kind == MAPPED:
-        if robot is None or wanted is not None:
-            raise SetupError(f"{kind} needs --robot and takes no --takes.", hint="--robot names a robot file.")
+    if options.topics and kind not in BAGS:
+        raise SetupError(f"--topic belongs to {' and '.join(BAGS)}.")
+    if kind in MARKER_READERS or kind == MAPPED or kind in BAGS:
+        if options.robot is None:
+            raise SetupError(f"{kind} needs --robot.", hint="--robot names a robot file.")
         refuse_taken(out)
-        return import_takes_command([read_files(kind, sources, robot, map_file)], out, json_file)
-    if robot is not None:
-        raise SetupError(f"{kind} brings its own geometry: it takes no --robot.")
+        return import_takes_command([read_files(kind, sources, options)], out, json_file)
+    if options.robot is not None or options.logs or options.log_map is not None or options.asked != Asked():
+        raise SetupError(
+            f"{kind} brings its own geometry and logs: it takes no --robot, --log, --up, --unit, --order, --body."
+        )
     if kind == "grab":
         if len(sources) != 1:
             raise SetupError("grab reads one folder.")
+        wanted = None if options.takes is None else take_numbers(options.takes)
         refuse_taken(out)
         return import_takes_command(read_grab(sources[0], lambda k: wanted is None or k in wanted), out, json_file)
-    if wanted is not None:
-        raise SetupError("--takes belongs to grab.")
+    if options.takes is not None:
+        raise SetupError("--takes belongs to grab, and to kinds of which one file is one take.")
     if kind not in READERS:
-        known = ", ".join(sorted([*READERS, *MARKER_READERS, MAPPED, "grab"]))
+        known = ", ".join(sorted([*READERS, *MARKER_READERS, *BAGS, MAPPED, "grab"]))
         raise SetupError(f"No recording of kind {kind!r} is known.", hint=f"Known kinds: {known}.")
-    return import_command(kind, sources, out, json_file)
+    return import_command(kind, list(sources), out, json_file)
 
 
-def read_files(kind: str, sources: Sequence[Path], robot: Path, map_file: Path | None = None) -> Takes:
-    """The takes of single files and one robot file. Raises FileError, SetupError."""
-    names = [source.stem for source in sources]
+def read_files(kind: str, sources: Sequence[Path], options: ImportOptions) -> Takes:
+    """The takes of single files and one robot file. Raises FileError, SetupError.
+
+    One file that cannot be read is an error; of several, those that cannot be read are named in `unread`.
+    """
+    files = _files(kind, sources, options.takes)
+    names = [_id(path.stem) for path in files]
     for name in names:
         if names.count(name) > 1:
             raise SetupError(f"Two files are named {name}: their windows would have the same name.")
-    known = read_robot(robot)
-    if len(known.markers) < 3:
-        raise SetupError(f"{robot} names {len(known.markers)} markers; a pose needs three.", hint="Add extra_markers.")
-    read = MARKER_READERS[kind] if map_file is None else partial(read_mapped, map_file=map_file)
-    takes = tuple(Take(_id(path.stem), read(path)) for path in sources)
-    return Takes(kind, _id(robot.stem), known, robot, takes)
+    if options.robot is None:
+        raise SetupError(f"{kind} needs --robot.")
+    robot = read_robot(options.robot)
+    takes: list[Take] = []
+    unread: dict[str, str] = {}
+    for name, path in zip(names, files, strict=True):
+        try:
+            takes.append(Take(name, _reader(kind, options)(path)))
+        except FidimError as error:
+            if len(files) == 1:
+                raise
+            unread[name] = str(error)
+    if not takes:
+        raise SetupError(f"None of {len(files)} files could be read; the first: {next(iter(unread.values()))[:300]}")
+    logs, unread_logs = _logs(options, robot.n)
+    matched, left = match(takes, logs)
+    unread |= unread_logs | {name: "a log of no take, by name or clock" for name in left}
+    return Takes(
+        kind, _id(options.robot.stem), _with_markers(robot, takes), options.robot, matched, unread, options.asked
+    )  # fmt: skip
+
+
+def _reader(kind: str, options: ImportOptions) -> Callable[[Path], MarkerLog]:
+    if options.map_file is not None:
+        return partial(read_mapped, map_file=options.map_file)
+    return partial(read_bag, topics=options.topics) if kind in BAGS else MARKER_READERS[kind]
+
+
+def _files(kind: str, sources: Sequence[Path], pattern: str | None) -> Sequence[Path]:
+    """Files that are named, found by a pattern, or stand in a named folder; a folder may be a bag itself."""
+    found: list[Path] = []
+    for source in sources:
+        if source.is_dir() and (pattern is not None or kind not in BAGS):
+            found += [path for path in sorted(source.iterdir()) if fnmatch.fnmatchcase(path.name, pattern or "[!.]*.*")]
+        elif not source.exists() and glob.has_magic(str(source)):
+            found += [Path(path) for path in sorted(glob.glob(str(source)))]  # noqa: PTH207 - a pattern with its folder
+        elif pattern is None or fnmatch.fnmatchcase(source.name, pattern):
+            found.append(source)
+    if not found:
+        raise SetupError(f"No file is named by {', '.join(map(str, sources))[:200]} {pattern or ''}".rstrip() + ".")
+    return found
+
+
+def _logs(options: ImportOptions, cables: int) -> tuple[list[EncoderLog], dict[str, str]]:
+    """The robot logs that could be read, and why the others could not."""
+    paths = [Path(path) for pattern in options.logs for path in sorted(glob.glob(pattern)) or [pattern]]  # noqa: PTH207
+    logs: list[EncoderLog] = []
+    unread: dict[str, str] = {}
+    for path in dict.fromkeys(paths):
+        try:
+            logs.append(read_robot_log(path, cables, options.log_map))
+        except FidimError as error:
+            if len(paths) == 1:
+                raise
+            unread[path.name] = str(error)
+    if paths and not logs:
+        raise SetupError(f"None of {len(paths)} logs could be read; the first: {next(iter(unread.values()))[:300]}")
+    return logs, unread
+
+
+def _with_markers(robot: Robot, takes: Sequence[Take]) -> Robot:
+    """The robot with three virtual markers more, where it names too few and only poses were exported."""
+    if len(robot.markers) >= 3:
+        return robot
+    if any(not take.markers.bodies for take in takes):
+        what = f"The robot file names {len(robot.markers)} markers; a pose needs three."
+        raise SetupError(what, hint="Add extra_markers, or export a rigid body.")
+    return replace(robot, extra_markers=tuple(robot.marker + VIRTUAL * axis for axis in np.eye(3)))
 
 
 def _id(stem: str) -> str:
@@ -90,8 +184,8 @@ def take_numbers(text: str) -> frozenset[int]:
     """Numbers of "1-36,40". Raises SetupError."""
     numbers: set[int] = set()
     for part in text.split(","):
-        match = re.fullmatch(r"\s*([0-9]{1,4})\s*(?:-\s*([0-9]{1,4})\s*)?", part)
-        if not match or int(match.group(2) or match.group(1)) < int(match.group(1)):
+        match_ = re.fullmatch(r"\s*([0-9]{1,4})\s*(?:-\s*([0-9]{1,4})\s*)?", part)
+        if not match_ or int(match_.group(2) or match_.group(1)) < int(match_.group(1)):
             raise SetupError(f"--takes {text!r} is not numbers and ranges, such as 1-36,40.")
-        numbers.update(range(int(match.group(1)), int(match.group(2) or match.group(1)) + 1))
+        numbers.update(range(int(match_.group(1)), int(match_.group(2) or match_.group(1)) + 1))
     return frozenset(numbers)

@@ -1,6 +1,6 @@
 """`fidim import` of many takes of one robot: takes + robot (+ logs) → a campaign folder.
 
-    read → missing samples → even steps, z up → which marker is which → poses → free stretches → lengths → campaign
+    read → poses (`import_poses`) → free stretches → lengths and currents (`import_logs`) → campaign
 
 What was decided for each take is in import.json ("fidim-takes/1") and on screen; a take that cannot be used is named
 there with the reason and never stops the others.
@@ -13,16 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.terminal import console
-from fidim_lab.arrays import Positions, Rotations
-from fidim_lab.data.alignment import align_clocks
+from fidim_lab.app import console
+from fidim_lab.app.import_logs import logged
+from fidim_lab.app.import_poses import pose_take
 from fidim_lab.data.campaign import write_campaign
-from fidim_lab.data.importers.recording import MarkerLog
-from fidim_lab.data.importers.takes import Take, Takes
-from fidim_lab.data.marker_order import order_of
-from fidim_lab.data.missing import without_filled
+from fidim_lab.data.importers.takes import Asked, Take, Takes
 from fidim_lab.data.records import Campaign, Role, Window
-from fidim_lab.data.rigid_body import fit_pose
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.motion.free_stretches import find_free_motion
 from fidim_lab.model.mechanism import Mechanism
@@ -35,9 +31,6 @@ SEEN = 0.8
 """share of a free stretch in which a marker is to be seen; less is told"""
 JUMP = 3e-4
 """m, by which the misfit of the rigid markers changes from one sample to the next where a marker is mislabelled"""
-TRUSTED_CLOCK = 0.9
-"""correlation of swivel angles above which log and markers are brought to one clock"""
-Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,92 +63,42 @@ def find_windows(group: Takes) -> Sequence[Found]:
     found: list[Found] = []
     for take in group.takes:
         try:
-            found.append(_of_take(mechanism, take))
+            found.append(_of_take(mechanism, take, group.asked))
         except FidimError as error:
             found.append(Found(take, (), take.markers.decided, (), str(error)))
     return found
 
 
-def _of_take(mechanism: Mechanism, take: Take) -> Found:
-    markers, said = without_filled(take.markers.positions, take.markers.scale)
-    t, markers = _even(take.markers, markers)
-    if take.markers.up == "y":
-        markers = markers @ Z_UP_FROM_Y_UP.T
-        said = (*said, "y points upwards in the file; it was turned so that z does")
-    body = mechanism.robot.markers
-    order, misfit, certain = order_of(markers, body)
-    markers = markers[:, order]
-    names = ", ".join(take.markers.names[k] for k in order)
-    said = (*said, f"markers in the robot file's order: {names}; distances agree to {misfit * 1e3:.1f} mm")
-    warnings = [] if certain else ["another order of the markers fits nearly as well: check it"]
-    positions, rotations, rms = fit_pose(markers, body)
-    free = find_free_motion(mechanism, t, positions, rotations)
+def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> Found:
+    posed = pose_take(mechanism, take.markers, asked)
+    free = find_free_motion(mechanism, posed.t, posed.positions, posed.rotations)
     if not free.stretches:
         raise RefusedError("no free motion of 3 s or more was found", hint="Let go of the platform while recording.")
+    said = (*take.markers.decided, *(take.log.decided if take.log else ()), *posed.decided)
+    warnings = list(posed.warnings)
     windows: list[Window] = []
     for number, stretch in enumerate(free.stretches, start=1):
-        rows = (t >= stretch.begin - 1e-9) & (t <= stretch.end + 1e-9)
+        rows = (posed.t >= stretch.begin - 1e-9) & (posed.t <= stretch.end + 1e-9)
         name = take.id if len(free.stretches) == 1 else f"{take.id}-{number}"
-        warnings += _doubts(name, take.markers.names, order, markers[rows], rms[rows])
-        lengths, how = _lengths(mechanism, take, t, positions, rotations, rows)
-        said = (*said, f"window {name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {how}")
-        windows.append(Window(name, take.role or Role.IDENTIFY, t[rows], markers[rows], lengths, None))
-    return Found(take, tuple(windows), (*take.markers.decided, *said), tuple(warnings))
+        warnings += _doubts(name, posed.names, posed.markers[rows], posed.rms[rows])
+        by_log = logged(mechanism, take, posed, rows)
+        said = (*said, f"window {name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {by_log.words}")
+        role = take.role or Role.IDENTIFY
+        windows.append(Window(name, role, posed.t[rows], posed.markers[rows], by_log.lengths, by_log.currents))
+    return Found(take, tuple(windows), said, tuple(warnings))
 
 
-def _even(log: MarkerLog, markers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Even steps at the file's rate: a dropped frame becomes a sample in which nothing was seen."""
-    at = np.rint(log.t * log.rate).astype(int)
-    full = np.full((at[-1] + 1, *markers.shape[1:]), np.nan)
-    full[at] = markers
-    return np.arange(at[-1] + 1) / log.rate, full
-
-
-def _doubts(
-    window: str, names: Sequence[str], order: Sequence[int], markers: np.ndarray, rms: np.ndarray
-) -> Sequence[str]:
+def _doubts(window: str, names: Sequence[str], markers: np.ndarray, rms: np.ndarray) -> Sequence[str]:
     seen = np.isfinite(markers).all(axis=2).mean(axis=0)
     doubts = [
-        f"window {window}: marker {names[k]} is seen in {share:.0%} of it"
-        for k, share in zip(order, seen, strict=True)
+        f"window {window}: marker {name} is seen in {share:.0%} of it"
+        for name, share in zip(names, seen, strict=True)
         if share < SEEN
     ]
     jumps = int((np.abs(np.diff(rms)) > JUMP).sum())
     if jumps:
         doubts.append(f"window {window}: the rigid shape of the markers jumps {jumps} times")
     return doubts
-
-
-def _lengths(
-    mechanism: Mechanism, take: Take, t: np.ndarray, positions: Positions, rotations: Rotations, rows: np.ndarray
-) -> tuple[np.ndarray | None, str]:
-    """Lengths of a window: by the log where there is one, its unknown zeros from the poses; without one, none."""
-    known = rows & np.isfinite(positions).all(axis=1)
-    held = np.median(mechanism.lengths(positions[known], rotations[known]), axis=0)
-    if take.log is None:
-        return np.tile(held, (int(rows.sum()), 1)), "lengths: the median of what the poses say, for there is no log"
-    offset = _offset(mechanism, take, t, positions, rotations)
-    at = t[rows] + (take.log.t[0] - t[0] if offset is None else offset)
-    logged = np.column_stack([np.interp(at, take.log.t, column) for column in take.log.lengths.T])
-    lengths = logged - np.median(logged, axis=0) + held
-    clock = "clocks not aligned: the log begins with the take" if offset is None else "clocks aligned by swivel angles"
-    return lengths, f"lengths by {take.log.source.name}, zeros by the poses, {clock}"
-
-
-def _offset(
-    mechanism: Mechanism, take: Take, t: np.ndarray, positions: Positions, rotations: Rotations
-) -> float | None:
-    """What to add to the markers' time for the log's, s; None where the swivel angles do not tell it."""
-    if take.log is None or take.log.swivels is None:
-        return None
-    known = np.isfinite(positions).all(axis=1)
-    angles = np.full((len(t), mechanism.robot.n), np.nan)
-    angles[known] = mechanism.swivel_angles(positions[known], rotations[known])
-    try:
-        clock = align_clocks(t, angles, take.log.t, take.log.swivels)
-    except RefusedError:
-        return None
-    return clock.offset if clock.correlation > TRUSTED_CLOCK else None
 
 
 def _write(group: Takes, found: Sequence[Found], folder: Path) -> dict[str, object]:

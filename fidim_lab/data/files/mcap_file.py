@@ -68,8 +68,14 @@ class McapContents:
         return tuple(message for message in self.messages if message.topic == topic)
 
 
-def read_mcap(path: Path, limit: int = LIMIT) -> McapContents:
+Decode = Callable[[Channel, Schema | None, bytes], Any]
+"""a message's value; raises what it will for a damaged one"""
+
+
+def read_mcap(path: Path, limit: int = LIMIT, decode: Decode | None = None) -> McapContents:
     """Everything in the file, of at most `limit` bytes packed and unpacked.
+
+    decode: what makes a value of a message's bytes; without one protobuf is decoded, and plain bytes are left.
 
     Raises FileError where it cannot be read, is no MCAP file, larger, or damaged before its end.
 
@@ -79,7 +85,7 @@ def read_mcap(path: Path, limit: int = LIMIT) -> McapContents:
     if not data.startswith(MAGIC[: len(data)]):
         raise FileError(path, "", "is not an MCAP file.")
     end, finished = _whole_records(data)
-    reader = _Reader(path)
+    reader = _Reader(path, decode)
     problem = "" if finished else f"{path.name} stops after {end} bytes without an end: it was cut off while written"
     try:
         for record in _records(data[:end] + MAGIC * finished, limit):
@@ -185,7 +191,7 @@ def _exactly(read: Callable[[int], bytes], size: int) -> bytes:
 class _Reader:
     """Puts schemas, channels and messages together."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, decode: Decode | None) -> None:
         self.messages: list[Logged] = []
         self.metadata: dict[str, Mapping[str, str]] = {}
         self.channels: dict[str, Mapping[str, str]] = {}
@@ -193,6 +199,7 @@ class _Reader:
         self._schemas: dict[int, Schema] = {}
         self._known: dict[int, Channel] = {}
         self._factory = DecoderFactory()
+        self._decode = decode or self._protobuf
 
     def take(self, record: McapRecord) -> None:
         """Account for one record."""
@@ -212,18 +219,20 @@ class _Reader:
     def _logged(self, message: Message) -> Logged:
         channel = self._known[message.channel_id]
         schema = self._schemas.get(channel.schema_id)
-        value: Any = message.data
-        if schema is not None:
-            decode = self._factory.decoder_for(channel.message_encoding, schema)
-            if decode is None:
-                what = f"is encoded as {channel.message_encoding!r}; protobuf is read here."
-                raise FileError(self._path, f"topic {channel.topic}", what)
-            value = decode(message.data)
         return Logged(
             topic=channel.topic,
             schema="" if schema is None else schema.name,
             log_time=message.log_time * 1e-9,
             publish_time=message.publish_time * 1e-9,
             sequence=message.sequence,
-            value=value,
+            value=self._decode(channel, schema, message.data),
         )
+
+    def _protobuf(self, channel: Channel, schema: Schema | None, data: bytes) -> Any:
+        if schema is None:
+            return data
+        decode = self._factory.decoder_for(channel.message_encoding, schema)
+        if decode is None:
+            what = f"is encoded as {channel.message_encoding!r}; protobuf is read here."
+            raise FileError(self._path, f"topic {channel.topic}", what)
+        return decode(data)

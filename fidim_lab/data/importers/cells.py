@@ -1,13 +1,14 @@
 """Cells of text exports: delimiters, numbers, units and times as motion-capture programs write them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
 
+from fidim_lab.data.input_file import read_bytes
 from fidim_lab.errors import FileError
 
 DELIMITERS = "\t;,"
@@ -20,8 +21,34 @@ LENGTH_UNITS = MappingProxyType(
 MISSING = frozenset(("", "nan", "null", "na", "n/a", "-", "#n/a", "none"))
 """cells that say: not seen"""
 MIN_FRAMES = 20
+UNEVEN = 0.45
+"""of a step, by which a stamp may be away from even steps: more, and two samples share one"""
+SECONDS = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
+RATES = (10.0, 2500.0)
+"""Hz, of motion capture, by which a unit of time is told: narrower than a factor of 1000, so that one unit fits"""
+EPOCH = 3e8
+"""s; a time later than this counts from 1970, not from when something was switched on"""
 FARTHEST = 1e3
 """m; a laboratory is smaller"""
+
+
+def read_export(path: Path) -> str:
+    """The text of an export: UTF-8, UTF-16 with its mark, or Windows' own letters. Raises FileError as `read_bytes`.
+
+    Bytes of 0 are left out: loggers reserve space with them.
+    """
+    data = read_bytes(path)
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", "replace")
+    try:
+        return data.replace(b"\0", b"").decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.replace(b"\0", b"").decode("cp1252", "replace")
+
+
+def decimal_of(lines: Sequence[str], delimiter: str) -> str:
+    """The decimal sign of rows of numbers: a comma where it stands in them and delimits nothing."""
+    return "," if delimiter != "," and any("," in line for line in lines) else "."
 
 
 def delimiter_of(lines: Sequence[str]) -> str:
@@ -35,7 +62,7 @@ def number(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
     text = cell.strip().strip('"')
     if text.lower() in MISSING:
         return math.nan
-    plain = text.replace(decimal, ".") if decimal != "." else text
+    plain = text if decimal == "." else text.replace(".", "?").replace(decimal, ".")
     try:
         value = float(plain) if plain.isascii() and "_" not in plain else math.inf
     except ValueError:
@@ -54,11 +81,19 @@ def length_scale(path: Path, where: str, unit: str) -> float:
 
 
 def table(
-    path: Path, lines: Sequence[Sequence[str]], first: int, width: int, *, lead: int, decimal: str = "."
+    path: Path,
+    lines: Sequence[Sequence[str]],
+    first: int,
+    width: int,
+    *,
+    lead: int,
+    decimal: str = ".",
+    ends: Collection[int] = (),
 ) -> Float[np.ndarray, "N width"]:
     """Numbers of rows of `width` cells, the first of them line `first` of the file.
 
-    Blanks at the end may be left out, but in whole markers: after `lead` columns and every third one from there.
+    Blanks at the end may be left out, but of whole markers or bodies: after `lead` columns, and after one of `ends`
+    (after every third column where none are given).
     Raises FileError where a row was cut off, has more cells, or there are fewer than `MIN_FRAMES`.
     """
     found: list[list[float]] = []
@@ -66,7 +101,7 @@ def table(
         filled = max((k for k, cell in enumerate(cells, start=1) if cell.strip()), default=0)
         if not filled:
             continue
-        whole = len(cells) >= width or filled <= lead or (filled - lead) % 3 == 0
+        whole = len(cells) >= width or filled <= lead or (filled in ends if ends else (filled - lead) % 3 == 0)
         if filled > width or not whole:
             raise FileError(path, f"line {line}", f"{filled} columns, the header has {width}; is the file truncated?")
         row = [number(path, line, k, cell, decimal=decimal) for k, cell in enumerate(cells[:filled], start=1)]
@@ -108,3 +143,26 @@ def check_long(path: Path, t: np.ndarray, rate: float) -> np.ndarray:
     if t[-1] * rate > 100.0 * len(t) + 1000.0:
         raise FileError(path, "frames", f"{len(t)} frames in {t[-1]:g} s at {rate:g} Hz: numbers or times are wrong")
     return t
+
+
+def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float]:
+    """Times since the first one, s, and rate of stamps that increase in even steps, with gaps. Raises FileError."""
+    steps = np.diff(t)
+    if not np.isfinite(t).all() or (steps <= 0.0).any():
+        raise FileError(path, "time", "a sample without time, or time does not increase")
+    t = t - t[0]
+    rate = check_rate(path, float(1.0 / np.median(steps)))
+    rate *= max(1.0, float(np.rint(t[-1] * rate))) / (t[-1] * rate)
+    off = np.abs(t * rate - np.rint(t * rate))
+    if off.max() > UNEVEN or (np.diff(np.rint(t * rate)) == 0.0).any():
+        raise FileError(path, "time", f"stamps are not in even steps of {1.0 / rate:.4g} s: bunched or jittering")
+    return check_long(path, t, rate), rate
+
+
+def time_unit_of(path: Path, stamps: np.ndarray) -> str:
+    """The unit of stamps by their step: that which makes a camera's rate. Raises FileError where none does."""
+    step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else math.nan
+    for unit, seconds in SECONDS.items():
+        if step > 0.0 and RATES[0] <= 1.0 / (step * seconds) <= RATES[1]:
+            return unit
+    raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit", hint="Say time_unit in the map.")

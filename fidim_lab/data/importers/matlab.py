@@ -56,6 +56,18 @@ class MatStruct:
         """A field that is a finite numeric array of this shape; None is any length."""
         return _checked(self, name, self._field(name), shape)
 
+    def samples(self, name: str, *shape: int | None) -> np.ndarray:
+        """A field that is a numeric array of this shape, NaN where nothing was seen."""
+        return _checked(self, name, self._field(name), shape, missing=True)
+
+    def texts(self, name: str) -> tuple[str, ...]:
+        """A field that is a text, or a cell array of texts."""
+        items = _items(self._field(name))
+        for item in items:
+            if not isinstance(item, str):
+                raise self._wrong(name, f"is {_kind(item)}; text was expected")
+        return tuple(items)
+
     def cells(self, name: str, *shape: int | None) -> tuple[np.ndarray, ...]:
         """A field that is a cell array of numeric arrays of this shape."""
         items = _items(self._field(name))
@@ -106,7 +118,9 @@ def _items(value: Any) -> Sequence[Any]:
     return value if isinstance(value, list) else [value]
 
 
-def _checked(owner: MatStruct, name: str, value: Any, shape: tuple[int | None, ...]) -> np.ndarray:
+def _checked(
+    owner: MatStruct, name: str, value: Any, shape: tuple[int | None, ...], *, missing: bool = False
+) -> np.ndarray:
     """The value as an array of this shape: MATLAB has no vectors, so sizes of 1 do not count."""
     place = f"{owner.place}.{name}"
     wanted = " × ".join("any" if size is None else str(size) for size in shape) or "one number"
@@ -117,7 +131,7 @@ def _checked(owner: MatStruct, name: str, value: Any, shape: tuple[int | None, .
     if len(found) != len(sizes) or any(w not in (None, f) for w, f in zip(sizes, found, strict=True)):
         has = " × ".join(str(size) for size in value.shape)
         raise FileError(owner.path, place, f"has shape {has}; {wanted} was expected")
-    if not np.isfinite(value).all():
+    if not (np.isfinite(value) | (missing & np.isnan(value))).all():
         raise FileError(owner.path, place, "holds values that are not finite")
     remaining = iter(found)
     return value.reshape([1 if size == 1 else next(remaining) for size in shape])

@@ -1,39 +1,45 @@
-"""OptiTrack Motive's "Tracking Data" CSV, format versions 1.1 to 1.25: its labelled markers.
+"""OptiTrack Motive's "Tracking Data" CSV, format versions 1.1 to 1.25: labelled and loose markers, rigid bodies.
 
-    Format Version,1.23,Take Name,x,…,Export Frame Rate,120,…,Length Units,Meters,…
+    Format Version,1.23,Take Name,x,…,Export Frame Rate,120,…,Rotation Type,Quaternion,Length Units,Meters,…
 
-    ,Type,Marker,…            Rigid Body, Rigid Body Marker, Marker; rows ID, Parent follow in newer versions
-    ,Name,platform:1,…
-    ,,Position,Position,…     Rotation, Mean Marker Error and Marker Quality are left out
-    Frame,Time (Seconds),X,Y,Z,…
+    ,Type,Rigid Body,…,Marker,…     Rigid Body, Rigid Body Marker, Marker; rows ID, Parent follow in newer versions
+    ,Name,platform,…,platform:1,…   "Unlabeled 1234" was given to no marker
+    ,,Rotation,…,Position,…         Mean Marker Error and Marker Quality are left out
+    Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,…
 
 Markers as the cameras saw them ("Marker") go before those that Motive set by its rigid body ("Rigid Body Marker").
-Motive's axes are y-up. Every mistake is a FileError with line and column.
+Rotations are read as quaternions only: the order of Euler angles is not told in every version. Motive's axes are y-up
+unless its export was told otherwise. Every mistake is a FileError with line and column.
 """
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.files.input_file import read_text
-from fidim_lab.data.importers.cells import check_near, length_scale, number, table, times
-from fidim_lab.data.importers.recording import MarkerLog
+from fidim_lab.data.importers.cells import check_near, length_scale, number, read_export, table, times
+from fidim_lab.data.importers.poses import by_quaternions
+from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
 
 LEAD = 2
 """Frame, Time"""
-MARKER_TYPES = ("Marker", "Rigid Body Marker")
-"""in the order in which they are taken"""
+BODY, MARKER_TYPES = "Rigid Body", ("Marker", "Rigid Body Marker")
+"""types of columns; markers in the order in which they are taken"""
+LOOSE = "Unlabel"
+"""begins the name of what was given to no marker"""
 MOST_HEADER = 12
 """lines"""
+
+Columns = dict[tuple[str, str], dict[str, int]]
+"""by type and name: column of "Position X" and so on"""
 
 
 def read_motive(path: Path) -> MarkerLog:
     """Read one export. Raises FileError with line and column."""
     try:
-        rows = list(csv.reader(read_text(path).splitlines()))
+        rows = list(csv.reader(read_export(path).splitlines()))
     except csv.Error as error:
         raise FileError(path, "", f"is no CSV: {error}") from None
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False)) if rows else {}
@@ -43,35 +49,57 @@ def read_motive(path: Path) -> MarkerLog:
     labels = {row[1].strip(): row for row in rows[1:at] if len(row) > LEAD and row[1].strip()}
     if not {"Type", "Name"} <= labels.keys():
         raise FileError(path, "", "no rows Type and Name above a row that begins with Frame")
-    groups = _markers(labels["Type"], labels["Name"], rows[at - 1], rows[at])
-    if not groups:
-        raise FileError(path, "", "no labelled marker", hint="Export markers (or rigid body markers), not bodies only.")
-    values = table(path, [_padded(row, len(rows[at])) for row in rows[at + 1 :]], at + 2, len(rows[at]), lead=LEAD)
+    found = _columns(labels["Type"], labels["Name"], rows[at - 1], rows[at])
+    ends = {max(columns.values()) + 1 for columns in found.values()}
+    values = table(path, rows[at + 1 :], at + 2, len(rows[at]), lead=LEAD, ends=ends)
     unit = head.get("Length Units", "Meters")
     scale = length_scale(path, "line 1, Length Units", unit)
-    positions = scale * np.stack([values[:, columns] for columns in groups.values()], axis=1)
+    labelled, loose = _markers(found)
+    bodies = tuple(_body(path, head, n, at, values, scale) for (kind, n), at in found.items() if kind == BODY)
+    if not labelled and not bodies and not loose:
+        raise FileError(path, "", "no marker and no rigid body", hint="Export markers, rigid bodies, or both.")
+    positions = _places(values, labelled.values(), scale)
     check_near(path, positions, "check Length Units in line 1")
     rate = number(path, 1, 0, head.get("Export Frame Rate") or head.get("Capture Frame Rate") or "")
+    t = times(path, rate, values[:, 0])
     said = (f"lengths in {unit.lower()}, {rate:g} Hz and y upwards: as line 1 and Motive's own axes say",)
-    return MarkerLog(path, tuple(groups), rate, times(path, rate, values[:, 0]), positions, scale, "y", said)
+    return MarkerLog(
+        path, tuple(labelled), rate, t, positions, scale, "y", said, bodies, _places(values, loose.values(), scale)
+    )
 
 
-def _padded(row: Sequence[str], width: int) -> Sequence[str]:
-    """A frame whose blanks at the end were left out; a cut-off row keeps its length."""
-    return [*row, *[""] * (width - len(row))] if len(row) <= LEAD else row
+def _columns(types: Sequence[str], names: Sequence[str], what: Sequence[str], axes: Sequence[str]) -> Columns:
+    """Where the places and rotations of each thing stand."""
+    found: Columns = {}
+    for column, cells in enumerate(zip(types, names, what, axes, strict=False)):
+        kind, name, quantity, axis = (cell.strip() for cell in cells)
+        if kind in (BODY, *MARKER_TYPES) and quantity in {"Position", "Rotation"} and axis in {"X", "Y", "Z", "W"}:
+            found.setdefault((kind, name), {}).setdefault(f"{quantity} {axis}", column)
+    return {key: columns for key, columns in found.items() if {f"Position {axis}" for axis in "XYZ"} <= columns.keys()}
 
 
-def _markers(
-    types: Sequence[str], names: Sequence[str], what: Sequence[str], axes: Sequence[str]
-) -> dict[str, list[int]]:
-    """Columns of X, Y, Z by marker's name, of the first of `MARKER_TYPES` that there is."""
-    for kind in MARKER_TYPES:
-        found: dict[str, dict[str, int]] = {}
-        for column, cells in enumerate(zip(types, names, what, axes, strict=False)):
-            type_, name, quantity, axis = (cell.strip() for cell in cells)
-            if type_ == kind and quantity == "Position" and axis in {"X", "Y", "Z"} and "Unlabel" not in name:
-                found.setdefault(name, {}).setdefault(axis, column)
-        whole = {name: [at[axis] for axis in "XYZ"] for name, at in found.items() if len(at) == 3}
-        if whole:
-            return whole
-    return {}
+def _markers(found: Columns) -> tuple[dict[str, dict[str, int]], dict[str, dict[str, int]]]:
+    """Labelled markers of the first of `MARKER_TYPES` that there is, and the loose ones."""
+    loose = {name: columns for (kind, name), columns in found.items() if kind != BODY and name.startswith(LOOSE)}
+    for wanted in MARKER_TYPES:
+        labelled = {name: columns for (kind, name), columns in found.items() if kind == wanted and name not in loose}
+        if labelled:
+            return labelled, loose
+    return {}, loose
+
+
+def _places(values: np.ndarray, columns: Iterable[Mapping[str, int]], scale: float) -> np.ndarray:
+    """(N, M, 3) m."""
+    picked = [[one[f"Position {axis}"] for axis in "XYZ"] for one in columns]
+    return scale * values[:, np.array(picked, dtype=int).reshape(-1, 3)]
+
+
+def _body(
+    path: Path, head: Mapping[str, str], name: str, columns: Mapping[str, int], values: np.ndarray, scale: float
+) -> BodyTrack:
+    rotation = head.get("Rotation Type", "Quaternion")
+    if rotation != "Quaternion" or "Rotation W" not in columns:
+        hint = "Export with Rotation: Quaternion."
+        raise FileError(path, "line 1, Rotation Type", f"{rotation[:20]!r} for body {name[:40]}", hint=hint)
+    xyzw = values[:, [columns[f"Rotation {axis}"] for axis in "XYZW"]]
+    return by_quaternions(path, name, scale * values[:, [columns[f"Position {axis}"] for axis in "XYZ"]], xyzw)

@@ -1,9 +1,12 @@
-"""Qualisys Track Manager's TSV of marker places (3D): header lines of a name and its value, then one row a frame.
+"""Qualisys Track Manager's TSV: header lines of a name and its value, then rows of markers (3D) or bodies (6D).
 
-    NO_OF_FRAMES  500     FREQUENCY  100     MARKER_NAMES  A  B  C     DATA_INCLUDED  3D
+    NO_OF_FRAMES  500     FREQUENCY  100     DATA_INCLUDED  3D     MARKER_NAMES  A  B  C
     [Frame  Time]  A X  A Y  A Z …          the line of column names, and Frame and Time, may be left out
 
-QTM writes millimetres; an unseen marker is 0 0 0 or blank. Every mistake is a FileError with the line it is in.
+    DATA_INCLUDED  6D     BODY_NAMES  platform
+    [Frame  Time]  X  Y  Z  Roll  Pitch  Yaw  Residual  Rot[0] … Rot[8]      for each body; Rot column by column
+
+QTM writes millimetres; what was not seen is 0 0 0 or blank. Every mistake is a FileError with the line it is in.
 """
 
 from collections.abc import Sequence
@@ -11,34 +14,55 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.files.input_file import read_text
-from fidim_lab.data.importers.cells import check_near, number, table, times
-from fidim_lab.data.importers.recording import MarkerLog
+from fidim_lab.data.importers.cells import check_near, decimal_of, number, read_export, table, times
+from fidim_lab.data.importers.poses import by_matrices
+from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
 
 SCALE = 1e-3
+NAMES = {"3D": "MARKER_NAMES", "6D": "BODY_NAMES"}
+WIDTH = {"3D": 3, "6D": 16}
+"""columns of one marker, one body"""
+ROTATION = slice(7, 16)
 
 
 def read_qtm(path: Path) -> MarkerLog:
     """Read one export. Raises FileError with line and column."""
-    lines = [line.split("\t") for line in read_text(path).splitlines()]
+    text = read_export(path).splitlines()
+    lines = [line.split("\t") for line in text]
     head, first = _head(lines)
-    if "FREQUENCY" not in head or "MARKER_NAMES" not in head:
-        raise FileError(path, "line 1", "FREQUENCY or MARKER_NAMES is missing: is it QTM's TSV with its header?")
-    if head.get("DATA_INCLUDED", ["3D"])[0] != "3D":
-        raise FileError(path, "DATA_INCLUDED", "is not 3D", hint="Export the markers (3D) as TSV.")
-    names = tuple(name for name in head["MARKER_NAMES"] if name)
+    what = head.get("DATA_INCLUDED", ["6D" if "BODY_NAMES" in head else "3D"])[0]
+    if what not in NAMES:
+        raise FileError(path, "DATA_INCLUDED", f"is {what[:20]!r}; 3D or 6D was expected")
+    if "FREQUENCY" not in head or NAMES[what] not in head:
+        raise FileError(path, "line 1", f"FREQUENCY or {NAMES[what]} is missing: is it QTM's TSV with its header?")
+    names = tuple(name for name in head[NAMES[what]] if name)
     if not names or len(set(names)) < len(names):
-        raise FileError(path, "MARKER_NAMES", "no marker, or one name twice")
+        raise FileError(path, NAMES[what], "no name, or one name twice")
+    decimal = decimal_of(text[first : first + 50], "\t")
     filled = max((len(row) for row in lines[first : first + 1]), default=0)
-    lead = 2 if filled >= 3 * len(names) + 2 and _counts(lines[first:]) else 0
-    values = table(path, lines[first:], first + 1, lead + 3 * len(names), lead=lead)
-    positions = SCALE * values[:, lead:].reshape(len(values), -1, 3)
+    width = WIDTH[what] * len(names)
+    lead = 2 if filled >= width + 2 and _counts(lines[first:]) else 0
+    ends = range(lead, lead + width + 1, WIDTH[what])
+    values = table(path, lines[first:], first + 1, lead + width, lead=lead, decimal=decimal, ends=ends)
+    parts = values[:, lead:].reshape(len(values), len(names), WIDTH[what])
+    positions = SCALE * parts[:, :, :3]
     check_near(path, positions, "QTM writes millimetres")
-    rate = number(path, 1, 2, head["FREQUENCY"][0])
+    rate = number(path, 1, 2, head["FREQUENCY"][0], decimal=decimal)
     frames = values[:, 0] if lead else np.arange(len(values), dtype=float)
     said = (f"lengths in mm and z upwards, as QTM exports them by default; {rate:g} Hz as the header says",)
-    return MarkerLog(path, names, rate, times(path, rate, frames), positions, SCALE, "z", said)
+    t = times(path, rate, frames)
+    if what == "3D":
+        return MarkerLog(path, names, rate, t, positions, SCALE, "z", said)
+    bodies = tuple(_body(path, name, positions[:, k], parts[:, k, ROTATION]) for k, name in enumerate(names))
+    return MarkerLog(path, (), rate, t, np.zeros((len(t), 0, 3)), SCALE, "z", said, bodies)
+
+
+def _body(path: Path, name: str, positions: np.ndarray, columns: np.ndarray) -> BodyTrack:
+    unseen = (positions == 0.0).all(axis=1)
+    matrices = columns.reshape(-1, 3, 3).swapaxes(1, 2).copy()
+    matrices[unseen] = np.nan
+    return by_matrices(path, name, positions, matrices)
 
 
 def _head(lines: Sequence[Sequence[str]]) -> tuple[dict[str, list[str]], int]:
@@ -48,7 +72,7 @@ def _head(lines: Sequence[Sequence[str]]) -> tuple[dict[str, list[str]], int]:
         name = cells[0].strip()
         if name and not name[0].isalpha():
             return head, index
-        if name.isupper():
+        if name.isupper() and len(name) > 1:
             head[name] = [cell.strip() for cell in cells[1:]] or [""]
     return head, len(lines)
 

@@ -9,13 +9,24 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.arrays import CableSeries, Positions, Series
+from fidim_lab.arrays import CableSeries, Positions, Rotations, Series
 from fidim_lab.data.records import Robot
 
 
 @dataclass(frozen=True, eq=False)
+class BodyTrack:
+    """Poses of one rigid body, as the motion capture solved them."""
+
+    name: str
+    positions: Positions
+    """(N, 3) motion-capture world frame, m; NaN where the body was not seen"""
+    rotations: Rotations
+    """(N, 3, 3) body → world"""
+
+
+@dataclass(frozen=True, eq=False)
 class MarkerLog:
-    """Trajectories of the platform's markers as the motion capture exported them."""
+    """Markers and rigid bodies of one take as the motion capture exported them."""
 
     source: Path
     names: tuple[str, ...]
@@ -24,13 +35,20 @@ class MarkerLog:
     t: Series
     """s since the first frame"""
     positions: Float[np.ndarray, "N M 3"]
-    """motion-capture world frame, m; NaN where a marker was not seen"""
+    """motion-capture world frame, m; NaN where a marker was not seen. M is 0 where only bodies were exported"""
     scale: float = 1e-3
     """metres in one unit of the file"""
-    up: str = "z"
-    """axis of the file that points upwards: "y" or "z\""""
+    up: str | None = "z"
+    """axis of the file that points upwards: "x", "y" or "z"; None where the file does not say"""
     decided: tuple[str, ...] = ()
     """what was decided while reading, a sentence each, for a person to check"""
+    bodies: tuple[BodyTrack, ...] = ()
+    unlabelled: Float[np.ndarray, "N K 3"] | None = None
+    """places that were seen and given to no marker, m; NaN where there is none"""
+    unit_said: bool = True
+    """whether the file says its unit of length; otherwise positions are in that unit, as if it were m"""
+    began: float | None = None
+    """s since 1970 of the first frame, where the file says it"""
 
 
 @dataclass(frozen=True, eq=False)

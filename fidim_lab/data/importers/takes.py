@@ -24,6 +24,10 @@ class EncoderLog:
     """(K, n) cable lengths from the encoders, m, each with an unknown constant; NaN where not logged"""
     swivels: CableSeries | None = None
     """(K, n) swivel angles, rad, each with an unknown constant"""
+    currents: CableSeries | None = None
+    """(K, n) motor currents, A"""
+    decided: tuple[str, ...] = ()
+    """what was decided while reading, a sentence each"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +41,20 @@ class Take:
     """what its windows are for, where the source says so"""
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What the caller said because a file does not, or says it wrongly."""
+
+    up: str | None = None
+    """axis that points upwards: "x", "y", "z\""""
+    unit: str | None = None
+    """of length"""
+    order: tuple[str, ...] = ()
+    """names of the markers in the robot file's order"""
+    body: str | None = None
+    """which rigid body is the platform"""
+
+
 @dataclass(frozen=True, eq=False)
 class Takes:
     """Takes of one robot that become one campaign."""
@@ -48,4 +66,5 @@ class Takes:
     geometry_source: Path
     takes: tuple[Take, ...]
     unread: Mapping[str, str] = field(default_factory=dict[str, str])
-    """takes that could not be read: id → why"""
+    """takes and logs that could not be read: id → why"""
+    asked: Asked = field(default_factory=Asked)

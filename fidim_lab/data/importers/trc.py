@@ -11,8 +11,7 @@ Every mistake is a FileError with the line it is in.
 
 from pathlib import Path
 
-from fidim_lab.data.files.input_file import read_text
-from fidim_lab.data.importers.cells import check_near, length_scale, number, table, times
+from fidim_lab.data.importers.cells import check_near, length_scale, number, read_export, table, times
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FileError
 
@@ -23,7 +22,7 @@ LEAD = 2
 
 def read_trc(path: Path) -> MarkerLog:
     """Read one export. Raises FileError with line and column."""
-    lines = [line.split("\t") for line in read_text(path).splitlines()]
+    lines = [line.split("\t") for line in read_export(path).splitlines()]
     if len(lines) < HEADER_LINES or lines[0][0].strip() != "PathFileType":
         raise FileError(path, "line 1", "is no TRC file: 'PathFileType' was expected")
     head = dict(zip((cell.strip() for cell in lines[1]), (cell.strip() for cell in lines[2]), strict=False))

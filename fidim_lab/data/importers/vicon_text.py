@@ -1,148 +1,226 @@
-"""The text that Vicon Nexus and Tracker export as "Trajectories", as text (tabs) or CSV: one row a frame.
+"""The text or CSV that Vicon Nexus and Tracker export: a block of trajectories, of objects, or both, one row a frame.
 
-    Trajectories
+    Trajectories                                         or Objects, Segments: rigid bodies
     100                                                  rate, Hz
     <tab><tab>subject:marker1<tab><tab><tab>subject:marker2 …
-    Frame  Sub Frame  X  Y  Z  X  Y  Z …
+    Frame  Sub Frame  X  Y  Z  X  Y  Z …                 bodies: RX RY RZ RW TX TY TZ
     <tab><tab>mm  mm  mm …
     1  0  80.3694  -39.55  806.314 …                     blank where a marker was not seen
 
-Every mistake is a FileError with the line it is in.
+Blocks begin with their name and end with an empty line; others (Devices, Model Outputs) are passed over. Every mistake
+is a FileError with the line it is in.
 """
 
-import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.files.input_file import read_text
-from fidim_lab.data.importers.cells import delimiter_of
-from fidim_lab.data.importers.recording import MarkerLog
+from fidim_lab.data.importers.cells import FARTHEST, MIN_FRAMES, decimal_of, delimiter_of, number, read_export
+from fidim_lab.data.importers.labels import apart
+from fidim_lab.data.importers.poses import by_quaternions
+from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
 
 HEADER_LINES = 5
 FRAME_COLUMNS = 2
 """Frame, Sub Frame"""
-MIN_FRAMES = 20
 UNITS = {"mm": 1e-3, "m": 1.0}
-FARTHEST = 1e3
-"""m; a laboratory is smaller"""
+MARKERS, BODIES = "Trajectories", ("Objects", "Segments")
+QUATERNION = ["RX", "RY", "RZ", "RW", "TX", "TY", "TZ"]
+"""columns of a body"""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """One block of an export."""
+
+    path: Path
+    top: int
+    """lines of the file above it"""
+    lines: Sequence[Sequence[str]]
+    decimal: str
+
+    def line(self, number: int) -> str:
+        """The place of its line, from 1, in the file."""
+        return f"line {self.top + number}"
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The numbers of a block."""
+
+    frames: np.ndarray
+    """(N,) counted through sub-frames"""
+    values: np.ndarray
+    """(N, K) NaN where blank"""
+    rate: float
+    """Hz, of sub-frames where there are any"""
 
 
 def read_trajectories(path: Path) -> MarkerLog:
     """Read one export. Raises FileError with line and column."""
-    text = read_text(path).splitlines()
-    delimiter = delimiter_of(text[2:HEADER_LINES])
-    lines = [line.split(delimiter) for line in text]
-    if len(lines) < HEADER_LINES:
-        raise FileError(path, "", f"{len(lines)} lines; a trajectory export has {HEADER_LINES} before its first frame")
-    if lines[0][0].strip() != "Trajectories":
-        raise FileError(path, "line 1", f"{lines[0][0][:40]!r} was found, 'Trajectories' was expected")
-    rate = _rate(path, lines[1])
-    names = _names(path, lines[2])
-    _check_axes(path, lines[3], len(names))
-    scale = _scale(path, lines[4], len(names))
-    frames, values = _rows(path, lines[HEADER_LINES:], len(names))
-    positions = scale * values.reshape(-1, len(names), 3)
-    far = (np.abs(positions) > FARTHEST).any(axis=(1, 2))
-    if far.any():
-        frame = frames[int(np.argmax(far))]
-        raise FileError(path, f"frame {frame:.0f}", f"a marker is over {FARTHEST:g} m away; check the units in line 5")
-    return MarkerLog(path, names, rate, (frames - frames[0]) / rate, positions, scale)
+    blocks = _blocks(path, read_export(path).splitlines())
+    found = [(name, block) for name, block in blocks if name == MARKERS]
+    bodies = [(name, block) for name, block in blocks if name in BODIES]
+    name, block = (found or bodies)[0]
+    rate = _rate(block)
+    if name != MARKERS:
+        return _only_bodies(block, rate)
+    names = _names(block)
+    _check_axes(block, len(names))
+    scale = _scale(block, len(names))
+    rows = _rows(block, FRAME_COLUMNS + 3 * len(names), 3, rate)
+    positions = scale * rows.values.reshape(-1, len(names), 3)
+    _check_near(block, rows, positions)
+    labelled, positions, loose = apart(names, positions)
+    said = (f"lengths in {block.lines[4][FRAME_COLUMNS].strip()} and {rows.rate:g} Hz, as the header says",)
+    t = (rows.frames - rows.frames[0]) / rows.rate
+    return MarkerLog(path, labelled, rows.rate, t, positions, scale, "z", said, unlabelled=loose)
 
 
-def _rate(path: Path, cells: Sequence[str]) -> float:
-    rate = _number(path, 2, 1, cells[0])
+def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, Block]]:
+    """Blocks of markers and bodies by name, in order. Raises FileError where there is none."""
+    found: list[tuple[str, Block]] = []
+    for top, first in enumerate(text):
+        name = first.strip(" \t;,")
+        if name == MARKERS or name in BODIES:
+            delimiter = delimiter_of(text[top + 2 : top + HEADER_LINES])
+            end = next(
+                (k for k in range(top + HEADER_LINES, len(text)) if not text[k].strip(" \t;,") and k > top + 5),
+                len(text),
+            )
+            lines = [line.split(delimiter) for line in text[top:end]]
+            if len(lines) < HEADER_LINES:
+                what = f"{len(lines)} lines; a trajectory export has {HEADER_LINES} before its first frame"
+                raise FileError(path, "", what)
+            found.append((name, Block(path, top, lines, decimal_of(text[top + 5 : top + 55], delimiter))))
+    if not found:
+        shown = text[0].split("\t")[0][:40] if text else ""
+        raise FileError(path, "line 1", f"{shown!r} was found, 'Trajectories' (or 'Objects') was expected")
+    return found
+
+
+def _rate(block: Block) -> float:
+    rate = number(block.path, block.top + 2, 1, block.lines[1][0], decimal=block.decimal)
     if not 1.0 <= rate <= 1e4:
-        raise FileError(path, "line 2", f"a frame rate of {cells[0].strip()!r} Hz; 1 to 10000 was expected")
+        text = block.lines[1][0].strip()
+        raise FileError(block.path, block.line(2), f"a frame rate of {text!r} Hz; 1 to 10000 was expected")
     return rate
 
 
-def _names(path: Path, cells: Sequence[str]) -> tuple[str, ...]:
-    names = [cell.strip() for cell in cells[FRAME_COLUMNS::3]]
+def _names(block: Block) -> tuple[str, ...]:
+    names = [cell.strip() for cell in block.lines[2][FRAME_COLUMNS::3]]
     while names and not names[-1]:  # the exporter ends the line with tabs
         names.pop()
     if not names:
-        raise FileError(path, "line 3", "names no marker; they stand above every third column from the third on")
+        what = "names no marker; they stand above every third column from the third on"
+        raise FileError(block.path, block.line(3), what)
     for index, name in enumerate(names):
         if not name:
-            raise FileError(path, f"line 3, column {FRAME_COLUMNS + 1 + 3 * index}", "a marker without a name")
+            column = FRAME_COLUMNS + 1 + 3 * index
+            raise FileError(block.path, f"{block.line(3)}, column {column}", "a marker without a name")
         if name in names[:index]:
-            raise FileError(path, "line 3", f"marker {name!r} is there twice")
+            raise FileError(block.path, block.line(3), f"marker {name!r} is there twice")
     return tuple(names)
 
 
-def _check_axes(path: Path, cells: Sequence[str], markers: int) -> None:
-    found = [cell.strip() for cell in cells if cell.strip()]
-    wanted = ["Frame", "Sub Frame"] + ["X", "Y", "Z"] * markers
-    if found != wanted:
+def _check_axes(block: Block, markers: int) -> None:
+    found = [cell.strip() for cell in block.lines[3] if cell.strip()]
+    if found != ["Frame", "Sub Frame"] + ["X", "Y", "Z"] * markers:
         raise FileError(
-            path,
-            "line 4",
+            block.path,
+            block.line(4),
             f"{len(found)} columns ({' '.join(found)[:60]}); "
             f"Frame, Sub Frame and X, Y, Z for each of {markers} markers were expected",
         )
 
 
-def _scale(path: Path, cells: Sequence[str], markers: int) -> float:
-    units = [cell.strip() for cell in cells if cell.strip()]
+def _scale(block: Block, markers: int) -> float:
+    units = [cell.strip() for cell in block.lines[4] if cell.strip()]
     if len(units) != 3 * markers or len(set(units)) != 1 or units[0] not in UNITS:
         raise FileError(
-            path,
-            "line 5",
+            block.path,
+            block.line(5),
             f"units {' '.join(sorted(set(units)))[:40]!r} for {len(units)} columns; "
             f"{3 * markers} times mm (or m) was expected",
         )
     return UNITS[units[0]]
 
 
-def _rows(path: Path, lines: Sequence[Sequence[str]], markers: int) -> tuple[np.ndarray, np.ndarray]:
-    """Frame numbers (N,) and values (N, 3 M), NaN where blank."""
-    width = FRAME_COLUMNS + 3 * markers
+def _only_bodies(block: Block, rate: float) -> MarkerLog:
+    """Rigid bodies of Tracker's export, whose rotations are quaternions."""
+    axes = [cell.strip() for cell in block.lines[3]][FRAME_COLUMNS:]
+    while axes and not axes[-1]:
+        axes.pop()
+    count = len(axes) // len(QUATERNION)
+    if not count or axes != QUATERNION * count:
+        what = f"columns {' '.join(axes)[:60]}; {' '.join(QUATERNION)} for each object were expected"
+        hint = "Export rotations as quaternions: the order of other angles is not in the file."
+        raise FileError(block.path, block.line(4), what, hint=hint)
+    names = [cell.strip() for cell in block.lines[2][FRAME_COLUMNS :: len(QUATERNION)]][:count]
+    if len(set(names)) < count or not all(names):
+        raise FileError(block.path, block.line(3), "an object without a name, or one name twice")
+    units = {cell.strip() for cell in block.lines[4] if cell.strip()} & UNITS.keys()
+    if len(units) != 1:
+        raise FileError(block.path, block.line(5), "no unit of length, or two; mm or m was expected")
+    scale = UNITS[units.pop()]
+    rows = _rows(block, FRAME_COLUMNS + len(axes), len(QUATERNION), rate)
+    parts = rows.values.reshape(len(rows.values), count, len(QUATERNION))
+    _check_near(block, rows, scale * parts[:, :, 4:])
+    bodies: list[BodyTrack] = []
+    for k, name in enumerate(names):
+        bodies.append(by_quaternions(block.path, name, scale * parts[:, k, 4:], parts[:, k, :4]))
+    t = (rows.frames - rows.frames[0]) / rows.rate
+    said = (f"objects in {'mm' if scale < 1 else 'm'} at {rows.rate:g} Hz, as the header says",)
+    return MarkerLog(block.path, (), rows.rate, t, np.zeros((len(t), 0, 3)), scale, "z", said, tuple(bodies))
+
+
+def _rows(block: Block, width: int, group: int, rate: float) -> Rows:
+    """The numbers below the header; sub-frames count as frames of a higher rate."""
     rows: list[list[float]] = []
-    for line, cells in enumerate(lines, start=HEADER_LINES + 1):
+    for line, cells in enumerate(block.lines[HEADER_LINES:], start=block.top + HEADER_LINES + 1):
         if not any(cell.strip() for cell in cells):
             continue
-        cells = _with_trailing_blanks(cells, width)
+        cells = _with_trailing_blanks(cells, width, group)
         if len(cells) != width:
-            raise FileError(
-                path, f"line {line}", f"{len(cells)} columns, the header has {width}; is the file truncated?"
-            )
-        row = [_number(path, line, column, cell) for column, cell in enumerate(cells, start=1)]
-        _check_frame(path, line, row[0], rows[-1][0] if rows else None)
+            what = f"{len(cells)} columns, the header has {width}; is the file truncated?"
+            raise FileError(block.path, f"line {line}", what)
+        row = [number(block.path, line, k, cell, decimal=block.decimal) for k, cell in enumerate(cells, start=1)]
+        _check_frame(block.path, line, row, rows[-1] if rows else None)
         rows.append(row)
     if len(rows) < MIN_FRAMES:
-        raise FileError(path, "", f"{len(rows)} frames; a recording has at least {MIN_FRAMES}")
+        raise FileError(block.path, "", f"{len(rows)} frames; a recording has at least {MIN_FRAMES}")
     table = np.array(rows)
-    return table[:, 0], table[:, FRAME_COLUMNS:]
+    sub = np.nan_to_num(table[:, 1])
+    each = int(sub.max()) + 1
+    return Rows(table[:, 0] * each + sub, table[:, FRAME_COLUMNS:], rate * each)
 
 
-def _with_trailing_blanks(cells: Sequence[str], width: int) -> Sequence[str]:
+def _with_trailing_blanks(cells: Sequence[str], width: int, group: int) -> Sequence[str]:
     """The cells of one row, without blanks beyond the header, and with those that the exporter left out at its end.
 
     It leaves out whole markers that were not seen: a row that ends within a marker stays short, for it was cut off.
     """
     filled = max((k for k, cell in enumerate(cells, start=1) if cell.strip()), default=0)
-    whole = filled <= FRAME_COLUMNS or (filled - FRAME_COLUMNS) % 3 == 0
+    whole = filled <= FRAME_COLUMNS or (filled - FRAME_COLUMNS) % group == 0
     return [*cells[:filled], *[""] * (width - filled)] if whole else cells[:filled]
 
 
-def _check_frame(path: Path, line: int, frame: float, before: float | None) -> None:
-    if not frame.is_integer():  # NaN too
+def _check_frame(path: Path, line: int, row: Sequence[float], before: Sequence[float] | None) -> None:
+    frame, sub = row[0], np.nan_to_num(row[1])
+    if not float(frame).is_integer():  # NaN too
         raise FileError(path, f"line {line}, column 1", "a frame without its number")
-    if before is not None and frame <= before:
-        raise FileError(path, f"line {line}, column 1", f"frame {frame:.0f} comes after frame {before:.0f}")
+    if not (float(sub).is_integer() and 0.0 <= sub < 100.0):
+        raise FileError(path, f"line {line}, column 2", f"a sub-frame of {sub:g}; 0 to 99 was expected")
+    if before is not None and (frame, sub) <= (before[0], np.nan_to_num(before[1])):
+        raise FileError(path, f"line {line}, column 1", f"frame {frame:.0f} comes after frame {before[0]:.0f}")
 
 
-def _number(path: Path, line: int, column: int, cell: str) -> float:
-    text = cell.strip()
-    if not text:
-        return math.nan
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.inf
-    if not math.isfinite(value):
-        raise FileError(path, f"line {line}, column {column}", f"{text[:40]!r} is not a number")
-    return value
+def _check_near(block: Block, rows: Rows, positions: np.ndarray) -> None:
+    far = (np.abs(positions) > FARTHEST).any(axis=(1, 2))
+    if far.any():
+        frame = rows.frames[int(np.argmax(far))]
+        what = f"a marker is over {FARTHEST:g} m away; check the units in {block.line(5)}"
+        raise FileError(block.path, f"frame {frame:.0f}", what)

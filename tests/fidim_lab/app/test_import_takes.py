@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fidim_lab.app.records.import_kinds import import_kind_command
+from fidim_lab.app.import_kinds import ImportOptions, import_kind_command
 from fidim_lab.app.report.folder import read_folder
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
@@ -20,7 +20,7 @@ BROKEN = ("k46", "k47", "k48", "k49", "k50")
 @pytest.mark.slow
 def test_the_papers_takes_become_three_campaigns(shared: Path, tmp_path: Path):
     out = tmp_path / "grab"
-    assert import_kind_command("grab", [shared / "recordings" / "grab"], out, None, None, None) == 0
+    assert import_kind_command("grab", [shared / "recordings" / "grab"], out, ImportOptions(), None) == 0
     assert sorted(folder.name for folder in out.iterdir()) == ["grab-2", "grab-3", "grab-4"]
     takes = [
         take
@@ -38,7 +38,12 @@ def test_the_papers_takes_become_three_campaigns(shared: Path, tmp_path: Path):
 @pytest.mark.shared
 def test_some_takes_become_one_campaign(shared: Path, tmp_path: Path):
     out = tmp_path / "grab"
-    assert import_kind_command("grab", [shared / "recordings" / "grab"], out, None, "1-2", tmp_path / "i.json") == 0
+    assert (
+        import_kind_command(
+            "grab", [shared / "recordings" / "grab"], out, ImportOptions(takes="1-2"), tmp_path / "i.json"
+        )
+        == 0
+    )
     found = read_campaign(out).windows
     assert [window.id for window in found] == ["k01", "k02"]
     assert [window.t[0] for window in found] == pytest.approx([2.1, 1.7], abs=0.3)
@@ -49,14 +54,14 @@ def test_a_vicon_text_becomes_a_campaign_by_its_robot_file(imported_robot, lab_r
     write_robot(robot, imported_robot)
     texts = [path for path in lab_recording.folder.iterdir() if path.suffix == ".txt"]
     out = tmp_path / "out"
-    assert import_kind_command("vicon-text", texts, out, robot, None, None) in {0, 1}
+    assert import_kind_command("vicon-text", texts, out, ImportOptions(robot), None) in {0, 1}
     told = json.loads((out / "import.json").read_text(encoding="utf-8"))
     assert told["takes"][0]["decided"] or told["takes"][0]["refused"]
 
 
 @pytest.fixture
 def imported_robot(lab_recording, tmp_path: Path):
-    from fidim_lab.app.records.import_recording import run_import
+    from fidim_lab.app.import_recording import run_import
 
     return run_import("irma4u", [lab_recording.folder], tmp_path / "by-irma4u").campaign.robot
 
@@ -72,4 +77,4 @@ def imported_robot(lab_recording, tmp_path: Path):
 )
 def test_options_that_do_not_belong_are_told(kind: str, robot: Path | None, takes: str | None, says: str):
     with pytest.raises(SetupError, match=says):
-        import_kind_command(kind, [Path("x")], Path("never"), robot, takes, None)
+        import_kind_command(kind, [Path("x")], Path("never"), ImportOptions(robot, takes), None)

@@ -1,0 +1,105 @@
+"""Which robot log belongs to which take, and the lengths and currents of a window by it."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.app.import_poses import PosedTake
+from fidim_lab.data.alignment import align_clocks
+from fidim_lab.data.importers.cells import EPOCH
+from fidim_lab.data.importers.takes import EncoderLog, Take
+from fidim_lab.errors import RefusedError, SetupError
+from fidim_lab.model.mechanism import Mechanism
+
+TRUSTED_CLOCK = 0.9
+"""correlation of swivel angles above which log and markers are brought to one clock"""
+
+COVERED = 0.5
+"""share of a window that its log has to cover to tell the lengths"""
+
+
+def match(takes: Sequence[Take], logs: Sequence[EncoderLog]) -> tuple[tuple[Take, ...], tuple[str, ...]]:
+    """Takes with their logs, by name (the same stem, or the same numbers in it), else by clock; and logs of no take.
+
+    A log by clock may serve several takes. Raises SetupError where two logs fit one take by name.
+    """
+    matched: list[Take] = []
+    used: set[int] = set()
+    for take in takes:
+        stem = take.markers.source.stem
+        fitting = [k for k, log in enumerate(logs) if log.source.stem == stem]
+        fitting = fitting or [
+            k for k, log in enumerate(logs) if _numbers(stem) and _numbers(log.source.stem) == _numbers(stem)
+        ]
+        fitting = fitting or [k for k, log in enumerate(logs) if _spans(log, take)]
+        if not fitting and len(takes) == len(logs) == 1:
+            fitting = [0]
+        if len(fitting) > 1:
+            named = " and ".join(str(logs[k].source.name) for k in fitting[:2])
+            raise SetupError(f"{named} both belong to {take.markers.source.name} by their names.")
+        used.update(fitting)
+        matched.append(replace(take, log=logs[fitting[0]]) if fitting else take)
+    return tuple(matched), tuple(log.source.name for k, log in enumerate(logs) if k not in used)
+
+
+def _numbers(stem: str) -> tuple[int, ...]:
+    return tuple(int(digits) for digits in re.findall(r"\d{1,15}", stem))
+
+
+def _spans(log: EncoderLog, take: Take) -> bool:
+    """Whether both clocks count from 1970 and the log goes on during the whole take."""
+    began = take.markers.began
+    return began is not None and log.t[0] > EPOCH and log.t[0] <= began and began + take.markers.t[-1] <= log.t[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Logged:
+    """What a window has by its log."""
+
+    lengths: np.ndarray
+    """(N, n) m"""
+    currents: np.ndarray | None
+    """(N, n) A"""
+    words: str
+
+
+def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray) -> Logged:
+    """Lengths by the log where there is one, its unknown zeros from the poses; without one, those of the poses."""
+    known = rows & np.isfinite(posed.positions).all(axis=1)
+    held = np.median(mechanism.lengths(posed.positions[known], posed.rotations[known]), axis=0)
+    if take.log is None:
+        constant = np.tile(held, (int(rows.sum()), 1))
+        return Logged(constant, None, "lengths: the median of what the poses say, for there is no log")
+    offset, clock = _offset(mechanism, take, take.log, posed)
+    at = posed.t[rows] + offset
+    counted = _at(take.log, take.log.lengths, at)
+    if np.isfinite(counted).all(axis=1).mean() < COVERED:
+        what = f"{take.log.source.name} does not reach over this window: lengths are the median of what the poses say"
+        return Logged(np.tile(held, (int(rows.sum()), 1)), None, what)
+    currents = None if take.log.currents is None else _at(take.log, take.log.currents, at)
+    lengths = counted - np.nanmedian(counted, axis=0) + held
+    return Logged(lengths, currents, f"lengths by {take.log.source.name}, zeros by the poses, {clock}")
+
+
+def _at(log: EncoderLog, columns: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """NaN where the log does not reach."""
+    return np.column_stack([np.interp(at, log.t, column, left=np.nan, right=np.nan) for column in columns.T])
+
+
+def _offset(mechanism: Mechanism, take: Take, log: EncoderLog, posed: PosedTake) -> tuple[float, str]:
+    """What to add to the markers' time for the log's, s, and how it is known."""
+    if log.swivels is not None:
+        known = np.isfinite(posed.positions).all(axis=1)
+        angles = np.full((len(posed.t), mechanism.robot.n), np.nan)
+        angles[known] = mechanism.swivel_angles(posed.positions[known], posed.rotations[known])
+        try:
+            clock = align_clocks(posed.t, angles, log.t, log.swivels)
+        except RefusedError:
+            clock = None
+        if clock is not None and clock.correlation > TRUSTED_CLOCK:
+            return clock.offset, "clocks aligned by swivel angles"
+    if _spans(log, take) and take.markers.began is not None:
+        return take.markers.began, "clocks by the time of day in both files"
+    return float(log.t[0] - posed.t[0]), "clocks not aligned: the log begins with the take"

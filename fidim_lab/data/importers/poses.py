@@ -1,0 +1,43 @@
+"""Rigid bodies of exports: rotations from quaternions or matrices, NaN where the body was not seen."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from fidim_lab.arrays import Positions, Rotations
+from fidim_lab.data.importers.recording import BodyTrack
+from fidim_lab.errors import FileError
+
+OFF = 0.02
+"""by which a quaternion's norm, or a matrix's product with its transpose, may miss 1: exports round to 3 digits"""
+
+
+def by_quaternions(path: Path, name: str, positions: Positions, xyzw: Float[np.ndarray, "N 4"]) -> BodyTrack:
+    """A body from places, m, and quaternions x, y, z, w. Raises FileError where one is not of unit length."""
+    norm = np.linalg.norm(xyzw, axis=1)
+    seen = np.isfinite(positions).all(axis=1) & np.isfinite(norm) & (norm > 0.0)
+    _refuse(path, name, seen & (np.abs(norm - 1.0) > OFF), "a quaternion whose length is not 1")
+    rotations = np.full((len(xyzw), 3, 3), np.nan)
+    if seen.any():
+        rotations[seen] = Rotation.from_quat(xyzw[seen]).as_matrix()
+    return BodyTrack(name, np.where(seen[:, None], positions, np.nan), rotations)
+
+
+def by_matrices(path: Path, name: str, positions: Positions, matrices: Rotations) -> BodyTrack:
+    """A body from places, m, and rotation matrices body → world. Raises FileError where one is no rotation."""
+    finite = np.isfinite(positions).all(axis=1) & np.isfinite(matrices).all(axis=(1, 2))
+    seen = np.asarray(finite & (matrices != 0.0).any(axis=(1, 2)))
+    known = np.where(seen[:, None, None], matrices, np.eye(3))
+    product = known @ known.swapaxes(1, 2)
+    wrong = np.asarray((np.abs(product - np.eye(3)).max(axis=(1, 2)) > OFF) | (np.linalg.det(known) < 0.0))
+    _refuse(path, name, wrong, "a matrix that is no rotation")
+    turned = Rotation.from_matrix(known).as_matrix()
+    rotations = np.where(seen[:, None, None], turned, np.nan)
+    return BodyTrack(name, np.where(seen[:, None], positions, np.nan), rotations)
+
+
+def _refuse(path: Path, name: str, wrong: np.ndarray, what: str) -> None:
+    if wrong.any():
+        raise FileError(path, f"body {name[:60]}, frame {int(np.argmax(wrong)) + 1}", what)

@@ -1,0 +1,179 @@
+"""ROS 2 bags (folder, .db3, .mcap) and other MCAP files: points and poses of any message type that has them.
+
+Lengths are metres and z is up, by ROS's convention (REP 103). Stamps are those of the messages; where these say
+nothing, those of the recording. Every mistake is a FileError with file and topic.
+"""
+
+import fnmatch
+import sqlite3
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from fidim_lab.data.importers.cells import EPOCH, MIN_FRAMES, check_near, even_times
+from fidim_lab.data.importers.decoding import LONGEST_MESSAGE, Decoder
+from fidim_lab.data.importers.labels import apart
+from fidim_lab.data.importers.messages import Sighting, sightings
+from fidim_lab.data.importers.poses import by_quaternions
+from fidim_lab.data.importers.recording import MarkerLog
+from fidim_lab.data.input_file import MIB, open_input
+from fidim_lab.data.mcap_file import read_mcap
+from fidim_lab.errors import FidimError, FileError
+
+LIMIT = 512 * MIB
+SQLITE = b"SQLite format 3\0"
+MOST_STEPS = 20_000
+"""times 100 000 steps of SQLite's machine: a bag of 512 MiB takes under 1000; a view may be made to run for ever"""
+MOST_TRACKS = 200
+JITTER = 0.05
+"""of a step, rms; from here on it is told that stamps jitter and samples are taken as even"""
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message as plain values."""
+
+    topic: str
+    logged: float
+    """s, since 1970 as a rule"""
+    value: Any
+
+
+def read_bag(path: Path, topics: Sequence[str] = ()) -> MarkerLog:
+    """Read one bag; `topics`: patterns of those to take, all of them where empty. Raises FileError, SetupError."""
+    seen: dict[str, list[tuple[float, Sighting]]] = defaultdict(list)
+    decoder = Decoder(lambda topic: not topics or any(fnmatch.fnmatchcase(topic, wanted) for wanted in topics))
+    try:
+        for message in _messages(path, decoder):
+            if message.value is not None:
+                for sighting in sightings(message.value):
+                    seen[message.topic].append((sighting.stamp or message.logged, sighting))
+    except FidimError:
+        raise
+    except Exception as error:  # rosbags, protobuf and sqlite3 each have errors of their own
+        what = f"is damaged, or of a type that cannot be read ({type(error).__name__}: {str(error)[:120]})"
+        raise FileError(path, "", what) from None
+    if not seen:
+        wanted = f" of topic {', '.join(topics)[:80]}" if topics else ""
+        raise FileError(path, "", f"no message{wanted} with a point or a pose", hint="Record points or poses.")
+    return _log(path, _chosen(path, seen))
+
+
+def _messages(path: Path, decoder: Decoder) -> Iterator[Message]:
+    if path.is_dir():
+        files = [one for one in sorted(path.iterdir()) if one.suffix in {".db3", ".mcap"}]
+        if not files:
+            packed = any(one.suffix == ".zstd" for one in path.iterdir())
+            hint = "Unpack it first: ros2 bag convert, or zstd -d." if packed else "A bag's folder holds .db3 or .mcap."
+            raise FileError(path, "", "a folder without a .db3 or .mcap file", hint=hint)
+        for one in files:
+            yield from _messages(one, decoder)
+        return
+    with open_input(path, LIMIT) as file:
+        begin = file.read(len(SQLITE))
+    if begin == SQLITE:
+        yield from _of_sqlite(path, decoder)
+    elif begin.startswith(b"#ROSBAG"):
+        raise FileError(path, "", "is a bag of ROS 1", hint="Convert it: rosbags-convert --src FILE --dst FOLDER.")
+    else:
+        for one in read_mcap(path, LIMIT, decoder.mcap).messages:
+            yield Message(one.topic, one.log_time, one.value)
+
+
+def _of_sqlite(path: Path, decoder: Decoder) -> Iterator[Message]:
+    """Messages of a bag's database, opened to read only, with bounds on what a made-up one may cost."""
+    connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
+    try:
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 2 * LONGEST_MESSAGE)
+        connection.execute("PRAGMA trusted_schema = OFF")
+        steps = iter(range(MOST_STEPS))
+        connection.set_progress_handler(lambda: int(next(steps, None) is None), 100_000)
+        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {"topics", "messages"} <= tables:
+            raise FileError(path, "", "a database without topics and messages: is it a ROS 2 bag?")
+        definitions = _definitions(connection) if "message_definitions" in tables else {}
+        decoders = {}
+        for number, name, kind, encoding in connection.execute(
+            "SELECT id, name, type, serialization_format FROM topics"
+        ).fetchall():
+            if encoding != "cdr":
+                raise FileError(path, f"topic {str(name)[:60]}", f"is encoded as {str(encoding)[:20]!r}; cdr is read")
+            decoders[number] = (str(name), decoder.of_topic(str(name), str(kind), *definitions.get(kind, ("", b""))))
+        for number, stamp, data in connection.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
+            topic, decode = decoders[number]
+            yield Message(topic, stamp * 1e-9, None if decode is None else decode(data))
+    finally:
+        connection.close()
+
+
+def _definitions(connection: sqlite3.Connection) -> dict[str, tuple[str, bytes]]:
+    rows = connection.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
+    return {str(kind): (str(encoding), str(text).encode()) for kind, encoding, text in rows}
+
+
+def _chosen(path: Path, seen: dict[str, list[tuple[float, Sighting]]]) -> dict[str, list[tuple[float, Sighting]]]:
+    """All topics where they share their stamps; else the only one with even ones. Raises FileError naming them."""
+    if _is_even(path, [stamp for rows in seen.values() for stamp, _ in rows]):
+        return seen
+    even = [topic for topic, rows in seen.items() if _is_even(path, [stamp for stamp, _ in rows])]
+    if len(seen) == 1 or len(even) == 1:
+        only = even[0] if even else next(iter(seen))
+        return {only: seen[only]}
+    found = ", ".join(f"{topic} ({len(rows)})" for topic, rows in list(seen.items())[:8])
+    raise FileError(path, "", f"topics with their own stamps: {found[:200]}", hint="Say which with --topic.")
+
+
+def _is_even(path: Path, stamps: Iterable[float]) -> bool:
+    distinct = np.unique(np.array(list(stamps)))
+    try:
+        even_times(path, distinct)
+    except (FileError, IndexError):
+        return False
+    return len(distinct) >= MIN_FRAMES
+
+
+def _log(path: Path, seen: dict[str, list[tuple[float, Sighting]]]) -> MarkerLog:
+    stamps = np.unique(np.array([stamp for rows in seen.values() for stamp, _ in rows]))
+    if len(stamps) < MIN_FRAMES:
+        raise FileError(path, "", f"{len(stamps)} stamps; a recording has at least {MIN_FRAMES}")
+    t, rate = even_times(path, stamps)
+    points: dict[str, np.ndarray] = {}
+    poses: dict[str, np.ndarray] = {}
+    for topic, rows in seen.items():
+        for stamp, sighting in rows:
+            tracks, values = (
+                (points, sighting.place)
+                if sighting.quaternion is None
+                else (poses, (*sighting.place, *sighting.quaternion))
+            )
+            name = f"{topic}/{sighting.name}" if sighting.name and len(seen) > 1 else sighting.name or topic
+            if name not in tracks:
+                if len(points) + len(poses) >= MOST_TRACKS:
+                    raise FileError(path, f"topic {topic[:60]}", f"more than {MOST_TRACKS} points and poses")
+                tracks[name] = np.full((len(stamps), len(values)), np.nan)
+            tracks[name][np.searchsorted(stamps, stamp)] = values
+    positions = np.stack(list(points.values()), axis=1) if points else np.zeros((len(t), 0, 3))
+    check_near(path, positions, "ROS's unit of length is the metre")
+    labelled, positions, loose = apart(tuple(points), positions)
+    bodies = tuple(by_quaternions(path, name, track[:, :3], track[:, 3:]) for name, track in poses.items())
+    return MarkerLog(
+        path, labelled, rate, t, positions, 1.0, "z", _said(seen, t, rate), bodies, loose,
+        began=float(stamps[0]) if stamps[0] > EPOCH else None,
+    )  # fmt: skip
+
+
+def _said(seen: dict[str, list[tuple[float, Sighting]]], t: np.ndarray, rate: float) -> tuple[str, ...]:
+    own = all(sighting.stamp is not None for rows in seen.values() for _, sighting in rows)
+    said = [
+        f"topics {', '.join(seen)[:200]}; metres and z upwards by ROS's convention",
+        f"{rate:.4g} Hz by the stamps of the {'messages' if own else 'recording, for the messages have none'}",
+    ]
+    jitter = float(np.sqrt(np.mean((t * rate - np.rint(t * rate)) ** 2)))
+    if jitter > JITTER:
+        said.append(f"stamps jitter by {jitter:.0%} of a step (rms); the samples are taken as even")
+    return tuple(said)
