@@ -32,7 +32,8 @@ UPRIGHT = MappingProxyType(
     }
 )
 """by the axis that points upwards in the file: what turns it to z"""
-TRIED_UNITS = ("m", "cm", "mm", "in")
+TRIED_UNITS = ("m", "mm")
+"""a factor of 1000 apart, so that a place tells them apart"""
 STRAY = 5e-3
 """m, by which lengths of locked cables may vary by the poses. With a surveyed frame it was 0.1 to 0.5 in 60 takes"""
 CLEAR = 2.0

@@ -60,7 +60,7 @@ def stitch(markers: MarkerSeries, places: MarkerSeries, body: MarkerShape) -> St
     relabelled = found = 0
     for k in np.flatnonzero(doubtful):
         before = mended[k - 1] if k else np.full_like(shape, np.nan)
-        better = _found(places[k], before, shape, limit, near)
+        better = _found(places[k], before, shape, near)
         if better is None:
             continue
         now = np.asarray(np.isfinite(better[:, 0]))
@@ -73,9 +73,14 @@ def stitch(markers: MarkerSeries, places: MarkerSeries, body: MarkerShape) -> St
 
 
 def _shape(markers: MarkerSeries, body: MarkerShape) -> MarkerShape:
-    """The shape that most samples agree on, or the robot file's where no sample shows all markers."""
+    """The shape by the samples whose distances are the median ones, or the robot file's where no sample is whole."""
+    whole = markers[np.isfinite(markers).all(axis=(1, 2))]
+    if not len(whole):
+        return body
+    apart = np.linalg.norm(whole[:, :, None] - whole[:, None], axis=3)
+    usual = np.abs(apart - np.median(apart, axis=0)).max(axis=(1, 2)) < NEAR * _smallest(body)
     try:
-        return cluster_shape(markers).markers
+        return cluster_shape(whole[usual]).markers
     except RefusedError:
         return body
 
@@ -85,7 +90,7 @@ def _smallest(shape: MarkerShape) -> float:
     return float(apart[np.triu_indices(len(shape), 1)].min())
 
 
-def _found(places: np.ndarray, before: np.ndarray, shape: MarkerShape, limit: float, near: float) -> np.ndarray | None:
+def _found(places: np.ndarray, before: np.ndarray, shape: MarkerShape, near: float) -> np.ndarray | None:
     """(B, 3) the markers among the places of one sample, NaN where there is none; None in doubt."""
     points = places[np.isfinite(places).all(axis=1)]
     if len(points) < FEWEST:
@@ -94,9 +99,9 @@ def _found(places: np.ndarray, before: np.ndarray, shape: MarkerShape, limit: fl
     if np.isfinite(misfit[0]):
         expected = position[0] + shape @ rotation[0].T
         assigned = _assigned(points, expected, near)
-        if _fits(assigned, shape, limit):
+        if _fits(assigned, shape, FITS * near):
             return assigned
-    return _by_distances(points, shape, limit)
+    return _by_distances(points, shape, near)
 
 
 def _assigned(points: np.ndarray, expected: np.ndarray, near: float) -> np.ndarray:
@@ -114,17 +119,18 @@ def _fits(markers: np.ndarray, shape: MarkerShape, limit: float) -> bool:
     return bool(fit_pose(markers[None], shape)[2][0] <= limit)
 
 
-def _by_distances(points: np.ndarray, shape: MarkerShape, limit: float) -> np.ndarray | None:
+def _by_distances(points: np.ndarray, shape: MarkerShape, near: float) -> np.ndarray | None:
     """The only assignment of most markers that fits the shape; None where there is none, or two."""
     if len(points) > MOST_PLACES:
         return None
+    limit = FITS * near
     best: list[np.ndarray] = []
     most = FEWEST
     for guess in _guesses(points, shape, 3.0 * limit):
         position, rotation, misfit = fit_pose(guess[None], shape)
         if not misfit[0] <= limit:
             continue
-        assigned = _assigned(points, position[0] + shape @ rotation[0].T, 10.0 * limit)
+        assigned = _assigned(points, position[0] + shape @ rotation[0].T, near)
         count = int(np.isfinite(assigned).all(axis=1).sum())
         if count < most or not _fits(assigned, shape, limit):
             continue

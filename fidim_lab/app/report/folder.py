@@ -141,6 +141,26 @@ class Imported(_Lenient):
         return next((found for found in self.windows if found.id == window), None)
 
 
+class TakeFound(_Lenient):
+    """One take of an import of many."""
+
+    id: str
+    file: str
+    log: str | None = None
+    decided: tuple[str, ...]
+    warnings: tuple[str, ...]
+    refused: str | None = None
+
+
+class ImportedTakes(_Lenient):
+    """What an import of many takes decided ("fidim-takes/1")."""
+
+    kind: str
+    name: str
+    takes: tuple[TakeFound, ...]
+    unread: dict[str, str] = {}
+
+
 @dataclass(frozen=True, eq=False)
 class Contents:
     """All that a report can tell of a folder; None for what is not there."""
@@ -150,6 +170,9 @@ class Contents:
     story: Story | None
     truth: Truth | None
     imported: Imported | None
+    """one recording"""
+    takes: ImportedTakes | None
+    """many takes"""
     rejected: tuple[str, ...]
     """names of the recordings kept aside"""
     provenance: Provenance
@@ -160,22 +183,22 @@ class Contents:
 def read_folder(folder: Path) -> Contents:
     """Read a folder. Raises FileError for a missing or wrong file, with the place in it."""
     journal = folder / JOURNAL
+    many = _of_takes(folder / IMPORT)
     return Contents(
         campaign=_campaign(folder, begun=journal.exists()),
         story=read_story(journal) if journal.exists() else None,
         truth=_json(folder / TRUTH, Truth),
-        imported=_imported(folder / IMPORT),
+        imported=None if many else _json(folder / IMPORT, Imported),
+        takes=_json(folder / IMPORT, ImportedTakes) if many else None,
         rejected=tuple(sorted(path.name for path in folder.glob("rejected/*.csv"))),
         provenance=provenance(folder),
         drives=() if (drives := _json(folder / DEVICES, Drives)) is None else drives.winches,
     )
 
 
-def _imported(path: Path) -> Imported | None:
-    """What one recording was registered by; an import of many takes has its own page, import.json itself."""
-    if path.exists() and isinstance(found := read_json(path), dict) and found.get("format") == TAKES:
-        return None
-    return _json(path, Imported)
+def _of_takes(path: Path) -> bool:
+    """Whether it is the file of an import of many takes."""
+    return path.exists() and isinstance(found := read_json(path), dict) and found.get("format") == TAKES
 
 
 def _campaign(folder: Path, *, begun: bool) -> Campaign:

@@ -46,7 +46,6 @@ class Page:
     rejected: Table | None
     timeline: Drawing | None
     incidents: Table | None
-    trials: Table | None
     imported: Table | None
     origin: tuple[tuple[str, str], ...]
     """facts of the provenance"""
@@ -87,10 +86,9 @@ def make_page(
         rejected=tables.rejected_table(contents),
         timeline=_timeline(contents),
         incidents=None if contents.story is None else tables.incident_table(contents.story),
-        trials=None if contents.story is None else tables.trials_table(contents.story),
-        imported=None if contents.imported is None else tables.import_table(contents.imported),
+        imported=tables.imported_table(contents),
         origin=(*_origin(contents, result), *contents.provenance.manifest),
-        origin_tables=(*tables.drive_tables(contents), tables.version_table(contents), tables.file_table(contents)),
+        origin_tables=(tables.version_table(contents), tables.file_table(contents)),
     )
 
 
@@ -98,7 +96,7 @@ def _badges(contents: Contents, result: IdentificationResult | None) -> tuple[st
     badges: list[str] = []
     if contents.truth is not None:
         badges.append("simulated")
-    if contents.imported is not None:
+    if contents.imported is not None or contents.takes is not None:
         badges.append("imported")
     if contents.story is not None:
         badges.append(f"run: {MARKS[contents.story.outcome]}")

@@ -23,6 +23,8 @@ def recorded_sentence(contents: Contents) -> str:
     ]
     if contents.imported is not None:
         parts.append(f"imported from another laboratory's recording {contents.imported.name}")
+    if contents.takes is not None:
+        parts.append(f"imported from {counted(len(contents.takes.takes), 'take')} ({contents.takes.kind})")
     if story is not None:
         rejected = story.recordings - len(campaign.windows)
         if rejected > 0:
