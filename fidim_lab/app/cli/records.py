@@ -53,7 +53,7 @@ def import_(
     KIND: irma4u, grab, vicon-text, vicon-csv, motive-csv, qtm-tsv, qtm-mat, trc, c3d, mcap, ros2-bag, csv. Several
     files become one campaign: each gives the windows of free motion that are found in it.
     """
-    from fidim_lab.app.import_kinds import ImportOptions, import_kind_command
+    from fidim_lab.app.records.import_kinds import ImportOptions, import_kind_command
     from fidim_lab.data.importers.takes import Asked
 
     names = tuple(name.strip() for name in order.split(",")) if order else ()
@@ -92,7 +92,7 @@ def compare(first: Path, second: Path, json_file: Path | None, report: Path | No
     Parameters with their difference in standard deviations, windows, tensions and verdicts. Exit 1 where a difference
     is larger than chance explains.
     """
-    from fidim_lab.app.compare import compare_command
+    from fidim_lab.app.records.compare import compare_command
 
     sys.exit(compare_command(first, second, json_file, report))
 
@@ -103,7 +103,7 @@ def compare(first: Path, second: Path, json_file: Path | None, report: Path | No
 @example("fidim verify runs/dry-run-1")
 def verify(folder: Path, json_file: Path | None) -> None:
     """Check every file of a run FOLDER against its manifest: exit 1 where one is changed, missing or extra."""
-    from fidim_lab.app.verify import verify_command
+    from fidim_lab.app.records.verify import verify_command
 
     sys.exit(verify_command(folder, json_file))
 
@@ -126,7 +126,7 @@ def export(
     source: Path, kind: str, out: Path | None, mass: float | None, unfinished: bool, json_file: Path | None
 ) -> None:
     """Export a campaign folder, or the parameters of a "fidim-result/1" file, for other programs."""
-    from fidim_lab.app.export import export_command
+    from fidim_lab.app.records.export import export_command
 
     sys.exit(export_command(source, kind, out, mass, unfinished=unfinished, json_file=json_file))
 
@@ -141,6 +141,6 @@ def replay(folder: Path, speed: float, json_file: Path | None) -> None:
 
     Exit 1 at the first difference: the drivers now read the same bytes in another way.
     """
-    from fidim_lab.app.replay import replay_command
+    from fidim_lab.app.records.replay import replay_command
 
     sys.exit(replay_command(folder, speed, json_file))

@@ -11,9 +11,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fidim_lab.app.import_logs import match
-from fidim_lab.app.import_recording import import_command
-from fidim_lab.app.import_takes import import_takes_command
+from fidim_lab.app.records.import_logs import match
+from fidim_lab.app.records.import_recording import import_command
+from fidim_lab.app.records.import_takes import import_takes_command
 from fidim_lab.data.campaign import refuse_taken
 from fidim_lab.data.importers.c3d_file import read_c3d
 from fidim_lab.data.importers.grab import read_grab

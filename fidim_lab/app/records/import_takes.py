@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app import console
-from fidim_lab.app.import_logs import logged
-from fidim_lab.app.import_poses import pose_take
+from fidim_lab.app.records.import_logs import logged
+from fidim_lab.app.records.import_poses import pose_take
+from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.importers.takes import Asked, Take, Takes
 from fidim_lab.data.records import Campaign, Role, Window

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.data.input_file import read_bytes
+from fidim_lab.data.files.input_file import read_bytes
 from fidim_lab.errors import FileError
 
 DELIMITERS = "\t;,"

@@ -16,7 +16,7 @@ import numpy as np
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
-from fidim_lab.data.input_file import check_values
+from fidim_lab.data.files.input_file import check_values
 from fidim_lab.errors import SetupError
 
 GEOMETRY = re.compile(rb"\b(Pose|Point|Transform|position|translation)\w*\b")

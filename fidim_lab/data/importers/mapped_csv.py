@@ -20,11 +20,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.importers.cells import EPOCH, SECONDS, check_near, even_times, length_scale, time_unit_of
 from fidim_lab.data.importers.columns import Column, TableMap, read_columns
 from fidim_lab.data.importers.poses import by_quaternions
 from fidim_lab.data.importers.recording import MarkerLog
-from fidim_lab.data.toml_file import Table, read_toml
 from fidim_lab.errors import FileError
 
 FORMAT = "fidim-columns/1"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fidim_lab.app.import_kinds import ImportOptions, import_kind_command
+from fidim_lab.app.records.import_kinds import ImportOptions, import_kind_command
 from fidim_lab.app.report.folder import read_folder
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
@@ -61,7 +61,7 @@ def test_a_vicon_text_becomes_a_campaign_by_its_robot_file(imported_robot, lab_r
 
 @pytest.fixture
 def imported_robot(lab_recording, tmp_path: Path):
-    from fidim_lab.app.import_recording import run_import
+    from fidim_lab.app.records.import_recording import run_import
 
     return run_import("irma4u", [lab_recording.folder], tmp_path / "by-irma4u").campaign.robot
 

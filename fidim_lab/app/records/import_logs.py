@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fidim_lab.app.import_poses import PosedTake
+from fidim_lab.app.records.import_poses import PosedTake
 from fidim_lab.data.alignment import align_clocks
 from fidim_lab.data.importers.cells import EPOCH
 from fidim_lab.data.importers.takes import EncoderLog, Take
