@@ -46,6 +46,7 @@ class Page:
     rejected: Table | None
     timeline: Drawing | None
     incidents: Table | None
+    trials: Table | None
     imported: Table | None
     origin: tuple[tuple[str, str], ...]
     """facts of the provenance"""
@@ -86,9 +87,10 @@ def make_page(
         rejected=tables.rejected_table(contents),
         timeline=_timeline(contents),
         incidents=None if contents.story is None else tables.incident_table(contents.story),
+        trials=None if contents.story is None else tables.trials_table(contents.story),
         imported=tables.imported_table(contents),
         origin=(*_origin(contents, result), *contents.provenance.manifest),
-        origin_tables=(tables.version_table(contents), tables.file_table(contents)),
+        origin_tables=(*tables.drive_tables(contents), tables.version_table(contents), tables.file_table(contents)),
     )
 
 

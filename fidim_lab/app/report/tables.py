@@ -9,7 +9,7 @@ from itertools import compress
 from pathlib import Path
 
 from fidim_lab.app.report.figures import Bar, ParameterRow
-from fidim_lab.app.report.folder import Contents, Imported, ImportedTakes
+from fidim_lab.app.report.folder import Contents, GradeRow, Imported, ImportedTakes
 from fidim_lab.app.report.incidents import incident_rows
 from fidim_lab.app.report.numerals import decimals, duration, fixed, short, size
 from fidim_lab.app.report.paper import FOUND
@@ -263,6 +263,24 @@ def import_table(imported: Imported) -> Table:
     return Table(f"Imported as {imported.kind}: {imported.name}", ("found", "value"), rows, numbers=False)
 
 
+def drive_tables(contents: Contents) -> tuple[Table, ...]:
+    """How the drives met their requirements; winches of one table share it."""
+    together: dict[tuple[GradeRow, ...], list[str]] = {}
+    for drive in contents.drives:
+        if drive.grades:
+            together.setdefault(drive.grades, []).append(drive.config.name)
+    names = ("requirement", "grade", "met", "by", "what takes its place")
+    return tuple(
+        Table(
+            f"What the drives of {', '.join(winches)} can do",
+            names,
+            tuple((g.requirement, g.grade, g.met, g.found, g.instead) for g in grades),
+            numbers=False,
+        )
+        for grades, winches in together.items()
+    )
+
+
 def file_table(contents: Contents) -> Table:
     """The folder's files with their checksums."""
     rows = [(file.name, size(file.size), file.sha256) for file in contents.provenance.files]
@@ -276,3 +294,30 @@ def version_table(contents: Contents) -> Table:
 
 def _milli(value: float | None) -> float | None:
     return None if value is None else millimetres(value)
+
+
+def trials_table(story: Story) -> Table | None:
+    """Each stop that was tried, with what the winch's own encoder told; None where none was."""
+    if not story.trials:
+        return None
+    rows = [
+        (tried.window, tried.trial, MARKS[tried.outcome], *_stop_cells(tried.measurements), tried.reason)
+        for tried in story.trials
+    ]
+    columns = ("winch", "trial", "", "time, s", "allowed", "way, mm", "allowed", "then, mm", "without power, mm", "")
+    caption = f"Stops proven by trial, without load, at {short(story.trials[0].speed)} m/s, by each winch's own encoder"
+    return Table(caption, columns, tuple(rows), numbers=False)
+
+
+def _stop_cells(seen: Sequence[Seen]) -> tuple[str, ...]:
+    """Time and way with what was allowed, and what it moved with power and without it afterwards."""
+    cells = ["", "", "", "", "", ""]
+    for one in seen:
+        factor = 1e3 if one.unit == "m" else 1.0
+        value = "" if one.value is None else short(factor * one.value)
+        if one.name.startswith(("time", "way")):
+            at = 0 if one.name.startswith("time") else 2
+            cells[at : at + 2] = value, "" if one.high is None else short(factor * one.high)
+        elif one.name.startswith("moved"):
+            cells[5 if "power" in one.name else 4] = value
+    return tuple(cells)
