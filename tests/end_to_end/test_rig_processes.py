@@ -16,9 +16,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.ports import Trial
 from fidim_lab.app import cli, compose
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Plan, PlannedWindow, Role
+from fidim_lab.data.rigs.proof_file import proofs_path, read_proofs
 from fidim_lab.data.rigs.rig_file import read_rig
 from procedures.events import RunFinished, StepStarted
 from procedures.protocols import catalogue
@@ -262,3 +264,52 @@ def test_the_same_over_udp_multicast_and_lines_of_text_with_y_up(simulators, tmp
         pytest.skip(f"no multicast here: {error}")
     assert doctor(world.path) == 0, capsys.readouterr().out
     assert world.end()[0] == 0
+
+
+class Yes:
+    """Types what is asked for, a second after another: what was typed before a question does not answer it."""
+
+    def __init__(self, child):
+        self.child, self.going = child, True
+        threading.Thread(target=self._type, daemon=True).start()
+
+    def _type(self):
+        while self.going and self.child.poll() is None:
+            with contextlib.suppress(OSError, ValueError):
+                self.child.stdin.write("done\n")
+                self.child.stdin.flush()
+            wait(1.0)
+
+
+@pytest.mark.slow
+def test_stops_are_proven_as_typed_and_the_report_shows_them(tmp_path):
+    """`fidim commission --embedded`: real sockets, a service, a person who types; then its page."""
+    command = ["commission", str(EXAMPLE), "--by", "A. Tester", "--embedded", "--out", str(tmp_path / "run")]
+    child = subprocess.Popen(
+        [sys.executable, "-c", MAIN, *command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    typing = Yes(child)
+    try:
+        said = child.stdout.read()
+        assert child.wait(30) == 0, said
+    finally:
+        typing.going = False
+        child.kill()
+        child.wait()
+        child.stdin.close()
+        child.stdout.close()
+    assert "4 of 4 winches stop by themselves" in said
+    assert not proofs_path(EXAMPLE).exists()  # a rehearsal proves nothing of the real drives
+    proofs = read_proofs(tmp_path / "run" / "proofs.toml")
+    assert {(proof.winch, proof.trial) for proof in proofs} == {
+        (f"winch {k}", trial) for k in range(1, 5) for trial in Trial if trial is not Trial.LOST_SYNC
+    }
+    assert cli.run(["report", str(tmp_path / "run")]) == 0
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert "Stops proven by trial" in page
+    assert page.count("heartbeat withheld") >= 4

@@ -28,6 +28,8 @@ def held_proofs(file: RigFile, config: WinchConfig) -> tuple[Proof, ...]:
 
 def void(proof: KeptProof, file: RigFile, config: WinchConfig) -> str:
     """Why a kept proof does not hold any more, in words; empty where it does."""
+    if proof.trial not in tuple(Trial):
+        return f"this version knows no trial {proof.trial!r}"
     wanted = {
         "vendor_id": config.vendor_id,
         "product_code": config.product_code,
