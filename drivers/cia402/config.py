@@ -8,6 +8,7 @@ from pathlib import Path
 from drivers.cia402.family import GENERIC_FAMILY, DriveFamily, counts_per_digit
 from drivers.cia402.requirements import Proof
 from drivers.cia402.scale import COUNT_MAX, COUNT_MIN, LengthScale
+from drivers.cia402.signals import Signal
 from drivers.cia402.words import Mode
 from fidim_lab.errors import SetupError
 
@@ -149,6 +150,10 @@ class WinchConfig:
     """s after which a sample is not believed any more; None: ten SYNC periods, at least 0.05 s"""
     temperature: TemperatureObject | None = None
     """where the drive family keeps its temperature; None: not asked for"""
+    sto: Signal | None = None
+    """the input (60FD) that is active while safe torque off is; None: none is told"""
+    brake_output: Signal | None = None
+    """the output (60FE) that is active while the brake is applied by hand; None: the drive keeps it to itself"""
     mode: Mode = Mode.PROFILE_POSITION
     """in which the winch moves: profile position, or cyclic position (`CyclicWinch`)"""
     zero: StoredZero | None = None

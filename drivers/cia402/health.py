@@ -1,4 +1,6 @@
-"""What a drive says of itself besides its PDOs: following error (60F4) and temperature, asked by SDO twice a second.
+"""What a drive says of itself besides its PDOs: following error (60F4), temperature, safe torque off (60FD).
+
+Asked by SDO twice a second.
 
 By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive lets these objects be mapped. An object
 that the drive refuses is not asked for again; what has not been answered lately is unknown.
@@ -9,6 +11,7 @@ from dataclasses import dataclass, replace
 from drivers.cia402.config import TemperatureObject
 from drivers.cia402.node import NodeLink
 from drivers.cia402.sdo import SdoRefusedError
+from drivers.cia402.signals import INPUTS, Signal
 from drivers.ports import Clock
 from fidim_lab.errors import DeviceError
 
@@ -29,6 +32,8 @@ class Health:
     """counts"""
     temperature: float | None = None
     """°C"""
+    sto: bool = False
+    """safe torque off is active"""
 
 
 NOTHING_TOLD = Health()
@@ -37,7 +42,10 @@ NOTHING_TOLD = Health()
 class HealthPoll:
     """Asks one drive. `run` is a task beside the control loop; without it nothing is ever told."""
 
-    def __init__(self, link: NodeLink, clock: Clock, temperature: TemperatureObject | None) -> None:
+    def __init__(
+        self, link: NodeLink, clock: Clock, temperature: TemperatureObject | None, sto: Signal | None = None
+    ) -> None:
+        self._sto = sto if sto is not None and link.sdo.knows(INPUTS) else None
         self._link = link
         self._clock = clock
         self._temperature = temperature if temperature and link.sdo.knows(temperature.index, temperature.sub) else None
@@ -51,7 +59,7 @@ class HealthPoll:
 
     async def run(self) -> None:
         """Ask for ever. A drive that does not answer is asked again; why not, others find out."""
-        while self._follows or self._temperature is not None:
+        while self._follows or self._temperature is not None or self._sto is not None:
             await self._clock.sleep(PERIOD)
             if self._link.brought_up:
                 try:
@@ -69,6 +77,9 @@ class HealthPoll:
             digits = await self._number(where.index, where.sub)
             self._temperature = where if digits is not None else None
             found = replace(found, temperature=None if digits is None else where.scale * digits)
+        if self._sto is not None:
+            inputs = await self._number(INPUTS, 0)
+            found = replace(found, sto=inputs is not None and self._sto.is_active(inputs))
         self._newest = found
 
     async def _number(self, index: int, sub: int) -> int | None:

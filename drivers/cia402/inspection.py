@@ -13,6 +13,7 @@ from drivers.cia402.node import NodeLink
 from drivers.cia402.pdo import COB_MASK, COB_OFF, Entry, PdoMap, VendorEntry, mapping_expected
 from drivers.cia402.sdo import SdoChannel, SdoRefusedError
 from drivers.cia402.settings import Check, Setting, identity, limits
+from drivers.cia402.signals import INPUTS, STO_HINT, Signal
 from drivers.cia402.zero import check_zero
 from drivers.ports import DriveState
 
@@ -53,6 +54,8 @@ async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[In
     found += [_checked(check, HOME) for check in await check_zero(sdo, config)]
     found += [_checked(check, FACTORS) for check in await check_factors(sdo, config)]
     found += [await _state(sdo), await _error_register(sdo)]
+    if config.sto is not None:
+        found.append(await _sto(link, config.sto))
     found += [await _setting(sdo, setting) for setting in able.fitting(limits(config, host_id))]
     found += [await _pdo(sdo, pdo, link.node_id) for pdo in link.layout.pdos]
     if sdo.knows(0x60C2, 1):
@@ -83,6 +86,16 @@ async def _setting(sdo: SdoChannel, setting: Setting) -> Inspected:
         advice = "the EDS file has it as read only: set it with the vendor's tool"
         return Inspected(setting.object, setting.meaning, setting.words, str(value), Standing.WRONG, advice)
     return Inspected(setting.object, setting.meaning, setting.words, str(value), Standing.TO_BE_WRITTEN)
+
+
+async def _sto(link: NodeLink, sto: Signal) -> Inspected:
+    name, meaning, wanted = f"{INPUTS:04X}:0", "safe torque off (STO)", f"not active (bit {sto.bit})"
+    if not link.able.has(INPUTS):
+        advice = "this drive does not tell its inputs: leave sto out of the rig file"
+        return Inspected(name, meaning, wanted, "not in the EDS file", Standing.WRONG, advice)
+    if sto.is_active(await link.sdo.read(INPUTS)):
+        return Inspected(name, meaning, wanted, "active", Standing.WRONG, STO_HINT)
+    return Inspected(name, meaning, wanted, "not active", Standing.HOLDS)
 
 
 async def _state(sdo: SdoChannel) -> Inspected:

@@ -20,6 +20,7 @@ from drivers.cia402.pdo import DriveValues
 from drivers.cia402.requirements import Graded
 from drivers.cia402.scale import LengthScale
 from drivers.cia402.settings import Check
+from drivers.cia402.signals import INPUTS, STO_HINT, STO_SAYS
 from drivers.cia402.takeover import take_over
 from drivers.cia402.words import controlword
 from drivers.cia402.zero import Zeroed, read_zero
@@ -55,7 +56,7 @@ class Cia402Winch:
         self.zeroed: Zeroed | None = None
         """what `set_length` found"""
         self.link.motion = LastMotion(self._scale.magnitude(_TRAVEL))
-        self._health = HealthPoll(self.link, master.clock, config.temperature)
+        self._health = HealthPoll(self.link, master.clock, config.temperature, config.sto)
         self._commanded: Trajectory | None = None
         self._forced = False
         """stopped by NMT: PDOs are off"""
@@ -117,6 +118,8 @@ class Cia402Winch:
             await self.hold()
             return
         order = self._drive.begin()
+        if self.config.sto is not None and self.config.sto.is_active(await self.link.sdo.read(INPUTS)):
+            raise DeviceError(self.config.device, f"cannot be enabled: {STO_SAYS}.", hint=STO_HINT)
         if lost := await forgotten(self.link, self.config, self._master.host_id):
             raise DeviceError(
                 self.config.device,
@@ -255,9 +258,11 @@ class Cia402Winch:
             return None
         state = DriveState.UNKNOWN if self._drive.stale(values) else state_of(values.statusword)
         heartbeat, counters = self.link.heartbeat, self.link.counters
+        health = self._health.believed()
+        faults = filter(None, (STO_SAYS if health.sto else "", self._drive.fault()))
         beside = Beside(
-            self._drive.fault(),
-            self._health.believed(),
+            "; ".join(faults),
+            health,
             None if heartbeat is None else max(self._master.clock.now() - heartbeat.t, 0.0),
             counters.emergencies,
             counters.lost,

@@ -57,6 +57,7 @@ class Axis:
         self._errors = errors
         self._defects = defects or Defects()
         self._comes_back: float | None = None
+        self._without_torque = False
         self._positioner = Positioner(dictionary, shaft, position, make, self._defects)
         self.feedback = Feedback(dictionary, shaft, self._positioner, make, self._defects)
         self._set_points = SetPoints(dictionary, self._positioner, self.feedback, self._defects)
@@ -99,6 +100,12 @@ class Axis:
             self._set_points.settle()
         if self.feedback.lost():
             self.fail(FOLLOWING_ERROR)
+
+    def cut_torque(self, on: bool) -> None:
+        """Safe torque off: the power stage is blocked, the brake holds; the drive is in SWITCH ON DISABLED."""
+        self._without_torque = on
+        if on:
+            self._settle(State.SWITCH_ON_DISABLED)
 
     def reset(self) -> None:
         """NMT reset node: power off, everything forgotten but where the shaft is."""
@@ -180,6 +187,8 @@ class Axis:
 
     def _go(self, target: State) -> bool:
         """Take a transition that was commanded; False where this drive refuses it."""
+        if self._without_torque and target in (State.SWITCHED_ON, State.OPERATION_ENABLED):
+            return False
         if self.state is State.FAULT:
             if self._errors.lasting:
                 return False

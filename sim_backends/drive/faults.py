@@ -32,6 +32,13 @@ class DriveFaults:
         self._errors.withdraw(code)
         self._changed()
 
+    def safe_torque_off(self, on: bool, bit: int = 3) -> None:
+        """The safety chain opens: no power, at once, and none as long as it is open; input `bit` of 60FD says so."""
+        inputs = self._dictionary.number(0x60FD)
+        self._dictionary.put(0x60FD, 0, inputs | 1 << bit if on else inputs & ~(1 << bit))
+        self._axis.cut_torque(on)
+        self._changed()
+
     def jump_encoder(self, counts: int) -> None:
         """The encoder loses counts: 6064 jumps, the shaft (held by the motor's own commutation) does not move."""
         self._axis.feedback.slipped += counts

@@ -266,21 +266,6 @@ def test_the_same_over_udp_multicast_and_lines_of_text_with_y_up(simulators, tmp
     assert world.end()[0] == 0
 
 
-class Yes:
-    """Types what is asked for, a second after another: what was typed before a question does not answer it."""
-
-    def __init__(self, child):
-        self.child, self.going = child, True
-        threading.Thread(target=self._type, daemon=True).start()
-
-    def _type(self):
-        while self.going and self.child.poll() is None:
-            with contextlib.suppress(OSError, ValueError):
-                self.child.stdin.write("done\n")
-                self.child.stdin.flush()
-            wait(1.0)
-
-
 @pytest.mark.slow
 def test_stops_are_proven_as_typed_and_the_report_shows_them(tmp_path):
     """`fidim commission --embedded`: real sockets, a service, a person who types; then its page."""
@@ -293,23 +278,26 @@ def test_stops_are_proven_as_typed_and_the_report_shows_them(tmp_path):
         text=True,
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     )
-    typing = Yes(child)
+    said = ""
     try:
-        said = child.stdout.read()
-        assert child.wait(30) == 0, said
+        for line in child.stdout:
+            said += line
+            if "PROMPT" in line:  # the first winch is tried; the others are left out, for the test's time
+                child.stdin.write("skip\n" if "Next is" in line and "winch-1" not in line else "done\n")
+                child.stdin.flush()
+        assert child.wait(30) == 1, said
     finally:
-        typing.going = False
         child.kill()
         child.wait()
         child.stdin.close()
         child.stdout.close()
-    assert "4 of 4 winches stop by themselves" in said
+    assert "1 of 4 winches stop by themselves" in said
     assert not proofs_path(EXAMPLE).exists()  # a rehearsal proves nothing of the real drives
     proofs = read_proofs(tmp_path / "run" / "proofs.toml")
     assert {(proof.winch, proof.trial) for proof in proofs} == {
-        (f"winch {k}", trial) for k in range(1, 5) for trial in Trial if trial is not Trial.LOST_SYNC
+        ("winch 1", trial) for trial in Trial if trial is not Trial.LOST_SYNC
     }
     assert cli.run(["report", str(tmp_path / "run")]) == 0
     page = (tmp_path / "run" / "report.html").read_text()
     assert "Stops proven by trial" in page
-    assert page.count("heartbeat withheld") >= 4
+    assert "heartbeat withheld" in page

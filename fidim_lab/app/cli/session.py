@@ -216,6 +216,23 @@ def power_off(**options: Any) -> None:
 
 
 @fidim.command()
+@click.argument("rig", type=FILE)
+@click.argument("winch")
+@click.option("--release/--apply", required=True, help="Let the drum turn, or hold it again.")
+@click.option("--yes", is_flag=True, help="The load is secured; do not ask.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-brake/1".')
+@example('fidim brake rig.toml "winch 2" --release')
+def brake(**options: Any) -> None:
+    """Release the holding brake of a WINCH of the RIG file by hand, without power, for mounting; or apply it.
+
+    Its output is named in the rig file (brake_output, a bit of 60FE). In operation a brake is the drive's own matter.
+    """
+    from fidim_lab.app.session.brake import BrakeOptions, brake_command
+
+    sys.exit(brake_command(BrakeOptions(**options)))
+
+
+@fidim.command()
 @click.option("--robot", type=ROBOT, default=None, help="Also check this robot file for plausibility.")
 @click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
 @click.option("--eds", type=FILE, default=None, help="Tell what the drive of this EDS or DCF file can do.")

@@ -16,6 +16,7 @@ from drivers.cia402.cyclic import make_winch
 from drivers.cia402.family import DriveFamily, family_path, read_family
 from drivers.cia402.fitted import fitted
 from drivers.cia402.master import CanopenMaster
+from drivers.cia402.signals import Signal
 from drivers.cia402.takeover import refuse_other_master
 from drivers.cia402.trials import WinchTrials
 from drivers.cia402.winch import Cia402Winch
@@ -187,6 +188,8 @@ def _winch_config(
         sample_age=sample_age,
         current_offset=entry.tension.offset / newton_per_ampere,
         temperature=_temperature(entry),
+        sto=None if entry.sto is None else Signal(entry.sto.bit, entry.sto.active),
+        brake_output=None if entry.brake_output is None else Signal(**vars(entry.brake_output)),
         family=family,
         motor_counts=entry.counts_per_turn,
         load=_load(entry, family),

@@ -72,9 +72,9 @@ class SimulatedDevices:
     async def pull(self, line: str) -> str:
         """Pull a plug or, with "again" after its name, put it back, and say so. Raises SetupError for one there is not.
 
-        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "serial K": of the release or a
-        measuring device, in the order of the file. Without a way back: "fault K": overcurrent; "off K": another program
-        switches it off. "defect K NAME": something is wrong that only a trial finds (`Defects`).
+        "bus": the adapter's; "mocap": the stream ends; "drive K": no power any more; "sto K": safe torque off; "serial
+        K": of the release or a measuring device, in the order of the file. Without a way back: "fault K": overcurrent;
+        "off K": another program switches it off. "defect K NAME": wrong in a way that only a trial finds (`Defects`).
         """
         *words, last = line.split() or [""]
         back = last == AGAIN
@@ -90,12 +90,14 @@ class SimulatedDevices:
                 act = self._plug_bus
             case ["mocap"]:
                 act = self._plug_motion_capture
+            case ["sto", number] if number in self._numbers:
+                act = partial(self._open_chain, int(number) - 1)
             case ["drive", number] if number in self._numbers:
                 act = partial(self._power, self.drives[int(number) - 1])
             case ["serial", number] if number in self._lines:
                 act = partial(self._plug_serial, int(number) - 1)
             case _:
-                known = f"bus, mocap, drive K, fault K or off K with K from {', '.join(self._numbers)}"
+                known = f"bus, mocap, drive K, sto K, fault K or off K with K from {', '.join(self._numbers)}"
                 if self.serial:
                     known += f"; serial K with K from {', '.join(self._lines)}"
                 known += f"; {AGAIN} after it puts it back (not fault, off); defect K {' | '.join(Defects.names())}"
@@ -132,6 +134,12 @@ class SimulatedDevices:
     async def _plug_serial(self, number: int, back: bool) -> None:
         line = self.serial[number].line
         (line.plug if back else line.unplug)()
+
+    async def _open_chain(self, number: int, back: bool) -> None:
+        """Safe torque off, by the input that the rig file names, else bit 3 (interlock)."""
+        sto = self.file.winches[number].sto
+        with self.served.paused():
+            self.drives[number].faults.safe_torque_off(not back, 3 if sto is None else sto.bit)
 
     async def _power(self, drive: SimulatedDrive, back: bool) -> None:
         with self.served.paused():

@@ -79,6 +79,15 @@ class TemperatureEntry:
 
 
 @dataclass(frozen=True)
+class SignalEntry:
+    """A digital input or output of a drive."""
+
+    bit: int
+    active: int = 1
+    """its level while it means what its name says"""
+
+
+@dataclass(frozen=True)
 class WinchHome:
     """The zero of a winch's encoder, as `home` has found it (`home_file`)."""
 
@@ -161,6 +170,10 @@ class WinchEntry:
     """where `home` was run; home_count and home_length are then its"""
     temperature: TemperatureEntry | None
     """None: the drive is not asked"""
+    sto: SignalEntry | None
+    """input of 60FD that is active while safe torque off is"""
+    brake_output: SignalEntry | None
+    """output of 60FE that is active while the brake is applied"""
     tension: TensionEntry
     stop: StopEntry
 

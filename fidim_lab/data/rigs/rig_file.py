@@ -15,6 +15,7 @@ from fidim_lab.data.rigs.rig import (
     MocapKind,
     PlaceEntry,
     RigFile,
+    SignalEntry,
     StopEntry,
     TemperatureEntry,
     TensionEntry,
@@ -121,7 +122,7 @@ def _winch(path: Path, number: int, table: WinchTable, home: WinchHome | None, t
             raise FileError(
                 path, f"winch {number}, eds", f'{table.eds!r}: no such file; "{GENERIC}" is the built-in one'
             )
-    values = table.model_dump(exclude={"eds", "temperature", "tension", "stop", "encoder"})
+    values = table.model_dump(exclude={"eds", "temperature", "sto", "brake_output", "tension", "stop", "encoder"})
     if home is not None:
         values |= {"home_count": home.home_count, "home_length": home.home_length}
     tension, stop = TensionEntry(**table.tension.model_dump()), StopEntry(**table.stop.model_dump())
@@ -133,6 +134,8 @@ def _winch(path: Path, number: int, table: WinchTable, home: WinchHome | None, t
         multi_turn=table.encoder == "multi-turn",
         home=home,
         temperature=temperature,
+        sto=None if table.sto is None else SignalEntry(**table.sto.model_dump()),
+        brake_output=None if table.brake_output is None else SignalEntry(**table.brake_output.model_dump()),
         tension=tension,
         stop=stop,
     )

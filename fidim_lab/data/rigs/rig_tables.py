@@ -74,6 +74,13 @@ class TemperatureTable(Table):
     scale: Positive = 1.0
 
 
+class SignalTable(Table):
+    """`sto`, `brake_output` of a winch: a bit of 60FD or 60FE."""
+
+    bit: Annotated[int, Field(ge=0, le=31)]
+    active: Literal[0, 1] = 1
+
+
 class StopTable(Table):
     """`stop` of a winch: CiA 402 option codes."""
 
@@ -119,6 +126,8 @@ class WinchTable(Table):
     encoder: Literal["multi-turn", "incremental"] = "incremental"
     turned: NotNegative = 2e-3
     temperature: TemperatureTable | None = None
+    sto: SignalTable | None = None
+    brake_output: SignalTable | None = None
     tension: TensionTable = TensionTable()
     stop: StopTable = StopTable()
 

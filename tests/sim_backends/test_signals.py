@@ -1,0 +1,134 @@
+"""Safe torque off as a drive tells it, and a brake by hand: our drivers on simulated drives."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+
+from drivers.cia402.brake import brake_applied, set_brake
+from drivers.cia402.config import GENERIC_EDS, WinchConfig
+from drivers.cia402.inspection import Standing, inspect
+from drivers.cia402.master import CanopenMaster
+from drivers.cia402.signals import Signal
+from drivers.cia402.winch import Cia402Winch
+from drivers.clock import LoopClock
+from drivers.ports import DriveState
+from fidim_lab.errors import DeviceError
+from sim_backends.drive.eds import read_eds
+from sim_backends.drive.node import SimulatedDrive
+from sim_backends.drive.shaft import DrumShaft
+from sim_backends.in_process_bus import InProcessBus
+from sim_backends.jumping_loop import run
+
+CLOCK = LoopClock()
+CONFIG = WinchConfig(
+    name="winch",
+    node_id=1,
+    counts_per_turn=40_000,
+    drum_radius=0.03,
+    rated_current=5.0,
+    current_limit=4.0,
+    max_speed=0.3,
+    max_acceleration=2.0,
+    length_limits=(0.3, 3.0),
+    home_length=1.0,
+    sto=Signal(3),
+    brake_output=Signal(0),
+)
+
+
+def on_a_bus(work, config=CONFIG):
+    """Carry out `work(winch, drive)` with the control loop running."""
+
+    async def main():
+        bus = InProcessBus(CLOCK.now)
+        master = CanopenMaster(bus, CLOCK, sync_rate=100.0)
+        drive = SimulatedDrive(1, read_eds(GENERIC_EDS, 1), DrumShaft())
+        bus.attach(drive)
+        winch = Cia402Winch(config, master)
+
+        async def live():
+            while True:
+                bus.advance(CLOCK.now())
+                await CLOCK.sleep(0.005)
+
+        tasks = [asyncio.ensure_future(one) for one in (master.run(), live(), winch.watch_health())]
+        try:
+            return await work(winch, drive)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    return run(main())
+
+
+def test_a_bit_at_its_level():
+    low = Signal(2, active=0)
+    assert low.is_active(0b011)
+    assert not low.is_active(0b100)
+    assert (low.put(0b111, True), low.put(0b001, False), Signal(0).put(0b10, True)) == (0b011, 0b101, 0b11)
+
+
+def test_no_drive_is_enabled_with_safe_torque_off_and_that_is_said():
+    async def work(winch, drive):
+        await winch.configure()
+        drive.faults.safe_torque_off(True)
+        with pytest.raises(DeviceError, match=r"safe torque off \(STO\) is active"):
+            await winch.enable()
+        drive.faults.safe_torque_off(False)
+        await winch.enable()
+        return winch.latest().state
+
+    assert on_a_bus(work) is DriveState.OPERATION_ENABLED
+
+
+def test_safe_torque_off_in_operation_is_told_as_the_cause():
+    async def work(winch, drive):
+        await winch.configure()
+        await winch.enable()
+        await CLOCK.sleep(1.0)
+        before = winch.latest().fault
+        drive.faults.safe_torque_off(True)
+        await CLOCK.sleep(1.1)
+        return before, winch.latest()
+
+    before, sample = on_a_bus(work)
+    assert before == ""
+    assert "safe torque off (STO) is active" in sample.fault
+    assert sample.state is DriveState.SWITCH_ON_DISABLED
+
+
+def test_the_doctor_tells_it():
+    async def work(winch, drive):
+        drive.faults.safe_torque_off(True)
+        found = await inspect(winch.link, winch.config, 127)
+        return next(item for item in found if item.object == "60FD:0")
+
+    item = on_a_bus(work)
+    assert (item.found, item.standing) == ("active", Standing.WRONG)
+
+
+def test_a_brake_is_released_and_applied_without_power_alone():
+    async def work(winch, drive):
+        brake, device = CONFIG.brake_output, CONFIG.device
+        assert await brake_applied(winch.link, brake) is None  # nobody has commanded it yet
+        await set_brake(winch.link, brake, device, applied=False)
+        assert await brake_applied(winch.link, brake) is False
+        assert drive.od.number(0x60FE, 2) == 1
+        await set_brake(winch.link, brake, device, applied=True)
+        assert drive.od.number(0x60FE, 1) == 1
+        await winch.configure()
+        await winch.enable()
+        with pytest.raises(DeviceError, match="its brake is its own matter"):
+            await set_brake(winch.link, brake, device, applied=False)
+
+    on_a_bus(work)
+
+
+def test_a_drive_without_such_an_output():
+    async def work(winch, drive):
+        with pytest.raises(DeviceError, match="no brake that can be released by hand"):
+            await set_brake(winch.link, winch.config.brake_output, "winch", applied=False)
+
+    on_a_bus(work, replace(CONFIG, brake_output=None))
