@@ -50,7 +50,9 @@ def read_motive(path: Path) -> MarkerLog:
     if not {"Type", "Name"} <= labels.keys():
         raise FileError(path, "", "no rows Type and Name above a row that begins with Frame")
     found = _columns(labels["Type"], labels["Name"], rows[at - 1], rows[at])
-    ends = {max(columns.values()) + 1 for columns in found.values()}
+    things = list(zip(labels["Type"], labels["Name"], strict=False))
+    ends = {k for k in range(LEAD, len(things)) if things[k] != things[k - 1]}  # errors and qualities belong to a thing
+    ends |= {max(columns.values()) + 1 for columns in found.values()}
     values = table(path, rows[at + 1 :], at + 2, len(rows[at]), lead=LEAD, ends=ends)
     unit = head.get("Length Units", "Meters")
     scale = length_scale(path, "line 1, Length Units", unit)

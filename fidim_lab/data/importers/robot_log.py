@@ -130,7 +130,10 @@ def _swivel(cable: CableColumns, found: dict[str, np.ndarray]) -> np.ndarray | N
     if "swivel" not in found:
         return None
     turn = {"rad": 2.0 * np.pi, "deg": 360.0, "counts": cable.swivel_counts_per_turn}[cable.swivel_unit]
-    return np.unwrap(found["swivel"] * 2.0 * np.pi / float(turn or 1.0))
+    angle = found["swivel"] * 2.0 * np.pi / float(turn or 1.0)
+    known = np.isfinite(angle)
+    angle[known] = np.unwrap(angle[known])  # a missing reading would spread to all that follow
+    return angle
 
 
 def _all(columns: list[np.ndarray | None]) -> np.ndarray | None:

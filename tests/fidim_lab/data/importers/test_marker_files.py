@@ -127,3 +127,72 @@ def test_take_numbers():
     for wrong in ("", "3-1", "a", "1--2"):
         with pytest.raises(SetupError, match="--takes"):
             take_numbers(wrong)
+
+
+TURNED = "0,0,0.7071068,0.7071068"
+"""a quaternion, x y z w: 90° about z"""
+
+
+def motive_bodies(rotation: str = "Quaternion", turned: str = TURNED) -> str:
+    head = [
+        f"Format Version,1.25,Take Name,a,Export Frame Rate,100,Rotation Type,{rotation},Length Units,Meters",
+        "",
+        ",Type," + ",".join(["Rigid Body"] * 8 + ["Marker"] * 3),
+        ",Name," + ",".join(["p"] * 8 + ["Unlabeled 1234"] * 3),
+        ",ID," + ",".join(["1"] * 11),
+        ",Parent,,,,,,,,,,,",
+        ",," + ",".join(["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"] + ["Position"] * 3),
+        "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,,X,Y,Z",
+    ]
+    rows = [f"{k},{k / 100},{turned},1,2,{k},0.001" + (",7,8,9" if k % 2 else "") for k in range(30)]
+    rows[4] = "4,0.04,,,,,,,,,,,"
+    return "\n".join(head + rows)
+
+
+def test_motive_bodies_and_loose_markers(tmp_path: Path):
+    log = MARKER_READERS["motive-csv"](written(tmp_path, motive_bodies()))
+    (body,) = log.bodies
+    assert log.names == ()
+    assert body.positions[3] == pytest.approx([1.0, 2.0, 3.0])
+    assert body.rotations[3] @ [1.0, 0.0, 0.0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
+    assert np.isnan(body.rotations[4]).all()
+    assert log.unlabelled is not None
+    assert np.isfinite(log.unlabelled[:, 0, 0]).sum() == 15
+    with pytest.raises(FileError, match="Rotation: Quaternion"):
+        MARKER_READERS["motive-csv"](written(tmp_path, motive_bodies("XYZ")))
+    with pytest.raises(FileError, match="length is not 1"):
+        MARKER_READERS["motive-csv"](written(tmp_path, motive_bodies(turned="1,1,1,1")))
+
+
+def test_qtm_6d_turns_column_by_column(tmp_path: Path):
+    turn = "0\t1\t0\t-1\t0\t0\t0\t0\t1"  # 90° about z, column by column
+    head = ["FREQUENCY\t100", "DATA_INCLUDED\t6D", "BODY_NAMES\tp"]
+    rows = [f"1000\t2000\t{k}\t0\t0\t90\t0.1\t{turn}" for k in range(30)]
+    rows[2] = "\t".join(["0"] * 16)
+    (body,) = MARKER_READERS["qtm-tsv"](written(tmp_path, "\r\n".join(head + rows))).bodies
+    assert body.rotations[1] @ [1.0, 0.0, 0.0] == pytest.approx([0.0, 1.0, 0.0])
+    assert body.positions[1] == pytest.approx([1.0, 2.0, 0.001])
+    assert np.isnan(body.positions[2]).all()
+    spoilt = "\r\n".join(head + [row.replace("-1", "0.5") for row in rows])
+    with pytest.raises(FileError, match="no rotation"):
+        MARKER_READERS["qtm-tsv"](written(tmp_path, spoilt))
+
+
+def test_vicon_sub_frames_blocks_decimal_commas_and_loose_names(tmp_path: Path):
+    head = ["Devices", "1000", "Force", "Frame", "N", "1", "", "Trajectories", "100", ";;s:a;;;s:*7;;"]
+    head += ["Frame;Sub Frame;X;Y;Z;X;Y;Z", ";;mm;mm;mm;mm;mm;mm"]
+    rows = [f"{k // 2 + 1};{k % 2};1,5;2;{k};4;5;6" for k in range(40)]
+    log = MARKER_READERS["vicon-csv"](written(tmp_path, "\n".join([*head, *rows, "", "Model Outputs"])))
+    assert log.names == ("s:a",)
+    assert log.rate == 200.0
+    assert np.diff(log.t) == pytest.approx(0.005)
+    assert log.positions[3, 0] == pytest.approx([0.0015, 0.002, 0.003])
+    assert log.unlabelled is not None
+    with pytest.raises(FileError, match="line 20, column 5: 'many' is not a number"):
+        MARKER_READERS["vicon-csv"](written(tmp_path, "\n".join([*head, *rows[:7], "5;0;1;2;many;4;5;6", *rows])))
+
+
+def test_vicon_objects_with_angles_are_refused(tmp_path: Path):
+    head = ["Objects", "100", ",,p:p", "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,rad,rad,rad,mm,mm,mm"]
+    with pytest.raises(FileError, match="quaternions"):
+        MARKER_READERS["vicon-csv"](written(tmp_path, "\n".join([*head, *["1,0,0,0,0,1,2,3"] * 30])))

@@ -1,0 +1,121 @@
+"""Robot logs by a map: long and wide, counts and degrees, padding and a cut-off end; and which take each belongs to."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fidim_lab.app.records.import_logs import match
+from fidim_lab.data.importers.recording import MarkerLog
+from fidim_lab.data.importers.robot_log import read_robot_log
+from fidim_lab.data.importers.takes import EncoderLog, Take
+from fidim_lab.errors import FileError, SetupError
+
+LONG = """format = "fidim-log/1"
+time = 2
+actuator = 3
+[[cable]]
+actuator = 7
+counts = 5
+metres_per_count = 1e-6
+swivel = 6
+swivel_unit = "counts"
+swivel_counts_per_turn = 4096
+current = 4
+[[cable]]
+actuator = 9
+counts = 5
+metres_per_count = -2e-6
+"""
+WIDE = """format = "fidim-log/1"
+time = "ms"
+time_unit = "ms"
+[[cable]]
+length = "L1"
+length_unit = "mm"
+swivel = "S1"
+swivel_unit = "deg"
+[[cable]]
+length = "L2"
+length_unit = "mm"
+swivel = "S2"
+swivel_unit = "deg"
+"""
+
+
+def written(tmp_path: Path, text: str, columns: str | None = None) -> tuple[Path, Path | None]:
+    log, map_file = tmp_path / "r_7.log", tmp_path / "log.toml"
+    log.write_bytes(text.encode())
+    map_file.write_text(columns or "", encoding="utf-8")
+    return log, map_file if columns else None
+
+
+def test_a_row_for_each_actuator_padded_with_nul_bytes_and_cut_off(tmp_path: Path):
+    rows = [f"3,{0.01 * k:.2f},{a},{a / 10},{1000 * a + k},{(4090 + k) % 4096}" for k in range(60) for a in (7, 9)]
+    log, map_file = written(tmp_path, "\n".join(rows) + "\n3,0.6" + "\0" * 500, LONG)
+    found = read_robot_log(log, 2, map_file)
+    assert found.t == pytest.approx(0.01 * np.arange(60))
+    assert found.lengths[5] == pytest.approx([7005e-6, -2 * 9005e-6])
+    assert found.swivels is None  # one cable has none
+    assert found.currents is None
+    assert "cut off" in found.decided[0]
+
+
+def test_named_columns_in_ms_mm_and_degrees_with_decimal_commas(tmp_path: Path):
+    rows = [f"{1.75e12 + 10 * k:.0f};1500,5;90;{2000 + k};180" for k in range(60)]
+    log, map_file = written(tmp_path, "\n".join(["ms;L1;S1;L2;S2", *rows]) + "\n", WIDE)
+    found = read_robot_log(log, 2, map_file)
+    assert found.t[0] == pytest.approx(1.75e9)
+    assert found.lengths[3] == pytest.approx([1.5005, 2.003])
+    assert found.swivels is not None
+    assert found.swivels[0] == pytest.approx([np.pi / 2, np.pi])
+
+
+def test_without_a_map_the_columns_have_our_own_names(tmp_path: Path):
+    rows = [f"{0.01 * k:.2f},1.5,{2 + 0.001 * k:.3f}" for k in range(60)]
+    log, _ = written(tmp_path, "\n".join(["t,l1,l2", *rows]) + "\n")
+    assert read_robot_log(log, 2, None).lengths[9] == pytest.approx([1.5, 2.009])
+    with pytest.raises(FileError, match="'l3' is not there"):
+        read_robot_log(log, 3, None)
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        (WIDE.partition('[[cable]]\nlength = "L2"')[0], "1 cables; the robot file has 2"),
+        (WIDE.replace('length_unit = "mm"', 'length_unit = "ell"'), "ell"),
+        (LONG.replace("metres_per_count = 1e-6\n", ""), "belong together"),
+        (LONG.replace("actuator = 3\n", ""), "actuator"),
+        (LONG.replace("swivel_counts_per_turn = 4096\n", ""), "swivel_counts_per_turn"),
+        (LONG.replace("counts = 5", "counts = 50"), "column 50 is wanted"),
+        (LONG.replace("actuator = 9", "actuator = 8"), "0 samples are common"),
+    ],
+)
+def test_a_wrong_map_is_told(tmp_path: Path, columns: str, says: str):
+    rows = [f"3,{0.01 * k:.2f},{a},0.1,{k},9" for k in range(60) for a in (7, 9)]
+    text = "\n".join(rows) if columns.startswith(LONG[:40]) else "ms;L1;S1;L2;S2\n" + "1;2;3;4;5\n" * 60
+    log, map_file = written(tmp_path, text + "\n", columns)
+    with pytest.raises(FileError, match=says):
+        read_robot_log(log, 2, map_file)
+
+
+def take(name: str, began: float | None = None) -> Take:
+    markers = MarkerLog(Path(name), ("a",), 100.0, np.arange(1000) / 100.0, np.zeros((1000, 1, 3)), began=began)
+    return Take(Path(name).stem, markers)
+
+
+def log_of(name: str, begin: float = 0.0) -> EncoderLog:
+    t = begin + np.arange(0.0, 60.0, 0.1)
+    return EncoderLog(Path(name), t, np.zeros((len(t), 2)))
+
+
+def test_logs_belong_to_takes_by_name_else_by_clock():
+    takes, left = match([take("v_1.txt"), take("v_12.txt")], [log_of("r_12.log"), log_of("r_1.log"), log_of("r_9.log")])
+    assert [one.log and one.log.source.name for one in takes] == ["r_1.log", "r_12.log"]
+    assert left == ("r_9.log",)
+    day = log_of("day.log", 1.75e9)
+    takes, left = match([take("a.mcap", 1.75e9 + 5.0), take("b.mcap", 1.75e9 + 55.0)], [day])
+    assert [one.log is day for one in takes] == [True, False]  # the second runs on after the log's end
+    assert match([take("a.csv")], [log_of("b.log")])[0][0].log is not None
+    with pytest.raises(SetupError, match=r"r_1.log and s_1.log both"):
+        match([take("v_1.txt")], [log_of("r_1.log"), log_of("s_1.log")])
