@@ -1,4 +1,4 @@
-"""Modes for commissioning: turning a drum at a speed, and making the present place the encoder's zero.
+"""Modes for commissioning: turning a drum at a speed, taking up slack by torque, making a place the encoder's zero.
 
 `switch_mode` for all of them: at standstill only, and done when the drive displays the mode (6061); one that the drive
 does not take is an error. Every function leaves the winch in the mode of its config.
@@ -18,6 +18,12 @@ HOME_HERE = 37
 """homing method: the present position is home; older drives call it 35"""
 LONGEST_JOG = 10.0
 """s"""
+SPEED_LIMIT = 0x607F
+"""by which a drive in torque mode keeps a slack cable's drum from running away"""
+RUNS_AWAY = 1.5
+"""times the speed that was allowed: a drum that goes faster is stopped"""
+TAUT = 0.3
+"""s for which a pulled drum must stand for its cable to count as taut: a slack one goes on at once"""
 _STILL_WITHIN = 0.5
 """s; a winch that still moves is not waited for"""
 _NEW, _ATTAINED, _ERROR = 1 << 4, 1 << 12, 1 << 13
@@ -65,6 +71,61 @@ async def jog(winch: Cia402Winch, speed: float, seconds: float) -> None:
     finally:
         await winch.hold()
     await _back(winch)
+
+
+async def pull_taut(winch: Cia402Winch, current: float, speed: float, way: float) -> float:
+    """Wind an enabled winch with `current` (A) at most, at `speed` (m/s), until its cable is taut; m of cable wound.
+
+    In profile torque mode: for slack before homing, and for a pretension. It holds its place afterwards, in the mode of
+    its config. Raises RefusedError beyond the winch's current or speed, or where the drive keeps its speed limit (607F)
+    to itself; DeviceError where the drum runs away, `way` (m) is not enough (then it stands in quick stop), or as
+    `switch_mode`.
+    """
+    config, sdo, device = winch.config, winch.link.sdo, winch.config.device
+    if not 0.0 < current <= config.current_limit or not 0.0 < speed <= config.max_speed or not way > 0.0:
+        raise RefusedError(
+            f"{device} refuses to pull with {current:g} A at {speed:g} m/s over {way:g} m; allowed is up to "
+            f"{config.current_limit:g} A and {config.max_speed:g} m/s."
+        )
+    if not (winch.link.able.can_write(SPEED_LIMIT) and winch.link.able.can_write(0x6071)):
+        raise RefusedError(f"{device} has no speed limit in torque mode (607F): a slack cable's drum would run away.")
+    _require_power(winch)
+    await switch_mode(winch, Mode.PROFILE_TORQUE)
+    order, start = winch.drive.begin(), await winch.ask_length()
+    try:
+        await sdo.write_verified(SPEED_LIMIT, 0, config.drive_speed(speed))
+        await sdo.write(0x6071, 0, round(-config.direction * 1000.0 * current / config.rated_current))
+        winch.drive.send(order, controlword(Command.ENABLE_OPERATION))
+        await _until_taut(winch, start, speed, way)
+        await sdo.write(0x6071, 0, 0)
+    finally:
+        winch.quick_stop()
+        await sdo.write_verified(SPEED_LIMIT, 0, config.drive_speed(config.max_speed))
+    # It holds in quick stop meanwhile: without its torque, as in halt, the cable would go slack again.
+    order = winch.drive.begin()
+    await winch.drive.stand_still(order, config.drive_velocity(STANDSTILL * config.max_speed), _STILL_WITHIN)
+    await winch.drive.choose(order, controlword(Command.QUICK_STOP), config.mode)
+    await winch.enable()
+    return start - await winch.ask_length()
+
+
+async def _until_taut(winch: Cia402Winch, start: float, speed: float, way: float) -> None:
+    """Look at the encoder until it stands. Raises DeviceError where it goes too fast or too far."""
+    clock, device = winch.clock, winch.config.device
+    slow = STANDSTILL * winch.config.max_speed
+    since = clock.now()
+    deadline = since + 2.0 * way / speed + TAUT + 1.0
+    while clock.now() - since < TAUT:
+        await clock.sleep(0.01)
+        values = winch.drive.healthy()
+        velocity = abs(winch.config.cable_speed(values.velocity))
+        gone = abs(await winch.ask_length() - start)
+        if velocity > RUNS_AWAY * speed:
+            raise DeviceError(device, f"its drum runs away at {velocity:.3f} m/s; {speed:g} m/s was allowed.")
+        if gone > way or clock.now() > deadline:
+            raise DeviceError(device, f"the cable is not taut after {gone:.3f} m; {way:g} m was allowed.")
+        if velocity > slow:
+            since = clock.now()
 
 
 async def home_here(winch: Cia402Winch, offset: int = 0, method: int = HOME_HERE) -> int:

@@ -13,10 +13,12 @@ from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.other_modes import (
     CYCLIC_POSITION,
     HOMING,
+    PROFILE_TORQUE,
     PROFILE_VELOCITY,
     CyclicPosition,
     Homing,
     MotionMode,
+    ProfileTorque,
     ProfileVelocity,
 )
 from sim_backends.drive.positioner import Positioner
@@ -24,7 +26,7 @@ from sim_backends.drive.set_points import SetPoints
 from sim_backends.drive.shaft import Shaft
 
 PROFILE_POSITION = 1
-MODES = (PROFILE_POSITION, PROFILE_VELOCITY, HOMING, CYCLIC_POSITION)
+MODES = (PROFILE_POSITION, PROFILE_VELOCITY, PROFILE_TORQUE, HOMING, CYCLIC_POSITION)
 """that this drive has; bit mode − 1 of 6502 for each"""
 _VOLTAGE_AND_REMOTE, _TARGET_REACHED, _LIMIT, _ACKNOWLEDGE, _FOLLOWING = 0x210, 0x400, 0x800, 0x1000, 0x2000
 _POWERED = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION})
@@ -64,6 +66,7 @@ class Axis:
         parts = (dictionary, self._positioner, self.feedback, make)
         self._modes: dict[int, MotionMode] = {
             PROFILE_VELOCITY: ProfileVelocity(*parts),
+            PROFILE_TORQUE: ProfileTorque(*parts),
             HOMING: Homing(*parts),
             CYCLIC_POSITION: CyclicPosition(*parts),
         }
@@ -96,6 +99,8 @@ class Axis:
             if self._positioner.at_rest(now):
                 self._settle(self._after_stop)
         elif self.state is State.OPERATION_ENABLED:
+            if self.mode == PROFILE_TORQUE:
+                self._modes[PROFILE_TORQUE].target()
             self._positioner.tick(now, self.feedback.lacking())
             self._set_points.settle()
         if self.feedback.lost():

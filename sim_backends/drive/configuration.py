@@ -42,7 +42,7 @@ def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog, make: Make = P
     dictionary.attach(
         0x6060, guard=lambda _subindex, mode: axis.allows_mode(mode), watcher=lambda _subindex, mode: axis.select(mode)
     )
-    for target in (0x607A, 0x60FF):
+    for target in (0x6071, 0x607A, 0x60FF):
         dictionary.attach(target, watcher=lambda _subindex, _value: axis.new_target())
     dictionary.attach(0x1003, guard=_only_zero, watcher=lambda _subindex, _value: errors.clear_history())
     dictionary.attach(0x1005, guard=lambda _subindex, value: None if value == 0x80 else Abort.VALUE)

@@ -1,4 +1,4 @@
-"""Modes beside profile position: profile velocity (3), homing (6), cyclic synchronous position (8).
+"""Modes beside profile position: profile velocity (3) and torque (4), homing (6), cyclic synchronous position (8).
 
 Each obeys the controlword's mode-specific bits and tells the statusword's. Written from the standard's text.
 """
@@ -10,7 +10,7 @@ from sim_backends.drive.feedback import Feedback
 from sim_backends.drive.make import PROFILE, Make
 from sim_backends.drive.positioner import Positioner
 
-PROFILE_VELOCITY, HOMING, CYCLIC_POSITION = 3, 6, 8
+PROFILE_VELOCITY, PROFILE_TORQUE, HOMING, CYCLIC_POSITION = 3, 4, 6, 8
 HOME_HERE = (35, 37)
 """homing methods that take the present position as home; 35 is the old number of 37"""
 _REACHED, _BIT_12, _BIT_13 = 0x400, 0x1000, 0x2000
@@ -84,6 +84,38 @@ class ProfileVelocity(_Mode):
         return (_REACHED if abs(velocity - wanted * self._make.speed) < 1.0 else 0) | (
             _BIT_12 if velocity == 0.0 else 0
         )
+
+
+class ProfileTorque(_Mode):
+    """Turns at 607F towards the sign of 6071 as long as its load is less, and stands where it is not.
+
+    Not simulated: the slope 6087, inertia, yielding to a load that is greater.
+    """
+
+    _halted = False
+
+    def enter(self) -> None:
+        """Nothing moves before a controlword."""
+        self._halted = True
+
+    def control(self, word: int, previous: int) -> None:
+        """Only the halt bit counts."""
+        self._halted = bool(word & _HALT)
+        self.target()
+
+    def target(self) -> None:
+        """Look whether the load is less than the torque."""
+        feedback, wanted = self._feedback, 0 if self._halted else self._number(0x6071)
+        moving = feedback.motion.velocity != 0.0
+        if wanted and abs(feedback.current()) < abs(wanted):
+            if not moving:
+                self._positioner.run(feedback.now, self._limits()[wanted > 0], self._number(0x607F))
+        elif moving:
+            self._positioner.ramp_down(feedback.now, 0x6085)
+
+    def bits(self) -> int:
+        """10: the torque is reached."""
+        return _REACHED if self._feedback.motion.velocity == 0.0 else 0
 
 
 class Homing(_Mode):

@@ -9,11 +9,12 @@ from drivers.cia402.brake import brake_applied, set_brake
 from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.cia402.inspection import Standing, inspect
 from drivers.cia402.master import CanopenMaster
+from drivers.cia402.modes import pull_taut
 from drivers.cia402.signals import Signal
 from drivers.cia402.winch import Cia402Winch
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
-from fidim_lab.errors import DeviceError
+from fidim_lab.errors import DeviceError, RefusedError
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.shaft import DrumShaft
@@ -37,13 +38,24 @@ CONFIG = WinchConfig(
 )
 
 
-def on_a_bus(work, config=CONFIG):
+class Slack(DrumShaft):
+    """A cable that hangs slack for some counts, and pulls like a spring after that."""
+
+    counts = 10_000
+
+    @property
+    def load_current(self):
+        stretched = -self.motion(CLOCK.now()).position - self.counts
+        return -1e-3 * max(stretched, 0.0)
+
+
+def on_a_bus(work, config=CONFIG, shaft=DrumShaft):
     """Carry out `work(winch, drive)` with the control loop running."""
 
     async def main():
         bus = InProcessBus(CLOCK.now)
         master = CanopenMaster(bus, CLOCK, sync_rate=100.0)
-        drive = SimulatedDrive(1, read_eds(GENERIC_EDS, 1), DrumShaft())
+        drive = SimulatedDrive(1, read_eds(GENERIC_EDS, 1), shaft())
         bus.attach(drive)
         winch = Cia402Winch(config, master)
 
@@ -122,6 +134,51 @@ def test_a_brake_is_released_and_applied_without_power_alone():
         await winch.enable()
         with pytest.raises(DeviceError, match="its brake is its own matter"):
             await set_brake(winch.link, brake, device, applied=False)
+
+    on_a_bus(work)
+
+
+def test_slack_is_taken_up_by_torque_until_the_cable_is_taut():
+    async def work(winch, drive):
+        await winch.configure()
+        await winch.enable()
+        wound = await pull_taut(winch, 0.5, 0.1, 0.5)
+        await CLOCK.sleep(0.2)
+        return wound, winch.latest(), drive.od.number(0x607F)
+
+    wound, sample, limit = on_a_bus(work, shaft=Slack)
+    per_metre = CONFIG.scale.counts_per_metre
+    assert wound == pytest.approx(10_500 / per_metre, abs=3e-3)  # and the way of its stop
+    assert abs(sample.velocity) < 1e-3
+    assert sample.state is DriveState.OPERATION_ENABLED
+    assert limit == CONFIG.drive_speed(CONFIG.max_speed)
+
+
+class Endless(Slack):
+    counts = 10_000_000
+
+
+def test_a_cable_that_does_not_become_taut():
+    async def work(winch, drive):
+        await winch.configure()
+        await winch.enable()
+        with pytest.raises(DeviceError, match="the cable is not taut after"):
+            await pull_taut(winch, 0.5, 0.1, 0.05)
+        await CLOCK.sleep(0.3)
+        return winch.latest()
+
+    sample = on_a_bus(work, shaft=Endless)
+    assert sample.velocity == 0.0
+    assert 0.95 - 0.01 < sample.length < 0.95
+
+
+@pytest.mark.parametrize(("current", "speed"), [(5.0, 0.1), (0.5, 0.5), (0.0, 0.1)])
+def test_pulls_that_are_refused(current, speed):
+    async def work(winch, drive):
+        await winch.configure()
+        await winch.enable()
+        with pytest.raises(RefusedError, match="refuses to pull"):
+            await pull_taut(winch, current, speed, 0.1)
 
     on_a_bus(work)
 

@@ -87,7 +87,7 @@ def test_a_wrong_identity_survives_a_reset(bench):
 
 
 def test_only_profile_position_is_claimed(bench):
-    assert bench.read(0x6502, 0, "u32") == 0xA5
+    assert bench.read(0x6502, 0, "u32") == 0xAD
 
 
 @settings(max_examples=60, deadline=None)

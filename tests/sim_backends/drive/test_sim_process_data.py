@@ -121,7 +121,7 @@ def test_wrong_lengths_are_told_once(bench):
 def test_an_unsupported_mode_by_pdo_is_ignored(bench):
     map_rpdo(bench, [0x60600008])
     start(bench)
-    bench.frame(0x203, "04")
+    bench.frame(0x203, "02")
     assert bench.read(0x6061, 0, "i8") == 0
     bench.frame(0x203, "01")
     assert bench.read(0x6061, 0, "i8") == 1

@@ -62,7 +62,7 @@ TRANSCRIPTS = {  # request -> response, in order; "" is silence
         ("2f 40 60 00 06 00 00 00", "80 40 60 00 13 00 07 06"),  # too short
         ("21 81 60 00 05 00 00 00", "80 81 60 00 12 00 07 06"),  # too long, announced
         ("21 81 60 00 03 00 00 00", "80 81 60 00 13 00 07 06"),  # too short, announced
-        ("2f 60 60 00 04 00 00 00", "80 60 60 00 30 00 09 06"),  # mode (profile torque) not supported
+        ("2f 60 60 00 02 00 00 00", "80 60 60 00 30 00 09 06"),  # mode (velocity) not supported
         ("2b 5a 60 00 07 00 00 00", "80 5a 60 00 30 00 09 06"),  # option not supported
         ("2b 07 60 00 04 00 00 00", "80 07 60 00 30 00 09 06"),
         ("23 05 10 00 81 00 00 00", "80 05 10 00 30 00 09 06"),  # SYNC elsewhere
