@@ -9,6 +9,8 @@ from pydantic import BaseModel
 from fidim_lab.app.formats.schema_words import default_words, one_line, range_words, type_words
 from fidim_lab.app.service.spec import number_type, number_words, numbers
 from fidim_lab.data.campaign import CampaignTable
+from fidim_lab.data.importers.mapped_csv import ColumnMap
+from fidim_lab.data.importers.robot_log import LogMap
 from fidim_lab.data.plan_file import PlanTable
 from fidim_lab.data.rigs.rig_tables import RigTable
 from fidim_lab.data.robot_file import RobotTable
@@ -26,6 +28,8 @@ FILES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("Rig file, `fidim-rig/1` (TOML)", RigTable),
     ("Plan, `fidim-plan/1` (TOML)", PlanTable),
     ("Campaign, `fidim-campaign/1` (TOML)", CampaignTable),
+    ("Columns of a table to import, `fidim-columns/1` (TOML)", ColumnMap),
+    ("Columns of a robot log, `fidim-log/1` (TOML)", LogMap),
     ("Result, `fidim-result/1` (JSON)", ResultTable),
 )
 SETTINGS = """## Settings of a procedure (`fidim run --set TABLE.KEY=NUMBER`)

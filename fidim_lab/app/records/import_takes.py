@@ -143,15 +143,19 @@ def _table(group: Takes, found: Sequence[Found], windows: Sequence[Window]) -> d
 def _print(group: Takes, found: Sequence[Found], folder: Path) -> None:
     out = console.out
     windows = sum(len(one.windows) for one in found)
-    out.print(f"{group.name}: {len(found)} takes of {group.robot.n} cables, {windows} windows of free motion")
+    out.print(
+        f"{group.name}: {len(found)} takes of {group.robot.n} cables, {windows} windows of free motion", markup=False
+    )
     for one in found:
         for window in one.windows:
-            out.print(f"  {window.id}: {window.t[0]:.2f} to {window.t[-1]:.2f} s", highlight=False)
+            out.print(f"  {window.id}: {window.t[0]:.2f} to {window.t[-1]:.2f} s", highlight=False, markup=False)
         for warning in one.warnings:
-            out.print(f"  check {one.take.id}: {warning}", highlight=False)
+            out.print(f"  check {one.take.id}: {warning}", highlight=False, markup=False)
         if one.refused:
-            out.print(f"  {one.take.id} left out: {one.refused}", highlight=False)
+            out.print(f"  {one.take.id} left out: {one.refused}", highlight=False, markup=False)
     for name, why in group.unread.items():
-        out.print(f"  {name} not read: {why}", highlight=False)
+        out.print(f"  {name} not read: {why}", highlight=False, markup=False)
     if windows:
-        out.print(f"Written to {folder} (import.json tells what was decided); next: fidim identify {folder}")
+        out.print(
+            f"Written to {folder} (import.json tells what was decided); next: fidim identify {folder}", markup=False
+        )

@@ -165,4 +165,4 @@ def time_unit_of(path: Path, stamps: np.ndarray) -> str:
     for unit, seconds in SECONDS.items():
         if step > 0.0 and RATES[0] <= 1.0 / (step * seconds) <= RATES[1]:
             return unit
-    raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit", hint="Say time_unit in the map.")
+    raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint="Say time_unit in the map.")

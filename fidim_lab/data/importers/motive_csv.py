@@ -59,7 +59,7 @@ def read_motive(path: Path) -> MarkerLog:
     labelled, loose = _markers(found)
     bodies = tuple(_body(path, head, n, at, values, scale) for (kind, n), at in found.items() if kind == BODY)
     if not labelled and not bodies and not loose:
-        raise FileError(path, "", "no marker and no rigid body", hint="Export markers, rigid bodies, or both.")
+        raise FileError(path, "", "no marker and no rigid body.", hint="Export markers, rigid bodies, or both.")
     positions = _places(values, labelled.values(), scale)
     check_near(path, positions, "check Length Units in line 1")
     rate = number(path, 1, 0, head.get("Export Frame Rate") or head.get("Capture Frame Rate") or "")
@@ -102,6 +102,6 @@ def _body(
     rotation = head.get("Rotation Type", "Quaternion")
     if rotation != "Quaternion" or "Rotation W" not in columns:
         hint = "Export with Rotation: Quaternion."
-        raise FileError(path, "line 1, Rotation Type", f"{rotation[:20]!r} for body {name[:40]}", hint=hint)
+        raise FileError(path, "line 1, Rotation Type", f"{rotation[:20]!r} for body {name[:40]}.", hint=hint)
     xyzw = values[:, [columns[f"Rotation {axis}"] for axis in "XYZW"]]
     return by_quaternions(path, name, scale * values[:, [columns[f"Position {axis}"] for axis in "XYZ"]], xyzw)

@@ -41,7 +41,7 @@ def read_qtm_mat(path: Path) -> MarkerLog:
         if isinstance(groups.get("Unidentified"), dict):
             loose = _places(trajectories.struct("Unidentified"), None)
     if positions is None and not bodies:
-        raise FileError(path, names[0], "neither Trajectories.Labeled nor RigidBodies", hint="Export 3D or 6D data.")
+        raise FileError(path, names[0], "neither Trajectories.Labeled nor RigidBodies.", hint="Export 3D or 6D data.")
     if len(set(labels)) < len(labels):
         raise FileError(path, "Trajectories.Labeled.Labels", "one name twice")
     frames = len(next(iter(bodies)).positions) if positions is None else len(positions)

@@ -60,7 +60,7 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> MarkerLog:
         raise FileError(path, "", what) from None
     if not seen:
         wanted = f" of topic {', '.join(topics)[:80]}" if topics else ""
-        raise FileError(path, "", f"no message{wanted} with a point or a pose", hint="Record points or poses.")
+        raise FileError(path, "", f"no message{wanted} with a point or a pose.", hint="Record points or poses.")
     return _log(path, _chosen(path, seen))
 
 
@@ -70,7 +70,7 @@ def _messages(path: Path, decoder: Decoder) -> Iterator[Message]:
         if not files:
             packed = any(one.suffix == ".zstd" for one in path.iterdir())
             hint = "Unpack it first: ros2 bag convert, or zstd -d." if packed else "A bag's folder holds .db3 or .mcap."
-            raise FileError(path, "", "a folder without a .db3 or .mcap file", hint=hint)
+            raise FileError(path, "", "a folder without a .db3 or .mcap file.", hint=hint)
         for one in files:
             yield from _messages(one, decoder)
         return
@@ -79,7 +79,7 @@ def _messages(path: Path, decoder: Decoder) -> Iterator[Message]:
     if begin == SQLITE:
         yield from _of_sqlite(path, decoder)
     elif begin.startswith(b"#ROSBAG"):
-        raise FileError(path, "", "is a bag of ROS 1", hint="Convert it: rosbags-convert --src FILE --dst FOLDER.")
+        raise FileError(path, "", "is a bag of ROS 1.", hint="Convert it: rosbags-convert --src FILE --dst FOLDER.")
     else:
         for one in read_mcap(path, LIMIT, decoder.mcap).messages:
             yield Message(one.topic, one.log_time, one.value)
@@ -125,7 +125,7 @@ def _chosen(path: Path, seen: dict[str, list[tuple[float, Sighting]]]) -> dict[s
         only = even[0] if even else next(iter(seen))
         return {only: seen[only]}
     found = ", ".join(f"{topic} ({len(rows)})" for topic, rows in list(seen.items())[:8])
-    raise FileError(path, "", f"topics with their own stamps: {found[:200]}", hint="Say which with --topic.")
+    raise FileError(path, "", f"topics with their own stamps: {found[:200]}.", hint="Say which with --topic.")
 
 
 def _is_even(path: Path, stamps: Iterable[float]) -> bool:

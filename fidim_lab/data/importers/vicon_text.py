@@ -156,7 +156,7 @@ def _only_bodies(block: Block, rate: float) -> MarkerLog:
         axes.pop()
     count = len(axes) // len(QUATERNION)
     if not count or axes != QUATERNION * count:
-        what = f"columns {' '.join(axes)[:60]}; {' '.join(QUATERNION)} for each object were expected"
+        what = f"columns {' '.join(axes)[:60]}; {' '.join(QUATERNION)} for each object were expected."
         hint = "Export rotations as quaternions: the order of other angles is not in the file."
         raise FileError(block.path, block.line(4), what, hint=hint)
     names = [cell.strip() for cell in block.lines[2][FRAME_COLUMNS :: len(QUATERNION)]][:count]
