@@ -13,6 +13,7 @@ The packages, each of which imports only those below it:
     fitting           fits with effects, and predictions of held-out windows
     residuals         whether what a fit leaves is noise, and where it lies
     linearised        hypotheses and their sensitivities
-    data_checks       faults of campaigns that need no dynamics
-    markers           faults of single marker tracks
+
+What needs no dynamics (`identification.markers`, `identification.data_checks`) lies below: identification cleans with
+it as well.
 """

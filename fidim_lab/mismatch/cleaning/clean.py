@@ -13,12 +13,12 @@ import numpy as np
 
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.data_checks.screening import Screening, screen
+from fidim_lab.identification.markers.clock_check import even_grid
+from fidim_lab.identification.markers.finding import Finding
+from fidim_lab.identification.markers.neighbours import noise_of
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
-from fidim_lab.mismatch.data_checks.screening import Screening, screen
-from fidim_lab.mismatch.markers.clock_check import even_grid
-from fidim_lab.mismatch.markers.finding import Finding
-from fidim_lab.mismatch.markers.neighbours import noise_of
 from fidim_lab.say import Say
 
 

@@ -18,10 +18,10 @@ from scipy.stats import theilslopes
 
 from fidim_lab.arrays import runs
 from fidim_lab.data.records import Campaign, Window
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.cleaning.hand_times import hand_times
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
-from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 PART = ", part "
 """what the id of all but a window's first part goes on with"""

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.data.records import Window
+from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel, marker_name
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.held_body import followed, left_of
-from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_name
-from fidim_lab.mismatch.markers.thresholds import MARKERS
 
 
 def stumble(found: Fit, window: Window, contact: Contact) -> Finding | None:

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fidim_lab.data.records import Window
+from fidim_lab.identification.markers.clock_check import EvenGrid, even_grid
+from fidim_lab.identification.markers.displaced import Limits
+from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel, marker_jump, marker_name
+from fidim_lab.identification.markers.levels import displaced_rows
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
-from fidim_lab.mismatch.markers.clock_check import EvenGrid, even_grid
-from fidim_lab.mismatch.markers.displaced import Limits
-from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_jump, marker_name
-from fidim_lab.mismatch.markers.levels import displaced_rows
-from fidim_lab.mismatch.markers.thresholds import MARKERS
 from fidim_lab.mismatch.residuals.breaks import breaks_of
 from fidim_lab.mismatch.residuals.residual import Leftover
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from fidim_lab.data.records import Role
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, whole_id, without
@@ -28,7 +29,6 @@ from fidim_lab.mismatch.fitting.fit_data import short_fit
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predict
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.fitting.thresholds import FITTING
-from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel
 from fidim_lab.mismatch.residuals.residual import of_fit
 from fidim_lab.mismatch.residuals.whiteness import whiteness
 from fidim_lab.say import Say

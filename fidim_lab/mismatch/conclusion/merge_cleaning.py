@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
+from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Place, Verdict
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
-from fidim_lab.mismatch.markers.finding import Finding
 
 HAND = "hand-contact"
 

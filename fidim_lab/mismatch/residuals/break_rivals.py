@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 
 

@@ -14,9 +14,9 @@ from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import maximum_filter1d
 
-from fidim_lab.mismatch.markers.displaced import Limits
-from fidim_lab.mismatch.markers.neighbours import noise_of
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.displaced import Limits
+from fidim_lab.identification.markers.neighbours import noise_of
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.residuals.break_rivals import Break, judge
 from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 

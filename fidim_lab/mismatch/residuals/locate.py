@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import chdtrc, chdtri
 
 from fidim_lab.arrays import runs
-from fidim_lab.mismatch.markers.finding import marker_channel
+from fidim_lab.identification.markers.finding import marker_channel
 from fidim_lab.mismatch.residuals.residual import Leftover
 from fidim_lab.mismatch.residuals.thresholds import RESIDUALS
 

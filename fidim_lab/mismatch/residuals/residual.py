@@ -12,10 +12,10 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import CableSeries, Series
 from fidim_lab.data.records import Motion
+from fidim_lab.identification.markers.clock_check import even_grid
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation
-from fidim_lab.mismatch.markers.clock_check import even_grid
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.sampling import sampled
 from fidim_lab.model.statics import tensions

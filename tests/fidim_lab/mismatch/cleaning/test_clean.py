@@ -7,6 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.markers.finding import Finding, Kind
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, without
@@ -15,7 +16,6 @@ from fidim_lab.mismatch.cleaning.segments import Segmented, Segments
 from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
 from fidim_lab.mismatch.fitting.baseline import fit_baseline
-from fidim_lab.mismatch.markers.finding import Finding, Kind
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Window
+from fidim_lab.identification.markers.finding import Finding, Kind
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
@@ -13,7 +14,6 @@ from fidim_lab.mismatch.cleaning.restored import restored, without_needless_faul
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.fitting.baseline import fit_baseline
 from fidim_lab.mismatch.fitting.refit import Completed
-from fidim_lab.mismatch.markers.finding import Finding, Kind
 from fidim_lab.mismatch.selection.select import select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world

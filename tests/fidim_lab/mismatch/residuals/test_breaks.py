@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Role, Window
+from fidim_lab.identification.data_checks.screening import screen
+from fidim_lab.identification.markers.displaced import Limits
+from fidim_lab.identification.markers.finding import Finding, Kind
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.off_motion import without_breaks
-from fidim_lab.mismatch.data_checks.screening import screen
-from fidim_lab.mismatch.markers.displaced import Limits
-from fidim_lab.mismatch.markers.finding import Finding, Kind
 from fidim_lab.mismatch.residuals.break_rivals import Break, judge
 from fidim_lab.mismatch.residuals.breaks import breaks_of
 from fidim_lab.mismatch.residuals.residual import Leftover

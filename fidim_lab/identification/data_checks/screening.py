@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.mismatch.data_checks.encoder_check import check_encoders
-from fidim_lab.mismatch.data_checks.noise_check import NoiseLevels, check_noise, noise_levels
-from fidim_lab.mismatch.data_checks.redundancy import (
+from fidim_lab.identification.data_checks.encoder_check import check_encoders
+from fidim_lab.identification.data_checks.noise_check import NoiseLevels, check_noise, noise_levels
+from fidim_lab.identification.data_checks.redundancy import (
     Posed,
     Redundancy,
     currents_against_statics,
@@ -29,13 +29,13 @@ from fidim_lab.mismatch.data_checks.redundancy import (
     rigid_markers,
     smoothed,
 )
-from fidim_lab.mismatch.data_checks.robot_mistakes import Mistake, find_mistakes
-from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
-from fidim_lab.mismatch.markers.displaced import Limits
-from fidim_lab.mismatch.markers.finding import Finding
-from fidim_lab.mismatch.markers.rigid_steps import without_rigid_steps
-from fidim_lab.mismatch.markers.samples import Inspected, inspect
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.data_checks.robot_mistakes import Mistake, find_mistakes
+from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
+from fidim_lab.identification.markers.displaced import Limits
+from fidim_lab.identification.markers.finding import Finding
+from fidim_lab.identification.markers.rigid_steps import without_rigid_steps
+from fidim_lab.identification.markers.samples import Inspected, inspect
+from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.model.mechanism import Mechanism
 
 

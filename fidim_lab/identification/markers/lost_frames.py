@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 class What(Enum):

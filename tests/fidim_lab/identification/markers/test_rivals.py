@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fidim_lab.mismatch.markers.rivals import What, judge
+from fidim_lab.identification.markers.rivals import What, judge
 
 SIGMA = np.full(3, 1e-4)
 T = (np.arange(41) - 20) / 100

@@ -5,8 +5,8 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import runs
 from fidim_lab.data.records import Window
-from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_name
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel, marker_name
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 def frozen_runs(markers: Float[np.ndarray, "N M 3"], noise: float) -> list[tuple[int, int | None, int, int]]:

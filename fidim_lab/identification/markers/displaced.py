@@ -14,10 +14,10 @@ from scipy.ndimage import maximum_filter1d
 from scipy.special import chdtri, ndtri
 
 from fidim_lab.arrays import runs
-from fidim_lab.mismatch.markers.lost_frames import LostFrames, lost_frames
-from fidim_lab.mismatch.markers.neighbours import look
-from fidim_lab.mismatch.markers.rivals import Verdict, What, judge
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.lost_frames import LostFrames, lost_frames
+from fidim_lab.identification.markers.neighbours import look
+from fidim_lab.identification.markers.rivals import Verdict, What, judge
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True)

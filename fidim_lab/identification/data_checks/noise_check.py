@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Window
-from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
-from fidim_lab.mismatch.markers.clock_check import even_grid
-from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel
-from fidim_lab.mismatch.markers.neighbours import noise_of
+from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
+from fidim_lab.identification.markers.clock_check import even_grid
+from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel
+from fidim_lab.identification.markers.neighbours import noise_of
 
 
 @dataclass(frozen=True, eq=False)

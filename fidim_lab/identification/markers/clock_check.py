@@ -6,8 +6,8 @@ import numpy as np
 
 from fidim_lab.arrays import Series
 from fidim_lab.data.records import Window
-from fidim_lab.mismatch.markers.finding import Finding, Kind
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.finding import Finding, Kind
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Cable, Robot
-from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
+from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
 
 UNITS = (
     (1e-3, "millimetres for metres"),

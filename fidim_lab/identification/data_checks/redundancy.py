@@ -18,11 +18,11 @@ from jaxtyping import Bool, Float
 from fidim_lab.arrays import CableSeries, Series
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.errors import FidimError
+from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
+from fidim_lab.identification.markers.clock_check import even_grid
+from fidim_lab.identification.markers.neighbours import half_width, look
 from fidim_lab.identification.motion import rigid, surface
 from fidim_lab.identification.motion.measured import held_lengths, rest_pose
-from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
-from fidim_lab.mismatch.markers.clock_check import even_grid
-from fidim_lab.mismatch.markers.neighbours import half_width, look
 from fidim_lab.model.mechanism import Mechanism
 
 

@@ -14,12 +14,12 @@ from jaxtyping import Bool, Float
 from scipy.special import chdtri
 
 from fidim_lab.data.records import Window
-from fidim_lab.mismatch.markers.clock_check import even_grid
-from fidim_lab.mismatch.markers.finding import marker_jump
-from fidim_lab.mismatch.markers.levels import displaced_rows
-from fidim_lab.mismatch.markers.neighbours import noise_of
-from fidim_lab.mismatch.markers.samples import Inspected
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.clock_check import even_grid
+from fidim_lab.identification.markers.finding import marker_jump
+from fidim_lab.identification.markers.levels import displaced_rows
+from fidim_lab.identification.markers.neighbours import noise_of
+from fidim_lab.identification.markers.samples import Inspected
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True, eq=False)

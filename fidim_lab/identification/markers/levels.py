@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import Series
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 def displaced_rows(

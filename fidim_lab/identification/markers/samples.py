@@ -11,14 +11,14 @@ from jaxtyping import Bool, Float
 
 from fidim_lab.arrays import runs
 from fidim_lab.data.records import Window
-from fidim_lab.mismatch.markers.clock_check import check_clock, even_grid
-from fidim_lab.mismatch.markers.displaced import Displacement, Limits, search
-from fidim_lab.mismatch.markers.finding import Finding, Kind, marker_channel, marker_name
-from fidim_lab.mismatch.markers.frozen import check_frozen
-from fidim_lab.mismatch.markers.levels import displaced_rows
-from fidim_lab.mismatch.markers.lost_frames import LostFrames
-from fidim_lab.mismatch.markers.neighbours import half_width, noise_of
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.clock_check import check_clock, even_grid
+from fidim_lab.identification.markers.displaced import Displacement, Limits, search
+from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel, marker_name
+from fidim_lab.identification.markers.frozen import check_frozen
+from fidim_lab.identification.markers.levels import displaced_rows
+from fidim_lab.identification.markers.lost_frames import LostFrames
+from fidim_lab.identification.markers.neighbours import half_width, noise_of
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ import pytest
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Body, Campaign, Role, Window
-from fidim_lab.mismatch.data_checks.robot_changes import robot_changes
-from fidim_lab.mismatch.data_checks.robot_mistakes import find_mistakes
-from fidim_lab.mismatch.data_checks.screening import screen
-from fidim_lab.mismatch.markers.displaced import Limits
-from fidim_lab.mismatch.markers.finding import Kind
-from fidim_lab.mismatch.markers.samples import inspect
+from fidim_lab.identification.data_checks.robot_changes import robot_changes
+from fidim_lab.identification.data_checks.robot_mistakes import find_mistakes
+from fidim_lab.identification.data_checks.screening import screen
+from fidim_lab.identification.markers.displaced import Limits
+from fidim_lab.identification.markers.finding import Kind
+from fidim_lab.identification.markers.samples import inspect
 from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism

@@ -3,8 +3,8 @@
 import numpy as np
 
 from fidim_lab.data.records import Window
-from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
-from fidim_lab.mismatch.markers.finding import Finding, Kind
+from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
+from fidim_lab.identification.markers.finding import Finding, Kind
 
 
 def check_encoders(window: Window, resolution: float) -> tuple[tuple[Finding, ...], np.ndarray]:

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.errors import FidimError
+from fidim_lab.identification.data_checks.robot_changes import Change, robot_changes
+from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
+from fidim_lab.identification.markers.clock_check import even_grid
 from fidim_lab.identification.motion import surface
-from fidim_lab.mismatch.data_checks.robot_changes import Change, robot_changes
-from fidim_lab.mismatch.data_checks.thresholds import DATA_CHECKS
-from fidim_lab.mismatch.markers.clock_check import even_grid
 from fidim_lab.model.mechanism import Mechanism
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 
-from fidim_lab.mismatch.markers.thresholds import MARKERS
+from fidim_lab.identification.markers.thresholds import MARKERS
 
 
 @dataclass(frozen=True, eq=False)
