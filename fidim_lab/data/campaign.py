@@ -132,7 +132,16 @@ def _check_rate(index: Path, window: Window, rate: float) -> None:
     steps = np.array([np.median(np.diff(window.t)), np.ptp(window.t) / (len(window.t) - 1)]) * rate
     if (steps > OFF_RATE).all() or (steps < 1.0 / OFF_RATE).all():
         found = f"{rate:g} Hz, but the samples of window {window.id} are {steps[0] / rate:.4g} s apart"
-        raise FileError(index, "sample_rate", found, hint="Times are in s, rates in Hz.")
+        raise FileError(index, "sample_rate", found, hint=_unit(float(steps[0])) + "Times are in s, rates in Hz.")
+
+
+def _unit(ratio: float) -> str:
+    """Which unit of time makes the samples as many times too far apart; a blank where none does."""
+    units = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds", 1 / 60: "minutes"}
+    for times, name in units.items():
+        if times / OFF_RATE < ratio < times * OFF_RATE:
+            return f"The times of the windows look like {name}. "
+    return ""
 
 
 def _check_seen(path: Path, columns: WindowColumns) -> None:

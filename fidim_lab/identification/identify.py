@@ -45,7 +45,7 @@ def identify(
         result = mle.identify(checked.campaign, native=native, predict=checks.predict)
     else:
         result = _by_equations(checked.campaign, method, recipe, checks)
-    return replace(result, warnings=(*checked.notes, *result.warnings))
+    return replace(result, removed=checked.removed, warnings=(*checked.notes, *result.warnings))
 
 
 def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Checks) -> IdentificationResult:

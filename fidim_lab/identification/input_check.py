@@ -1,7 +1,7 @@
 """What is wrong with a campaign before anything is computed from it, in words, whatever the method.
 
-`check` refuses what cannot be identified from (markers in millimetres, no motion at all), cuts a window at a jump of
-its clock, and says what weakens the answer (one equilibrium only). Looks at times, markers and lengths alone.
+`check` refuses what cannot be identified from (markers in millimetres, no motion at all), cleans as `explain` does
+(`cleaning.clean`), cuts a window at a jump of its clock, and says what weakens the answer (one equilibrium only).
 """
 
 import itertools
@@ -12,6 +12,8 @@ import numpy as np
 
 from fidim_lab.data.records import Campaign, Robot, Role, Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.cleaning.clean import clean_recordings
+from fidim_lab.identification.cleaning.removed import Removed
 
 FARTHEST = 20.0
 """times the robot's own size that markers may be away from its middle"""
@@ -35,17 +37,22 @@ class Checked:
     """A campaign that may be identified from."""
 
     campaign: Campaign
+    removed: tuple[Removed, ...]
     notes: tuple[str, ...]
 
 
 def check(campaign: Campaign) -> Checked:
-    """The campaign without what a jumping clock spoils, and what is to be said.
+    """The campaign without what is no free motion and what a jumping clock spoils, and what is to be said.
 
     Raises RefusedError where every `identify` window has its markers in a wrong unit, or none moves.
     """
     fitted = campaign.of_role(Role.IDENTIFY)
     notes = _units(campaign, fitted)
     _refuse_stillness(campaign, fitted)
+    cleaned = clean_recordings(campaign).recordings
+    campaign = cleaned.campaign
+    fitted = campaign.of_role(Role.IDENTIFY)
+    notes += cleaned.notes
     windows: list[Window] = []
     for window in campaign.windows:
         kept, said = _cut_at_jumps(window, campaign.robot)
@@ -57,7 +64,7 @@ def check(campaign: Campaign) -> Checked:
         if not _moves(w, campaign.robot)
     ]
     notes += _one_equilibrium(fitted)
-    return Checked(replace(campaign, windows=tuple(windows)), tuple(notes))
+    return Checked(replace(campaign, windows=tuple(windows)), cleaned.removed, tuple(notes))
 
 
 def _units(campaign: Campaign, fitted: Sequence[Window]) -> list[str]:

@@ -17,8 +17,9 @@ from time import perf_counter
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.choice import soft_mode
+from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
-from fidim_lab.mismatch.cleaning.contacts import Contact, whole_id, without
+from fidim_lab.mismatch.cleaning.contacts import Contact, without
 from fidim_lab.mismatch.cleaning.residual_checks import audit
 from fidim_lab.mismatch.cleaning.restored import restored, without_needless_contacts, without_needless_faults
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict

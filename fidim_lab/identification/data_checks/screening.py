@@ -85,8 +85,11 @@ class Screening:
         )
 
 
-def screen(campaign: Campaign) -> Screening:
-    """Look at all windows of a campaign. Never raises for what is in the data: it is all in the answer."""
+def screen(campaign: Campaign, *, kinematics: bool = True) -> Screening:
+    """Look at all windows of a campaign. Never raises for what is in the data: it is all in the answer.
+
+    kinematics: also compare channels that measure the same thing twice, which takes most of the time.
+    """
     declared = campaign.robot.sensors.marker_noise
     levels = noise_levels(campaign.windows, declared)
     samples = sum(window.markers.shape[0] * window.markers.shape[1] for window in campaign.windows)
@@ -99,7 +102,7 @@ def screen(campaign: Campaign) -> Screening:
     findings = [finding for one in inspected for finding in one.findings]
     mistakes = find_mistakes(campaign.robot, cleaned.windows, DATA_CHECKS.screening_gross)
     posable = replace(cleaned, windows=cleaned.windows[: DATA_CHECKS.screening_few]) if mistakes else cleaned
-    redundancy, unposed = _redundancy(posable, levels.by_channel)
+    redundancy, unposed = _redundancy(posable, levels.by_channel) if kinematics else ((), ())
     return Screening(
         campaign=cleaned,
         findings=(*findings, *check_noise(cleaned.windows, levels)),

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import Series
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
+from fidim_lab.identification.cleaning.removed import Removed
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.motion.trajectory import Prediction
@@ -168,6 +169,8 @@ class IdentificationResult:
     """change of the parameters if the columns of W were scaled to norm 1; None for methods that do not depend on it"""
     geometry: Geometry | None = None
     """None for methods that take the robot file's geometry as exact"""
+    removed: tuple[Removed, ...] = ()
+    """what cleaning left out of the recordings"""
     fallback: str = ""
     """why this method is shown in the place of the one that suits the campaign; empty where it is that one"""
 
@@ -237,6 +240,7 @@ class IdentificationResult:
                     for one in self.geometry.moved
                 ],
             },
+            "removed": [one.to_json() for one in self.removed],
             "seconds": round(self.seconds, 3),
         }
 

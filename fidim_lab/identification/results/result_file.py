@@ -93,6 +93,15 @@ class GeometryTable(_Strict):
     moved: tuple[MovedTable, ...]
 
 
+class RemovedTable(_Strict):
+    """One of `removed`: a stretch of a window that cleaning left out, s on its own clock."""
+
+    window: str
+    t: tuple[float, float]
+    why: str
+    samples: int
+
+
 class ResultTable(_Strict):
     """The whole file."""
 
@@ -108,6 +117,7 @@ class ResultTable(_Strict):
     windows: tuple[WindowTable, ...]
     seconds: Annotated[float, Field(ge=0)]
     geometry: GeometryTable | None = None
+    removed: tuple[RemovedTable, ...] = ()
     mass: MassTable | None = None
 
     @property

@@ -13,7 +13,11 @@ import numpy as np
 
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.data_checks.screening import Screening, screen
+from fidim_lab.identification.cleaning.clean import clean_recordings, faults_in_words
+from fidim_lab.identification.cleaning.free_motion import RULE
+from fidim_lab.identification.cleaning.free_motion import WHY as HANDS
+from fidim_lab.identification.cleaning.removed import CleanRecordings
+from fidim_lab.identification.data_checks.screening import Screening
 from fidim_lab.identification.markers.clock_check import even_grid
 from fidim_lab.identification.markers.finding import Finding
 from fidim_lab.identification.markers.neighbours import noise_of
@@ -50,15 +54,7 @@ class Cleaned:
     @property
     def says(self) -> tuple[str, ...]:
         """Faults and contacts, a sentence for each kind with the plainest example."""
-        kinds = dict.fromkeys(fault.kind for fault in self.faults)
-        said: list[str] = []
-        for kind in kinds:
-            ours = [fault for fault in self.faults if fault.kind is kind]
-            worst = max(ours, key=lambda fault: fault.size)
-            windows = len({fault.window for fault in ours})
-            more = "" if len(ours) == 1 else f" ({len(ours)} times in {windows} windows; this is the largest)"
-            said.append(f"{worst.says.rstrip('.')}{more}.")
-        return (*said, *(contact.says for contact in self.contacts))
+        return (*faults_in_words(self.faults), *(contact.says for contact in self.contacts))
 
 
 def clean(campaign: Campaign, *, say: Say = lambda _: None) -> Cleaned:
@@ -69,34 +65,22 @@ def clean(campaign: Campaign, *, say: Say = lambda _: None) -> Cleaned:
     is fitted then means anything.
     """
     say("looking at samples and kinematics")
-    seen = screen(campaign)
-    if seen.mistakes:
-        best, *others = seen.mistakes
-        hint = "Correct the robot file, or what wrote the windows, and explain again."
-        if others:
-            hint += " Nearly as good: " + "; ".join(other.says.split(":")[0] for other in others) + "."
-        raise RefusedError(f"The robot file and the recording do not belong together. {best.says}", hint=hint)
-    _refuse_gravity(seen.campaign)
-    _refuse_stillness(seen.campaign)
-    for fault in seen.faults[:3]:
-        say(fault.says)
-    return Cleaned(seen.campaign, seen, seen.faults)
+    screened = clean_recordings(campaign, kinematics=True)
+    seen, recordings = screened.screening, screened.recordings
+    _refuse_stillness(recordings.campaign)
+    for note in recordings.notes[:3]:
+        say(note)
+    return Cleaned(recordings.campaign, seen, seen.faults, _contacts(campaign, recordings))
 
 
-def _refuse_gravity(campaign: Campaign) -> None:
-    """Raise RefusedError where every cable pulls the way that gravity pulls, in every window: nothing rests so."""
-    robot = campaign.robot
-    middles = [np.nanmean(w.markers[:, 0], axis=0) for w in campaign.windows if np.isfinite(w.markers[:, 0]).any()]
-    if not middles:
-        return
-    up = -robot.gravity / np.linalg.norm(robot.gravity)
-    heights = np.array([[(cable.d - middle) @ up for cable in robot.cables] for middle in middles])
-    if heights.max() >= 0:
-        return
-    raise RefusedError(
-        f"The robot file and the recording do not belong together. All anchors are {-heights.max():.2g} m or more "
-        f"below the marker, as gravity {robot.gravity.tolist()} m/s² goes: cables cannot hold a platform so.",
-        hint="Check gravity's sign in the robot file, and that anchors and markers have the same z axis.",
+def _contacts(campaign: Campaign, recordings: CleanRecordings) -> tuple[Contact, ...]:
+    """Hands within windows; letting go and catching belong to every recording."""
+    ends = {window.id: (float(window.t[0]), float(window.t[-1])) for window in campaign.windows}
+    hands = [one for one in recordings.removed if one.why == HANDS]
+    return tuple(
+        Contact(one.window, *one.t, RULE.above**2, CLEANING.hand_times_sooner)
+        for one in hands
+        if one.t[0] > ends[one.window][0] and one.t[1] < ends[one.window][1]
     )
 
 

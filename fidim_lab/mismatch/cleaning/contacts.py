@@ -18,13 +18,11 @@ from scipy.stats import theilslopes
 
 from fidim_lab.arrays import runs
 from fidim_lab.data.records import Campaign, Window
+from fidim_lab.identification.cleaning.free_motion import parts
 from fidim_lab.identification.markers.thresholds import MARKERS
 from fidim_lab.mismatch.cleaning.hand_times import hand_times
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
-
-PART = ", part "
-"""what the id of all but a window's first part goes on with"""
 
 
 @dataclass(frozen=True)
@@ -98,27 +96,9 @@ def without(campaign: Campaign, contacts: Sequence[Contact]) -> Campaign:
     windows: list[Window] = []
     for window in campaign.windows:
         ours = [contact for contact in contacts if contact.window == window.id]
-        windows.extend(_parts(window, ours) if ours else [window])
+        cuts = [(contact.begin, contact.end) for contact in ours]
+        windows.extend(parts(window, cuts, CLEANING.contacts_worth) if ours else [window])
     return replace(campaign, windows=tuple(windows))
-
-
-def whole_id(part: str) -> str:
-    """The id of the window that a part was cut from."""
-    return part.split(PART)[0]
-
-
-def _parts(window: Window, contacts: Sequence[Contact]) -> list[Window]:
-    begins = [-np.inf, *(contact.end for contact in contacts)]
-    ends = [*(contact.begin for contact in contacts), np.inf]
-    free = [(window.t > b) & (window.t < e) for b, e in zip(begins, ends, strict=True)]
-    found: list[Window] = []
-    for use in free:
-        if use.sum() < 2 or window.t[use][-1] - window.t[use][0] < CLEANING.contacts_worth:
-            continue
-        markers = np.where(use[:, np.newaxis, np.newaxis], window.markers, np.nan)
-        name = window.id if not found else f"{window.id}{PART}{len(found) + 1}"
-        found.append(replace(window, id=name, markers=markers))
-    return found
 
 
 def _runs(one: Segmented, above: float) -> list[tuple[int, int]]:

@@ -16,10 +16,11 @@ import numpy as np
 
 from fidim_lab.data.records import Role
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.markers.finding import Finding, Kind, marker_channel
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.mismatch.cleaning.clean import Cleaned
-from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, whole_id, without
+from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, without
 from fidim_lab.mismatch.cleaning.odd_windows import slipped_encoder, stumble
 from fidim_lab.mismatch.cleaning.off_motion import without_breaks
 from fidim_lab.mismatch.cleaning.segments import Segmented, Segments, fit_segments

@@ -12,12 +12,13 @@ import numpy as np
 
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.markers.finding import Finding, Kind
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import predict as predicted
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.mismatch.cleaning.clean import Cleaned
-from fidim_lab.mismatch.cleaning.contacts import Contact, whole_id, without
+from fidim_lab.mismatch.cleaning.contacts import Contact, without
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.holdout import predict
 from fidim_lab.mismatch.fitting.refit import Completed

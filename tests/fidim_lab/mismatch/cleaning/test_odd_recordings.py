@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Role, Window
+from fidim_lab.identification.cleaning.free_motion import PART
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning import residual_checks
-from fidim_lab.mismatch.cleaning.contacts import PART, Contact, at_the_same_time
+from fidim_lab.mismatch.cleaning.contacts import Contact, at_the_same_time
 from fidim_lab.mismatch.cleaning.restarts import parts_of
 from fidim_lab.mismatch.cleaning.segments import Segmented, fit_segments
 from fidim_lab.mismatch.conclusion import unnamed

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Role
+from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.cleaning import restarts
 from fidim_lab.mismatch.cleaning.clean import clean
-from fidim_lab.mismatch.cleaning.contacts import Contact, whole_id, without
+from fidim_lab.mismatch.cleaning.contacts import Contact, without
 from fidim_lab.mismatch.cleaning.restarts import _has_its_moment, find_pushes
 from fidim_lab.mismatch.cleaning.thresholds import CLEANING
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline

@@ -1,0 +1,1 @@
+"""What comes before anything is fitted, the same for `identify` and `explain`."""

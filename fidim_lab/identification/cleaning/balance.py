@@ -1,0 +1,124 @@
+"""The equations of motion of a window in small pieces: what a hand on the platform leaves over, time by time.
+
+With locked motors the Newton–Euler equations, projected on the twists that the cables leave free, balance by
+themselves (Eq. 21). Markers are differentiated by a quartic through `HALF` seconds on either side of each node: short
+enough to say when a hand lets go, and with nodes up to the ends of a recording.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import Series
+from fidim_lab.data.records import Motion, Window
+from fidim_lab.errors import FidimError, InfeasibleError
+from fidim_lab.identification.motion import rigid, surface
+from fidim_lab.identification.motion.measured import held_lengths, rest_pose
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.regressor import platform_regressor
+
+EVERY = 0.1
+"""s between nodes"""
+HALF = 0.15
+"""s on either side of a node: swings of 3 Hz lose a twentieth of their acceleration"""
+DEGREE = 4
+SPARE = 3
+"""samples beyond the coefficients of the quartic, without which a node is not judged"""
+ASTRAY = 0.02
+"""m between markers and pose, rms, beyond which a node says nothing of forces: it is no pose of this robot"""
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """One window's projected equations of motion, linear in χ = [1, s, I] (Eq. 22), per unit mass."""
+
+    window: Window
+    t: Series
+    """s on the window's own clock, of the nodes that can be judged"""
+    left: Float[np.ndarray, "N free 10"]
+    """times χ: what does not balance, m/s²"""
+    inertial: Float[np.ndarray, "N free 10"]
+    """times χ: the inertial part of it, m/s²"""
+
+
+def balance(mechanism: Mechanism, window: Window) -> Balance | None:
+    """None where the window does not show its pose at every node, or too few nodes."""
+    robot = mechanism.robot
+    body = robot.markers[: window.markers.shape[1]]
+    seen = np.isfinite(window.markers).all(axis=2).mean(axis=0) > 0.5
+    if not seen.any():
+        return None
+    nodes = _differentiated(window, np.flatnonzero(seen))
+    if len(nodes.t) < SPARE:
+        return None
+    try:
+        motion = _motion(mechanism, window, nodes, body[seen])
+        free = surface.free_directions(mechanism.structure_matrix(motion.positions, motion.rotations))
+    except (FidimError, np.linalg.LinAlgError):
+        return None
+    across = np.swapaxes(free, 1, 2)
+    left = across @ platform_regressor(motion, robot.gravity)
+    inertial = across @ platform_regressor(motion, np.zeros(3))
+    return Balance(window, motion.t, left, inertial)
+
+
+@dataclass(frozen=True, eq=False)
+class _Nodes:
+    t: Series
+    place: Float[np.ndarray, "N M 3"]
+    speed: Float[np.ndarray, "N M 3"]
+    acceleration: Float[np.ndarray, "N M 3"]
+
+    def at(self, use: np.ndarray) -> "_Nodes":
+        return _Nodes(self.t[use], self.place[use], self.speed[use], self.acceleration[use])
+
+
+def _differentiated(window: Window, markers: np.ndarray) -> _Nodes:
+    """Quartics through the samples about each node, of all these markers; nodes where one lacks samples are left out."""
+    t, tracks = window.t, window.markers[:, markers].reshape(len(window.t), -1)
+    whole = np.isfinite(tracks).all(axis=1)
+    t, tracks = t[whole], tracks[whole]
+    found: list[tuple[float, np.ndarray]] = []
+    if len(t):
+        for at in np.arange(window.t[0] + HALF, window.t[-1] - HALF + 1e-9, EVERY):
+            begin, end = np.searchsorted(t, (at - HALF - 1e-9, at + HALF + 1e-9))
+            if end - begin < DEGREE + 1 + SPARE or not (t[begin] < at - HALF / 2 and t[end - 1] > at + HALF / 2):
+                continue
+            powers = np.vander((t[begin:end] - at) / HALF, DEGREE + 1, increasing=True)
+            found.append((float(at), np.linalg.lstsq(powers, tracks[begin:end], rcond=None)[0][:3]))
+    times = np.array([at for at, _ in found])
+    values = np.array([one for _, one in found]).reshape(len(found), 3, len(markers), 3)
+    return _Nodes(times, values[:, 0], values[:, 1] / HALF, 2 * values[:, 2] / HALF**2)
+
+
+def _motion(mechanism: Mechanism, window: Window, nodes: _Nodes, body: Float[np.ndarray, "M 3"]) -> Motion:
+    """Poses, twists and accelerations: from the markers alone where they show the whole pose, else tied to lengths."""
+    whole = rigid.spread(body) > rigid.MIN_SPREAD
+    if whole:
+        positions, rotations, misfit = rigid.register(nodes.place, body, np.ones(nodes.place.shape[:2]))
+    else:
+        found = surface.poses(mechanism, held_lengths(window), body, nodes.place, rest_pose(mechanism, window))
+        positions, rotations, misfit = found.positions, found.rotations, found.misfit
+        misfit = np.where(found.settled, misfit, np.inf)
+    use = np.flatnonzero(misfit < ASTRAY)
+    if len(use) < SPARE:
+        raise InfeasibleError(f"Window {window.id}: no pose fits its markers.")
+    nodes, poses = (
+        nodes.at(use),
+        surface.SurfacePoses(positions[use], rotations[use], misfit[use], np.ones(len(use), bool)),
+    )
+    J = surface.marker_jacobian(poses.rotations, body)
+    speeds = nodes.speed.reshape(len(use), -1)
+    if whole:
+        twists = _solved(J, speeds)
+    else:
+        twists = surface.rates(mechanism, poses, J, speeds)
+    wanted = nodes.acceleration.reshape(len(use), -1) - surface.centripetal(poses.rotations, twists, body)
+    rates = _solved(J, wanted) if whole else surface.accelerations(mechanism, poses, J, twists, wanted)
+    return Motion(nodes.t, poses.positions, poses.rotations, twists, rates)
+
+
+def _solved(J: surface.Jacobian, wanted: Float[np.ndarray, "N K"]) -> Float[np.ndarray, "N 6"]:
+    across = np.swapaxes(J, 1, 2)
+    return np.linalg.solve(across @ J, (across @ wanted[..., np.newaxis]))[..., 0]

@@ -1,0 +1,100 @@
+"""The one cleaning before anything is fitted: a campaign as recorded in, the campaign that may be fitted out.
+
+    placeholders   (0, 0, 0) and other constants that stand for a blank become missing
+    filled         samples that were computed from their neighbours become missing
+    stamps         times of arrival become the even times of the samples
+    screen         spikes, jumps, frozen and lost frames become missing; simple mistakes of files are refused in words
+    free motion    what a hand holds, pushes or catches is left out
+
+Nothing is repaired; what was taken out is listed (`Removed`) and told (`notes`). `identify` and `explain` begin here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.data.records import Campaign
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.cleaning.filled import without_filled
+from fidim_lab.identification.cleaning.free_motion import without_hands
+from fidim_lab.identification.cleaning.placeholders import without_placeholders
+from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, stretches
+from fidim_lab.identification.cleaning.stamps import retimed
+from fidim_lab.identification.data_checks.screening import Screening, screen
+from fidim_lab.identification.markers.finding import Finding
+
+STEPS = (without_placeholders, without_filled, retimed)
+"""what samples alone show; each takes what the one before leaves"""
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """What cleaning left, and what screening saw on the way."""
+
+    recordings: CleanRecordings
+    screening: Screening
+
+
+def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screened:
+    """Clean a campaign; see the module.
+
+    kinematics: also compare channels that measure the same thing twice (`screen`).
+    Raises RefusedError where markers and lengths contradict the robot file grossly: nothing that is fitted then means
+    anything.
+    """
+    done = CleanRecordings(campaign)
+    for step in STEPS:
+        done = done.then(step(done.campaign))
+    seen = screen(done.campaign, kinematics=kinematics)
+    _refuse_mistakes(seen)
+    _refuse_gravity(seen.campaign)
+    done = done.then(_screened(done.campaign, seen))
+    return Screened(done.then(without_hands(done.campaign)), seen)
+
+
+def _refuse_mistakes(seen: Screening) -> None:
+    if not seen.mistakes:
+        return
+    best, *others = seen.mistakes
+    hint = "Correct the robot file, or what wrote the windows, and ask again."
+    if others:
+        hint += " Nearly as good: " + "; ".join(other.says.split(":")[0] for other in others) + "."
+    raise RefusedError(f"The robot file and the recording do not belong together. {best.says}", hint=hint)
+
+
+def _refuse_gravity(campaign: Campaign) -> None:
+    """Raise RefusedError where every cable pulls the way that gravity pulls, in every window: nothing rests so."""
+    robot = campaign.robot
+    middles = [np.nanmean(w.markers[:, 0], axis=0) for w in campaign.windows if np.isfinite(w.markers[:, 0]).any()]
+    if not middles:
+        return
+    up = -robot.gravity / np.linalg.norm(robot.gravity)
+    heights = np.array([[(cable.d - middle) @ up for cable in robot.cables] for middle in middles])
+    if heights.max() >= 0:
+        return
+    raise RefusedError(
+        f"The robot file and the recording do not belong together. All anchors are {-heights.max():.2g} m or more "
+        f"below the marker, as gravity {robot.gravity.tolist()} m/s² goes: cables cannot hold a platform so.",
+        hint="Check gravity's sign in the robot file, and that anchors and markers have the same z axis.",
+    )
+
+
+def _screened(before: Campaign, seen: Screening) -> CleanRecordings:
+    """What screening took out, and a sentence for each kind of fault."""
+    removed: list[Removed] = []
+    for old, new in zip(before.windows, seen.campaign.windows, strict=True):
+        gone = np.isfinite(old.markers).all(axis=2) & ~np.isfinite(new.markers).all(axis=2)
+        removed += stretches(old.id, old.t, gone, "displaced or frozen")
+    return CleanRecordings(seen.campaign, tuple(removed), faults_in_words(seen.faults))
+
+
+def faults_in_words(faults: tuple[Finding, ...]) -> tuple[str, ...]:
+    """A sentence for each kind with the plainest example."""
+    said: list[str] = []
+    for kind in dict.fromkeys(fault.kind for fault in faults):
+        ours = [fault for fault in faults if fault.kind is kind]
+        worst = max(ours, key=lambda fault: fault.size)
+        windows = len({fault.window for fault in ours})
+        more = "" if len(ours) == 1 else f" ({len(ours)} times in {windows} windows; this is the largest)"
+        said.append(f"{worst.says.rstrip('.')}{more}.")
+    return tuple(said)

@@ -1,0 +1,173 @@
+"""Where the platform swings freely in each recording: release, hand, second release, catch, a touch at the end.
+
+The equations of motion that need no cable force (`balance`) are linear in the body. The body that balances the better
+half of all seconds is found first (least trimmed squares; CAD only fills in what nothing shows), so that neither a hand
+nor a wrong CAD decides. A hand then is where most of the inertial force has no source: what is left over is more than
+half of it, and far above what is usual in that window. Missing physics (friction, drag, a surveyed geometry) leaves
+less, and grows and falls with the motion: it stays in, for `explain`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fidim_lab.arrays import Series, runs
+from fidim_lab.data.records import Campaign, Window
+from fidim_lab.identification.cleaning.balance import EVERY, HALF, Balance, balance
+from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.regressor import parameter_vector
+
+PART = ", part "
+"""what the id of all but a window's first part goes on with"""
+WHY = "not free: held, pushed or touched"
+
+
+@dataclass(frozen=True)
+class FreeMotionRule:
+    """The thresholds, chosen before any recording of a real robot was looked at with them."""
+
+    averaged: float = 0.3
+    """s, over which what is left over and inertial forces are averaged (rms)"""
+    share: float = 0.5
+    """of the inertial forces that a hand leaves over at least: what `hand_free` asks for (REAL.md §2)"""
+    above: float = 4.0
+    """times what is usually left over in the window"""
+    goes_on: float = 1.5
+    """the same beside a disturbance: a hand that holds still leaves little where the platform hangs nearly at rest"""
+    block: float = 1.0
+    """s: blocks in which the better half is looked for"""
+    rounds: int = 10
+    """of least trimmed squares; they settle in 3 to 6"""
+    shown: float = 1e-4
+    """of the largest singular value, below which a direction of the body stays where CAD has it"""
+    most: float = 0.6
+    """of all nodes that may be disturbed: with more, the robot file or the frame is wrong, and nothing is cut"""
+    shortest: float = 1.0
+    """s of free motion, without which a part is not kept"""
+
+
+RULE = FreeMotionRule()
+
+
+def without_hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> CleanRecordings:
+    """What is free before and after each disturbance becomes a window of its own ("i03", "i03, part 2").
+
+    All parts keep their window's clock and lengths. Windows that do not show their poses are kept as they are.
+    """
+    mechanism = Mechanism(campaign.robot)
+    balances = {window.id: found for window in campaign.windows if (found := balance(mechanism, window)) is not None}
+    if not balances:
+        return CleanRecordings(campaign)
+    chi = _robust_body(list(balances.values()), parameter_vector(campaign.robot.nominal), rule)
+    disturbed = {id: _disturbed(one, chi, rule) for id, one in balances.items()}
+    nodes = np.concatenate(list(disturbed.values()))
+    if not nodes.any() or nodes.mean() > rule.most:
+        return CleanRecordings(campaign)
+    windows: list[Window] = []
+    removed: list[Removed] = []
+    for window in campaign.windows:
+        cuts = _times(balances[window.id], disturbed[window.id]) if window.id in balances else []
+        windows += parts(window, cuts, rule.shortest) if cuts else [window]
+        removed += [_told(window, begin, end) for begin, end in cuts]
+    return CleanRecordings(replace(campaign, windows=tuple(windows)), tuple(removed), _notes(removed))
+
+
+def parts(window: Window, cuts: Sequence[tuple[float, float]], shortest: float) -> list[Window]:
+    """What is free before, between and after the cuts (begin, end; s), as windows with the rows of the whole.
+
+    The first part keeps the window's id. Parts shorter than so many seconds are left out.
+    """
+    begins = [-np.inf, *(end for _, end in cuts)]
+    ends = [*(begin for begin, _ in cuts), np.inf]
+    found: list[Window] = []
+    for begin, end in zip(begins, ends, strict=True):
+        use = (window.t > begin) & (window.t < end)
+        if use.sum() < 2 or window.t[use][-1] - window.t[use][0] < shortest:
+            continue
+        name = window.id if not found else f"{window.id}{PART}{len(found) + 1}"
+        markers = np.where(use[:, np.newaxis, np.newaxis], window.markers, np.nan)
+        found.append(replace(window, id=name, markers=markers))
+    return found
+
+
+def whole_id(part: str) -> str:
+    """The id of the window that a part was cut from."""
+    return part.split(PART)[0]
+
+
+def _robust_body(balances: Sequence[Balance], nominal: np.ndarray, rule: FreeMotionRule) -> Float[np.ndarray, "10"]:
+    """χ that balances the better half of all blocks, each weighed by its inertial forces."""
+    blocks = [block for one in balances for block in _blocks(one, rule.block)]
+    chi, before = nominal, None
+    for _ in range(rule.rounds):
+        left = np.array([np.sqrt(np.mean((rows @ chi) ** 2)) for rows, _ in blocks])
+        inertial = np.array([np.sqrt(np.mean((rows @ chi) ** 2)) for _, rows in blocks]) + np.finfo(float).tiny
+        better = np.argsort(left / inertial)[: max(1, (len(blocks) + 1) // 2)] if before is not None else None
+        kept = np.arange(len(blocks)) if better is None else np.sort(better)
+        if before is not None and np.array_equal(kept, before):
+            break
+        before = kept
+        rows = np.concatenate([blocks[k][0] / max(inertial[k], np.median(inertial)) for k in kept])
+        step = np.linalg.lstsq(rows[:, 1:], -rows @ nominal, rcond=rule.shown)[0]
+        chi = nominal + np.concatenate([[0.0], step])
+    return chi
+
+
+def _blocks(one: Balance, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Rows of about so many seconds each: what is left over, and inertial forces, (rows, 10)."""
+    count = max(1, round(len(one.t) * EVERY / length))
+    pieces = np.array_split(np.arange(len(one.t)), count)
+    return [(one.left[k].reshape(-1, 10), one.inertial[k].reshape(-1, 10)) for k in pieces if len(k)]
+
+
+def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> Bool[np.ndarray, " N"]:
+    """Nodes at which the platform is not free."""
+    left, inertial = (_averaged(one.t, ((rows @ chi) ** 2).sum(axis=1), rule) for rows in (one.left, one.inertial))
+    own = float(np.median(left))
+    unmoved = left > rule.share**2 * inertial
+    found = unmoved & (left > rule.above**2 * own)
+    for begin, end in runs(unmoved & (left > rule.goes_on**2 * own)):
+        found[begin:end] = found[begin:end].any()
+    if found.any():  # what lies beside a hand must be seen to swing: a platform that is held at rest balances, too
+        for begin, end in runs(~found):
+            found[begin:end] = left[begin:end].sum() > rule.share**2 * inertial[begin:end].sum()
+    return found
+
+
+def _averaged(t: Series, squares: Series, rule: FreeMotionRule) -> Series:
+    """Mean of what lies within half of `averaged` of each node."""
+    reach = 0.5 * rule.averaged + 1e-9
+    total = np.concatenate([[0.0], np.cumsum(squares)])
+    first, last = np.searchsorted(t, t - reach), np.searchsorted(t, t + reach)
+    return (total[last] - total[first]) / (last - first)
+
+
+def _times(one: Balance, disturbed: Bool[np.ndarray, " N"]) -> list[tuple[float, float]]:
+    """Begins and ends of the disturbances, s; up to an end of the recording where no node lies between."""
+    begin, end = float(one.window.t[0]), float(one.window.t[-1])
+    found: list[tuple[float, float]] = []
+    for a, b in runs(disturbed):
+        first = -np.inf if a == 0 or one.t[a] < begin + HALF + EVERY else float(one.t[a]) - HALF
+        last = np.inf if b == len(disturbed) or one.t[b - 1] > end - HALF - EVERY else float(one.t[b - 1]) + HALF
+        found.append((first, last))
+    return found
+
+
+def _told(window: Window, begin: float, end: float) -> Removed:
+    t = (max(begin, float(window.t[0])), min(end, float(window.t[-1])))
+    use = (window.t >= t[0]) & (window.t <= t[1])
+    return Removed(window.id, t, WHY, int(np.isfinite(window.markers[use]).all(axis=2).sum()))
+
+
+def _notes(removed: Sequence[Removed]) -> tuple[str, ...]:
+    """One sentence for all of them."""
+    shown = ", ".join(f"{one.window} {one.t[0]:.2f} to {one.t[1]:.2f} s" for one in removed[:SHOWN])
+    more = f" and {len(removed) - SHOWN} more" if len(removed) > SHOWN else ""
+    return (f"The platform is not free (held, pushed or touched) in {shown}{more}: this is left out.",)
+
+
+SHOWN = 4
+"""cuts that the sentence names"""

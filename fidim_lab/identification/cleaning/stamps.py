@@ -1,0 +1,137 @@
+"""Time stamps: whether they are instants of the samples or of their arrival.
+
+Samples are taken evenly; a computer that stamps them on arrival bunches and delays them. Which of several times the
+samples were taken at, their own smoothness tells: on wrong ones a swing looks rough. Rates that differ between header
+and stamps by less than a twentieth are for the fit to decide (`time_scale`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.arrays import Series
+from fidim_lab.data.records import Campaign, Window
+from fidim_lab.identification.cleaning.removed import CleanRecordings
+from fidim_lab.identification.markers.clock_check import even_grid
+from fidim_lab.identification.markers.neighbours import noise_of
+
+NEAR = 0.05
+"""of the header's rate, within which stamps and header mean the same rate"""
+UNEVEN = 0.05
+"""of a step: stamps nearer to an even grid than this need no other"""
+SMOOTHER = 0.9
+"""times the roughness with the stamps as they are that an even grid must come down to: six standard deviations of it
+for one marker seen 1000 times; 0.8 and 0.95 decide alike in `benchmarks.spoilt`"""
+AVERAGED = 7
+"""samples, over which a speed is averaged"""
+EARLIEST = 0.02
+"""quantile of how late stamps are that counts as no delay: single early stamps are the clock's own steps"""
+
+
+def retimed(campaign: Campaign) -> CleanRecordings:
+    """The campaign with even stamps where those of its files were only times of arrival."""
+    windows = list(campaign.windows)
+    moved: dict[str, float] = {}
+    for k, window in enumerate(windows):
+        found = _taken_at(window, campaign.sample_rate)
+        if found is not None:
+            moved[window.id] = float(np.abs(found - window.t).max())
+            windows[k] = replace(window, t=found)
+    if not moved:
+        return CleanRecordings(campaign)
+    worst = max(moved, key=lambda id: moved[id])
+    note = (
+        f"The time stamps of {len(moved)} windows ({', '.join(moved)}) are times of arrival, up to "
+        f"{1e3 * moved[worst]:.1f} ms off (window {worst}): on an even grid the motion is smooth, on the stamps it is "
+        "not. The even times are used."
+    )
+    return CleanRecordings(replace(campaign, windows=tuple(windows)), notes=(note,))
+
+
+def _taken_at(window: Window, rate: float) -> Series | None:
+    """Even times at which the samples were taken; None where the stamps are as good."""
+    if len(window.t) < 30:
+        return None
+    candidates = _candidates(window.t, rate)
+    if candidates[0].jitter < UNEVEN:
+        return None
+    columns = window.markers.reshape(len(window.t), -1)
+    columns = columns[:, np.isfinite(columns).mean(axis=0) > 0.5]
+    if not columns.shape[1]:
+        return None
+    rough = [(_roughness(columns, window.t, one, stamped=False), one) for one in candidates]
+    best, chosen = min(rough, key=lambda pair: pair[0])
+    as_stamped = min(_roughness(columns, window.t, one, stamped=True) for one in candidates)
+    return chosen.times if best < SMOOTHER * as_stamped else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    slots: np.ndarray
+    """(N,) int, increasing"""
+    step: float
+    begin: float
+    jitter: float
+    """largest distance of a stamp from its slot, of a step"""
+
+    @property
+    def times(self) -> Series:
+        """s"""
+        return self.begin + self.slots * self.step
+
+
+def _candidates(t: Series, rate: float) -> list[_Grid]:
+    """Grids on which the samples may have been taken: no row lost, or rows lost where stamps leave room for them."""
+    rows = np.arange(len(t))
+    slope, begin = _line(rows, t)
+    step = 1.0 / rate if abs(slope * rate - 1) < NEAR / 10 else slope
+    rounded = even_grid(t)
+    late = t - t[0] - step * rows
+    room = np.floor((t - t[0] - np.quantile(late, EARLIEST)) / (1.0 / rate) + UNEVEN).astype(int)
+    latest = np.minimum.accumulate((room - rows)[::-1])[::-1] + rows  # each slot before the next one
+    grids = [_grid(t, rows, step)]
+    if abs(rounded.step * rate - 1) < NEAR:
+        grids.append(_grid(t, rounded.slots, rounded.step))
+    if np.all(np.diff(latest) > 0):
+        grids.append(_grid(t, latest - latest[0], 1.0 / rate))
+    return grids
+
+
+def _grid(t: Series, slots: np.ndarray, step: float) -> _Grid:
+    off = t - slots * step
+    begin = float(np.quantile(off, EARLIEST))
+    return _Grid(slots, step, begin, float(np.abs(off - np.median(off)).max()) / step)
+
+
+def _line(rows: np.ndarray, t: Series) -> tuple[float, float]:
+    """Slope and intercept that late stamps do not move: least squares, then without the latest half, twice."""
+    use = np.ones(len(t), dtype=bool)
+    slope, begin = 1.0, 0.0
+    for _ in range(3):
+        slope, begin = np.polyfit(rows[use], t[use], 1)
+        off = t - slope * rows - begin
+        use = off <= np.quantile(off, 0.5)
+    return float(slope), float(begin)
+
+
+def _roughness(columns: Float[np.ndarray, "N K"], t: Series, grid: _Grid, *, stamped: bool) -> float:
+    """rms over the columns of what no smooth motion explains, m; `stamped`: if the samples were taken at their stamps.
+
+    Then they are brought to the grid to first order, with the speed of the smooth motion between.
+    """
+    if stamped:
+        speed = _averaged(np.gradient(columns, grid.times, axis=0))
+        columns = columns - speed * (t - grid.times)[:, np.newaxis]
+    spread = np.full((int(grid.slots[-1]) + 1, columns.shape[1]), np.nan)
+    spread[grid.slots] = columns
+    return float(np.sqrt(np.nanmean(noise_of(spread) ** 2)))
+
+
+def _averaged(values: Float[np.ndarray, "N K"]) -> Float[np.ndarray, "N K"]:
+    """Over `AVERAGED` rows, so that speeds hold less noise than positions; missing rows are left out."""
+    seen = np.isfinite(values)
+    taps = np.ones(AVERAGED)
+    total = np.stack([np.convolve(np.where(s, v, 0.0), taps, "same") for s, v in zip(seen.T, values.T, strict=True)])
+    count = np.stack([np.convolve(s, taps, "same") for s in seen.T])
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan).T
