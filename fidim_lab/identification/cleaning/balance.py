@@ -75,7 +75,7 @@ class _Nodes:
 
 
 def _differentiated(window: Window, markers: np.ndarray) -> _Nodes:
-    """Quartics through the samples about each node, of all these markers; nodes where one lacks samples are left out."""
+    """Quartics through the samples about each node, of all these markers; without nodes where one lacks samples."""
     t, tracks = window.t, window.markers[:, markers].reshape(len(window.t), -1)
     whole = np.isfinite(tracks).all(axis=1)
     t, tracks = t[whole], tracks[whole]
@@ -110,10 +110,7 @@ def _motion(mechanism: Mechanism, window: Window, nodes: _Nodes, body: Float[np.
     )
     J = surface.marker_jacobian(poses.rotations, body)
     speeds = nodes.speed.reshape(len(use), -1)
-    if whole:
-        twists = _solved(J, speeds)
-    else:
-        twists = surface.rates(mechanism, poses, J, speeds)
+    twists = _solved(J, speeds) if whole else surface.rates(mechanism, poses, J, speeds)
     wanted = nodes.acceleration.reshape(len(use), -1) - surface.centripetal(poses.rotations, twists, body)
     rates = _solved(J, wanted) if whole else surface.accelerations(mechanism, poses, J, twists, wanted)
     return Motion(nodes.t, poses.positions, poses.rotations, twists, rates)

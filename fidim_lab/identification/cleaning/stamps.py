@@ -84,7 +84,7 @@ class _Grid:
 def _candidates(t: Series, rate: float) -> list[_Grid]:
     """Grids on which the samples may have been taken: no row lost, or rows lost where stamps leave room for them."""
     rows = np.arange(len(t))
-    slope, begin = _line(rows, t)
+    slope = _slope(rows, t)
     step = 1.0 / rate if abs(slope * rate - 1) < NEAR / 10 else slope
     rounded = even_grid(t)
     late = t - t[0] - step * rows
@@ -104,15 +104,15 @@ def _grid(t: Series, slots: np.ndarray, step: float) -> _Grid:
     return _Grid(slots, step, begin, float(np.abs(off - np.median(off)).max()) / step)
 
 
-def _line(rows: np.ndarray, t: Series) -> tuple[float, float]:
-    """Slope and intercept that late stamps do not move: least squares, then without the latest half, twice."""
+def _slope(rows: np.ndarray, t: Series) -> float:
+    """Of a line that late stamps do not move: least squares, then without the latest half, twice."""
     use = np.ones(len(t), dtype=bool)
     slope, begin = 1.0, 0.0
     for _ in range(3):
         slope, begin = np.polyfit(rows[use], t[use], 1)
         off = t - slope * rows - begin
         use = off <= np.quantile(off, 0.5)
-    return float(slope), float(begin)
+    return float(slope)
 
 
 def _roughness(columns: Float[np.ndarray, "N K"], t: Series, grid: _Grid, *, stamped: bool) -> float:
