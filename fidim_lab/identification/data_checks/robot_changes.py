@@ -31,6 +31,7 @@ class Change:
     length_scale: float = 1.0
     turn: np.ndarray = field(default_factory=lambda: np.eye(3))
     about: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    shift: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 def robot_changes(robot: Robot) -> Iterator[Change]:

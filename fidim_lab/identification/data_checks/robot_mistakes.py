@@ -9,15 +9,12 @@ for the effects of the catalogue.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Robot, Window
-from fidim_lab.errors import FidimError
+from fidim_lab.identification.data_checks.placed import placed
+from fidim_lab.identification.data_checks.poses import Sample, misfit, sampled
 from fidim_lab.identification.data_checks.robot_changes import Change, robot_changes
 from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
-from fidim_lab.identification.markers.clock_check import even_grid
-from fidim_lab.identification.motion import surface
 from fidim_lab.model.mechanism import Mechanism
 
 
@@ -34,37 +31,44 @@ class Mistake:
     """of the cables, 1-based, where that is the change: cable k of the robot file is order[k − 1] of the recording"""
 
 
-@dataclass(frozen=True, eq=False)
-class _Sample:
-    markers: Float[np.ndarray, "S M 3"]
-    lengths: Float[np.ndarray, "S n"]
-
-
 def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3) -> tuple[Mistake, ...]:
     """The simple changes that make a gross misfit (m, more than `least`) fit, best first; none where none does.
 
     A misfit so large that nothing can be made of the recording, and that no change cures, is a mistake as well.
     """
-    sample = _sampled(robot, windows)
+    sample = sampled(robot.n, windows)
     if sample is None:
         return ()
-    before = _misfit(Change("as it is", robot), sample, None)
+    unchanged = Mechanism(robot)
+    before = misfit(unchanged, sample.lengths, sample.markers)
     if before < least:
         return ()
-    unchanged = Mechanism(robot)
-    tried = [
-        (_misfit(change, sample, unchanged if change.robot is robot else None), change)
-        for change in robot_changes(robot)
-    ]
-    tried.sort(key=lambda pair: pair[0])
+    tried = sorted(
+        ((_misfit(change, sample, unchanged), change) for change in robot_changes(robot)), key=lambda pair: pair[0]
+    )
+    if not _cures(before, tried[0][0]):  # what people mix up comes first: what is fitted to the data fits better still
+        fitted = [(_misfit(change, sample, unchanged), change) for change in placed(robot, sample)]
+        tried = sorted((*fitted, *tried), key=lambda pair: pair[0])
     best = tried[0][0]
-    if best < DATA_CHECKS.hopeless and best * DATA_CHECKS.robot_mistakes_better < min(before, 1e3):
+    if _cures(before, best):
         return tuple(
             _mistake(change, before, after)
             for after, change in tried[:3]
             if after <= DATA_CHECKS.robot_mistakes_tie * best
         )
     return (_uncured(tried[0][1], before, best, len(tried)),) if before > DATA_CHECKS.hopeless else ()
+
+
+def _cures(before: float, after: float) -> bool:
+    return after < DATA_CHECKS.hopeless and after * DATA_CHECKS.robot_mistakes_better < min(before, 1e3)
+
+
+def _misfit(change: Change, sample: Sample, unchanged: Mechanism) -> float:
+    lengths = sample.lengths * change.length_scale
+    if change.order is not None:
+        lengths = lengths[:, list(change.order)]
+    markers = (sample.markers - change.about) @ change.turn.T + change.about + change.shift
+    return misfit(unchanged if change.robot is unchanged.robot else Mechanism(change.robot), lengths, markers)
 
 
 def _mistake(change: Change, before: float, after: float) -> Mistake:
@@ -84,81 +88,3 @@ def _uncured(nearest: Change, before: float, after: float, tried: int) -> Mistak
 
 def _missed(before: float) -> str:
     return "no pose fits" if not np.isfinite(before) else f"they miss by {before * 1e3:.3g} mm"
-
-
-def _sampled(robot: Robot, windows: tuple[Window, ...]) -> _Sample | None:
-    """Markers averaged over five samples, at a few places of a few windows."""
-    markers, lengths = [], []
-    most = min((w.markers.shape[1] for w in windows), default=0)
-    for window in windows[:: max(1, len(windows) // DATA_CHECKS.robot_mistakes_windows)]:
-        if window.lengths is None or not np.isfinite(window.lengths).any(axis=0).all():
-            continue
-        held = np.nanmean(window.lengths, axis=0)
-        columns = even_grid(window.t).spread(window.markers[:, :most].reshape(len(window.t), -1))
-        rows = np.flatnonzero(np.isfinite(columns).all(axis=1))
-        if len(rows) < DATA_CHECKS.robot_mistakes_samples:
-            continue
-        for row in rows[np.linspace(0, len(rows) - 1, DATA_CHECKS.robot_mistakes_samples + 2).astype(int)[1:-1]]:
-            markers.append(columns[row].reshape(most, 3))
-            lengths.append(held)
-    if not markers or len(lengths[0]) != robot.n:
-        return None
-    return _Sample(np.array(markers), np.array(lengths))
-
-
-def _misfit(change: Change, sample: _Sample, mechanism: Mechanism | None) -> float:
-    """rms of what markers and lengths are off the best nearly upright poses, m; the median over the poses."""
-    made = mechanism or Mechanism(change.robot)
-    lengths = sample.lengths * change.length_scale
-    if change.order is not None:
-        lengths = lengths[:, list(change.order)]
-    markers = (sample.markers - change.about) @ change.turn.T + change.about
-    body = made.robot.markers[: markers.shape[1]]
-    R = np.tile(np.eye(3), (len(markers), 1, 1))
-    p = (markers - body).mean(axis=1)
-    try:
-        for _ in range(DATA_CHECKS.robot_mistakes_rounds):
-            step = _step(made, lengths, markers, body, p, R)
-            p = p + step[:, :3]
-            R[:] = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ R
-        left = np.concatenate([_off(markers, body, p, R), lengths - made.lengths(p, R)], axis=1)
-    except (FidimError, np.linalg.LinAlgError):
-        return np.inf
-    lean = np.linalg.norm(Rotation.from_matrix(R).as_rotvec(), axis=1)
-    each = np.sqrt((left**2).sum(axis=1) / max(1, left.shape[1] - 6)) + 0.01 * np.maximum(
-        0.0, lean - 2 * DATA_CHECKS.robot_mistakes_upright
-    )
-    return float(np.median(each)) if np.isfinite(each).all() else np.inf
-
-
-def _off(markers: np.ndarray, body: np.ndarray, p: np.ndarray, R: np.ndarray) -> np.ndarray:
-    return (markers - p[:, np.newaxis] - np.einsum("nij,mj->nmi", R, body)).reshape(len(p), -1)
-
-
-def _step(
-    made: Mechanism, lengths: np.ndarray, markers: np.ndarray, body: np.ndarray, p: np.ndarray, R: np.ndarray
-) -> np.ndarray:
-    """One Gauss–Newton step of all poses, (S, 6)."""
-    prior = np.zeros((len(p), 3, 6))
-    prior[:, :, 3:] = np.eye(3)
-    rows = np.concatenate(
-        [
-            surface.marker_jacobian(R, body) / DATA_CHECKS.robot_mistakes_close,
-            made.structure_matrix(p, R) / DATA_CHECKS.robot_mistakes_close,
-            prior / DATA_CHECKS.robot_mistakes_upright,
-        ],
-        axis=1,
-    )
-    turned = Rotation.from_matrix(R).as_rotvec()
-    right = np.concatenate(
-        [
-            _off(markers, body, p, R) / DATA_CHECKS.robot_mistakes_close,
-            (lengths - made.lengths(p, R)) / DATA_CHECKS.robot_mistakes_close,
-            -turned / DATA_CHECKS.robot_mistakes_upright,
-        ],
-        axis=1,
-    )
-    across = np.swapaxes(rows, 1, 2)
-    step = np.linalg.solve(across @ rows, (across @ right[..., np.newaxis]))[..., 0]
-    size = np.abs(step).max(axis=1, keepdims=True)
-    return step * np.minimum(1.0, DATA_CHECKS.robot_mistakes_longest / np.maximum(size, 1e-300))

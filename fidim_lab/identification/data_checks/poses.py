@@ -1,0 +1,103 @@
+"""A few poses of a campaign, fitted to markers, lengths and an upright platform: whether files and recording agree."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from fidim_lab.arrays import Positions, Rotations
+from fidim_lab.data.records import Window
+from fidim_lab.errors import FidimError
+from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
+from fidim_lab.identification.markers.clock_check import even_grid
+from fidim_lab.identification.motion import surface
+from fidim_lab.model.mechanism import Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Markers at some instants (m), with the lengths that are held then (m)."""
+
+    markers: Float[np.ndarray, "S M 3"]
+    lengths: Float[np.ndarray, "S n"]
+
+
+def sampled(cables: int, windows: tuple[Window, ...]) -> Sample | None:
+    """Markers at a few places of a few windows; None without lengths or markers."""
+    markers, lengths = [], []
+    most = min((w.markers.shape[1] for w in windows), default=0)
+    for window in windows[:: max(1, len(windows) // DATA_CHECKS.robot_mistakes_windows)]:
+        if window.lengths is None or not np.isfinite(window.lengths).any(axis=0).all():
+            continue
+        held = np.nanmean(window.lengths, axis=0)
+        columns = even_grid(window.t).spread(window.markers[:, :most].reshape(len(window.t), -1))
+        rows = np.flatnonzero(np.isfinite(columns).all(axis=1))
+        if len(rows) < DATA_CHECKS.robot_mistakes_samples:
+            continue
+        for row in rows[np.linspace(0, len(rows) - 1, DATA_CHECKS.robot_mistakes_samples + 2).astype(int)[1:-1]]:
+            markers.append(columns[row].reshape(most, 3))
+            lengths.append(held)
+    if not markers or len(lengths[0]) != cables:
+        return None
+    return Sample(np.array(markers), np.array(lengths))
+
+
+def fit_poses(mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray) -> tuple[Positions, Rotations]:
+    """The best nearly upright poses. Raises InfeasibleError or LinAlgError where the model has none."""
+    body = mechanism.robot.markers[: markers.shape[1]]
+    R = np.tile(np.eye(3), (len(markers), 1, 1))
+    p = (markers - body).mean(axis=1)
+    for _ in range(DATA_CHECKS.robot_mistakes_rounds):
+        step = _step(mechanism, lengths, markers, body, p, R)
+        p = p + step[:, :3]
+        R = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ R
+    return p, R
+
+
+def misfit(mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray) -> float:
+    """rms of what markers and lengths are off these poses, m; the median over the poses; inf where there are none."""
+    try:
+        p, R = fit_poses(mechanism, lengths, markers)
+        body = mechanism.robot.markers[: markers.shape[1]]
+        left = np.concatenate([_off(markers, body, p, R), lengths - mechanism.lengths(p, R)], axis=1)
+    except (FidimError, np.linalg.LinAlgError):
+        return np.inf
+    lean = np.linalg.norm(Rotation.from_matrix(R).as_rotvec(), axis=1)
+    each = np.sqrt((left**2).sum(axis=1) / max(1, left.shape[1] - 6)) + 0.01 * np.maximum(
+        0.0, lean - 2 * DATA_CHECKS.robot_mistakes_upright
+    )
+    return float(np.median(each)) if np.isfinite(each).all() else np.inf
+
+
+def _off(markers: np.ndarray, body: np.ndarray, p: np.ndarray, R: np.ndarray) -> np.ndarray:
+    return (markers - p[:, np.newaxis] - np.einsum("nij,mj->nmi", R, body)).reshape(len(p), -1)
+
+
+def _step(
+    made: Mechanism, lengths: np.ndarray, markers: np.ndarray, body: np.ndarray, p: np.ndarray, R: np.ndarray
+) -> np.ndarray:
+    """One Gauss–Newton step of all poses, (S, 6)."""
+    prior = np.zeros((len(p), 3, 6))
+    prior[:, :, 3:] = np.eye(3)
+    rows = np.concatenate(
+        [
+            surface.marker_jacobian(R, body) / DATA_CHECKS.robot_mistakes_close,
+            made.structure_matrix(p, R) / DATA_CHECKS.robot_mistakes_close,
+            prior / DATA_CHECKS.robot_mistakes_upright,
+        ],
+        axis=1,
+    )
+    turned = Rotation.from_matrix(R).as_rotvec()
+    right = np.concatenate(
+        [
+            _off(markers, body, p, R) / DATA_CHECKS.robot_mistakes_close,
+            (lengths - made.lengths(p, R)) / DATA_CHECKS.robot_mistakes_close,
+            -turned / DATA_CHECKS.robot_mistakes_upright,
+        ],
+        axis=1,
+    )
+    across = np.swapaxes(rows, 1, 2)
+    step = np.linalg.solve(across @ rows, (across @ right[..., np.newaxis]))[..., 0]
+    size = np.abs(step).max(axis=1, keepdims=True)
+    return step * np.minimum(1.0, DATA_CHECKS.robot_mistakes_longest / np.maximum(size, 1e-300))
