@@ -7,6 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
+from fidim_lab.identification.cleaning.clean import clean_recordings
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.estimators import ESTIMATORS, Method
@@ -19,6 +20,7 @@ from fidim_lab.identification.mle import identify as mle
 from fidim_lab.identification.motion.recipe import BEST, Recipe
 from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.identification.results.validation import THOROUGH, Checks, expected_sigma_perp, verdicts
+from fidim_lab.identification.two_clocks import by_both, two_clocks
 
 MODEL_ERROR = 1.5
 """an rms of the equations so many times what noise explains is a model error"""
@@ -40,12 +42,18 @@ def identify(
     Raises RefusedError when no window can be used or the windows do not identify a body, SetupError when what was asked
     for does not fit the campaign.
     """
-    checked = check(campaign)
-    if method is Method.MLE:
-        result = mle.identify(checked.campaign, native=native, predict=checks.predict)
-    else:
-        result = _by_equations(checked.campaign, method, recipe, checks)
-    return replace(result, removed=checked.removed, warnings=(*checked.notes, *result.warnings))
+    notes = check(campaign)
+    recordings = clean_recordings(campaign).recordings
+    clocks = two_clocks(campaign)
+
+    def by_method(cleaned: Campaign) -> IdentificationResult:
+        if method is Method.MLE:
+            return mle.identify(cleaned, native=native, predict=checks.predict)
+        return _by_equations(cleaned, method, recipe, checks)
+
+    cleaned = recordings.campaign
+    result = by_method(cleaned) if clocks is None else by_both(cleaned, clocks, by_method)
+    return replace(result, removed=recordings.removed, warnings=(*notes, *recordings.notes, *result.warnings))
 
 
 def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Checks) -> IdentificationResult:

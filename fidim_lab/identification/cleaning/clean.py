@@ -3,27 +3,31 @@
     placeholders   (0, 0, 0) and other constants that stand for a blank become missing
     filled         samples that were computed from their neighbours become missing
     stamps         times of arrival become the even times of the samples
+    clock jumps    only the longest part between jumps of a clock is used
     screen         spikes, jumps, frozen and lost frames become missing; simple mistakes of files are refused in words
+    knocked        markers that are not at their place on the body are missing in that window
     free motion    what a hand holds, pushes or catches is left out
 
 Nothing is repaired; what was taken out is listed (`Removed`) and told (`notes`). `identify` and `explain` begin here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.cleaning.clock_jumps import without_clock_jumps
 from fidim_lab.identification.cleaning.filled import without_filled
 from fidim_lab.identification.cleaning.free_motion import without_hands
+from fidim_lab.identification.cleaning.knocked import without_knocked_markers
 from fidim_lab.identification.cleaning.placeholders import without_placeholders
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, stretches
 from fidim_lab.identification.cleaning.stamps import retimed
 from fidim_lab.identification.data_checks.screening import Screening, screen
 from fidim_lab.identification.markers.finding import Finding
 
-STEPS = (without_placeholders, without_filled, retimed)
+STEPS = (without_placeholders, without_filled, retimed, without_clock_jumps)
 """what samples alone show; each takes what the one before leaves"""
 
 
@@ -45,11 +49,19 @@ def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screene
     done = CleanRecordings(campaign)
     for step in STEPS:
         done = done.then(step(done.campaign))
-    seen = screen(done.campaign, kinematics=kinematics)
+    cut = CleanRecordings(done.campaign)
+
+    def free(inspected: Campaign) -> Campaign:
+        nonlocal cut
+        cut = _taken_out(done.campaign, inspected).then(without_hands(inspected))
+        return cut.campaign
+
+    seen = screen(done.campaign, kinematics=kinematics, free=free)
     _refuse_mistakes(seen)
     _refuse_gravity(seen.campaign)
-    done = done.then(_screened(done.campaign, seen))
-    return Screened(done.then(without_hands(done.campaign)), seen)
+    done = done.then(cut).then(_taken_out(cut.campaign, seen.campaign))
+    done = done.then(without_knocked_markers(done.campaign))
+    return Screened(replace(done, notes=(*faults_in_words(seen.faults), *done.notes)), seen)
 
 
 def _refuse_mistakes(seen: Screening) -> None:
@@ -79,13 +91,13 @@ def _refuse_gravity(campaign: Campaign) -> None:
     )
 
 
-def _screened(before: Campaign, seen: Screening) -> CleanRecordings:
-    """What screening took out, and a sentence for each kind of fault."""
+def _taken_out(before: Campaign, after: Campaign) -> CleanRecordings:
+    """What a look at samples took out of the same windows."""
     removed: list[Removed] = []
-    for old, new in zip(before.windows, seen.campaign.windows, strict=True):
+    for old, new in zip(before.windows, after.windows, strict=True):
         gone = np.isfinite(old.markers).all(axis=2) & ~np.isfinite(new.markers).all(axis=2)
         removed += stretches(old.id, old.t, gone, "displaced or frozen")
-    return CleanRecordings(seen.campaign, tuple(removed), faults_in_words(seen.faults))
+    return CleanRecordings(after, tuple(removed))
 
 
 def faults_in_words(faults: tuple[Finding, ...]) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """Time stamps: whether they are instants of the samples or of their arrival.
 
 Samples are taken evenly; a computer that stamps them on arrival bunches and delays them. Which of several times the
-samples were taken at, their own smoothness tells: on wrong ones a swing looks rough. Rates that differ between header
-and stamps by less than a twentieth are for the fit to decide (`time_scale`).
+samples were taken at, their own smoothness tells: on wrong ones a swing looks rough. Which of two rates near each
+other is right, header's or stamps', is for the fit to weigh (`identification.two_clocks`).
 """
 
 from dataclasses import dataclass, replace
@@ -16,13 +16,15 @@ from fidim_lab.identification.cleaning.removed import CleanRecordings
 from fidim_lab.identification.markers.clock_check import even_grid
 from fidim_lab.identification.markers.neighbours import noise_of
 
-NEAR = 0.05
-"""of the header's rate, within which stamps and header mean the same rate"""
+NEAR = 0.005
+"""of the header's rate, within which it counts before the mean rate of arrivals, which queues stretch"""
 UNEVEN = 0.05
 """of a step: stamps nearer to an even grid than this need no other"""
 SMOOTHER = 0.9
 """times the roughness with the stamps as they are that an even grid must come down to: six standard deviations of it
 for one marker seen 1000 times; 0.8 and 0.95 decide alike in `benchmarks.spoilt`"""
+BLOCKS = 10
+"""of a window, whose least delays are compared"""
 AVERAGED = 7
 """samples, over which a speed is averaged"""
 EARLIEST = 0.02
@@ -60,10 +62,9 @@ def _taken_at(window: Window, rate: float) -> Series | None:
     columns = columns[:, np.isfinite(columns).mean(axis=0) > 0.5]
     if not columns.shape[1]:
         return None
-    rough = [(_roughness(columns, window.t, one, stamped=False), one) for one in candidates]
-    best, chosen = min(rough, key=lambda pair: pair[0])
-    as_stamped = min(_roughness(columns, window.t, one, stamped=True) for one in candidates)
-    return chosen.times if best < SMOOTHER * as_stamped else None
+    chosen = min(candidates, key=lambda one: one.wandering(window.t))
+    even, as_stamped = (_roughness(columns, window.t, chosen, stamped=stamped) for stamped in (False, True))
+    return chosen.times if even < SMOOTHER * as_stamped else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,19 +81,23 @@ class _Grid:
         """s"""
         return self.begin + self.slots * self.step
 
+    def wandering(self, t: Series) -> float:
+        """s, by which the least delay changes along a window: samples in wrong slots are late for long."""
+        least = [float(np.quantile(part, 0.1)) for part in np.array_split(t - self.times, BLOCKS)]
+        return max(least) - min(least)
+
 
 def _candidates(t: Series, rate: float) -> list[_Grid]:
     """Grids on which the samples may have been taken: no row lost, or rows lost where stamps leave room for them."""
     rows = np.arange(len(t))
-    slope = _slope(rows, t)
-    step = 1.0 / rate if abs(slope * rate - 1) < NEAR / 10 else slope
+    slope = mean_step(rows, t)
+    step = 1.0 / rate if abs(slope * rate - 1) < NEAR else slope
     rounded = even_grid(t)
     late = t - t[0] - step * rows
     room = np.floor((t - t[0] - np.quantile(late, EARLIEST)) / (1.0 / rate) + UNEVEN).astype(int)
     latest = np.minimum.accumulate((room - rows)[::-1])[::-1] + rows  # each slot before the next one
     grids = [_grid(t, rows, step)]
-    if abs(rounded.step * rate - 1) < NEAR:
-        grids.append(_grid(t, rounded.slots, rounded.step))
+    grids.append(_grid(t, rounded.slots, step))
     if np.all(np.diff(latest) > 0):
         grids.append(_grid(t, latest - latest[0], 1.0 / rate))
     return grids
@@ -104,8 +109,8 @@ def _grid(t: Series, slots: np.ndarray, step: float) -> _Grid:
     return _Grid(slots, step, begin, float(np.abs(off - np.median(off)).max()) / step)
 
 
-def _slope(rows: np.ndarray, t: Series) -> float:
-    """Of a line that late stamps do not move: least squares, then without the latest half, twice."""
+def mean_step(rows: np.ndarray, t: Series) -> float:
+    """Slope (s) of a line that late stamps do not move: least squares, then without the latest half, twice."""
     use = np.ones(len(t), dtype=bool)
     slope, begin = 1.0, 0.0
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""A clock that jumps, a place that is always the same, a wrong unit: seen without any fit."""
+"""A place that is always the same, a wrong unit: seen without any fit."""
 
 import numpy as np
 import pytest
@@ -20,45 +20,18 @@ def campaign(robot: Robot, *windows: Window) -> Campaign:
     return Campaign("made up", robot, 100.0, windows)
 
 
-def jumping(by: float) -> Window:
-    whole = window("i01")
-    return Window("i01", whole.role, whole.t + by * (np.arange(600) >= 200), whole.markers, whole.lengths, None)
-
-
-@pytest.mark.parametrize("by", [0.02, 0.1, 0.5, 3.0])
-def test_a_jump_of_the_clock_is_cut_out_with_its_time(irma4, by):
-    found = check(campaign(irma4, jumping(by), window("i02", place=0.1)))
-    (note,) = found.notes
-    assert f"Window i01: the time stamps jump by {by + 0.01:.3f} s at 1.99 s" in note
-    kept = found.campaign.windows[0]
-    assert len(kept.t) == 400
-    assert kept.lengths is not None
-    assert len(kept.lengths) == 400
-
-
-@pytest.mark.parametrize("lost", [2, 5, 20, 33, 77])
-def test_missing_rows_are_no_jump(irma4, lost):
-    whole = window("i01")
-    kept = (np.arange(600) < 200) | (np.arange(600) >= 200 + lost)
-    assert whole.lengths is not None
-    holed = Window("i01", whole.role, whole.t[kept], whole.markers[kept], whole.lengths[kept], None)
-    found = check(campaign(irma4, holed, window("i02", place=0.1)))
-    assert found.notes == ()
-    assert found.campaign.windows[0].t.size == 600 - lost
-
-
 def test_one_equilibrium_is_said(irma4):
-    (note,) = check(campaign(irma4, window("i01"), window("i02"), window("i03"))).notes
+    (note,) = check(campaign(irma4, window("i01"), window("i02"), window("i03")))
     assert "All 3 windows hang at one equilibrium (cable lengths within 0.0 mm, i01 to i03)" in note
-    assert check(campaign(irma4, window("i01"), window("i02", place=0.1))).notes == ()
+    assert check(campaign(irma4, window("i01"), window("i02", place=0.1))) == ()
 
 
 def test_wrong_units_and_stillness_are_refused_only_where_nothing_else_is_left(irma4):
     with pytest.raises(RefusedError, match=r"Windows i01, i02: the markers are in millimetres \(at 0.00 s of i01"):
         check(campaign(irma4, window("i01", unit=1e3), window("i02", unit=1e3)))
-    (note,) = check(campaign(irma4, window("i01", unit=1e3), window("i02", place=0.1))).notes
+    (note,) = check(campaign(irma4, window("i01", unit=1e3), window("i02", place=0.1)))
     assert note.startswith("Window i01: the markers are in millimetres")
     with pytest.raises(RefusedError, match="No window moves: the largest motion is"):
         check(campaign(irma4, window("i01", amplitude=0.0), window("i02", place=0.1, amplitude=0.0)))
-    (note,) = check(campaign(irma4, window("i01", amplitude=0.0), window("i02", place=0.1))).notes
+    (note,) = check(campaign(irma4, window("i01", amplitude=0.0), window("i02", place=0.1)))
     assert "Window i01: the markers do not move beyond their noise" in note

@@ -1,0 +1,97 @@
+"""Two rates near each other: the header's and that of the time stamps (59.94 Hz written as 60). Which one is right?
+
+A clock that runs a thousandth fast is a gravity that is two thousandths too large: mostly the body takes it up, and
+nothing shows. So both are fitted. Where one explains the recordings better beyond chance, it leads; else the standard
+deviations are widened to hold both answers, and it is said.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.data.records import Campaign
+from fidim_lab.identification.cleaning.stamps import mean_step
+from fidim_lab.identification.results.result import IdentificationResult
+
+SAME = 2e-4
+"""of a rate: 2 ms in 10 s; what stamps do not tell, and what moves no parameter by more than its two thousandths"""
+OTHER = 0.05
+"""of a rate: more is another camera, not a clock that is a little off"""
+AGREE = 0.25
+"""of the difference, by which windows may differ: one wrong rate is the same in all"""
+CERTAIN = 25.0
+"""χ² by which one must lead: odds of 10⁵, as many windows are looked at"""
+
+
+@dataclass(frozen=True)
+class TwoClocks:
+    """The other time that the same samples may have."""
+
+    stamps: float
+    """Hz, by the stamps"""
+    header: float
+    """Hz, by campaign.toml"""
+
+
+def two_clocks(campaign: Campaign) -> TwoClocks | None:
+    """Where header and stamps, as recorded, differ alike in all windows; else None."""
+    ratios = np.array([
+        mean_step(np.arange(len(w.t)), w.t) * campaign.sample_rate for w in campaign.windows if _whole(w.t)
+    ])  # fmt: skip
+    if len(ratios) < 2:
+        return None
+    off = float(np.median(ratios)) - 1
+    if not SAME < abs(off) < OTHER or np.abs(ratios - 1 - off).max() > AGREE * abs(off):
+        return None
+    return TwoClocks(campaign.sample_rate / (1 + off), campaign.sample_rate)
+
+
+def _whole(t: np.ndarray) -> bool:
+    """Whether no row is missing, so that rows count time."""
+    return len(t) > 100 and float(np.quantile(np.diff(t), 0.9)) < 1.5 * float(np.median(np.diff(t)))
+
+
+def by_both(
+    cleaned: Campaign, clocks: TwoClocks, identify: Callable[[Campaign], IdentificationResult]
+) -> IdentificationResult:
+    """The better of both answers, or the first with standard deviations that hold the other.
+
+    cleaned: what is identified; its stamps are the recorded ones, or were put on the header's grid.
+    """
+    steps = [float(np.median(np.diff(w.t))) for w in cleaned.windows if len(w.t) > 2]
+    now = 1.0 / float(np.median(steps))
+    other = clocks.header if abs(now / clocks.stamps - 1) < abs(now / clocks.header - 1) else clocks.stamps
+    first = identify(cleaned)
+    second = identify(_stretched(cleaned, now / other))
+    said = f"The time stamps say {clocks.stamps:.6g} Hz, campaign.toml says {clocks.header:.6g} Hz. "
+    better = _chi2(first) - _chi2(second)
+    if abs(better) > CERTAIN:
+        lead, rate = (second, other) if better > 0 else (first, now)
+        said += f"The recordings are explained better with {rate:.6g} Hz (χ² is {abs(better):.0f} less): it is used."
+        return replace(lead, warnings=(said, *lead.warnings))
+    said += (
+        f"The recordings do not tell which is right: {now:.6g} Hz is used, and each ± is widened by what the other would "
+        "change. Correct the wrong one."
+    )
+    return replace(_widened(first, second), warnings=(said, *first.warnings))
+
+
+def _stretched(campaign: Campaign, factor: float) -> Campaign:
+    windows = tuple(replace(w, t=w.t[0] + factor * (w.t - w.t[0])) for w in campaign.windows)
+    return replace(campaign, windows=windows)
+
+
+def _chi2(result: IdentificationResult) -> float:
+    """Of all windows, in units of what the better explained ones leave."""
+    fitted = [w for w in result.windows if w.chi2_per_dof is not None]
+    return sum((w.chi2_per_dof or 0.0) * 3 * w.samples for w in fitted)
+
+
+def _widened(first: IdentificationResult, second: IdentificationResult) -> IdentificationResult:
+    parameters = {}
+    for name, one in first.parameters.items():
+        by = one.value - second.parameters[name].value
+        parameters[name] = replace(one, sd=float(np.hypot(one.sd, by)))
+    change = np.array([first.parameters[n].value - second.parameters[n].value for n in first.parameters])
+    return replace(first, parameters=parameters, covariance=first.covariance + np.outer(change, change))
