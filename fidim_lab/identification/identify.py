@@ -8,6 +8,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.identification.cleaning.clean import clean_recordings
+from fidim_lab.identification.cleaning.low_pass import low_passed
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.estimators import ESTIMATORS, Method
@@ -53,7 +54,13 @@ def identify(
 
     cleaned = recordings.campaign
     result = by_method(cleaned) if clocks is None else by_both(cleaned, clocks, by_method)
-    return replace(result, removed=recordings.removed, warnings=(*notes, *recordings.notes, *result.warnings))
+    notes = (*notes, *recordings.notes)
+    filtered = low_passed(recordings.campaign)
+    if filtered is not None and not result.outcome.answers:  # what it leaves unexplained is the filter's
+        result = replace(result, message=f"{filtered.says} {result.message}")
+    elif filtered is not None:
+        notes = (*notes, filtered.says)
+    return replace(result, removed=recordings.removed, warnings=(*notes, *result.warnings))
 
 
 def _by_equations(campaign: Campaign, method: Method, recipe: Recipe, checks: Checks) -> IdentificationResult:

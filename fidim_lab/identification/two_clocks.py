@@ -65,14 +65,15 @@ def by_both(
     first = identify(cleaned)
     second = identify(_stretched(cleaned, now / other))
     said = f"The time stamps say {clocks.stamps:.6g} Hz, campaign.toml says {clocks.header:.6g} Hz. "
-    better = _chi2(first) - _chi2(second)
+    usual = max(1.0, min(one.noise_ratio or 1.0 for one in (first, second)) ** 2)
+    better = (_chi2(first) - _chi2(second)) / usual
     if abs(better) > CERTAIN:
         lead, rate = (second, other) if better > 0 else (first, now)
         said += f"The recordings are explained better with {rate:.6g} Hz (χ² is {abs(better):.0f} less): it is used."
         return replace(lead, warnings=(said, *lead.warnings))
     said += (
-        f"The recordings do not tell which is right: {now:.6g} Hz is used, and each ± is widened by what the other would "
-        "change. Correct the wrong one."
+        f"The recordings do not tell which is right: {now:.6g} Hz is used, and each ± is widened by what the other "
+        "would change. Correct the wrong one."
     )
     return replace(_widened(first, second), warnings=(said, *first.warnings))
 
@@ -83,7 +84,7 @@ def _stretched(campaign: Campaign, factor: float) -> Campaign:
 
 
 def _chi2(result: IdentificationResult) -> float:
-    """Of all windows, in units of what the better explained ones leave."""
+    """Of all windows."""
     fitted = [w for w in result.windows if w.chi2_per_dof is not None]
     return sum((w.chi2_per_dof or 0.0) * 3 * w.samples for w in fitted)
 
