@@ -30,14 +30,25 @@ class Line:
 
 
 @styled
-def trajectory(recorded: Line, rest: Vector3 | None, model: Line | None, points: int = POINTS) -> str:
-    """Draw the main marker against time, mm from rest (from its mean where that is unknown), the model over it."""
+def trajectory(
+    recorded: Line,
+    rest: Vector3 | None,
+    model: Line | None,
+    points: int = POINTS,
+    removed: Sequence[tuple[float, float]] = (),
+) -> str:
+    """Draw the main marker against time, mm from rest (from its mean where that is unknown), the model over it.
+
+    removed: begins and ends (s) of what is not used, shaded.
+    """
     figure, axes = sheet(WIDTH, 5.6, rows=3)
     origin = _mean(recorded.values) if rest is None else rest
     for k, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
         _line(axis, recorded.t, millimetres_of(recorded.values[:, k] - origin[k]), 0, "recorded", points, width=1.6)
         if model is not None:
             _line(axis, model.t, millimetres_of(model.values[:, k] - origin[k]), 1, "model", points, width=0.9)
+        for begin, end in removed:
+            axis.axvspan(begin, end, color="0.85", linewidth=0.5)
         axis.set_ylabel(f"{name} / mm")
     legend(axes[0], 2)
     _time(axes[-1], recorded.t)

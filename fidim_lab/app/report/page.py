@@ -63,6 +63,7 @@ def make_page(
     """The page of a folder. `trust`: how far to trust the result, or why there is none."""
     campaign = contents.campaign
     verdicts = {} if result is None else {verdict.id: verdict for verdict in result.windows}
+    removed = () if result is None else result.removed
     mechanism = Mechanism(campaign.robot)
     body = campaign.robot.nominal if result is None else result.body
     drawn, points = scene(campaign, mechanism, body), points_for(len(campaign.windows))
@@ -82,7 +83,8 @@ def make_page(
         cross_validation=None if result is None else _cross_validation(result),
         windows_table=None if result is None else tables.window_table(result.windows, contents.story),
         windows=tuple(
-            section(contents, window, verdicts.get(window.id), (mechanism, body), points) for window in campaign.windows
+            section(contents, window, verdicts.get(window.id), (mechanism, body), points, removed)
+            for window in campaign.windows
         ),
         rejected=tables.rejected_table(contents),
         timeline=_timeline(contents),

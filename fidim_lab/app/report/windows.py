@@ -1,5 +1,6 @@
 """One section of the report for each recorded window: its numbers, notes, attempts and pictures."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,10 +14,16 @@ from fidim_lab.app.report.story import WindowStory, not_passed
 from fidim_lab.app.report.tables import MARKS, Table, attempt_table, check_table
 from fidim_lab.arrays import CableSeries, Series, Vector3
 from fidim_lab.data.records import Body, Robot, Window
+from fidim_lab.identification.cleaning.removed import Removed
 from fidim_lab.identification.motion.trajectory import Prediction
 from fidim_lab.identification.results.result import WindowVerdict
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import tensions
+
+LISTED = 6
+"""stretches of one kind that a note names"""
+SHADED = 40
+"""stretches that a picture shows, the longest ones: more are single samples"""
 
 
 @dataclass(frozen=True)
@@ -39,9 +46,18 @@ Model = tuple[Mechanism, Body]
 
 
 def section(
-    contents: Contents, window: Window, verdict: WindowVerdict | None, model: Model, points: int
+    contents: Contents,
+    window: Window,
+    verdict: WindowVerdict | None,
+    model: Model,
+    points: int,
+    removed: Sequence[Removed] = (),
 ) -> WindowSection:
-    """Everything about one window; `verdict` is None where nothing was identified. points: of each line, at most."""
+    """Everything about one window; `verdict` is None where nothing was identified. points: of each line, at most.
+
+    removed: what cleaning left out, of all windows.
+    """
+    ours = [one for one in removed if one.window == window.id]
     told = contents.story.of(window.id) if contents.story else None
     cut = contents.imported.of(window.id) if contents.imported else None
     return WindowSection(
@@ -50,9 +66,9 @@ def section(
         verdict=_verdict(told, verdict),
         facts=_facts(window, told, verdict),
         origin="" if cut is None else f"Cut out from {cut.t[0]:.2f} to {cut.t[1]:.2f} s: {cut.says}",
-        notes=() if verdict is None else verdict.notes,
+        notes=(*_left_out(ours), *(() if verdict is None else verdict.notes)),
         tables=() if told is None else _tables(told),
-        drawings=tuple(_drawings(window, verdict, model, points)),
+        drawings=tuple(_drawings(window, verdict, model, points, ours)),
     )
 
 
@@ -95,9 +111,22 @@ def _tables(told: WindowStory) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def _drawings(window: Window, verdict: WindowVerdict | None, model: Model, points: int) -> list[Drawing]:
+def _left_out(removed: Sequence[Removed]) -> tuple[str, ...]:
+    """One note for each kind of what was left out."""
+    notes: list[str] = []
+    for why in dict.fromkeys(one.why for one in removed):
+        ours = [one for one in removed if one.why == why]
+        times = ", ".join(f"{one.t[0]:.2f}–{one.t[1]:.2f}" for one in ours[:LISTED])
+        more = f" and {len(ours) - LISTED} more" if len(ours) > LISTED else ""
+        notes.append(f"left out ({why}): {times} s{more}")
+    return tuple(notes)
+
+
+def _drawings(
+    window: Window, verdict: WindowVerdict | None, model: Model, points: int, removed: Sequence[Removed]
+) -> list[Drawing]:
     prediction = None if verdict is None else verdict.prediction
-    drawings = [_trajectory(window, prediction, points)]
+    drawings = [_trajectory(window, prediction, points, removed)]
     residual = None if verdict is None else verdict.residual
     if residual is not None or prediction is not None:
         epsilon = None if residual is None else (residual.t, residual.epsilon)
@@ -119,12 +148,14 @@ def _drawings(window: Window, verdict: WindowVerdict | None, model: Model, point
     return drawings
 
 
-def _trajectory(window: Window, prediction: Prediction | None, points: int) -> Drawing:
+def _trajectory(window: Window, prediction: Prediction | None, points: int, removed: Sequence[Removed] = ()) -> Drawing:
     rest: Vector3 | None = window.equilibrium
     model = None if prediction is None else Line(prediction.t, prediction.markers[:, 0])
-    svg = figures.trajectory(Line(window.t, window.markers[:, 0]), rest, model, points)
+    shaded = sorted((one.t for one in removed), key=lambda t: t[0] - t[1])[:SHADED]
+    svg = figures.trajectory(Line(window.t, window.markers[:, 0]), rest, model, points, shaded)
     origin = "its mean" if rest is None else "rest"
     over = "" if model is None else "; dashed: the model, let go from its fitted initial state"
+    over += "; shaded: left out before anything was fitted" if shaded else ""
     return Drawing(svg, f"Main marker from {origin}{over}.", f"{window.id}-trajectory")
 
 

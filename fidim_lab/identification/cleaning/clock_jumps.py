@@ -90,14 +90,14 @@ def _clock_jumped(window: Window, k: int, noise: float) -> bool:
     if not whole.any():
         return False
     after = steps[begin:end] - np.where(np.arange(begin, end) > k, gap - 1.0, 0.0)
-    usual = max(noise**2, _misfit(steps[begin - BESIDE : k + 1], markers[begin - BESIDE : k + 1, whole]))
-    steady = _misfit(after, markers[begin:end, whole])
-    stamped = _misfit(steps[begin:end], markers[begin:end, whole])
+    usual = max(noise**2, quartic_misfit(steps[begin - BESIDE : k + 1], markers[begin - BESIDE : k + 1, whole]))
+    steady = quartic_misfit(after, markers[begin:end, whole])
+    stamped = quartic_misfit(steps[begin:end], markers[begin:end, whole])
     # Over a long gap a quartic fits anything; that the motion goes on exactly where it was is then the evidence.
     return steady < STEADY * usual and (gap > BESIDE or stamped > STAMPED * max(steady, usual))
 
 
-def _misfit(steps: np.ndarray, values: np.ndarray) -> float:
+def quartic_misfit(steps: np.ndarray, values: np.ndarray) -> float:
     """Variance that a quartic leaves of some coordinates (N, K), m²."""
     X = np.vander(steps - steps.mean(), 5)
     left = values - X @ np.linalg.lstsq(X, values, rcond=None)[0]

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import Series
 from fidim_lab.data.records import Campaign, Window
+from fidim_lab.identification.cleaning.clock_jumps import BESIDE, quartic_misfit
 from fidim_lab.identification.cleaning.removed import CleanRecordings
 from fidim_lab.identification.markers.clock_check import even_grid
 from fidim_lab.identification.markers.neighbours import noise_of
@@ -23,8 +24,6 @@ UNEVEN = 0.05
 SMOOTHER = 0.9
 """times the roughness with the stamps as they are that an even grid must come down to: six standard deviations of it
 for one marker seen 1000 times; 0.8 and 0.95 decide alike in `benchmarks.spoilt`"""
-BLOCKS = 10
-"""of a window, whose least delays are compared"""
 AVERAGED = 7
 """samples, over which a speed is averaged"""
 EARLIEST = 0.02
@@ -62,7 +61,9 @@ def _taken_at(window: Window, rate: float) -> Series | None:
     columns = columns[:, np.isfinite(columns).mean(axis=0) > 0.5]
     if not columns.shape[1]:
         return None
-    chosen = min(candidates, key=lambda one: one.wandering(window.t))
+    rows, *skipping = candidates
+    chosen = min(skipping, key=lambda one: _skipped(columns, one, rows), default=rows)
+    chosen = chosen if _skipped(columns, chosen, rows) < 0 else rows
     even, as_stamped = (_roughness(columns, window.t, chosen, stamped=stamped) for stamped in (False, True))
     return chosen.times if even < SMOOTHER * as_stamped else None
 
@@ -81,11 +82,6 @@ class _Grid:
         """s"""
         return self.begin + self.slots * self.step
 
-    def wandering(self, t: Series) -> float:
-        """s, by which the least delay changes along a window: samples in wrong slots are late for long."""
-        least = [float(np.quantile(part, 0.1)) for part in np.array_split(t - self.times, BLOCKS)]
-        return max(least) - min(least)
-
 
 def _candidates(t: Series, rate: float) -> list[_Grid]:
     """Grids on which the samples may have been taken: no row lost, or rows lost where stamps leave room for them."""
@@ -101,6 +97,18 @@ def _candidates(t: Series, rate: float) -> list[_Grid]:
     if np.all(np.diff(latest) > 0):
         grids.append(_grid(t, latest - latest[0], 1.0 / rate))
     return grids
+
+
+def _skipped(columns: Float[np.ndarray, "N K"], grid: _Grid, rows: _Grid) -> float:
+    """How much rougher the motion is where this grid leaves slots out than without: below 0, rows were lost there."""
+    total = 0.0
+    for row in np.flatnonzero(np.diff(grid.slots) > 1):
+        near = slice(max(0, row + 1 - BESIDE), row + 1 + BESIDE)
+        values = columns[near]
+        values = values[:, np.isfinite(values).all(axis=0)]
+        if values.shape[1] and len(values) == 2 * BESIDE:
+            total += quartic_misfit(grid.slots[near], values) - quartic_misfit(rows.slots[near], values)
+    return total
 
 
 def _grid(t: Series, slots: np.ndarray, step: float) -> _Grid:
