@@ -4,9 +4,10 @@
     filled         samples that were computed from their neighbours become missing
     stamps         times of arrival become the even times of the samples
     clock jumps    only the longest part between jumps of a clock is used
+    hands          what a hand holds for long is left out: where it lets go, samples look displaced
     screen         spikes, jumps, frozen and lost frames become missing; simple mistakes of files are refused in words
     knocked        markers that are not at their place on the body are missing in that window
-    free motion    what a hand holds, pushes or catches is left out
+    hands          what a hand pushes, catches or touches is left out
 
 Nothing is repaired; what was taken out is listed (`Removed`) and told (`notes`). `identify` and `explain` begin here.
 """
@@ -19,7 +20,7 @@ from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.clock_jumps import without_clock_jumps
 from fidim_lab.identification.cleaning.filled import without_filled
-from fidim_lab.identification.cleaning.free_motion import without_hands
+from fidim_lab.identification.cleaning.free_motion import ONE_SAMPLE, without_hands
 from fidim_lab.identification.cleaning.knocked import without_knocked_markers
 from fidim_lab.identification.cleaning.placeholders import without_placeholders
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, stretches
@@ -49,18 +50,13 @@ def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screene
     done = CleanRecordings(campaign)
     for step in STEPS:
         done = done.then(step(done.campaign))
-    cut = CleanRecordings(done.campaign)
-
-    def free(inspected: Campaign) -> Campaign:
-        nonlocal cut
-        cut = _taken_out(done.campaign, inspected).then(without_hands(inspected))
-        return cut.campaign
-
-    seen = screen(done.campaign, kinematics=kinematics, free=free)
+    done = done.then(without_hands(done.campaign, longer=ONE_SAMPLE))
+    seen = screen(done.campaign, kinematics=kinematics)
     _refuse_mistakes(seen)
     _refuse_gravity(seen.campaign)
-    done = done.then(cut).then(_taken_out(cut.campaign, seen.campaign))
+    done = done.then(_taken_out(done.campaign, seen.campaign))
     done = done.then(without_knocked_markers(done.campaign))
+    done = done.then(without_hands(done.campaign))
     return Screened(replace(done, notes=(*faults_in_words(seen.faults), *done.notes)), seen)
 
 

@@ -17,6 +17,8 @@ CHANCE = 1e-6
 """of one such run in a window by rounding alone"""
 DIGITS = 9
 """of a metre: finer is the arithmetic, not the file"""
+MANY = 20.0
+"""times as many such samples as chance gives show that all of them are computed"""
 SCATTER = 5.0
 """times the last digit that measured samples must scatter by: below, everything lies on lines to the last digit"""
 WHY = "computed from its neighbours"
@@ -77,7 +79,10 @@ def _on_curves(track: Float[np.ndarray, "N 3"], order: int, beside: int, digit: 
         return found
     chance = float(np.prod((others <= 4 * rounding).mean(axis=0) / 4 + 1 / len(track)))
     needed = max(1, int(np.ceil(np.log(CHANCE / len(track)) / np.log(min(chance, 0.5)))))
+    if zero.sum() > MANY * max(1.0, chance * len(track)):
+        needed = 1  # a recording that was upsampled has them everywhere, one between any two
     for begin, end in runs(zero):
         if end - begin >= needed:
-            found[max(0, begin - beside) : end + beside] = True
+            held = end < len(track) and (track[end] == track[end - 1]).all()  # the last of a value that was held
+            found[max(0, begin - beside) : end + max(beside, int(held))] = True
     return found

@@ -36,7 +36,10 @@ class FreeMotionRule:
     above: float = 4.0
     """times what is usually left over in the window"""
     goes_on: float = 1.5
-    """the same beside a disturbance: a hand that holds still leaves little where the platform hangs nearly at rest"""
+    """the same beside a disturbance, and where a hand holds still: it leaves little where the platform hangs nearly at
+    rest"""
+    still: float = 2.0
+    """times the inertial forces, left over where the platform does not move: no free motion has so little of them"""
     block: float = 1.0
     """s: blocks in which the better half is looked for"""
     rounds: int = 10
@@ -52,10 +55,11 @@ class FreeMotionRule:
 RULE = FreeMotionRule()
 
 
-def without_hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> CleanRecordings:
+def without_hands(campaign: Campaign, longer: float = 0.0, rule: FreeMotionRule = RULE) -> CleanRecordings:
     """What is free before and after each disturbance becomes a window of its own ("i03", "i03, part 2").
 
     All parts keep their window's clock and lengths. Windows that do not show their poses are kept as they are.
+    longer: s; shorter disturbances stay: while samples are not judged yet, a bad one looks like that.
     """
     mechanism = Mechanism(campaign.robot)
     balances = {window.id: found for window in campaign.windows if (found := balance(mechanism, window)) is not None}
@@ -70,8 +74,11 @@ def without_hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> CleanRecor
     removed: list[Removed] = []
     for window in campaign.windows:
         cuts = _times(balances[window.id], disturbed[window.id]) if window.id in balances else []
+        cuts = [cut for cut in cuts if cut[1] - cut[0] > longer]
         windows += parts(window, cuts, rule.shortest) if cuts else [window]
         removed += [_told(window, begin, end) for begin, end in cuts]
+    if not removed:
+        return CleanRecordings(campaign)
     return CleanRecordings(replace(campaign, windows=tuple(windows)), tuple(removed), _notes(removed))
 
 
@@ -129,6 +136,7 @@ def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule)
     own = float(np.median(left))
     unmoved = left > rule.share**2 * inertial
     found = unmoved & (left > rule.above**2 * own)
+    found |= (left > rule.still**2 * inertial) & (left > rule.goes_on**2 * own)
     for begin, end in runs(unmoved & (left > rule.goes_on**2 * own)):
         found[begin:end] = found[begin:end].any()
     if found.any():  # what lies beside a hand must be seen to swing: a platform that is held at rest balances, too
@@ -169,5 +177,7 @@ def _notes(removed: Sequence[Removed]) -> tuple[str, ...]:
     return (f"The platform is not free (held, pushed or touched) in {shown}{more}: this is left out.",)
 
 
+ONE_SAMPLE = 2 * HALF + RULE.averaged + 2 * EVERY
+"""s that a single bad sample or a step of a marker spoils of the balance"""
 SHOWN = 4
 """cuts that the sentence names"""

@@ -11,8 +11,6 @@ On campaigns without fault the chance of any fault finding is below 1 %. Whether
 decided by fitting the cleaned campaign: `is_sensor_fault` is a hint, to be confirmed by a remainder that is white.
 """
 
-from collections import defaultdict
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,31 +85,21 @@ class Screening:
         )
 
 
-def screen(
-    campaign: Campaign, *, kinematics: bool = True, free: Callable[[Campaign], Campaign] = lambda whole: whole
-) -> Screening:
+def screen(campaign: Campaign, *, kinematics: bool = True) -> Screening:
     """Look at all windows of a campaign. Never raises for what is in the data: it is all in the answer.
 
     kinematics: also compare channels that measure the same thing twice, which takes most of the time.
-    free: takes out what is no free motion, once single samples are judged: distances between markers are then compared
-    within one motion.
     """
     declared = campaign.robot.sensors.marker_noise
     levels = noise_levels(campaign.windows, declared)
     samples = sum(window.markers.shape[0] * window.markers.shape[1] for window in campaign.windows)
     limits = Limits.for_tests(samples)
     inspected = [_inspected(campaign, window, levels, limits) for window in campaign.windows]
-    moving = free(replace(campaign, windows=tuple(one.window for one in inspected)))
-    chance = MARKERS.rigid_steps_chance / max(1, len(moving.windows))
-    against = [
-        without_rigid_steps(
-            Inspected(window, (), np.zeros(window.markers.shape[:2], dtype=bool)), levels.declared, chance
-        )
-        for window in moving.windows
-    ]
-    cleaned = replace(moving, windows=tuple(one.window for one in against))
+    chance = MARKERS.rigid_steps_chance / len(inspected)
+    inspected = [without_rigid_steps(one, levels.declared, chance) for one in inspected]
+    cleaned = replace(campaign, windows=tuple(one.window for one in inspected))
     levels = noise_levels(cleaned.windows, declared)
-    findings = [finding for one in (*inspected, *against) for finding in one.findings]
+    findings = [finding for one in inspected for finding in one.findings]
     mistakes = find_mistakes(campaign.robot, cleaned.windows, DATA_CHECKS.screening_gross)
     posable = replace(cleaned, windows=cleaned.windows[: DATA_CHECKS.screening_few]) if mistakes else cleaned
     redundancy, unposed = _redundancy(posable, levels.by_channel) if kinematics else ((), ())
@@ -123,16 +111,8 @@ def screen(
         unposed=unposed,
         noise=levels.by_channel,
         noise_ratio=levels.ratio,
-        removed=_counted((*inspected, *against)),
+        removed={one.window.id: int(one.bad.sum()) for one in inspected},
     )
-
-
-def _counted(inspected: Sequence[Inspected]) -> dict[str, int]:
-    """Marker samples taken out, by window."""
-    total: dict[str, int] = defaultdict(int)
-    for one in inspected:
-        total[one.window.id] += int(one.bad.sum())
-    return dict(total)
 
 
 def _inspected(campaign: Campaign, window: Window, levels: NoiseLevels, limits: Limits) -> Inspected:

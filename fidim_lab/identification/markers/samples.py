@@ -31,11 +31,6 @@ class Inspected:
     bad: Bool[np.ndarray, "N M"]
     """samples that were taken out"""
 
-    @staticmethod
-    def untouched(window: Window) -> "Inspected":
-        """A window in which nothing was found so far."""
-        return Inspected(window, (), np.zeros(window.markers.shape[:2], dtype=bool))
-
 
 def inspect(window: Window, rate: float, noise: float, sigma: Float[np.ndarray, "M 3"], limits: Limits) -> Inspected:
     """Look at one window; `noise` is the declared standard deviation (m), `sigma` the one seen in the campaign."""

@@ -1,0 +1,220 @@
+"""The one cleaning: what stands for a blank, was computed, stamped on arrival, held or pushed; and nothing else."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter, lfilter_zi
+
+from fidim_lab.data.records import Campaign, Window
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.cleaning.clean import clean_recordings
+from fidim_lab.identification.cleaning.low_pass import low_passed
+from fidim_lab.identification.identify import identify
+
+NOISE = 1e-4
+Make = Callable[..., Campaign]
+
+
+def each(campaign: Campaign, change: Callable[[np.ndarray], np.ndarray]) -> Campaign:
+    """Markers of every window changed, written with six decimals."""
+    windows = (replace(w, markers=np.round(change(w.markers.copy()), 6)) for w in campaign.windows)
+    return replace(campaign, windows=tuple(windows))
+
+
+def of_rows(window: Window, markers: np.ndarray) -> Window:
+    """As many rows as there are markers, at 100 Hz."""
+    assert window.lengths is not None
+    lengths = np.tile(window.lengths[0], (len(markers), 1))
+    return replace(window, t=np.arange(len(markers)) / 100, markers=markers, lengths=lengths)
+
+
+@pytest.mark.parametrize("cluster", [False, True])
+def test_nothing_is_taken_from_a_clean_campaign(recorded: Make, cluster: bool):
+    campaign = each(recorded(noise=NOISE, cluster=cluster), lambda markers: markers)
+    found = clean_recordings(campaign).recordings
+    assert found.removed == ()
+    assert found.notes == ()
+    for before, after in zip(campaign.windows, found.campaign.windows, strict=True):
+        np.testing.assert_array_equal(before.markers, after.markers)
+        np.testing.assert_array_equal(before.t, after.t)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, 9999.0])
+@pytest.mark.parametrize("cluster", [False, True])
+def test_placeholders_are_missing(recorded: Make, value: float, cluster: bool):
+    def spoil(markers: np.ndarray) -> np.ndarray:
+        markers[40:43] = markers[200] = markers[-1] = value
+        return markers
+
+    found = clean_recordings(each(recorded(noise=NOISE, cluster=cluster), spoil)).recordings
+    for window in found.campaign.windows:
+        gone = ~np.isfinite(window.markers).all(axis=(1, 2))
+        assert np.flatnonzero(gone).tolist() == [40, 41, 42, 200, 600]
+    assert {one.why for one in found.removed} == {"placeholder for a blank"}
+    assert "count as missing" in found.notes[0]
+
+
+@pytest.mark.parametrize("fill", ["line", "cubic", "held"])
+def test_computed_samples_are_missing(recorded: Make, fill: str):
+    def spoil(markers: np.ndarray) -> np.ndarray:
+        share = np.linspace(0, 1, 42)[1:-1, None, None]
+        share = {"line": share, "cubic": 3 * share**2 - 2 * share**3, "held": 0 * share}[fill]
+        markers[100:140] = markers[99] + share * (markers[140] - markers[99])
+        return markers
+
+    found = clean_recordings(each(recorded(noise=NOISE), spoil)).recordings
+    for window in found.campaign.windows:
+        gone = np.flatnonzero(~np.isfinite(window.markers[:, 0, 0]))
+        assert set(range(100, 140)) <= set(gone.tolist()) <= set(range(96, 144))
+
+
+def test_every_second_sample_by_a_line_is_missing(recorded: Make):
+    def spoil(markers: np.ndarray) -> np.ndarray:
+        markers[1:-1:2] = 0.5 * (markers[:-2:2] + markers[2::2])
+        return markers
+
+    found = clean_recordings(each(recorded(noise=NOISE), spoil)).recordings
+    for window in found.campaign.windows:
+        seen = np.isfinite(window.markers[:, 0, 0])
+        assert seen[2:-2:2].mean() > 0.95
+        assert seen[1:-1:2].mean() < 0.05
+
+
+@pytest.mark.parametrize("bunched", [False, True])
+def test_times_of_arrival_become_even(recorded: Make, bunched: bool):
+    campaign, random = recorded(noise=NOISE), np.random.default_rng(3)
+
+    def late(window: Window) -> Window:
+        delay = random.exponential(4e-3, len(window.t))
+        if bunched:
+            hit = random.random(len(window.t)) < 0.08
+            delay[hit] += random.uniform(0.02, 0.06, int(hit.sum()))
+        return replace(window, t=np.maximum.accumulate(window.t + delay) + 1e-6 * np.arange(len(delay)))
+
+    found = clean_recordings(replace(campaign, windows=tuple(late(w) for w in campaign.windows))).recordings
+    for window in found.campaign.windows:
+        np.testing.assert_allclose(np.diff(window.t), 0.01, atol=1e-9)
+    assert "times of arrival" in found.notes[0]
+
+
+def test_true_uneven_stamps_stay(recorded: Make):
+    """Samples that were taken when their stamps say are as smooth on them as on any grid."""
+    campaign = recorded(noise=NOISE)
+    windows = []
+    for window in campaign.windows:
+        t = window.t + 3e-3 * np.sin(np.arange(len(window.t)))
+        columns = [np.interp(t, window.t, column) for column in window.markers[:, 0].T]
+        windows.append(replace(window, t=t, markers=np.stack(columns, axis=1)[:, None]))
+    found = clean_recordings(replace(campaign, windows=tuple(windows))).recordings
+    for before, after in zip(windows, found.campaign.windows, strict=True):
+        np.testing.assert_array_equal(before.t, after.t)
+
+
+@pytest.mark.parametrize("cluster", [False, True])
+@pytest.mark.parametrize("seconds", [0.6, 2.0])
+@pytest.mark.parametrize("cad", [1.0, 1.6])
+def test_a_platform_that_is_held_at_first_is_cut_at_its_release(
+    recorded: Make, cluster: bool, seconds: float, cad: float
+):
+    """Held away from rest: the released motion begins at its largest displacement. A wrong CAD decides nothing."""
+    campaign = recorded(cluster=cluster)
+    robot = replace(
+        campaign.robot, nominal=replace(campaign.robot.nominal, inertia=cad * campaign.robot.nominal.inertia)
+    )
+    random = np.random.default_rng(5)
+    windows = []
+    for window in campaign.windows:
+        start = 100 + int(np.argmax(np.abs(window.markers[100:300, 0, 0] - window.markers[:, 0, 0].mean())))
+        held = np.repeat(window.markers[start : start + 1], round(100 * seconds), axis=0)
+        markers = np.concatenate([held, window.markers[start:]])
+        windows.append(of_rows(window, markers + NOISE * random.standard_normal(markers.shape)))
+    found = clean_recordings(replace(campaign, robot=robot, windows=tuple(windows))).recordings
+    for window in found.campaign.windows:
+        begin = window.t[np.isfinite(window.markers[:, 0, 0])][0]
+        assert seconds - 0.02 <= begin <= seconds + 0.3
+    assert "not free (held, pushed or touched)" in found.notes[-1]
+
+
+@pytest.mark.parametrize("cluster", [False, True])
+def test_what_is_free_before_and_after_a_hand_becomes_two_windows(recorded: Make, cluster: bool):
+    campaign = recorded(noise=NOISE, cluster=cluster)
+    first = campaign.windows[0]
+    held = np.repeat(first.markers[250:251], 80, axis=0)
+    markers = np.concatenate([first.markers[:250], held + NOISE * np.random.default_rng(1).standard_normal(held.shape)])
+    markers = np.concatenate([markers, first.markers[250:]])
+    spoilt = replace(campaign, windows=(of_rows(first, markers), *campaign.windows[1:]))
+    found = clean_recordings(spoilt).recordings
+    assert [w.id for w in found.campaign.windows] == ["w1", "w1, part 2", "w2", "w3", "w4", "w5"]
+    (hand,) = found.removed
+    assert hand.window == "w1"
+    assert 2.0 <= hand.t[0] <= 2.52
+    assert 3.28 <= hand.t[1] <= 3.8
+
+
+@pytest.mark.parametrize("by", [0.004, 0.03])
+def test_a_knocked_marker_is_missing_from_then_on(recorded: Make, by: float):
+    campaign = recorded(noise=NOISE, cluster=True)
+    windows = list(campaign.windows)
+    for k in (2, 3, 4):
+        markers = windows[k].markers.copy()
+        markers[:, 2] += by * np.array([0.6, -0.64, 0.48])
+        windows[k] = replace(windows[k], markers=markers)
+    found = clean_recordings(replace(campaign, windows=tuple(windows))).recordings
+    seen = [np.isfinite(w.markers[:, :, 0]).any(axis=0).tolist() for w in found.campaign.windows]
+    assert seen == [[True] * 4] * 2 + [[True, True, False, True]] * 3
+    assert "Marker 3 is not where the robot file has it in w3, w4, w5" in " ".join(found.notes)
+
+
+@pytest.mark.parametrize(
+    ("turn", "shift", "said"),
+    [
+        (33.0, (0.4, -0.2, 0.1), "it is turned by 33.0° about"),
+        (0.0, (0.3, 0.0, 0.0), "it is not turned and shifted by (300, 0, 0) mm"),
+    ],
+)
+def test_another_capture_frame_is_refused_with_its_turn_and_shift(
+    recorded: Make, turn: float, shift: tuple[float, ...], said: str
+):
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    matrix = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    spoilt = each(recorded(noise=NOISE), lambda markers: markers @ matrix.T + np.array(shift))
+    with pytest.raises(RefusedError, match=r"The motion capture's frame is not the robot's") as refused:
+        clean_recordings(spoilt)
+    assert said in str(refused.value)
+
+
+def test_a_marker_elsewhere_on_the_body_is_refused_with_its_offset(recorded: Make):
+    campaign = recorded(noise=NOISE)
+    file = replace(campaign.robot, marker=campaign.robot.marker + np.array([0.03, -0.02, 0.04]))
+    with pytest.raises(
+        RefusedError, match=r"The marker is not where the robot file has it on the body, but \(-30, 20, "
+    ):
+        clean_recordings(replace(campaign, robot=file))
+
+
+@pytest.mark.parametrize("cutoff", [6.0, 12.0])
+def test_low_passed_markers_are_told_with_their_cutoff(recorded: Make, cutoff: float):
+    campaign = recorded(noise=NOISE)
+    b, a = butter(2, cutoff, fs=100.0)
+
+    def through(markers: np.ndarray) -> np.ndarray:
+        flat = markers.reshape(len(markers), -1)
+        return lfilter(b, a, flat, axis=0, zi=lfilter_zi(b, a)[:, None] * flat[0])[0].reshape(markers.shape)
+
+    assert low_passed(each(campaign, lambda markers: markers)) is None
+    found = low_passed(each(campaign, through))
+    assert found is not None
+    assert found.cutoff == pytest.approx(cutoff, rel=0.25)
+    assert "Export them unfiltered" in found.says
+
+
+def test_a_rate_that_header_and_stamps_say_otherwise_widens_or_is_decided(recorded: Make, true_body):
+    """The stamps are a thousandth late: the true body lies within the ± that are stated."""
+    campaign = recorded(noise=NOISE)
+    windows = tuple(replace(w, t=1.001 * w.t) for w in campaign.windows)
+    found = identify(replace(campaign, windows=windows))
+    errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
+    assert max(errors) < 3.5
+    assert "The time stamps say 99.9001 Hz, campaign.toml says 100 Hz" in " ".join(found.warnings)
