@@ -6,8 +6,8 @@ from enum import StrEnum
 import numpy as np
 
 from benchmarks.spoilt.kinds import Kind
-from fidim_lab.app.identify import identify_posed
-from fidim_lab.app.pose_from import Posed
+from fidim_lab.app.analysis.identify import identify_posed
+from fidim_lab.app.analysis.pose_from import Posed
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign
 from fidim_lab.errors import FidimError
 
