@@ -65,6 +65,7 @@ def clean(campaign: Campaign, *, say: Say = lambda _: None) -> Cleaned:
     is fitted then means anything.
     """
     say("looking at samples and kinematics")
+    _refuse_stillness(campaign)  # of what is still, nothing tells frames and files apart
     screened = clean_recordings(campaign, kinematics=True)
     seen, recordings = screened.screening, screened.recordings
     _refuse_stillness(recordings.campaign)

@@ -161,7 +161,7 @@ def test_json_is_exactly_the_format(result):
     assert list(table) == [
         "format", "campaign", "method", "outcome", "message", "parameters", "non_essential", "sigma_W", "C", "windows",
         "geometry",
-        "seconds",
+        "removed", "seconds",
     ]  # fmt: skip
     assert table["outcome"] == "converged"
     assert list(table["parameters"]) == list(PARAMETER_NAMES)  # type: ignore[call-overload]
