@@ -16,6 +16,22 @@ from fidim_lab.mismatch.selection.budget import PATIENCE
 
 
 @fidim.command()
+@click.argument("campaigns", type=FOLDER, nargs=-1, required=True)
+@click.option("--out", type=OUT_FILE, required=True, help="Robot file to write, in the frame of the motion capture.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-registration/1".')
+@example("fidim register session-1 session-2 --out registered.toml --json registration.json")
+def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> None:
+    """Place capture frame, markers and encoder zeros of CAMPAIGNS against their robot file.
+
+    Writes the robot file with anchors, swivels and gravity in the frame of the motion capture: recordings stay as they
+    are. Says which anchor, marker or encoder disagrees.
+    """
+    from fidim_lab.app.analysis.register import register_command
+
+    sys.exit(register_command(campaigns, out, json_file))
+
+
+@fidim.command()
 @click.argument("campaign", type=FOLDER)
 @click.option("--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where it cannot work.")
 @click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")

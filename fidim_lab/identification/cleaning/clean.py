@@ -47,9 +47,7 @@ def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screene
     Raises RefusedError where markers and lengths contradict the robot file grossly: nothing that is fitted then means
     anything.
     """
-    done = CleanRecordings(campaign)
-    for step in STEPS:
-        done = done.then(step(done.campaign))
+    done = without_bad_samples(campaign)
     done = done.then(without_hands(done.campaign, longer=ONE_SAMPLE))
     seen = screen(done.campaign, kinematics=kinematics)
     _refuse_mistakes(seen)
@@ -58,6 +56,14 @@ def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screene
     done = done.then(without_knocked_markers(done.campaign))
     done = done.then(without_hands(done.campaign))
     return Screened(replace(done, notes=(*faults_in_words(seen.faults), *done.notes)), seen)
+
+
+def without_bad_samples(campaign: Campaign) -> CleanRecordings:
+    """What samples alone show, without a look at robot file, geometry or motion."""
+    done = CleanRecordings(campaign)
+    for step in STEPS:
+        done = done.then(step(done.campaign))
+    return done
 
 
 def _refuse_mistakes(seen: Screening) -> None:

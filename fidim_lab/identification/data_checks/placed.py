@@ -35,7 +35,7 @@ def _frame(mechanism: Mechanism, sample: Sample, noise: tuple[float, float]) -> 
     robot = mechanism.robot
     start = Placement.of(robot, sample.markers.shape[1])
     try:
-        turn, shift = aligned(sample.markers, _resting(mechanism, sample))
+        turn, shift = aligned(sample.markers, resting(mechanism, sample))
         found = place(robot, sample, Free(frame=True), replace(start, turn=turn, shift=shift), noise).placement
     except (FidimError, np.linalg.LinAlgError):
         return None
@@ -58,7 +58,7 @@ def _markers(mechanism: Mechanism, sample: Sample, noise: tuple[float, float]) -
     return Change(words, replace(robot, marker=found.body[0], extra_markers=tuple(further)))
 
 
-def _resting(mechanism: Mechanism, sample: Sample) -> Float[np.ndarray, "S M 3"]:
+def resting(mechanism: Mechanism, sample: Sample) -> Float[np.ndarray, "S M 3"]:
     """Where the nominal body's markers would rest with the lengths of each pose, m."""
     robot = mechanism.robot
     body = robot.markers[: sample.markers.shape[1]]

@@ -6,7 +6,7 @@ say it in the robot frame. The poses are eliminated (Schur complement), so that 
 and is told by its standard deviation.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -39,6 +39,14 @@ class Free:
     """each marker by itself"""
     zeros: bool = False
     """one constant for each encoder"""
+    anchor: int | None = None
+    """of this cable (0-based), to first order"""
+
+    @property
+    def says(self) -> str:
+        """For people."""
+        names = ("frame", "markers", "zeros")
+        return ", ".join(name for name in names if getattr(self, name)) or "nothing"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +57,8 @@ class Placement:
     shift: Vector3
     body: Float[np.ndarray, "M 3"]
     zeros: PerCable
+    anchor: Vector3 = field(default_factory=lambda: np.zeros(3))
+    """m, of the cable that `Free` names"""
 
     @staticmethod
     def of(robot: Robot, markers: int) -> "Placement":
@@ -61,6 +71,9 @@ class Placed:
     """The answer."""
 
     placement: Placement
+    positions: Positions
+    rotations: Rotations
+    """of the poses"""
     sd_turn: Vector3
     """rad, about the robot's axes"""
     sd_shift: Vector3
@@ -70,6 +83,9 @@ class Placed:
     """m, measured − modelled, in the robot frame"""
     lengths: Float[np.ndarray, "S n"]
     """m, the same"""
+    chi2: float
+    unknowns: int
+    """beside the poses"""
     chi2_per_dof: float
     """of markers and lengths; the standard deviations are multiplied by its root where it is above 1"""
 
@@ -80,14 +96,19 @@ class Placed:
         return float(np.sqrt(np.nanmean(values**2)))
 
 
-def place(robot: Robot, sample: Sample, free: Free, start: Placement, noise: tuple[float, float]) -> Placed:
-    """Fit; noise: standard deviations of a marker coordinate and of a length, m.
+def place(robot: Robot, sample: Sample, free: Free, start: "Placement | Placed", noise: tuple[float, float]) -> Placed:
+    """Fit from a guess, or go on from an answer and its poses.
+
+    noise: standard deviations of a marker coordinate and of a length, m.
 
     Raises InfeasibleError where no pose has these lengths, RefusedError where it does not settle.
     """
-    now = _State(Mechanism(robot), sample, noise, start)
-    p, R = fit_poses(now.mechanism_of(start), sample.lengths - start.zeros, now.seen(start))
-    placement = start
+    placement = start.placement if isinstance(start, Placed) else start
+    now = _State(Mechanism(robot), sample, noise, placement, free.anchor)
+    if isinstance(start, Placed):
+        p, R = start.positions, start.rotations
+    else:
+        p, R = fit_poses(now.mechanism_of(start), sample.lengths - start.zeros, now.seen(start))
     for _ in range(STEPS):
         system = _System.of(now, placement, p, R, free)
         theta, poses = system.step()
@@ -107,6 +128,7 @@ class _State:
     sample: Sample
     noise: tuple[float, float]
     prior: Placement
+    anchor: int | None
 
     def mechanism_of(self, placement: Placement) -> Mechanism:
         robot, body = self.mechanism.robot, placement.body
@@ -120,7 +142,11 @@ class _State:
         self, placement: Placement, p: Positions, R: Rotations
     ) -> tuple[Float[np.ndarray, "S M 3"], Float[np.ndarray, "S n"]]:
         modelled = p[:, np.newaxis] + np.einsum("nij,mj->nmi", R, placement.body)
-        return self.seen(placement) - modelled, self.sample.lengths - placement.zeros - self.mechanism.lengths(p, R)
+        lengths = self.mechanism.lengths(p, R)
+        if self.anchor is not None:
+            along = self.mechanism.structure_matrix(p, R)[:, self.anchor, :3]
+            lengths[:, self.anchor] -= along @ placement.anchor
+        return self.seen(placement) - modelled, self.sample.lengths - placement.zeros - lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,12 +171,17 @@ class _System:
         rows = np.concatenate([J, Xi, upright], axis=1)
         columns = np.zeros((S, rows.shape[1], _count(free, M, now.mechanism.n)))
         columns[:, : 3 * M] = _of_markers(now.seen(placement), R, free, now.mechanism.n) / marker_noise
+        of_zeros = 6 * free.frame + 3 * M * free.markers
         if free.zeros:
-            columns[:, 3 * M : 3 * M + now.mechanism.n, -now.mechanism.n :] = np.eye(now.mechanism.n) / length_noise
+            columns[:, 3 * M : 3 * M + now.mechanism.n, of_zeros : of_zeros + now.mechanism.n] = (
+                np.eye(now.mechanism.n) / length_noise
+            )
+        if free.anchor is not None:
+            columns[:, 3 * M + free.anchor, -3:] = -Xi[:, free.anchor, :3]
         turned = Rotation.from_matrix(R).as_rotvec()
         right = np.concatenate([off.reshape(S, -1) / marker_noise, short / length_noise, -turned / UPRIGHT], axis=1)
         up = np.swapaxes(rows, 1, 2)
-        flat = columns.reshape(-1, columns.shape[2])
+        flat = columns.reshape(rows.shape[0] * rows.shape[1], columns.shape[2])
         inner = flat.T @ flat + np.eye(columns.shape[2]) / WIDE**2
         of_prior = -_from_prior(placement, now.prior, free) / WIDE**2
         return _System(
@@ -176,7 +207,7 @@ class _System:
 
 
 def _count(free: Free, markers: int, cables: int) -> int:
-    return 6 * free.frame + 3 * markers * free.markers + cables * free.zeros
+    return 6 * free.frame + 3 * markers * free.markers + cables * free.zeros + 3 * (free.anchor is not None)
 
 
 def _of_markers(seen: Float[np.ndarray, "S M 3"], R: Rotations, free: Free, cables: int) -> Float[np.ndarray, "S K C"]:
@@ -205,7 +236,10 @@ def _moved(placement: Placement, theta: np.ndarray, free: Free) -> Placement:
         count = placement.body.size
         placement = replace(placement, body=placement.body + theta[at : at + count].reshape(-1, 3))
         at += count
-    return replace(placement, zeros=placement.zeros + theta[at:]) if free.zeros else placement
+    if free.zeros:
+        count = len(placement.zeros)
+        placement = replace(placement, zeros=placement.zeros + theta[at : at + count])
+    return placement if free.anchor is None else replace(placement, anchor=placement.anchor + theta[-3:])
 
 
 def _from_prior(placement: Placement, prior: Placement, free: Free) -> np.ndarray:
@@ -217,6 +251,8 @@ def _from_prior(placement: Placement, prior: Placement, free: Free) -> np.ndarra
         parts.append((placement.body - prior.body).ravel())
     if free.zeros:
         parts.append(placement.zeros - prior.zeros)
+    if free.anchor is not None:
+        parts.append(placement.anchor)
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
@@ -231,11 +267,15 @@ def _answer(now: _State, placement: Placement, p: Positions, R: Rotations, free:
     nothing = np.zeros(3)
     return Placed(
         placement,
+        p,
+        R,
         sd_turn=sd[3:6] if free.frame else nothing,
         sd_shift=sd[:3] if free.frame else nothing,
         sd_body=(sd[at:of_body] if free.markers else np.zeros(placement.body.size)).reshape(-1, 3),
-        sd_zeros=sd[of_body:] if free.zeros else np.zeros(len(placement.zeros)),
+        sd_zeros=sd[of_body : of_body + len(placement.zeros)] if free.zeros else np.zeros(len(placement.zeros)),
         markers=markers,
         lengths=lengths,
+        chi2=chi2,
+        unknowns=len(information),
         chi2_per_dof=chi2 / dof,
     )

@@ -23,19 +23,25 @@ class Sample:
     lengths: Float[np.ndarray, "S n"]
 
 
-def sampled(cables: int, windows: tuple[Window, ...]) -> Sample | None:
-    """Markers at a few places of a few windows; None without lengths or markers."""
+def sampled(
+    cables: int,
+    windows: tuple[Window, ...],
+    *,
+    each: int = DATA_CHECKS.robot_mistakes_samples,
+    most_windows: int = DATA_CHECKS.robot_mistakes_windows,
+) -> Sample | None:
+    """Markers at so many places of each of so many windows; None without lengths or markers."""
     markers, lengths = [], []
     most = min((w.markers.shape[1] for w in windows), default=0)
-    for window in windows[:: max(1, len(windows) // DATA_CHECKS.robot_mistakes_windows)]:
+    for window in windows[:: max(1, len(windows) // most_windows)]:
         if window.lengths is None or not np.isfinite(window.lengths).any(axis=0).all():
             continue
         held = np.nanmean(window.lengths, axis=0)
         columns = even_grid(window.t).spread(window.markers[:, :most].reshape(len(window.t), -1))
         rows = np.flatnonzero(np.isfinite(columns).all(axis=1))
-        if len(rows) < DATA_CHECKS.robot_mistakes_samples:
+        if len(rows) < each:
             continue
-        for row in rows[np.linspace(0, len(rows) - 1, DATA_CHECKS.robot_mistakes_samples + 2).astype(int)[1:-1]]:
+        for row in rows[np.linspace(0, len(rows) - 1, each + 2).astype(int)[1:-1]]:
             markers.append(columns[row].reshape(most, 3))
             lengths.append(held)
     if not markers or len(lengths[0]) != cables:

@@ -1,0 +1,155 @@
+"""`fidim register`: where capture frame, markers and encoders stand against the robot file, told and put right."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from fidim_lab.app.terminal import console
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.data.records import Campaign
+from fidim_lab.data.robot_file import write_robot
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.calibration.register_campaign import (
+    CURE,
+    Registered,
+    register_campaigns,
+    registered_robot,
+)
+from fidim_lab.identification.cleaning.clean import without_bad_samples
+from fidim_lab.identification.data_checks.placed import moved_in_words
+
+GOOD = 4.0
+"""χ²/dof up to which the registered geometry explains markers and lengths: twice their noise"""
+
+
+def register_command(folders: Sequence[Path], out: Path, json_file: Path | None) -> int:
+    """Register, print, write. Returns the exit code: 1 where no registration explains the recordings.
+
+    Raises FileError for a wrong campaign, SetupError for campaigns of several robots, RefusedError where nothing fits.
+    """
+    campaigns = [without_bad_samples(read_campaign(folder)).campaign for folder in folders]
+    _refuse_several(campaigns, folders)
+    found = register_campaigns(campaigns)
+    console.out.print(summary(campaigns[0], found))
+    good = found.best.chi2_per_dof < GOOD
+    if good:
+        robot = registered_robot(campaigns[0].robot, found.best.placement)
+        write_robot(out, robot, comment=f"Registered by fidim register from {', '.join(map(str, folders))}.")
+        console.out.print(f"Robot file  {out}", markup=False)
+    if json_file is not None:
+        json_file.write_text(json.dumps(to_json(found), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return 0 if good else 1
+
+
+def _refuse_several(campaigns: Sequence[Campaign], folders: Sequence[Path]) -> None:
+    first = campaigns[0].robot
+    for campaign, folder in zip(campaigns, folders, strict=True):
+        other = campaign.robot
+        alike = other.n == first.n and len(other.markers) == len(first.markers)
+        if not alike or not all(
+            np.allclose(a.d, b.d) and np.allclose(a.a, b.a) for a, b in zip(other.cables, first.cables, strict=True)
+        ):
+            raise SetupError(f"{folder} has another robot file than {folders[0]}: register each robot by itself.")
+
+
+def summary(campaign: Campaign, found: Registered) -> RenderableType:
+    """What was tried, the registration, and what disagrees."""
+    return Group(_tried(found), *map(Text, sentences(found)), _left(campaign, found))
+
+
+def sentences(found: Registered) -> list[str]:
+    """The answer in words."""
+    best, place = found.best, found.best.placement
+    said = [f"{found.samples} instants; what the recordings ask for: {found.free.says}."]
+    if found.free.frame:
+        turn, shift = (", ".join(f"{x:.2g}" for x in sd) for sd in (np.degrees(best.sd_turn), 1e3 * best.sd_shift))
+        said.append(
+            f"The capture frame against the robot's: {moved_in_words(place.turn, place.shift)} (± {turn} °, "
+            f"± {shift} mm)."
+        )
+    if found.free.markers:
+        for m, (at, sd) in enumerate(zip(place.body, best.sd_body, strict=True)):
+            said.append(f"Marker {m + 1} is at {_mm(at)} ± {_mm(sd)} mm of the body.")
+    if found.free.zeros:
+        said += [
+            f"The encoder of cable {k + 1} reads {1e3 * zero:.2f} ± {1e3 * sd:.2g} mm too much: correct its zero."
+            for k, (zero, sd) in enumerate(zip(place.zeros, best.sd_zeros, strict=True))
+        ]
+    said += [
+        f"Anchor of cable {one.cable} disagrees: moved by {_mm(one.by)} mm it takes χ²/dof from "
+        f"{best.chi2_per_dof:.3g} to {one.chi2_per_dof:.3g}."
+        for one in found.suspects
+        if best.chi2_per_dof > GOOD and one.chi2_per_dof < CURE * best.chi2_per_dof
+    ]
+    if best.chi2_per_dof >= GOOD:
+        said.append(
+            f"No registration explains the recordings (χ²/dof {best.chi2_per_dof:.3g}): geometry, lengths or order of "
+            "cables are not as the robot file says. No robot file is written."
+        )
+    return said
+
+
+def _tried(found: Registered) -> Table:
+    table = Table(title="What was left open")
+    for name in ("free", "χ²/dof", "criterion (0: best)"):
+        table.add_column(name, justify="left" if name == "free" else "right")
+    for one in found.tried:
+        table.add_row(one.free.says, f"{one.placed.chi2_per_dof:.3g}", f"{one.criterion:.3g}")
+    return table
+
+
+def _left(campaign: Campaign, found: Registered) -> Table:
+    """Residuals by marker and by cable, and what each anchor would take away."""
+    table = Table(title="What is left, rms")
+    for name in ("what", "mm", "χ²/dof with its anchor free", "anchor moved by, mm"):
+        table.add_column(name, justify="left" if name == "what" else "right")
+    for m in range(found.best.markers.shape[1]):
+        table.add_row(f"marker {m + 1}", f"{_rms(found.best.markers[:, m]):.3g}", "", "")
+    for k, one in zip(range(campaign.robot.n), found.suspects, strict=True):
+        left = f"{_rms(found.best.lengths[:, k]):.3g}"
+        table.add_row(f"length of cable {k + 1}", left, f"{one.chi2_per_dof:.3g}", _mm(one.by))
+    return table
+
+
+def _rms(values: np.ndarray) -> float:
+    return 1e3 * float(np.sqrt(np.mean(values**2)))
+
+
+def _mm(values: np.ndarray) -> str:
+    return f"({', '.join(f'{1e3 * x:.2f}' for x in values)})"
+
+
+def to_json(found: Registered) -> dict[str, object]:
+    """The format "fidim-registration/1", SI."""
+    best, place = found.best, found.best.placement
+    return {
+        "format": "fidim-registration/1",
+        "free": found.free.says,
+        "chi2_per_dof": best.chi2_per_dof,
+        "instants": found.samples,
+        "frame": {
+            "turn": place.turn.tolist(),
+            "shift": place.shift.tolist(),
+            "turn_sd": best.sd_turn.tolist(),
+            "shift_sd": best.sd_shift.tolist(),
+        },
+        "markers": {"at": place.body.tolist(), "sd": best.sd_body.tolist()},
+        "zeros": {"value": place.zeros.tolist(), "sd": best.sd_zeros.tolist()},
+        "left_rms": {
+            "markers": [_rms(best.markers[:, m]) / 1e3 for m in range(best.markers.shape[1])],
+            "lengths": [_rms(best.lengths[:, k]) / 1e3 for k in range(best.lengths.shape[1])],
+        },
+        "anchors": [
+            {
+                "cable": one.cable,
+                "by": [None if np.isnan(x) else float(x) for x in one.by],
+                "chi2_per_dof": one.chi2_per_dof,
+            }
+            for one in found.suspects
+        ],
+    }

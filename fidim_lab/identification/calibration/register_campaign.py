@@ -1,0 +1,165 @@
+"""Registration of a campaign: capture frame → robot frame, markers → body, zeros of the encoders.
+
+Which of the three the recordings ask for is decided by the Bayesian information criterion; then each anchor and each
+marker is freed in turn, to say which of them disagrees.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.data.records import Cable, Campaign, Robot
+from fidim_lab.errors import FidimError, RefusedError
+from fidim_lab.identification.data_checks.placed import aligned, resting
+from fidim_lab.identification.data_checks.placement import Free, Placed, Placement, place
+from fidim_lab.identification.data_checks.poses import Sample, sampled
+from fidim_lab.model.mechanism import Mechanism
+
+EACH = 12
+"""instants of each window; more change no standard deviation's first digit, for the lengths are the same in all"""
+MODELS = (
+    Free(),
+    Free(frame=True),
+    Free(markers=True),
+    Free(frame=True, markers=True),
+    Free(zeros=True),
+    Free(frame=True, zeros=True),
+    Free(markers=True, zeros=True),
+    Free(frame=True, markers=True, zeros=True),
+)
+CURE = 0.5
+"""of χ²: a single anchor whose move takes away so much disagrees"""
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """One choice of what is free."""
+
+    free: Free
+    placed: Placed
+    criterion: float
+    """−2 log likelihood + number of unknowns × log number of data, less the best one's"""
+
+
+@dataclass(frozen=True, eq=False)
+class Suspect:
+    """What a cable's anchor, free by itself beside the registration, would take away."""
+
+    cable: int
+    """1-based"""
+    by: np.ndarray
+    """m"""
+    chi2_per_dof: float
+
+
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """The answer."""
+
+    tried: tuple[Tried, ...]
+    """the best first"""
+    suspects: tuple[Suspect, ...]
+    """of all cables"""
+    samples: int
+
+    @property
+    def best(self) -> Placed:
+        """The registration."""
+        return self.tried[0].placed
+
+    @property
+    def free(self) -> Free:
+        """What it left open."""
+        return self.tried[0].free
+
+
+def register_campaigns(campaigns: Sequence[Campaign]) -> Registered:
+    """Register recordings of one robot. Raises RefusedError where no pose fits, or no instant holds all markers."""
+    robot = campaigns[0].robot
+    windows = tuple(window for campaign in campaigns for window in campaign.windows)
+    sample = sampled(robot.n, windows, each=EACH, most_windows=len(windows))
+    if sample is None:
+        raise RefusedError("No window holds all markers and the lengths of all cables: nothing can be registered.")
+    noise = (robot.sensors.marker_noise, max(robot.sensors.encoder_resolution, robot.sensors.marker_noise))
+    starts = _starts(robot, sample)
+    tried = [one for free in MODELS if (one := _best(robot, sample, free, starts, noise)) is not None]
+    if not tried:
+        raise RefusedError("No pose has these cable lengths and these markers, wherever the capture frame is put.")
+    near = min(tried, key=lambda one: one.criterion).placed
+    tried = [
+        one for free in MODELS if (one := _best(robot, sample, free, [*starts, _as_free(near, free, starts[0])], noise))
+    ]
+    lowest = min(one.criterion for one in tried)
+    ranked = sorted((replace(one, criterion=one.criterion - lowest) for one in tried), key=lambda one: one.criterion)
+    suspects = tuple(_suspect(robot, sample, ranked[0], cable, noise) for cable in range(robot.n))
+    return Registered(tuple(ranked), suspects, len(sample.markers))
+
+
+def registered_robot(robot: Robot, placement: Placement) -> Robot:
+    """The robot file in the frame of the motion capture, with the markers where they are on the body.
+
+    Recordings stay as they are; anchors, swivels and gravity are turned and shifted.
+    """
+    back = placement.turn.T
+
+    def seen(cable: Cable) -> Cable:
+        d = back @ (cable.d - placement.shift)
+        return replace(cable, d=d, x=back @ cable.x, y=back @ cable.y, z=back @ cable.z)
+
+    body = placement.body
+    further = (*body[1:], *robot.markers[len(body) :])
+    return replace(
+        robot,
+        cables=tuple(seen(cable) for cable in robot.cables),
+        gravity=back @ robot.gravity,
+        marker=body[0],
+        extra_markers=tuple(further),
+    )
+
+
+def _starts(robot: Robot, sample: Sample) -> list[Placement]:
+    """As the file has it, and with the frame where the nominal body would hang."""
+    start = Placement.of(robot, sample.markers.shape[1])
+    try:
+        turn, shift = aligned(sample.markers, resting(Mechanism(robot), sample))
+    except (FidimError, np.linalg.LinAlgError):
+        return [start]
+    return [start, replace(start, turn=turn, shift=shift)]
+
+
+def _as_free(near: Placed, free: Free, file: Placement) -> Placed:
+    """An answer's poses and what of its placement is free here; the rest as the robot file has it."""
+    found = near.placement
+    placement = Placement(
+        turn=found.turn if free.frame else file.turn,
+        shift=found.shift if free.frame else file.shift,
+        body=found.body if free.markers else file.body,
+        zeros=found.zeros if free.zeros else file.zeros,
+    )
+    return replace(near, placement=placement)
+
+
+def _best(
+    robot: Robot, sample: Sample, free: Free, starts: Sequence[Placement | Placed], noise: tuple[float, float]
+) -> Tried | None:
+    found: list[Placed] = []
+    for start in starts:
+        if isinstance(start, Placement) and start is not starts[0] and not free.frame:
+            continue
+        try:
+            found.append(place(robot, sample, free, start, noise))
+        except (FidimError, np.linalg.LinAlgError):
+            continue
+    if not found:
+        return None
+    best = min(found, key=lambda one: one.chi2)
+    return Tried(free, best, best.chi2 + best.unknowns * float(np.log(best.markers.size + best.lengths.size)))
+
+
+def _suspect(robot: Robot, sample: Sample, best: Tried, cable: int, noise: tuple[float, float]) -> Suspect:
+    try:
+        found = place(robot, sample, replace(best.free, anchor=cable), best.placed, noise)
+    except (FidimError, np.linalg.LinAlgError):
+        return Suspect(cable + 1, np.full(3, np.nan), best.placed.chi2_per_dof)
+    return Suspect(cable + 1, found.placement.anchor, found.chi2_per_dof)
