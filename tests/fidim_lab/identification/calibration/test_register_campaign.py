@@ -1,4 +1,4 @@
-"""Frame, markers and encoder zeros: what is put in comes out, with the ± that is stated, and recordings stay as they are."""
+"""Frame, markers and encoder zeros: what is put in comes out within the ± that is stated."""
 
 from dataclasses import replace
 
