@@ -20,7 +20,7 @@ from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.clock_jumps import without_clock_jumps
 from fidim_lab.identification.cleaning.filled import without_filled
-from fidim_lab.identification.cleaning.free_motion import ONE_SAMPLE, without_hands
+from fidim_lab.identification.cleaning.free_motion import hands, lasting, without_hands
 from fidim_lab.identification.cleaning.knocked import without_knocked_markers
 from fidim_lab.identification.cleaning.placeholders import without_placeholders
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, stretches
@@ -48,13 +48,16 @@ def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screene
     anything.
     """
     done = without_bad_samples(campaign)
-    done = done.then(without_hands(done.campaign, longer=ONE_SAMPLE))
+    cuts = hands(done.campaign)
+    done = done.then(without_hands(done.campaign, lasting(cuts)))
     seen = screen(done.campaign, kinematics=kinematics)
     _refuse_mistakes(seen)
     _refuse_gravity(seen.campaign)
+    told = len(done.removed)
     done = done.then(_taken_out(done.campaign, seen.campaign))
     done = done.then(without_knocked_markers(done.campaign))
-    done = done.then(without_hands(done.campaign))
+    if len(done.removed) > told or cuts != lasting(cuts):
+        done = done.then(without_hands(done.campaign, hands(done.campaign)))
     return Screened(replace(done, notes=(*faults_in_words(seen.faults), *done.notes)), seen)
 
 

@@ -40,6 +40,8 @@ class FreeMotionRule:
     rest"""
     still: float = 2.0
     """times the inertial forces, left over where the platform does not move: no free motion has so little of them"""
+    balanced: float = 0.25
+    """of a window's nodes that must balance, so that the others say something"""
     block: float = 1.0
     """s: blocks in which the better half is looked for"""
     rounds: int = 10
@@ -55,31 +57,43 @@ class FreeMotionRule:
 RULE = FreeMotionRule()
 
 
-def without_hands(campaign: Campaign, longer: float = 0.0, rule: FreeMotionRule = RULE) -> CleanRecordings:
-    """What is free before and after each disturbance becomes a window of its own ("i03", "i03, part 2").
+Cuts = dict[str, list[tuple[float, float]]]
+"""window id → begins and ends of what is not free, s"""
 
-    All parts keep their window's clock and lengths. Windows that do not show their poses are kept as they are.
-    longer: s; shorter disturbances stay: while samples are not judged yet, a bad one looks like that.
-    """
+
+def hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> Cuts:
+    """Where the platform is not free. Windows that do not show their poses say nothing."""
     mechanism = Mechanism(campaign.robot)
     balances = {window.id: found for window in campaign.windows if (found := balance(mechanism, window)) is not None}
     if not balances:
-        return CleanRecordings(campaign)
+        return {}
     chi = _robust_body(list(balances.values()), parameter_vector(campaign.robot.nominal), rule)
     disturbed = {id: _disturbed(one, chi, rule) for id, one in balances.items()}
-    nodes = np.concatenate(list(disturbed.values()))
-    if not nodes.any() or nodes.mean() > rule.most:
-        return CleanRecordings(campaign)
+    if np.concatenate(list(disturbed.values())).mean() > rule.most:
+        return {}
+    return {id: cuts for id, one in balances.items() if (cuts := _times(one, disturbed[id]))}
+
+
+def without_hands(campaign: Campaign, cuts: Cuts, rule: FreeMotionRule = RULE) -> CleanRecordings:
+    """What is free before and after each disturbance becomes a window of its own ("i03", "i03, part 2").
+
+    All parts keep their window's clock and lengths.
+    """
     windows: list[Window] = []
     removed: list[Removed] = []
     for window in campaign.windows:
-        cuts = _times(balances[window.id], disturbed[window.id]) if window.id in balances else []
-        cuts = [cut for cut in cuts if cut[1] - cut[0] > longer]
-        windows += parts(window, cuts, rule.shortest) if cuts else [window]
-        removed += [_told(window, begin, end) for begin, end in cuts]
+        ours = cuts.get(window.id, [])
+        windows += parts(window, ours, rule.shortest) if ours else [window]
+        removed += [_told(window, begin, end) for begin, end in ours]
     if not removed:
         return CleanRecordings(campaign)
     return CleanRecordings(replace(campaign, windows=tuple(windows)), tuple(removed), _notes(removed))
+
+
+def lasting(cuts: Cuts) -> Cuts:
+    """Those longer than what one bad sample spoils: while samples are not judged yet, these alone are sure."""
+    longer = {id: [cut for cut in ours if cut[1] - cut[0] > ONE_SAMPLE] for id, ours in cuts.items()}
+    return {id: ours for id, ours in longer.items() if ours}
 
 
 def parts(window: Window, cuts: Sequence[tuple[float, float]], shortest: float) -> list[Window]:
@@ -139,6 +153,8 @@ def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule)
     found |= (left > rule.still**2 * inertial) & (left > rule.goes_on**2 * own)
     for begin, end in runs(unmoved & (left > rule.goes_on**2 * own)):
         found[begin:end] = found[begin:end].any()
+    if (left < rule.share**2 * inertial).mean() < rule.balanced:
+        return np.zeros(len(left), dtype=bool)  # noise or missing physics hides what a hand would leave
     if found.any():  # what lies beside a hand must be seen to swing: a platform that is held at rest balances, too
         for begin, end in runs(~found):
             found[begin:end] = left[begin:end].sum() > rule.share**2 * inertial[begin:end].sum()
