@@ -193,7 +193,7 @@ def _notes(removed: Sequence[Removed]) -> tuple[str, ...]:
     return (f"The platform is not free (held, pushed or touched) in {shown}{more}: this is left out.",)
 
 
-ONE_SAMPLE = 2 * HALF + RULE.averaged + 2 * EVERY
-"""s that a single bad sample or a step of a marker spoils of the balance"""
+ONE_SAMPLE = 4 * HALF + RULE.averaged + 2 * EVERY
+"""s that a cut lasts at most which a single bad sample or a step of a marker makes"""
 SHOWN = 4
 """cuts that the sentence names"""
