@@ -82,7 +82,7 @@ def _on_curves(track: Float[np.ndarray, "N 3"], order: int, beside: int, digit: 
     if zero.sum() > MANY * max(1.0, chance * len(track)):
         needed = 1  # a recording that was upsampled has them everywhere, one between any two
     for begin, end in runs(zero):
-        frozen = not np.ptp(track[begin:end], axis=0).any()  # a fault of the sensor: screening names it
+        frozen = not np.ptp(track[max(0, begin - 1) : end], axis=0).any()  # a fault of the sensor: screening names it
         if end - begin >= needed and not frozen:
             found[max(0, begin - beside) : end + beside] = True
     return found
