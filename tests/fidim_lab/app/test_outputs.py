@@ -20,6 +20,7 @@ ARGUMENTS = {
     "doctor": [],
     "export": ["CAMPAIGN", "--to", "csv"],
     "import": ["irma4u", "CAMPAIGN", "--out", "OUT"],
+    "register": ["CAMPAIGN", "--out", "OUT"],
     "reproduce": [],
     "run": ["plan.toml", "--rig", "rig.toml"],
     "simulate": ["--robot", "irma4", "--out", "OUT"],
