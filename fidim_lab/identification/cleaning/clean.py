@@ -100,7 +100,7 @@ def _taken_out(before: Campaign, after: Campaign) -> CleanRecordings:
     """What a look at samples took out of the same windows."""
     removed: list[Removed] = []
     for old, new in zip(before.windows, after.windows, strict=True):
-        gone = np.isfinite(old.markers).all(axis=2) & ~np.isfinite(new.markers).all(axis=2)
+        gone = np.asarray(np.isfinite(old.markers).all(axis=2) & ~np.isfinite(new.markers).all(axis=2))
         removed += stretches(old.id, old.t, gone, "displaced or frozen")
     return CleanRecordings(after, tuple(removed))
 

@@ -72,7 +72,7 @@ def _on_curves(track: Float[np.ndarray, "N 3"], order: int, beside: int, digit: 
     apart = np.full(track.shape, np.nan)
     apart[half:-half] = np.diff(track, n=order, axis=0)
     rounding = digit * 2.0 ** (order - 1)
-    zero = (np.abs(apart) <= rounding * (1 + 1e-6)).all(axis=1)
+    zero = np.asarray((np.abs(apart) <= rounding * (1 + 1e-6)).all(axis=1))
     others = np.abs(apart[~zero & np.isfinite(apart).all(axis=1)])
     found = np.zeros(len(track), dtype=bool)
     if len(others) < 8 or np.median(others, axis=0).min() < SCATTER * rounding:

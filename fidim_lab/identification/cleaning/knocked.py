@@ -72,7 +72,7 @@ def _rms_without(off: Float[np.ndarray, "M M"], marker: int) -> float:
 
 def _distances_off(robot: Robot, window: Window) -> Float[np.ndarray, "M M"]:
     """Median distances between this window's markers less the robot file's, m; NaN where not seen together."""
-    seen = np.isfinite(window.markers).all(axis=2)
+    seen = np.asarray(np.isfinite(window.markers).all(axis=2))
     use = np.flatnonzero(seen.sum(axis=0) >= SAMPLES)
     off = np.full((window.markers.shape[1],) * 2, np.nan)
     for one, other in combinations(use, 2):

@@ -53,7 +53,7 @@ def stretches(window: str, t: Series, bad: Bool[np.ndarray, "N M"], why: str) ->
     """Each run of rows in which a marker is taken out."""
     return tuple(
         Removed(window, (float(t[begin]), float(t[end - 1])), why, int(bad[begin:end].sum()))
-        for begin, end in runs(bad.any(axis=1))
+        for begin, end in runs(np.asarray(bad.any(axis=1)))
     )
 
 

@@ -106,19 +106,19 @@ def place(robot: Robot, sample: Sample, free: Free, start: "Placement | Placed",
     placement = start.placement if isinstance(start, Placed) else start
     now = _State(Mechanism(robot), sample, noise, placement, free.anchor)
     if isinstance(start, Placed):
-        p, R = start.positions, start.rotations
+        p, turned = start.positions, start.rotations
     else:
-        p, R = fit_poses(now.mechanism_of(start), sample.lengths - start.zeros, now.seen(start))
+        p, turned = fit_poses(now.mechanism_of(start), sample.lengths - start.zeros, now.seen(start))
     for _ in range(STEPS):
-        system = _System.of(now, placement, p, R, free)
+        system = _System.of(now, placement, p, turned, free)
         theta, poses = system.step()
         longest = max(float(np.abs(theta).max(initial=0.0)), float(np.abs(poses).max()))
         scale = min(1.0, LONGEST / longest)
         p = p + scale * poses[:, :3]
-        R = Rotation.from_rotvec(scale * poses[:, 3:]).as_matrix() @ R
+        turned = Rotation.from_rotvec(scale * poses[:, 3:]).as_matrix() @ turned
         placement = _moved(placement, scale * theta, free)
         if longest < SETTLED:
-            return _answer(now, placement, p, R, free)
+            return _answer(now, placement, p, turned, free)
     raise RefusedError(f"The placing of frame and markers does not settle in {STEPS} steps.")
 
 

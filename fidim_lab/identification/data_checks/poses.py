@@ -52,13 +52,13 @@ def sampled(
 def fit_poses(mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray) -> tuple[Positions, Rotations]:
     """The best nearly upright poses. Raises InfeasibleError or LinAlgError where the model has none."""
     body = mechanism.robot.markers[: markers.shape[1]]
-    R = np.tile(np.eye(3), (len(markers), 1, 1))
+    turned = np.tile(np.eye(3), (len(markers), 1, 1))
     p = (markers - body).mean(axis=1)
     for _ in range(DATA_CHECKS.robot_mistakes_rounds):
-        step = _step(mechanism, lengths, markers, body, p, R)
+        step = _step(mechanism, lengths, markers, body, p, turned)
         p = p + step[:, :3]
-        R = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ R
-    return p, R
+        turned = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ turned
+    return p, turned
 
 
 def misfit(mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray) -> float:
