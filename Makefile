@@ -40,6 +40,7 @@ peers: install
 # The long ones: whole campaigns, real processes, Monte Carlo.
 bench: install
 	$(BIN)/python -m pytest -m slow --durations=0
+	$(BIN)/python -m benchmarks.safety --runs 1000
 	rm -rf build/sealed
 	$(BIN)/fidim benchmark explain --campaigns 6 --equilibria 6 --validate 3 --out build/sealed
 

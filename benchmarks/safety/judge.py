@@ -6,11 +6,13 @@
     plant's statics at the pose in which the first fault came. Not judged: `JOLT` after a drum that turned has lost its
     power: its brake falls at once, whoever drives it.
 (b) No final sentence that the plant contradicts: "stand still" while a drum turns, "held" without power, an accepted
-    window in which a winch moved, the marker was wrong or the lengths are.
+    window in which a winch moved, the marker was wrong or the lengths are. Wrong is what the rig file's own limits call
+    wrong: a marker that left its true place by more than a jump may (5 mm) within the window; a marker, or the place
+    that the lengths stand for, farther from the truth than "marker against the lengths" allows.
 (c) It ended: no hang, no bug.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,14 +23,14 @@ from benchmarks.safety.kinds import REACTION
 from benchmarks.safety.witness import TURNS, Truth
 from fidim_lab.data.campaign import read_campaign
 from procedures.events import RunFinished, StepFinished
-from procedures.settings import RecordSettings
+from procedures.settings import PlaceSettings, RecordSettings
 
 JOLT = 0.1
 """s"""
 STILL = 1e-3
 """m that a drum may turn after "all winches stand still": the host looks every 10 ms, encoders count"""
-LENGTH = REACTION
-"""m by which an accepted window's lengths may be wrong"""
+Place = Callable[[np.ndarray], np.ndarray]
+"""(n,) cable lengths, m → (3,) where the main marker truly rests with them, m"""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def _jolted(truth: Truth) -> np.ndarray:
     return jolted
 
 
-def sentences(ended: Ended, truth: Truth) -> Iterator[Violation]:
+def sentences(ended: Ended, truth: Truth, place: Place) -> Iterator[Violation]:
     """What the end of the run says, and the plant does not."""
     report = ended.report
     finished = next(event for event in ended.events if isinstance(event, RunFinished))
@@ -111,11 +113,11 @@ def sentences(ended: Ended, truth: Truth) -> Iterator[Violation]:
     if report.accepted:
         campaign = {window.id: window for window in read_campaign(ended.folder).windows}
         for row in report.accepted:
-            yield from _window(ended, truth, row.id, campaign[row.id].lengths)
+            yield from _window(ended, truth, row.id, campaign[row.id].lengths, place)
 
 
-def _window(ended: Ended, truth: Truth, name: str, lengths: np.ndarray | None) -> Iterator[Violation]:
-    record = RecordSettings()
+def _window(ended: Ended, truth: Truth, name: str, lengths: np.ndarray | None, place: Place) -> Iterator[Violation]:
+    record, allowed = RecordSettings(), PlaceSettings().off
     end = [e.t for e in ended.events if isinstance(e, StepFinished) and _is_record(e, name)][-1]
     true = truth.lengths[truth.between(end - (ended.rows - 1) / 100.0, end)]
     moved = np.ptp(true, axis=0)
@@ -124,18 +126,22 @@ def _window(ended: Ended, truth: Truth, name: str, lengths: np.ndarray | None) -
         says = f"window {name} was accepted; winch {k + 1} moved {1e3 * moved[k]:.1f} mm in it"
         yield Violation("b: a winch moved", says, moved[k] / record.motors_still)
     if lengths is not None:
-        off = np.abs(np.nanmean(lengths, axis=0) - true.mean(axis=0))
-        if off.max() > LENGTH:
-            k = int(off.argmax())
-            says = f"window {name} was accepted; cable {k + 1} is {1e3 * off[k]:.1f} mm off what it says"
-            yield Violation("b: lengths are wrong", says, off[k] / LENGTH)
+        off = float(np.linalg.norm(place(np.nanmean(lengths, axis=0)) - place(true.mean(axis=0))))
+        if off > allowed:
+            says = f"window {name} was accepted; its lengths put the marker {1e3 * off:.1f} mm off"
+            yield Violation("b: lengths are wrong", says, off / allowed)
     file = ended.folder / "windows" / f"{name}.csv"
     first, found = ended.first_number(file), places(file)
     if first is not None:
-        wrong = max(float(np.abs(place - ended.truth[first + k]).max()) for k, place in found.items())
-        if wrong > record.jump:
-            says = f"window {name} was accepted; its marker is up to {1e3 * wrong:.1f} mm off"
-            yield Violation("b: the marker is wrong", says, wrong / record.jump)
+        errors = np.array([seen - ended.truth[first + k] for k, seen in found.items()])
+        strays = float(np.linalg.norm(np.ptp(errors, axis=0)))
+        if strays > record.jump:
+            says = f"window {name} was accepted; its marker strays by {1e3 * strays:.1f} mm"
+            yield Violation("b: the marker strays", says, strays / record.jump)
+        off = float(np.linalg.norm(errors.mean(axis=0)))
+        if off > allowed:
+            says = f"window {name} was accepted; its marker is {1e3 * off:.1f} mm off"
+            yield Violation("b: the marker is off", says, off / allowed)
 
 
 def _is_record(event: StepFinished, window: str) -> bool:

@@ -116,7 +116,7 @@ def _judged(
     report = None
     if ended is not None and ended.events and isinstance(ended.events[-1], RunFinished):
         report = ended.report
-        broken += judge.sentences(ended, truth)
+        broken += judge.sentences(ended, truth, witness.place)
         if "bug" in report.reason:
             broken.append(Violation("c: bug", report.reason, 1.0))
     elif not refusal and not broken:

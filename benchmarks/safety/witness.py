@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.rehearsal import Stage
+from fidim_lab.errors import InfeasibleError
 from sim_backends.drive.machine import State
 
 POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION)
@@ -58,6 +59,14 @@ class Witness:
     def truth(self) -> Truth:
         """Up to now."""
         return Truth(*(np.array(column) for column in zip(*self._rows, strict=True)))
+
+    def place(self, lengths: np.ndarray) -> np.ndarray:
+        """(3,) m, where the main marker truly rests with these lengths (m); NaN where nothing rests."""
+        assert self.stage is not None  # noqa: S101
+        try:
+            return np.asarray(self.stage.rig.laboratory.plant.rest(lengths).marker)
+        except InfeasibleError:
+            return np.full(3, np.nan)
 
     def stiffness(self, lengths: np.ndarray) -> np.ndarray:
         """(n, n) N/m: the change of cable i's tension with the length of cable k, at rest with these lengths."""
