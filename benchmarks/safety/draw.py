@@ -63,6 +63,6 @@ def combination(seed: int, number: int) -> Combination:
 def _at_some_step(kind: Kind, rng: np.random.Generator) -> Planted:
     draw = Draw(rng)
     step = draw.pick(*kind.when)
-    nth = 1 if step in (When.START, When.ENABLE) else draw.whole(1, WINDOWS)
+    nth = 1 if step in (When.START, When.ENABLE, When.TRY) else draw.whole(1, WINDOWS)
     after = draw.number(0.0, LASTS[step]) if LASTS[step] else 0.0
     return Planted(kind.name, kind.make(draw), step, nth, after)

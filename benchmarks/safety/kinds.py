@@ -22,6 +22,7 @@ class When(StrEnum):
 
     START = ""
     ENABLE = "Enable"
+    TRY = "TryWinches"
     MOVE = "MoveTo"
     SETTLE = "Settle"
     CHECK = "CheckTension"
@@ -34,6 +35,7 @@ class When(StrEnum):
 LASTS = {
     When.START: 0.0,
     When.ENABLE: 0.2,
+    When.TRY: 10.0,
     When.MOVE: 0.9,
     When.SETTLE: 0.3,
     When.CHECK: 0.2,
@@ -43,7 +45,7 @@ LASTS = {
     When.VERDICT: 0.0,
 }
 """s that a step takes without faults: a fault comes within it"""
-POWERED = (When.MOVE, When.SETTLE, When.CHECK, When.ASK, When.AWAY, When.RECORD, When.VERDICT)
+POWERED = (When.TRY, When.MOVE, When.SETTLE, When.CHECK, When.ASK, When.AWAY, When.RECORD, When.VERDICT)
 ANY = (When.ENABLE, *POWERED)
 RESTING = (When.SETTLE, When.CHECK, When.ASK, When.RECORD, When.VERDICT)
 
