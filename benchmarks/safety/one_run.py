@@ -15,6 +15,7 @@ from benchmarks.safety import judge
 from benchmarks.safety.draw import Combination, Planted, combination
 from benchmarks.safety.judge import Violation
 from benchmarks.safety.witness import TURNS, Truth, Witness
+from fidim_lab.app import compose
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import FidimError
 from procedures.events import RunFinished, StepStarted, Tripped, Warned
@@ -190,13 +191,20 @@ def _story(
 
 @contextmanager
 def _alarm() -> Generator[None]:
+    """Ring when nothing comes to an end; a signal that the product does not hear any more ends no series of runs."""
+
     def ring(_number: int, _frame: object) -> None:
         raise Hang
 
-    before = signal.signal(signal.SIGALRM, ring)
+    def ignore(_number: int, _frame: object) -> None:
+        pass
+
+    handlers = {signal.SIGALRM: ring, **dict.fromkeys(compose.STOP_SIGNALS, ignore)}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     signal.alarm(HANGS)
     try:
         yield
     finally:
         signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
