@@ -174,3 +174,26 @@ def test_it_is_an_event_loop_like_others():
         assert loop.time() == 2.0
     finally:
         loop.close()
+
+
+@pytest.mark.parametrize("takes", [(0.0, 0.0), (0.02, 0.0), (0.0, 0.02)])
+def test_the_answers_of_threads_come_at_the_same_moment_however_long_they_took(takes):
+    seen = []
+
+    async def ask(name, seconds):
+        await asyncio.to_thread(time.sleep, seconds)
+        seen.append((name, clock.now()))
+
+    async def others():
+        for number in range(100):
+            await clock.sleep(0.0)
+            time.sleep(2e-4)
+            seen.append((number, clock.now()))
+        await clock.sleep(0.1)
+        seen.append(("later", clock.now()))
+
+    async def main():
+        await asyncio.gather(ask("first", takes[0]), ask("second", takes[1]), others())
+
+    run(main())
+    assert seen == [*((number, 0.0) for number in range(100)), ("first", 0.0), ("second", 0.0), ("later", 0.1)]
