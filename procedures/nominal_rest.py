@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Robot
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.modes import modes
+from fidim_lab.model.statics import Equilibrium
 from procedures.steps import Lengths
 
 
@@ -33,10 +36,17 @@ class NominalRest:
     def at(self, lengths: Lengths) -> Rest:
         """The rest at these lengths. Raises InfeasibleError where the platform cannot rest."""
         if lengths not in self._known:
-            found = pose_from_lengths(self._mechanism, self._robot.nominal, np.array(lengths))
+            found = self._equilibrium(lengths)
             marker = found.pose.position + found.pose.rotation @ self._robot.marker
             self._known[lengths] = Rest(marker, found.tensions_in_newton(self._robot.mass))
         return self._known[lengths]
+
+    def frequencies(self, lengths: Lengths) -> Float[np.ndarray, " free"]:
+        """Of free motion about that rest, Hz, ascending. Raises InfeasibleError where the platform cannot rest."""
+        return modes(self._mechanism, self._robot.nominal, self._equilibrium(lengths)).frequencies
+
+    def _equilibrium(self, lengths: Lengths) -> Equilibrium:
+        return pose_from_lengths(self._mechanism, self._robot.nominal, np.array(lengths))
 
     def tensions(self, lengths: PerCable) -> PerCable:
         """Tensions (N) at rest, as `limits.Workspace` asks for them. Raises InfeasibleError."""

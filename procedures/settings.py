@@ -248,6 +248,9 @@ class RecordSettings:
     jump: Annotated[float, Field(gt=0, le=0.1)] = 5e-3
     """m by which a marker may leave the middle of its two neighbours in time, twice over: a swinging platform stays
     under 2 mm at 100 Hz, a damaged packet or a marker that was taken for another does not"""
+    drift: Annotated[float, Field(gt=0, le=1)] = 0.03
+    """m of slow motion of the main marker besides its swing, and 0.3 of the swing's amplitude: honest windows have up
+    to 0.18 of it (18 windows of three campaigns); beyond a third of it it is told, beyond it rejected"""
     amplitude: Annotated[float, Field(ge=0, le=0.5)] = 5e-3
     """m, peak to peak of the marker's largest coordinate: less tells too little"""
     displacement: Annotated[float, Field(gt=0, le=2)] = 1.25

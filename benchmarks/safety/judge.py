@@ -7,7 +7,8 @@
     power: its brake falls at once, whoever drives it.
 (b) No final sentence that the plant contradicts: "stand still" while a drum turns, "held" without power, an accepted
     window in which a winch moved, the marker was wrong or the lengths are. Wrong is what the rig file's own limits call
-    wrong: a marker that left its true place by more than a jump may (5 mm) within the window; a marker, or the place
+    wrong: a marker that left its true place by more than a jump may (5 mm) within the window, unless the check of the
+    window tells its slow motion; a marker, or the place
     that the lengths stand for, farther from the truth than "marker against the lengths" allows.
 (c) It ended: no hang, no bug.
 """
@@ -132,16 +133,23 @@ def _window(ended: Ended, truth: Truth, name: str, lengths: np.ndarray | None, p
             yield Violation("b: lengths are wrong", says, off / allowed)
     file = ended.folder / "windows" / f"{name}.csv"
     first, found = ended.first_number(file), places(file)
+    told = any("slow motion of the marker" in e.result.reason for e in ended.events if _is_check(e, name))
     if first is not None:
         errors = np.array([seen - ended.truth[first + k] for k, seen in found.items()])
         strays = float(np.linalg.norm(np.ptp(errors, axis=0)))
-        if strays > record.jump:
+        if strays > record.jump and not told:
             says = f"window {name} was accepted; its marker strays by {1e3 * strays:.1f} mm"
             yield Violation("b: the marker strays", says, strays / record.jump)
         off = float(np.linalg.norm(errors.mean(axis=0)))
         if off > allowed:
             says = f"window {name} was accepted; its marker is {1e3 * off:.1f} mm off"
             yield Violation("b: the marker is off", says, off / allowed)
+
+
+def _is_check(event: StepFinished, window: str) -> bool:
+    return (
+        isinstance(event, StepFinished) and type(event.step).__name__ == "CheckWindow" and event.step.window == window
+    )
 
 
 def _is_record(event: StepFinished, window: str) -> bool:

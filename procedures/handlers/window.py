@@ -2,10 +2,16 @@
 
 import asyncio
 
-from procedures.outcomes import Outcome, judge
+import numpy as np
+
+from fidim_lab.errors import FidimError
+from procedures.nominal_rest import NominalRest
+from procedures.outcomes import Measurement, Outcome, judge
+from procedures.recording.marker_drift import drift_measurement
+from procedures.recording.recorder import Recording
 from procedures.recording.window_check import window_measurements
 from procedures.stand import Stand
-from procedures.steps import Accept, CheckWindow, GiveUp, Note, Record, Reject, Result
+from procedures.steps import Accept, CheckWindow, GiveUp, Lengths, Note, Record, Reject, Result
 
 
 async def record(stand: Stand, step: Record) -> Result:
@@ -18,10 +24,30 @@ async def record(stand: Stand, step: Record) -> Result:
 async def check_window(stand: Stand, step: CheckWindow) -> Result:
     """Judge the recording just made. In a thread: it takes some milliseconds, a period of SYNC."""
     recording = stand.recorder.last(step.window, step.attempt)
-    what = (recording, step.limits, step.lengths, step.equilibrium, stand.newton_per_ampere)
-    found = await asyncio.get_running_loop().run_in_executor(None, window_measurements, *what)
+    rest, lengths = stand.rest, stand.lengths()
+
+    def look() -> tuple[Measurement, ...]:
+        what = (recording, step.limits, step.lengths, step.equilibrium, stand.newton_per_ampere)
+        return (*window_measurements(*what), *_drift(recording, step, rest, lengths))
+
+    found = await asyncio.get_running_loop().run_in_executor(None, look)
     outcome, reason = judge(found)
     return Result(outcome, reason, found)
+
+
+def _drift(
+    recording: Recording, step: CheckWindow, rest: NominalRest | None, lengths: Lengths
+) -> tuple[Measurement, ...]:
+    """None where the model does not know how the platform would swing here."""
+    try:
+        frequencies = None if rest is None else rest.frequencies(lengths)
+    except FidimError:  # lengths at which it could not rest are told by others
+        return ()
+    if frequencies is None:
+        return ()
+    place = recording.markers[:, 0, :]
+    t = np.arange(len(place)) / recording.rate
+    return (drift_measurement(t, place, frequencies, step.limits.drift),)
 
 
 async def accept(stand: Stand, step: Accept) -> Result:

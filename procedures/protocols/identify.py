@@ -288,6 +288,7 @@ class WindowProtocol:
             complete=record.complete,
             longest_gap=record.longest_gap,
             jump=max(record.jump, NOISE_JUMP * self.robot.sensors.marker_noise),
+            drift=record.drift,
             amplitude=record.amplitude,
             displacement=limits.free_displacement,
             displacement_tolerance=record.displacement,

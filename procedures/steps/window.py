@@ -40,6 +40,8 @@ class WindowLimits:
     """s without a new marker position"""
     jump: float
     """m, largest second difference of a marker's samples"""
+    drift: float
+    """m of slow motion of the main marker besides its swing; 0.3 of the swing's amplitude is added"""
     amplitude: float
     """m, least peak to peak of the marker's largest coordinate"""
     displacement: tuple[float, float]

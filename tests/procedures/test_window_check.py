@@ -12,6 +12,7 @@ LIMITS = WindowLimits(
     complete=0.98,
     longest_gap=0.1,
     jump=5e-3,
+    drift=0.03,
     amplitude=5e-3,
     displacement=(0.1, 0.1),
     displacement_tolerance=1.25,
