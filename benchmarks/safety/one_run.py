@@ -82,7 +82,14 @@ def carry_out(plan: Combination) -> Outcome:
             where = traceback.extract_tb(error.__traceback__)[-1]
             says = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
             broken.append(Violation("c: traceback", says, 1.0))
-        return _judged(plan, rehearsal, witness, ended, refusal, broken)
+        outcome = _judged(plan, rehearsal, witness, ended, refusal, broken)
+        return _without(outcome, f"{folder}/")
+
+
+def _without(outcome: Outcome, folder: str) -> Outcome:
+    """The same each time, wherever it was written."""
+    story = tuple(line.replace(folder, "") for line in outcome.story)
+    return replace(outcome, reason=outcome.reason.replace(folder, ""), story=story)
 
 
 def _prepared(plan: Combination, folder: Path) -> tuple[Rehearsal, Witness]:

@@ -107,17 +107,11 @@ def test_the_plant_contradicts_a_host_that_sees_nothing():
     assert bool(moved) == ("i01" in outcome.accepted)
 
 
-@pytest.mark.parametrize("number", [2, 3])
+@pytest.mark.parametrize("number", [2, 3, 16])
 def test_a_run_is_the_same_each_time_and_keeps_every_rule(number):
     """Run 3: the disk is full, then the cable is cut while a thread judges a window."""
     outcome = one_run(1, number)
     assert outcome == one_run(1, number)
-    assert outcome.violations == (), told(outcome, 1)
-
-
-@pytest.mark.parametrize("number", [5, 7])
-def test_a_sample_of_runs_keeps_every_rule(number):
-    outcome = one_run(1, number)
     assert outcome.violations == (), told(outcome, 1)
 
 

@@ -40,27 +40,27 @@ class Watched:
     """while it was watched"""
 
 
-async def check_motion_capture(file: RigFile, clock: Clock) -> list[Check]:
-    """Open the stream and watch it."""
+async def check_motion_capture(file: RigFile, clock: Clock) -> tuple[list[Check], Watched | None]:
+    """Open the stream and watch it; what came, too."""
     entry = file.motion_capture
     wanted = f"{entry.kind} at {entry.place}"
     try:
         source = marker_source(file, clock)
     except FidimError as error:
-        return [Check("stream", Verdict.FAILED, error.message, error.hint, wanted, DEVICE)]
+        return [Check("stream", Verdict.FAILED, error.message, error.hint, wanted, DEVICE)], None
     try:
         try:
             await source.start()
             await source.ready(READY)
         except FidimError as error:
-            return [Check("stream", Verdict.UNREACHABLE, error.message, error.hint, wanted, DEVICE)]
+            return [Check("stream", Verdict.UNREACHABLE, error.message, error.hint, wanted, DEVICE)], None
         watched = await _watch(source, clock)
     finally:
         await source.close()
     names = entry.markers or tuple(f"marker {k}" for k in range(1, len(file.robot.markers) + 1))
     checks = [Check("stream", Verdict.OK, "comes", wanted=wanted, device=DEVICE), *check_own_account(source)]
     checks += check_alignment(file)
-    return [*checks, *check_timing(watched, entry.rate), *check_markers(watched, names)]
+    return [*checks, *check_timing(watched, entry.rate), *check_markers(watched, names)], watched
 
 
 def check_alignment(file: RigFile) -> list[Check]:

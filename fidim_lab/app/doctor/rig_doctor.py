@@ -11,6 +11,7 @@ from collections import Counter
 from drivers.canbus.load import MAX_LOAD
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
+from drivers.cia402 import zero
 from drivers.cia402.bringup import graded
 from drivers.cia402.inspection import Inspected, Standing, inspect
 from drivers.cia402.master import CanopenMaster
@@ -22,16 +23,19 @@ from fidim_lab.app import compose
 from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
 from fidim_lab.app.doctor.checks import Check, Verdict
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
+from fidim_lab.app.doctor.place_doctor import check_place
 from fidim_lab.app.doctor.serial_doctor import check_serial
 from fidim_lab.data.eds import read_dictionary
 from fidim_lab.data.rigs.rig import GuardEntry, RigFile
 from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, SetupError
+from procedures.steps import Lengths
 
 from .drive_doctor import check_grades, check_repairs
 
 LISTEN = 1.0
 """s; ten heartbeats of a drive that another master has set up"""
 HEARTBEAT = 0x700
+ZERO = zero.MEANING
 STANDINGS = {
     Standing.HOLDS: Verdict.OK,
     Standing.TO_BE_WRITTEN: Verdict.WRITTEN,
@@ -52,19 +56,22 @@ def check_rig(file: RigFile) -> list[Check]:
 
 async def _check_hardware(file: RigFile) -> list[Check]:
     clock = LoopClock()
-    checks = await _check_bus(file, clock)
-    checks += await check_motion_capture(file, clock)
+    checks, lengths = await _check_bus(file, clock)
+    seen, watched = await check_motion_capture(file, clock)
+    checks += [*seen, *check_place(file, lengths, watched)]
     checks += await check_serial(file, clock)
     if file.hand is not None:
         checks.append(await _check_hand(file))
     return checks
 
 
-async def _check_bus(file: RigFile, clock: Clock) -> list[Check]:
+async def _check_bus(file: RigFile, clock: Clock) -> tuple[list[Check], Lengths | None]:
+    """Checks, and all cables' lengths where every encoder and its zero is known."""
+    lengths: list[float] = []
     try:
         transport = open_bus(file)
     except (SetupError, BusError) as error:
-        return [Check("CAN bus", Verdict.UNREACHABLE, error.message, error.hint, file.bus.name)]
+        return [Check("CAN bus", Verdict.UNREACHABLE, error.message, error.hint, file.bus.name)], None
     checks = [Check("CAN bus", Verdict.OK, "open", wanted=file.bus.name)]
     try:
         master = make_master(file, transport, clock)
@@ -74,9 +81,12 @@ async def _check_bus(file: RigFile, clock: Clock) -> list[Check]:
         checks += others
         if any(check.verdict is Verdict.FAILED for check in others):
             advice = "end the other master first: questions of ours would mix with its own"
-            return [*checks, Check("drives", Verdict.FAILED, "not asked, another master is at work", advice)]
+            return [*checks, Check("drives", Verdict.FAILED, "not asked, another master is at work", advice)], None
         for number, winch in enumerate(winches):
-            checks += await _check_drive(file, winch)
+            asked = await _check_drive(file, winch)
+            checks += asked
+            if not any(check.verdict.wrong and ZERO in check.name for check in asked):
+                lengths += await _length(winch)
             if transport.fault is not None:
                 rest = ", ".join(other.name for other in winches[number + 1 :])
                 problem = f"{transport.fault}{f'; not asked: {rest}' if rest else ''}"
@@ -87,7 +97,15 @@ async def _check_bus(file: RigFile, clock: Clock) -> list[Check]:
         checks.append(Check("CAN bus", verdict, error.message, error.hint))
     finally:
         transport.close()
-    return checks
+    return checks, tuple(lengths) if len(lengths) == len(file.winches) else None
+
+
+async def _length(winch: Cia402Winch) -> list[float]:
+    """m by the encoder; nothing from a drive that does not answer."""
+    try:
+        return [winch.config.scale.length(await winch.link.sdo.read(0x6064))]
+    except DeviceError:
+        return []
 
 
 def _check_load(master: CanopenMaster) -> Check:

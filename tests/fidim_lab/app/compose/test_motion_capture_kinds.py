@@ -84,7 +84,7 @@ def test_the_doctor_shows_the_systems_own_latency(tmp_path):
     async def main():
         sender = mocap_sender(file, OnePlace(), clock)
         await sender.start()
-        checks = await check_motion_capture(file, clock)
+        checks, _ = await check_motion_capture(file, clock)
         await sender.close()
         return {check.name: check for check in checks}
 
@@ -96,6 +96,6 @@ def test_the_doctor_shows_the_systems_own_latency(tmp_path):
 
 def test_the_doctor_names_a_server_that_is_not_there(tmp_path):
     file = rig(tmp_path, "vicon-datastream")
-    (check,) = run(lambda: check_motion_capture(file, LoopClock()))
+    (check,), _ = run(lambda: check_motion_capture(file, LoopClock()))
     assert check.verdict is Verdict.UNREACHABLE
     assert "cannot connect" in check.found
