@@ -18,15 +18,20 @@ MARKER = NominalRest(RIG.robot).at(LENGTHS).marker
 
 
 def watched(place, swing=0.0):
-    places = [np.array(place) + (swing * np.sin(k / 10), 0.0, 0.0) for k in range(200)]
+    places = [np.add(place, (swing * np.sin(k / 10), 0.0, 0.0)) for k in range(200)]
     frames = tuple(MarkerFrame(k / 100, k, (tuple(map(float, one)),)) for k, one in enumerate(places))
     return Watched(frames, 2.0, {})
 
 
 CASES = {
     "right": (LENGTHS, MARKER, Verdict.OK, ""),
-    "10 mm off, as surveys are": (LENGTHS, MARKER + (0.0, 0.0, 0.01), Verdict.OK, ""),
-    "origin moved": (LENGTHS, MARKER + (0.3, 0.0, 0.0), Verdict.FAILED, "origin of motion capture, is off by (+300"),
+    "10 mm off, as surveys are": (LENGTHS, np.add(MARKER, (0.0, 0.0, 0.01)), Verdict.OK, ""),
+    "origin moved": (
+        LENGTHS,
+        np.add(MARKER, (0.3, 0.0, 0.0)),
+        Verdict.FAILED,
+        "origin of motion capture, is off by (+300",
+    ),
     "up is wrong": (LENGTHS, MARKER[[0, 2, 1]], Verdict.FAILED, "y and z of the markers are exchanged"),
     "gear of all": (tuple(1.1 * one for one in LENGTHS), MARKER, Verdict.FAILED, "all cables are"),
     "a slipped cable": ((1.34283, 1.39119, 1.56772, 1.45231), MARKER, Verdict.FAILED, "cable 2 is 34 mm longer"),
