@@ -22,8 +22,8 @@ from drivers.ports import Clock
 from fidim_lab.app import compose
 from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
 from fidim_lab.app.doctor.checks import Check, Verdict
+from fidim_lab.app.doctor.command.place_doctor import check_place
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
-from fidim_lab.app.doctor.place_doctor import check_place
 from fidim_lab.app.doctor.serial_doctor import check_serial
 from fidim_lab.data.eds import read_dictionary
 from fidim_lab.data.rigs.rig import GuardEntry, RigFile
