@@ -57,6 +57,7 @@ def test_a_tension_out_of_its_limits_at_rest_ends_the_run_before_anybody_is_aske
 
 @pytest.mark.parametrize("step", ["MoveTo", "Settle", "Record"])
 @pytest.mark.parametrize(("newton", "says"), [(+300.0, "over 250 N for 0.1 s"), (-120.0, "under 2 N for 0.1 s")])
+@pytest.mark.sampled(3)
 def test_a_tension_beyond_its_threshold_stops_everything(rehearsal, step, newton, says):
     rehearsal.at(step, lambda stage: stage.add_tension(3, newton), after=STEPS[step])
     ended = rehearsal.run()
@@ -166,6 +167,7 @@ def test_in_real_time_no_winch_moves_while_another_cannot_be_prepared(scene):
 
 
 @pytest.mark.parametrize("step", STEPS)
+@pytest.mark.sampled(2)
 def test_a_fault_word_stops_everything(rehearsal, step):
     rehearsal.at(step, lambda stage: stage.drive(2).faults.raise_fault(0x2310), after=STEPS[step])
     ended = rehearsal.run()
@@ -253,6 +255,7 @@ def test_a_window_after_a_small_jump_of_an_encoder_is_not_taken_for_good_either(
 
 
 @pytest.mark.parametrize("step", ["Settle", "Record"])
+@pytest.mark.sampled(1)
 def test_a_hot_drive_ends_the_run_held(rehearsal, step):
     rehearsal.at(step, lambda stage: stage.drive(2).od.fix(0x2210, 0, 905), after=STEPS[step])
     ended = rehearsal.run()

@@ -92,6 +92,7 @@ def creeps(stage):
 
 @pytest.mark.parametrize("step", ["Ask", "Settle", "CheckTension", "AwaitHandsOff", "Record"])
 @pytest.mark.parametrize("fault", [spins, lambda stage: moves(stage, 2, 0.25)], ids=["spinning drum", "set-point"])
+@pytest.mark.sampled(4)
 def test_a_winch_that_moves_while_it_should_hold_stops_within_ten_millimetres(rehearsal, truth, step, fault):
     rehearsal.at(step, lambda stage: (truth.watch(stage), fault(stage)), after=0.02)
     ended = rehearsal.run()
@@ -119,6 +120,7 @@ def test_a_slow_creep_is_seen_by_its_length(rehearsal, truth):
 
 
 @pytest.mark.parametrize(("step", "counts"), [("Ask", 3000), ("Settle", -3000), ("CheckWindow", 750), ("Record", 200)])
+@pytest.mark.sampled(2)
 def test_an_encoder_that_jumps_is_seen_before_the_next_move(rehearsal, scene, step, counts):
     rehearsal.plan = scene.two
     rehearsal.at(step, lambda stage: stage.drive(2).faults.jump_encoder(counts), after=0.0)

@@ -31,6 +31,7 @@ def names(world):
 
 
 @pytest.mark.parametrize("step", ["MoveTo", "Settle", "ReadEncoders", "Ask", "AwaitHandsOff", "Record"])
+@pytest.mark.sampled(3)
 def test_a_pause_holds_and_a_resume_goes_on_to_a_whole_campaign(step, world, lab, control, tmp_path):
     said = []
     world.at(step, saying(control, said, Verb.PAUSE), after=0.2)

@@ -149,6 +149,7 @@ def test_windows_are_recorded_without_a_hand(irma4: Robot, plan: Plan, tmp_path:
         pytest.param(((0.5, Verb.RETRY),), id="again", marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_strokes_that_were_stopped_halfway_are_done_again_from_the_equilibrium(
     irma4: Robot, plan: Plan, tmp_path, words
 ):
@@ -349,6 +350,7 @@ def test_nothing_between_a_recording_and_its_verdict_is_interrupted(irma4: Robot
     assert {step.after_pause for step in between} == {AfterPause.NOT_INTERRUPTED}
 
 
+@pytest.mark.slow
 def test_a_run_that_begins_on_a_swinging_platform_calms_it_before_the_first_move(irma4: Robot, plan: Plan):
     def answer(step):
         if isinstance(step, WatchSwing):

@@ -112,6 +112,7 @@ def test_the_worker_ends_when_it_has_seen_enough(monkeypatch, tmp_path):
     assert [(one.window, one.says) for one in told] == [("i01", "after i01"), ("i02", f"after i02 {NO_MORE}")]
 
 
+@pytest.mark.slow
 def test_no_more_windows_are_kept_than_there_is_room_for(monkeypatch, tmp_path, session):
     monkeypatch.setattr(model_worker, "MOST", 2)
     looker = Looker(tmp_path)

@@ -161,6 +161,7 @@ def test_good_parameters_are_confirmed(
     assert window["rms_mm"] == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.slow
 def test_parameters_of_another_body_are_not(
     pair: Pair, result_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -137,6 +137,7 @@ def test_an_empty_folder_is_filled(robot_file, tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("short")
 @pytest.mark.parametrize("n", [2, 3, 5])
+@pytest.mark.sampled(1)
 def test_other_numbers_of_cables(n, cable_ring, tmp_path):
     write_robot(tmp_path / "robot.toml", cable_ring(n))
     out = tmp_path / "camp"

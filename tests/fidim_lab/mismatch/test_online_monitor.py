@@ -30,6 +30,7 @@ def test_windows_without_hidden_physics_hold(irma4):
     assert "the model holds" in said[-1].says
 
 
+@pytest.mark.slow
 def test_drag_is_suspected_window_by_window_as_at_once(irma4):
     windows = windows_of(irma4, "air-drag-linear:c=0.5")
     watch = Watch(irma4, native=False)

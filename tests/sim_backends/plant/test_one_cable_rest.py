@@ -25,6 +25,7 @@ def hung_on_one() -> Statics:
 
 @pytest.mark.parametrize("length", [0.22, 0.33, 0.8997, 1.1171, 1.5934, 1.7316])
 @pytest.mark.parametrize("aside", [(0.05, 0.0), (0.0, -0.05), (-0.03, 0.04)])
+@pytest.mark.sampled(8)
 def test_rest_and_pulled_aside(hung_on_one: Statics, length: float, aside: tuple[float, float]) -> None:
     lengths = np.array([length])
     rest = hung_on_one.rest(lengths, Pose(np.array([0.0, 0.0, 2.4 - length]), np.eye(3)))

@@ -16,6 +16,7 @@ TrueWorld = Callable[[Robot], World]
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5])
+@pytest.mark.sampled(2)
 def test_energy_and_lengths_are_kept_with_any_number_of_cables(n, ring, true_world: TrueWorld, lengths_of):
     world = true_world(ring(n))
     plant = Plant(world)

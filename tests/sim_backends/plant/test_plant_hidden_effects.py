@@ -69,6 +69,7 @@ def clean(swing):
 
 
 @pytest.mark.parametrize("effect", sorted(CATALOGUE))
+@pytest.mark.sampled(10)
 def test_an_effect_whose_parameters_are_zero_is_absent(effect, swing, clean):
     if effect == "cable-creep":
         text = "cable-creep:delta=0"
@@ -85,6 +86,7 @@ def test_an_effect_whose_parameters_are_zero_is_absent(effect, swing, clean):
 
 
 @pytest.mark.parametrize("effect", sorted(set(CATALOGUE) - ONLY_SENSORS - {"hand-contact"}))
+@pytest.mark.sampled(16)
 def test_an_effect_of_default_size_is_seen(effect, swing, clean):
     _, moved = swing(effect, duration=0.5)
     assert 3e-6 < np.abs(moved - clean).max() < 0.1
@@ -92,6 +94,7 @@ def test_an_effect_of_default_size_is_seen(effect, swing, clean):
 
 @pytest.mark.parametrize("effect", ["air-drag-linear", "rotational-drag", "swivel-friction", "swivel-damping"])
 @pytest.mark.parametrize("size", [1.0, 2.0])
+@pytest.mark.sampled(4)
 def test_what_dissipates_takes_energy_in_proportion(effect, size, world_of):
     default = CATALOGUE[effect].keys["c"].default
     lost = []

@@ -185,6 +185,7 @@ def load_cells(campaign):
     ],
     ids=["no currents", "no lengths", "no rest", "none held out", "nine markers", "load cells"],
 )
+@pytest.mark.sampled(4)
 def test_what_is_missing_is_left_out(campaign, write_folder, result_of, change, there, absent):
     changed = change(replace(campaign, windows=campaign.windows[:1]))
     text = " ".join(Reader(page_of(write_folder(changed), result_of(changed))).words)

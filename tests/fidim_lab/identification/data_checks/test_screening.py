@@ -256,6 +256,7 @@ def test_a_moved_anchor_contradicts_the_kinematics(clean):
     assert "contradicted" in kinematic.says
 
 
+@pytest.mark.slow
 def test_swapped_cables_are_said_to_be_that(clean):
     campaign = clean()
     order = (0, 2, 1, 3)
@@ -331,6 +332,7 @@ def test_orders_that_are_tried_stay_few_and_hold_every_exchange(irma4, cables):
         (lambda r: _with_radii(r, 1 / 0.3048), "The pulley radii are in feet for metres"),
     ],
 )  # fmt: skip
+@pytest.mark.sampled(3)
 def test_a_gross_mistake_in_the_robot_file_is_named(clean, wrong, said):
     campaign = clean()
     found = find_mistakes(wrong(campaign.robot), campaign.windows)

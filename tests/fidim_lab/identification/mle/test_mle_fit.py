@@ -101,6 +101,7 @@ def test_a_fit_goes_on_from_where_it_ended_as_if_it_had_not(from_cad):
     assert carry_on(likelihood, slow, prior, replace(FINAL, creep=0.1), free).rounds == begun.rounds
 
 
+@pytest.mark.slow
 def test_no_step_is_taken_to_where_derivatives_are_not_finite(from_cad, monkeypatch):
     """As of a motion that runs away so fast that only its beginning can be simulated."""
     likelihood, found = from_cad.likelihood, from_cad.journey.optimum

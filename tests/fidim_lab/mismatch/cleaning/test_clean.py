@@ -232,6 +232,7 @@ PUSHED = [1.01, 1.6, 0.99, 1.0]
         ([1.0, 1.02, 1.01, 1.0], None),
     ],
 )
+@pytest.mark.sampled(3)
 def test_windows_pooled_show_what_none_of_them_does(recorded, chi2, expected) -> None:
     edges = np.linspace(0.0, 6.0, 5)
     noise = np.random.default_rng(1)

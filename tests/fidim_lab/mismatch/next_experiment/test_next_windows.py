@@ -71,6 +71,7 @@ def test_twice_the_effect_is_four_times_as_clear_and_noise_undoes_it(irma4: Robo
     assert clear(0.02, noise=2.0) == pytest.approx(clear(0.01), rel=1e-2)  # priors of a start stay
 
 
+@pytest.mark.slow
 def test_a_gauge_is_said_to_be_none_that_free_motion_separates(irma4: Robot, trials: list[Trial]):
     claim = Claim("gravity-tilt", None, (2e-3, 1e-3), ("constant-force",))
     found = to_separate(campaign_of(irma4, trials[:3]), [claim])[0]

@@ -107,6 +107,7 @@ def test_what_was_taken_for_a_turned_frame_may_be_one_cable(baseline_of) -> None
     assert found.thetas[0][[0, 2]] == pytest.approx([-3e-4, -2e-4], abs=5e-5)  # y: across the cable
 
 
+@pytest.mark.slow
 def test_what_the_imitator_makes_needless_is_dropped(rubbing: Baseline) -> None:
     both = rubbing_at(rubbing, 1, 2)
     search = Search(rubbing, lambda _: None, False, Patience())

@@ -121,6 +121,7 @@ def test_springs_move_as_with_the_other_integrator(robot, effect):
 @pytest.mark.parametrize(
     "effect", [Soft(), Soft((2,)), Yielding((1, 2)), Rubbing()], ids=["all", "one", "seen", "rubbing"]
 )
+@pytest.mark.sampled(8)
 def test_every_column_agrees_with_finite_differences(robot, effect):
     if robot.n == 1 and effect.numbers == (2,):
         pytest.skip("a robot of one cable has no second one")

@@ -84,6 +84,7 @@ def test_a_rest_is_sought_where_the_marker_rested_or_in_the_middle_of_its_motion
     assert rest_near(mechanism, four.nominal, prepare(unreachable, four)) is None
 
 
+@pytest.mark.slow
 def test_windows_that_nobody_read_are_begun_anew_once_the_others_tell_the_body(four, record, monkeypatch):
     """A rest of a wrong body may be turned so far that a cable is slack at once: the window would be lost."""
     windows = [replace(window, lengths=None) for window in record(four, 4)]
