@@ -184,7 +184,7 @@ def check_tensions(file: RigFile) -> list[Check]:
     for entry, winch in zip(file.winches, file.robot.winches or (), strict=True):
         if entry.tension.gain is None:
             found = f"{winch.newton_per_ampere:.3g} N/A by drum, gear and efficiency"
-            advice = "measure gain, offset and friction against known poses; until then currents tell ± 10 %"
+            advice = "measure gain, offset and friction at known poses; tensions from currents are good to ± 10 %"
             checks.append(Check("tension calibration", Verdict.WARNING, found, advice, "measured", entry.name))
         else:
             found = f"{entry.tension.gain:g} N/A, {entry.tension.offset:+g} N ± {entry.tension.friction or 0:g} N"

@@ -1,6 +1,6 @@
 """What lies beside the windows of a run, for every command that makes one: raw bytes, devices.json, manifest.json.
 
-records = RunRecords(folder, rig, papers)      # papers: writes plan.toml and whatever else belongs there
+records = RunRecords(folder, rig, write_inputs)      # write_inputs: writes plan.toml and whatever else belongs there
 bus.tap(records.on_frame)
 try:
     report = await run_procedure(…, listeners=(records.on_event, …), guards=(LogGuard(records.error),))
@@ -29,15 +29,15 @@ MANIFEST_WITHIN = 600.0
 class RunRecords:
     """Opens when the run's folder is there, also for a run that is resumed; taps and listener never raise."""
 
-    def __init__(self, folder: Path, rig: Rig, papers: Callable[[], None], disk: Disk | None = None) -> None:
-        """papers: writes what belongs beside the run into the folder; may raise OSError or FidimError.
+    def __init__(self, folder: Path, rig: Rig, write_inputs: Callable[[], None], disk: Disk | None = None) -> None:
+        """write_inputs: writes what belongs beside the run into the folder; may raise OSError or FidimError.
 
         disk: takes all of it.
         """
         self._disk = InlineDisk() if disk is None else disk
         self._folder = folder
         self._rig = rig
-        self._papers = papers
+        self._write_inputs = write_inputs
         self._logs = RawLogs(folder, self._disk)
         self._unwritten: str | None = None
         self._open = False
@@ -55,7 +55,7 @@ class RunRecords:
         self._open = True
         devices = devices_of(self._rig)
         self._disk.put(lambda: self._carry_out(self._logs.open))
-        self._disk.secure(lambda: self._carry_out(lambda: write_devices(self._folder, devices), self._papers))
+        self._disk.secure(lambda: self._carry_out(lambda: write_devices(self._folder, devices), self._write_inputs))
 
     def error(self) -> str | None:
         """Why the raw logs, or what else belongs beside the run, are not whole: for `LogGuard`."""

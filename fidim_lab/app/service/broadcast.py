@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 from drivers.ports import Clock, MarkerSource
 from fidim_lab.app.service.board import PromptBoard
-from fidim_lab.app.service.desk import Desk
+from fidim_lab.app.service.command_handler import CommandHandler
 from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.messages import Status
 from fidim_lab.app.service.status import Gauges, Watcher
@@ -31,7 +31,7 @@ class Sources:
     markers: MarkerSource
     gauges: Gauges
     watcher: Watcher
-    desk: Desk
+    command_handler: CommandHandler
     board: PromptBoard
     hub: Hub
 
@@ -75,14 +75,14 @@ class Broadcast:
     def status(self) -> Status:
         """As everything is now."""
         of = self._from
-        latch = of.desk.latch
+        latch = of.command_handler.latch
         return Status(
             t=round(of.clock.now(), 4),
             wall=wall_time(),
             phase=of.watcher.phase,
             latched=latch.latched,
             latched_why=latch.why,
-            commanding=of.desk.lease.holder,
+            commanding=of.command_handler.lease.holder,
             watching=of.hub.clients,
             step=of.watcher.step,
             winches=of.gauges.winches(),

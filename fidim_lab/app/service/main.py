@@ -134,20 +134,20 @@ def _service(work: Work, opened: Opened) -> Service:
 
 
 async def _carry_out(work: Work, opened: Opened, service: Service, disk: Disk) -> RunReport:
-    logs = RunRecords(work.spec.out, opened.rig, lambda: write_papers(work), disk)
+    logs = RunRecords(work.spec.out, opened.rig, lambda: write_inputs(work), disk)
     opened.tap(logs.on_frame)
     guards = (LogGuard(logs.error), *_more_guards(work, disk))
     service.broadcast.more_guards(guards)
     if work.resumption is not None:
         known, planned = len(work.resumption.rows), len(work.experiment.roles)
         says = f"{known} windows have their verdict, {planned - known} are left"
-        service.chronicle.note(kind="resumed", reason=says)
+        service.event_log.note(kind="resumed", reason=says)
     check = ModelCheck(work.spec.out, len(work.experiment.roles), partial(_tell_checked, service))
     proofs = _proof_keeper(work, service, disk)
     handlers = {**HANDLERS, Explain: explain_step}
     unattended = work.spec.unattended
     if unattended is not None and unattended.quiet_hours is not None:
-        says = partial(service.chronicle.note, kind="paused")
+        says = partial(service.event_log.note, kind="paused")
         handlers[MoveTo] = QuietMove(unattended.quiet_hours, local_time, lambda text: says(reason=text))
     try:
         report = await run_procedure(
@@ -182,14 +182,14 @@ async def _ended(work: Work, service: Service, logs: RunRecords, check: ModelChe
 
 def _keeper(work: Work, service: Service, disk: Disk) -> AlignmentKeeper:
     def tell(says: str) -> None:
-        service.chronicle.note(kind="guard-warned", reason=says)
+        service.event_log.note(kind="guard-warned", reason=says)
 
     return AlignmentKeeper(work.file, work.spec.out, wall_time, tell, disk)
 
 
 def _proof_keeper(work: Work, service: Service, disk: Disk) -> ProofKeeper:
     def tell(says: str) -> None:
-        service.chronicle.note(kind="guard-warned", reason=says)
+        service.event_log.note(kind="guard-warned", reason=says)
 
     spec = work.spec
     return ProofKeeper(work.file, winch_configs(work.file), spec.out, spec.by, wall_time, tell, disk)
@@ -197,7 +197,7 @@ def _proof_keeper(work: Work, service: Service, disk: Disk) -> ProofKeeper:
 
 def _tell_checked(service: Service, checked: Checked) -> None:
     outcome = {True: "holds", False: " ".join(checked.suspected) or "does not hold", None: ""}[checked.holds]
-    service.chronicle.note(kind="model-checked", window=checked.window, outcome=outcome, text=checked.says)
+    service.event_log.note(kind="model-checked", window=checked.window, outcome=outcome, text=checked.says)
 
 
 def _more_guards(work: Work, disk: Disk) -> tuple[Guard, ...]:
@@ -208,7 +208,7 @@ def _more_guards(work: Work, disk: Disk) -> tuple[Guard, ...]:
     return (*host, PatienceGuard(unattended.max_hours))
 
 
-def write_papers(work: Work) -> None:
+def write_inputs(work: Work) -> None:
     """What a run's folder needs beside its windows. Raises OSError, HardwareError."""
     if work.resumption is not None:
         return  # they are there

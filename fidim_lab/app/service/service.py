@@ -18,10 +18,10 @@ from drivers.canbus.transport import CanFrame
 from drivers.ports import Clock, PromptKind
 from fidim_lab.app.service.board import DefaultAnswer, PromptBoard
 from fidim_lab.app.service.broadcast import Broadcast, Sources, wall_time
-from fidim_lab.app.service.chronicle import Chronicle
 from fidim_lab.app.service.codec import encode
+from fidim_lab.app.service.command_handler import CommandHandler, Levers
 from fidim_lab.app.service.commands import Request
-from fidim_lab.app.service.desk import Desk, Levers
+from fidim_lab.app.service.event_log import EventLog
 from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.latch import Latch
 from fidim_lab.app.service.messages import Answer, Bye, Welcome
@@ -101,7 +101,7 @@ class Service:
         self.hub = Hub(self._answer, self._greet, self._left)
         self.board = PromptBoard(self.clock, self.hub.tell, answers, opened.hand)
         self.rig = replace(opened.rig, operator=self.board)
-        self.chronicle = Chronicle(self.clock.now, wall_time, self.hub.tell)
+        self.event_log = EventLog(self.clock.now, wall_time, self.hub.tell)
         self.watcher = Watcher(rows, robot.limits.tension)
         counter = BusCounter()
         opened.tap(counter)
@@ -110,15 +110,17 @@ class Service:
         self._helpers: list[asyncio.Future[None]] = []
         self._after = ""
         """what moved after the run, in words"""
-        levers = Levers(self._turn.start, self._turn.shutdown, self._quick_stop, self.chronicle.note, wall_time)
-        self._desk = Desk(self.control, self.board, Latch(self.clock.now, self._keeper()), levers)
+        levers = Levers(self._turn.start, self._turn.shutdown, self._quick_stop, self.event_log.note, wall_time)
+        self._command_handler = CommandHandler(self.control, self.board, Latch(self.clock.now, self._keeper()), levers)
         guards = standard_guards(names, factors, robot.limits.tension, settings.guard)
-        sources = Sources(self.clock, self.rig.markers, gauges, self.watcher, self._desk, self.board, self.hub)
+        sources = Sources(
+            self.clock, self.rig.markers, gauges, self.watcher, self._command_handler, self.board, self.hub
+        )
         self.broadcast = Broadcast(sources, guards)
 
     def listeners(self) -> tuple[Callable[[Event], None], ...]:
         """Whom a run has to tell."""
-        return (self._hear, self.watcher, self.chronicle)
+        return (self._hear, self.watcher, self.event_log)
 
     async def serve(self, carry: Carry) -> int:
         """Until the run has ended (or, if it is to stay, until it is shut down); returns the exit code."""
@@ -152,7 +154,7 @@ class Service:
             return "nothing was run"
         return f"run {report.outcome}: {report.reason} {report.held_says} {self._after}".rstrip()
 
-    # what the desk can reach
+    # what the command handler can reach
 
     def _quick_stop(self) -> None:
         for winch in self.rig.winches:
@@ -165,17 +167,17 @@ class Service:
         loop = asyncio.get_running_loop()
 
         def says(text: str) -> None:
-            loop.call_soon_threadsafe(partial(self.chronicle.note, kind="guard-warned", reason=text))
+            loop.call_soon_threadsafe(partial(self.event_log.note, kind="guard-warned", reason=text))
 
         return StopKeeper(path, says)
 
     # what the hub asks
 
     def _answer(self, client: ServerSession, request: Request) -> Answer:
-        return self._desk.answer(client, request)
+        return self._command_handler.answer(client, request)
 
     def _left(self, client: ServerSession) -> None:
-        self._desk.left(client)
+        self._command_handler.left(client)
 
     def _greet(self, client: ServerSession) -> Iterator[bytes]:
         """What a new client is told, as of now, line by line."""
@@ -189,7 +191,7 @@ class Service:
         )
         question = self.board.question
         now = [self.broadcast.status(), *([] if question is None else [question])]
-        return chain((encode(welcome),), self.chronicle.history(), map(encode, now))
+        return chain((encode(welcome),), self.event_log.history(), map(encode, now))
 
     # what is told
 
@@ -204,8 +206,8 @@ class Service:
     def _moved(self, says: str, held: Held) -> None:
         """A winch has moved after the run; it was stopped once more."""
         self._after = f"{says} {held.says}"
-        self._desk.latch.latch(Stopped("the motion guard", self._after, wall_time()))
-        self.chronicle.note(kind="guard-tripped", text="motion", reason=self._after)
+        self._command_handler.latch.latch(Stopped("the motion guard", self._after, wall_time()))
+        self.event_log.note(kind="guard-tripped", text="motion", reason=self._after)
         with suppress(FidimError):  # a full disk: everybody has been told
             write_moved(self.identity.folder / JOURNAL, self.clock, wall_time, says, held)
 

@@ -120,7 +120,7 @@ def read_spec(folder: Path) -> RunSpec:
 def again(spec: RunSpec, folder: Path) -> RunSpec:
     """The same run, to go on in its folder, wherever that is now.
 
-    A dry run's papers were made for it, as a rehearsal's may have been, and are gone: the folder has copies.
+    The input files of a dry run were made for it, as a rehearsal's may have been, and are gone: the folder has copies.
     """
     update: dict[str, object] = {"out": folder, "resume": True}
     if spec.dry_run or (spec.embedded and not spec.rig.exists()):

@@ -215,7 +215,7 @@ class _Rehearsal:
             start=None if place is None else place.end,
             part=0 if resumption is None else resumption.part,
         ) as simulated:
-            self._records = records = RunRecords(self.folder, simulated.rig, self._write_papers)
+            self._records = records = RunRecords(self.folder, simulated.rig, self._write_inputs)
             simulated.transport.tap(records.on_frame)
             planned = len(self._experiment.roles) if spec.real_time else 0  # time that jumps waits for nobody
             check = ModelCheck(self.folder, planned, _say_checked)
@@ -239,7 +239,7 @@ class _Rehearsal:
         if isinstance(event, RunFinished):
             self._ended = event.report
 
-    def _write_papers(self) -> None:
+    def _write_inputs(self) -> None:
         if self._resumption is not None:
             return  # they are there
         write_plan(self.folder / PLAN, self._plan)

@@ -54,11 +54,11 @@ END_WITHIN = 10.0
 def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
     """Plan, start the service, attach; returns 0 when the person has left. Raises FidimError before anything opens."""
     require_new(folder)
-    with tempfile.TemporaryDirectory(prefix="fidim-ui-") as papers:
+    with tempfile.TemporaryDirectory(prefix="fidim-ui-") as inputs:
         with Working(
             "planning: equilibria where the robot can rest and swing", options.equilibria + options.validation
         ):
-            spec = make_spec(options, folder, Path(papers))
+            spec = make_spec(options, folder, Path(inputs))
             need_terminal("fidim dry-run without --ui")
             work = prepare(spec)
         place = place_of(work.file, embedded=True, run=spec.own_place)
@@ -70,17 +70,17 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
             return _leave(place, process, folder)
 
 
-def make_spec(options: DryRunOptions, folder: Path, papers: Path) -> RunSpec:
-    """What the service is to run, its files in `papers`. Raises SetupError for an effect that nobody knows."""
+def make_spec(options: DryRunOptions, folder: Path, inputs: Path) -> RunSpec:
+    """What the service is to run, its files in `inputs`. Raises SetupError for an effect that nobody knows."""
     robot = with_winches(read_robot(options.robot or PAPERS_ROBOT))
     compose.simulated_world(robot, options.seed, options.hide)  # an effect that nobody knows is said before planning
     plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, WITHIN_LIMITS)
-    write_plan(papers / "plan.toml", plan)
-    write_robot(papers / "robot.toml", robot)
-    (papers / "rig.toml").write_text(tomli_w.dumps(rig_table(robot)), encoding="utf-8")
+    write_plan(inputs / "plan.toml", plan)
+    write_robot(inputs / "robot.toml", robot)
+    (inputs / "rig.toml").write_text(tomli_w.dumps(rig_table(robot)), encoding="utf-8")
     return RunSpec(
-        plan=papers / "plan.toml",
-        rig=papers / "rig.toml",
+        plan=inputs / "plan.toml",
+        rig=inputs / "rig.toml",
         out=folder.absolute(),
         procedure="excite" if options.excite else "identify",
         embedded=True,

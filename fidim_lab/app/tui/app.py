@@ -48,7 +48,7 @@ class FidimUi(App[None]):
     def __init__(
         self, link: Link, clock: Clock, folder: Path | None = None, *, light: bool = False, says: str = ""
     ) -> None:
-        """folder: of a run whose papers are shown where no service says its own. says: the first notice."""
+        """folder: of a run whose result files are shown where no service says its own. says: the first notice."""
         super().__init__()
         self.fault: BaseException | None = None
         """what has ended the screen, where it was not a person"""
@@ -72,7 +72,7 @@ class FidimUi(App[None]):
         if self._says:
             self._tell(self._says)
         self.run_worker(self.link.run())
-        self.run_worker(self.stage.papers.run(lambda: self.stage.folder(self.link.view())))
+        self.run_worker(self.stage.result_files.run(lambda: self.stage.folder(self.link.view())))
         self.set_interval(PERIOD, self._draw)
 
     async def on_unmount(self) -> None:

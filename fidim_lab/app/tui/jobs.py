@@ -10,7 +10,7 @@ from typing import Literal
 from drivers.ports import Clock
 from fidim_lab.app.tui.aside import Aside, StalledError
 from fidim_lab.app.tui.paint import span_of_time
-from fidim_lab.app.tui.papers import EXPLANATION, RESULT
+from fidim_lab.app.tui.result_files import EXPLANATION, RESULT
 
 Work = Literal["identify", "explain"]
 FILES: dict[Work, str] = {"identify": RESULT, "explain": EXPLANATION}

@@ -13,7 +13,7 @@ from drivers.ports import Clock
 from fidim_lab.app.tui.foresight import Foresight
 from fidim_lab.app.tui.jobs import Jobs
 from fidim_lab.app.tui.paint import Line, Span, greyed, line, wrapped
-from fidim_lab.app.tui.papers import PapersWatch
+from fidim_lab.app.tui.result_files import ResultFilesWatch
 from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_lines, tab_lines
 from fidim_lab.app.tui.screens.check import check_lines
 from fidim_lab.app.tui.screens.log import log_lines
@@ -40,7 +40,7 @@ class Stage:
         self.current = 0
         self.foresight = Foresight()
         self.jobs = Jobs(clock)
-        self.papers = PapersWatch(clock)
+        self.result_files = ResultFilesWatch(clock)
         self.state = Board(id="state", grow=True)
         self.tabs = Board(id="tabs", grow=True)
         self.prompt = Board(id="prompt", grow=True)
@@ -146,8 +146,10 @@ class Stage:
             case "Window":
                 return window_lines(view, width, height, self.foresight.found, self.foresight.doubt)
             case "Result":
-                return result_lines(self.papers.found, width, self.jobs.says(view.now))
+                return result_lines(self.result_files.found, width, self.jobs.says(view.now))
             case "Why":
-                return why_lines(self.papers.found, width, self.jobs.says(view.now), check_lines(view.events, width))
+                return why_lines(
+                    self.result_files.found, width, self.jobs.says(view.now), check_lines(view.events, width)
+                )
             case _:
                 return log_lines(view, width, self.filter.value)

@@ -3,7 +3,7 @@
 import math
 
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
-from fidim_lab.app.tui.papers import Papers
+from fidim_lab.app.tui.result_files import ResultFiles
 from fidim_lab.identification.results.result_file import ParameterTable, ResultTable
 from fidim_lab.units import millimetres, percent
 
@@ -14,27 +14,27 @@ WEAK = 0.1
 """of what it is held against; a wider sd is "weak" """
 
 
-def result_lines(papers: Papers, width: int, job: str = "") -> list[Line]:
+def result_lines(result_files: ResultFiles, width: int, job: str = "") -> list[Line]:
     """The whole screen; job: what is being computed."""
     rows: list[Line] = [line(Span(job, "key"))] if job else []
-    rows += [line(Span(text, "bad")) for problem in papers.problems for text in wrapped(problem, width)]
-    if papers.result is None:
+    rows += [line(Span(text, "bad")) for problem in result_files.problems for text in wrapped(problem, width)]
+    if result_files.result is None:
         return [*rows, line(Span("Nothing is identified yet. i identifies from the windows recorded so far.", "dim"))]
-    result = papers.result
+    result = result_files.result
     style: Style = "good" if result.outcome == GOOD else "bad" if result.outcome in WRONG else "warn"
     mark = "✓" if style == "good" else "✗" if style == "bad" else "~"
     says = f"{mark} {result.outcome}: {result.message}"
     rows += [line(Span(text, style)) for text in wrapped(says, width)]
-    rows += [line(Span(text, "key")) for text in wrapped(f"Next: {_next(papers)}", width)]
-    return [*rows, EMPTY, *_parameters(result, papers), EMPTY, *_windows(result, width)]
+    rows += [line(Span(text, "key")) for text in wrapped(f"Next: {_next(result_files)}", width)]
+    return [*rows, EMPTY, *_parameters(result, result_files), EMPTY, *_windows(result, width)]
 
 
-def _parameters(result: ResultTable, papers: Papers) -> list[Line]:
-    last = f"last: {papers.last_folder}" if papers.last else "last session"
+def _parameters(result: ResultTable, result_files: ResultFiles) -> list[Line]:
+    last = f"last: {result_files.last_folder}" if result_files.last else "last session"
     heads = (right("value", 10), right("± 95 %", 9), right("CAD", 10), right("off CAD, sd", 13), right(last, 19))
     rows: list[Line] = [line(Span(f"{'s mm, I 1e-3 m²':16}{''.join(heads)}", "dim"))]
     for name, found in result.parameters.items():
-        before = papers.last.parameters.get(name) if papers.last else None
+        before = result_files.last.parameters.get(name) if result_files.last else None
         rows.append(_parameter(name, found, before, weak=_weak(result, name)))
     return rows
 
@@ -95,10 +95,10 @@ def _short(value: float | None, width: int) -> str:
     return right("–" if value is None else f"{value:.3g}", width)
 
 
-def _next(papers: Papers) -> str:
-    result = papers.result
-    if papers.explanation is not None and papers.explanation.next_experiment:
-        return papers.explanation.next_experiment
+def _next(result_files: ResultFiles) -> str:
+    result = result_files.result
+    if result_files.explanation is not None and result_files.explanation.next_experiment:
+        return result_files.explanation.next_experiment
     if result is None:
         return "record windows."
     if result.outcome in WRONG:

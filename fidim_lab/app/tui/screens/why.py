@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
-from fidim_lab.app.tui.papers import BeforeTable, EffectTable, ExplanationTable, Papers
+from fidim_lab.app.tui.result_files import BeforeTable, EffectTable, ExplanationTable, ResultFiles
 
 VERDICTS: dict[str, tuple[str, Style]] = {
     "nothing-missing": ("✓ nothing is missing", "good"),
@@ -16,18 +16,18 @@ BEST = 12
 """rows of the ranking"""
 
 
-def why_lines(papers: Papers, width: int, job: str = "", checked: Sequence[Line] = ()) -> list[Line]:
+def why_lines(result_files: ResultFiles, width: int, job: str = "", checked: Sequence[Line] = ()) -> list[Line]:
     """The whole screen; job: what is being computed; checked: what was said after each window."""
     rows: list[Line] = [line(Span(job, "key"))] if job else []
-    rows += [line(Span(text, "bad")) for problem in papers.problems for text in wrapped(problem, width)]
-    if papers.explanation is None:
+    rows += [line(Span(text, "bad")) for problem in result_files.problems for text in wrapped(problem, width)]
+    if result_files.explanation is None:
         return [
             *rows,
             line(Span("Nothing is explained yet. e asks what the model leaves out; it takes minutes.", "dim")),
             EMPTY,
             *checked,
         ]
-    found = papers.explanation
+    found = result_files.explanation
     verdict, style = VERDICTS.get(found.verdict, (found.verdict, ""))
     rows += [line(Span(verdict, style)), EMPTY, *_effects(found, width), EMPTY, *_before_after(found)]
     if found.where:

@@ -1,4 +1,4 @@
-"""What `fidim resume` hands to a service: the run as it was begun, a rehearsal's papers from its own folder."""
+"""What `fidim resume` hands to a service: the run as it was begun, a rehearsal's input files from its own folder."""
 
 from pathlib import Path
 

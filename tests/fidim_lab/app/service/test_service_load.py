@@ -8,10 +8,10 @@ import time
 import pytest
 
 from drivers.clock import LoopClock
-from fidim_lab.app.service.chronicle import Chronicle
 from fidim_lab.app.service.client import connect
 from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.commands import EmergencyStop, Hello, Request, TakeLease
+from fidim_lab.app.service.event_log import EventLog
 from fidim_lab.app.service.hub import BURST, CLIENTS_TCP, COMMANDS, Hub
 from fidim_lab.app.service.messages import Answer, Happening, Welcome
 
@@ -25,18 +25,18 @@ class Peer:
         self.path = path
         self.asked = []
         self.hub = Hub(self.answer, self.greet, lambda _: None)
-        self.chronicle = Chronicle(lambda: 1.0, lambda: "2026-01-01T00:00:00Z", self.hub.tell)
+        self.event_log = EventLog(lambda: 1.0, lambda: "2026-01-01T00:00:00Z", self.hub.tell)
         for number in range(EVENTS):
-            self.chronicle.note(kind="lease", text=f"client {number} commands now", reason="x" * 150)
+            self.event_log.note(kind="lease", text=f"client {number} commands now", reason="x" * 150)
 
     def answer(self, client, request):
         self.asked.append((client.hello.client, type(request.command)))
-        self.chronicle.note(kind="lease", text=client.name)
+        self.event_log.note(kind="lease", text=client.name)
         return Answer(id=request.id, ok=True)
 
     def greet(self, client):
         names = {"run": "r", "folder": "f", "rig": "g", "windows": (), "winches": ()}
-        return itertools.chain([encode(Welcome(you=client.number, **names))], self.chronicle.history())
+        return itertools.chain([encode(Welcome(you=client.number, **names))], self.event_log.history())
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ def test_what_happens_while_history_is_sent_comes_after_it_once(peer):
         writer.write(encode(Hello(client="c")))
         while not peer.hub.clients:
             await LoopClock().sleep(0.0)
-        peer.chronicle.note(kind="lease", text="meanwhile")
+        peer.event_log.note(kind="lease", text="meanwhile")
         numbers = []
         while not numbers or numbers[-1] <= EVENTS:
             said = json.loads(await reader.readline())

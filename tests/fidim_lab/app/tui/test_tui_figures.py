@@ -6,7 +6,7 @@ import pytest
 
 from fidim_lab.app.service.messages import Happening, Question
 from fidim_lab.app.tui.paint import text_of
-from fidim_lab.app.tui.papers import Papers
+from fidim_lab.app.tui.result_files import ResultFiles
 from fidim_lab.app.tui.screens.bars import KEYS, key_lines, prompt_lines, tab_lines
 from fidim_lab.app.tui.screens.check import check_lines, newest_check
 from fidim_lab.app.tui.screens.hand import ROWS, SHAPES, big, hand_lines
@@ -82,7 +82,7 @@ def test_what_the_model_check_suspects_is_said_with_a_mark_on_three_screens():
     assert text_of(newest_check(events[:3], 79)) == "model i03: the model holds"
     assert newest_check((), 79) == []
     assert text_of(check_lines(events, 79)).count("model i0") == 3  # the newest ones
-    assert "suspected: air-drag" in text_of(why_lines(Papers(), 79, checked=check_lines(events, 79)))
+    assert "suspected: air-drag" in text_of(why_lines(ResultFiles(), 79, checked=check_lines(events, 79)))
     assert "! model: suspected: air-drag" in text_of(log_lines(View(events=events), 79))
 
 

@@ -21,7 +21,7 @@ from fidim_lab.app.service.messages import (
 from fidim_lab.app.tui.foresight import Foreseen
 from fidim_lab.app.tui.keys import RESERVED, choice_keys
 from fidim_lab.app.tui.paint import bar, number, span_of_time, text_of, wrapped
-from fidim_lab.app.tui.papers import Papers, read_papers
+from fidim_lab.app.tui.result_files import ResultFiles, read_result_files
 from fidim_lab.app.tui.screens.bars import prompt_lines, state_lines
 from fidim_lab.app.tui.screens.log import log_lines
 from fidim_lab.app.tui.screens.result import result_lines
@@ -83,12 +83,12 @@ def test_session_and_rig_look_as_they_were_approved(live, width):
 
 
 def test_no_line_of_any_screen_is_wider_than_80_columns(live, tmp_path):
-    papers = read_papers(_run_folder(tmp_path))
+    result_files = read_result_files(_run_folder(tmp_path))
     for lines in (
         session_lines(live, 79),
         rig_lines(live, 79),
-        result_lines(papers, 79),
-        why_lines(papers, 79),
+        result_lines(result_files, 79),
+        why_lines(result_files, 79),
         state_lines(live, 80, "something was said"),
     ):
         assert max(len(row) for row in text_of(lines).splitlines()) <= 80
@@ -296,10 +296,10 @@ def _result(factor: float) -> dict[str, object]:
 
 
 def test_result_and_why_look_as_they_were_approved(tmp_path):
-    papers = read_papers(_run_folder(tmp_path))
-    compare("result-79", text_of(result_lines(papers, 79)))
-    compare("why-79", text_of(why_lines(papers, 79)))
-    assert papers.last_folder == "before"
+    result_files = read_result_files(_run_folder(tmp_path))
+    compare("result-79", text_of(result_lines(result_files, 79)))
+    compare("why-79", text_of(why_lines(result_files, 79)))
+    assert result_files.last_folder == "before"
 
 
 def test_a_file_that_cannot_be_read_is_said(tmp_path):
@@ -307,15 +307,15 @@ def test_a_file_that_cannot_be_read_is_said(tmp_path):
     folder.mkdir()
     (folder / "result.json").write_text("{}")
     (folder / "explanation.json").write_text("[")
-    papers = read_papers(folder)
-    assert len(papers.problems) == 2
-    assert "result.json" in text_of(result_lines(papers, 79))
-    assert "explanation.json" in text_of(why_lines(papers, 79))
+    result_files = read_result_files(folder)
+    assert len(result_files.problems) == 2
+    assert "result.json" in text_of(result_lines(result_files, 79))
+    assert "explanation.json" in text_of(why_lines(result_files, 79))
 
 
 def test_nothing_identified_yet_says_which_key_does_it():
-    assert "i identifies" in text_of(result_lines(Papers(), 79))
-    assert "e asks" in text_of(why_lines(Papers(), 79, "fidim explain: computing …"))
+    assert "i identifies" in text_of(result_lines(ResultFiles(), 79))
+    assert "e asks" in text_of(why_lines(ResultFiles(), 79, "fidim explain: computing …"))
 
 
 def test_a_step_that_nobody_has_begun(fake):

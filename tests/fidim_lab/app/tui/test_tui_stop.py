@@ -149,7 +149,7 @@ def test_a_share_that_stalls_is_said_and_stops_no_key(opened, monkeypatch):
         return 0.0
 
     async def see(screen):
-        monkeypatch.setattr("fidim_lab.app.tui.papers._changed", stalled)
+        monkeypatch.setattr("fidim_lab.app.tui.result_files._changed", stalled)
         await screen.press("4")
         await screen.until(waiting.is_set, "a look at the files")
         before = threading.active_count()

@@ -31,7 +31,7 @@ FREE = (TakeLease, ReleaseLease, EmergencyStop, AnswerPrompt)
 
 @dataclass(frozen=True)
 class Levers:
-    """What the desk can reach of the service."""
+    """What the command handler can reach of the service."""
 
     start: Callable[[], str]
     """begin the run; returns why not"""
@@ -40,12 +40,12 @@ class Levers:
     quick_stop: Callable[[], None]
     """of all winches, where no run goes on"""
     note: Callable[..., None]
-    """for the chronicle"""
+    """for the event_log"""
     wall_time: Callable[[], str]
     """the time of day, ISO 8601"""
 
 
-class Desk:
+class CommandHandler:
     """Carries out requests. One for each service."""
 
     def __init__(self, control: Control, board: PromptBoard, latch: Latch, levers: Levers) -> None:

@@ -31,7 +31,7 @@ PIECE = 32_000
 """bytes of a piece of history: written in well under a millisecond"""
 
 
-class Chronicle:
+class EventLog:
     """Keeps the newest events and tells each to a listener as it comes.
 
     They are kept as the bytes of their JSON, a quarter of what they are as objects: a service lives for days. As such

@@ -4,8 +4,8 @@ import tracemalloc
 
 import pytest
 
-from fidim_lab.app.service.chronicle import CAPACITY, PIECE, ROOM, Chronicle
 from fidim_lab.app.service.codec import LineDecoder
+from fidim_lab.app.service.event_log import CAPACITY, PIECE, ROOM, EventLog
 from fidim_lab.app.service.messages import TO_CLIENT, History
 
 
@@ -15,14 +15,14 @@ def told():
 
 
 @pytest.fixture
-def chronicle(told):
+def event_log(told):
     times = iter(range(100_000))
-    return Chronicle(lambda: next(times) / 8.0, lambda: "2026-01-01T00:00:00Z", told.append)
+    return EventLog(lambda: next(times) / 8.0, lambda: "2026-01-01T00:00:00Z", told.append)
 
 
-def history_of(chronicle):
+def history_of(event_log):
     """As a client has it once all pieces are there."""
-    lines = list(chronicle.history())
+    lines = list(event_log.history())
     pieces = LineDecoder(TO_CLIENT, limit=1 << 20).receive(b"".join(lines))
     assert [piece.more for piece in pieces] == [True] * (len(pieces) - 1) + [False]
     events = tuple(event for piece in pieces for event in piece.events)
@@ -33,31 +33,31 @@ def step(number, **more):
     return {"kind": "step-finished", "window": f"w{number:03d}", "step": "Record", "text": "record 10 s", **more}
 
 
-def test_nothing_has_happened_yet(chronicle):
-    assert history_of(chronicle)[0].events == ()
+def test_nothing_has_happened_yet(event_log):
+    assert history_of(event_log)[0].events == ()
 
 
-def test_history_is_what_was_told(chronicle, told):
-    chronicle.note(**step(1, outcome="pass", values=(0.1, -2.5, 1e-9)))
-    chronicle.note(kind="guard-tripped", text="tension", reason="cable 2: “slack”, 1.5 N")
-    history, _ = history_of(chronicle)
+def test_history_is_what_was_told(event_log, told):
+    event_log.note(**step(1, outcome="pass", values=(0.1, -2.5, 1e-9)))
+    event_log.note(kind="guard-tripped", text="tension", reason="cable 2: “slack”, 1.5 N")
+    history, _ = history_of(event_log)
     assert list(history.events) == told
     assert [event.number for event in history.events] == [1, 2]
     assert history.forgotten == 0
 
 
-def test_the_oldest_are_forgotten_and_counted(chronicle, told):
+def test_the_oldest_are_forgotten_and_counted(event_log, told):
     for number in range(CAPACITY + 25):
-        chronicle.note(**step(number))
-    history, _ = history_of(chronicle)
+        event_log.note(**step(number))
+    history, _ = history_of(event_log)
     assert list(history.events) == told[-CAPACITY:]
     assert history.forgotten == 25
 
 
-def test_long_reasons_leave_room_for_fewer(chronicle):
+def test_long_reasons_leave_room_for_fewer(event_log):
     for number in range(CAPACITY):
-        chronicle.note(**step(number, reason="ä" * 900))
-    history, lines = history_of(chronicle)
+        event_log.note(**step(number, reason="ä" * 900))
+    history, lines = history_of(event_log)
     assert history.events[-1].number == CAPACITY
     assert 0.5 * ROOM < sum(map(len, lines)) < 1.1 * ROOM
     assert max(map(len, lines)) < PIECE + 4000
@@ -65,11 +65,11 @@ def test_long_reasons_leave_room_for_fewer(chronicle):
 
 
 def test_a_night_costs_little_memory(told):
-    chronicle = Chronicle(lambda: 0.0, lambda: "2026-01-01T00:00:00Z", lambda _: None)
+    event_log = EventLog(lambda: 0.0, lambda: "2026-01-01T00:00:00Z", lambda _: None)
     tracemalloc.start()
     try:
         for number in range(CAPACITY):
-            chronicle.note(**step(number, outcome="pass", values=(1.5,)))
+            event_log.note(**step(number, outcome="pass", values=(1.5,)))
         size, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -1,7 +1,7 @@
 """What lies in the run's folder for the screens Result and Why: read anew when a file changes.
 
-`read_papers` is pure but for the files; `Papers` is what it found. A file that cannot be read is said, not hidden.
-`PapersWatch` reads aside from the event loop: the keys do not wait for a file.
+`read_result_files` is pure but for the files; `ResultFiles` is what it found. An unreadable file is said, not hidden.
+`ResultFilesWatch` reads aside from the event loop: the keys do not wait for a file.
 """
 
 from collections.abc import Callable
@@ -92,7 +92,7 @@ class ExplanationTable(_Lenient):
 
 
 @dataclass(frozen=True)
-class Papers:
+class ResultFiles:
     """What was found, and what could not be read."""
 
     folder: Path | None = None
@@ -110,23 +110,23 @@ def stamp(folder: Path | None) -> tuple[float, ...]:
     return tuple(_changed(folder / name) for name in (RESULT, EXPLANATION))
 
 
-def read_papers(folder: Path | None) -> Papers:
+def read_result_files(folder: Path | None) -> ResultFiles:
     """The run's result, that of the session before it beside it, the explanation. Raises nothing."""
     if folder is None:
-        return Papers()
+        return ResultFiles()
     problems: list[str] = []
     result = _result(folder, problems)
     explanation = _explanation(folder / EXPLANATION, problems)
     before = _session_before(folder)
     last = None if before is None else _result(before, problems)
-    return Papers(folder, result, last, "" if before is None else before.name, explanation, tuple(problems))
+    return ResultFiles(folder, result, last, "" if before is None else before.name, explanation, tuple(problems))
 
 
-class PapersWatch:
+class ResultFilesWatch:
     """Keeps `found` as new as the files are. `run` is a task for as long as the screen lives."""
 
     def __init__(self, clock: Clock) -> None:
-        self.found = Papers()
+        self.found = ResultFiles()
         self._clock = clock
         self._aside = Aside(clock)
         self._stamp: tuple[float, ...] | None = None
@@ -139,7 +139,7 @@ class PapersWatch:
 
     async def _look(self, folder: Path | None) -> None:
         if folder != self.found.folder:  # another run: a share that stalls there is no reason not to read here
-            self.found, self._stamp, self._aside = Papers(folder), None, Aside(self._clock)
+            self.found, self._stamp, self._aside = ResultFiles(folder), None, Aside(self._clock)
         before = self._stamp
         try:
             told = await self._aside.run(lambda: _newer(folder, before))
@@ -151,10 +151,10 @@ class PapersWatch:
             self._stamp, self.found = told
 
 
-def _newer(folder: Path | None, before: tuple[float, ...] | None) -> tuple[tuple[float, ...], Papers] | None:
+def _newer(folder: Path | None, before: tuple[float, ...] | None) -> tuple[tuple[float, ...], ResultFiles] | None:
     """The files and their stamp; None where they are as before."""
     now = stamp(folder)
-    return None if now == before else (now, read_papers(folder))
+    return None if now == before else (now, read_result_files(folder))
 
 
 def _changed(path: Path) -> float:
