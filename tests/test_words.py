@@ -1,7 +1,7 @@
 """Product, docs and messages use the field's words: turns that readers stumbled over do not come back."""
 
 import re
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -19,16 +19,19 @@ BANNED = {
 }
 
 
-def texts() -> Iterator[tuple[str, int, str]]:
+@cache
+def texts() -> tuple[tuple[str, int, str], ...]:
     """Every line of product and documentation, with its place."""
     folders = ("fidim_lab", "drivers", "procedures", "sim_backends", "docs")
     files = [
         ROOT / "README.md",
         *(p for f in folders for s in ("*.py", "*.md", "*.jinja") for p in (ROOT / f).rglob(s)),
     ]
-    for file in files:
-        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
-            yield str(file.relative_to(ROOT)), number, line
+    return tuple(
+        (str(file.relative_to(ROOT)), number, line)
+        for file in files
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1)
+    )
 
 
 @pytest.mark.parametrize("turn", BANNED)

@@ -48,8 +48,8 @@ ENOUGH = 0.97
 NEARLY = 0.9
 """part of what others reach, or of the wanted swing, at which strokes like those before are not given up for others"""
 ALIKE = 0.75
-"""power of a gain learnt of strokes in one direction, when it is applied to others: of 120 windows 92 % swing as planned
-or wanted after two tries, 91 % with 0.5, 83 % with 0"""
+"""power of a gain learnt of strokes in one direction, applied to others: of 120 windows 92 % swing as planned or
+wanted after two tries, 91 % with 0.5, 83 % with 0"""
 SMALL = 1e-6
 """m"""
 
