@@ -6,6 +6,7 @@ because they appear in results. To add an effect see docs/effects.md: write its 
 
 from collections.abc import Callable, Iterable
 
+from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.cables.cable_mass import CableMass
 from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
@@ -105,8 +106,10 @@ def by_id(robot: Robot, id: str, cable: int | None = None) -> tuple[NamedEffect,
     every = catalogue(robot)
     named = [effect for effect in every if effect.id == id]
     if not named:
-        known = ", ".join(dict.fromkeys(effect.id for effect in every))
-        raise SetupError(f"No effect is called '{id}'.", hint=f"Known: {known}.")
+        ids = dict.fromkeys(effect.id for effect in every)
+        near = nearest(id, ids)
+        meant = f"Did you mean {near}? " if near else ""
+        raise SetupError(f"No effect is called '{id}'.", hint=f"{meant}Known: {', '.join(ids)}.")
     found = tuple(effect for effect in named if cable is None or effect.cable == cable)
     if not found:
         raise SetupError(f"{id}: there is none for cable {cable} of a robot with {robot.n} cables.")

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidim_lab.arrays import Vector3
+from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.errors import SetupError
 from sim_backends.plant.kinds import Key, Kind, xyz
 from sim_backends.plant.outside import OUTSIDE
@@ -69,28 +70,33 @@ CATALOGUE: Mapping[str, Kind] = {
     "air-drag-linear": Kind({"c": Key(0.5, "N s/m", "drag at the centre of mass")}),
     "air-drag-quadratic": Kind({"c": Key(1.0, "N s²/m²", "drag at the centre of mass")}),
     "rotational-drag": Kind({"c": Key(0.04, "N m s", "drag of the rotation")}),
-    "swivel-friction": Kind({"c": Key(0.007, "N m", "dry torque about each swivel axis")}),
+    "swivel-friction": Kind({"c": Key(0.007, "N m", "dry torque about each swivel axis", low=0.0)}),
     "swivel-damping": Kind({"c": Key(0.02, "N m s", "damping about each swivel axis")}),
     "swivel-inertia": Kind({"J": Key(0.01, "kg m²", "inertia about each swivel axis")}),
     "pulley-friction": Kind(
-        {"viscous": Key(0.02, "N m s", "against the wrap rate"), "dry": Key(0.01, "N m", "against the wrap rate")}
+        {
+            "viscous": Key(0.02, "N m s", "against the wrap rate"),
+            "dry": Key(0.01, "N m", "against the wrap rate", low=0.0),
+        }
     ),
     "attachment-friction": Kind(
-        {"viscous": Key(0.01, "N m s", "at each attachment"), "dry": Key(0.01, "N m", "at each attachment")}
+        {"viscous": Key(0.01, "N m s", "at each attachment"), "dry": Key(0.01, "N m", "at each attachment", low=0.0)}
     ),
     "cable-elasticity": Kind(
         {
-            "EA": Key(2e5, "N", "stretch is ρ τ/EA"),
-            "k": Key(0.0, "N/m", "stiffness of a cable whatever its length, instead of EA where not 0"),
+            "EA": Key(2e5, "N", "stretch is ρ τ/EA", low=0.0),
+            "k": Key(0.0, "N/m", "stiffness of a cable whatever its length, instead of EA where not 0", low=0.0),
             "c": Key(40.0, "N s/m", "damping of the stretch"),
         },
         any_cable=True,
     ),
     "winch-hold-compliance": Kind(
-        {"k": Key(1e5, "N/m", "of the held winch"), "c": Key(40.0, "N s/m", "damping of the held winch")},
+        {"k": Key(1e5, "N/m", "of the held winch", low=0.0), "c": Key(40.0, "N s/m", "damping of the held winch")},
         one_cable=True,
     ),
-    "cable-creep": Kind({"delta": Key(0.003, "m", "final creep"), "T": Key(5.0, "s", "time constant")}, one_cable=True),
+    "cable-creep": Kind(
+        {"delta": Key(0.003, "m", "final creep"), "T": Key(5.0, "s", "time constant", low=0.0)}, one_cable=True
+    ),
     "cable-mass": Kind({"mu": Key(0.02, "kg/m", "linear density")}),
     "anchor-offset": Kind(xyz("d", (0.005, -0.004, 0.003), "m", "true minus stated entry point"), one_cable=True),
     "attachment-offset": Kind(xyz("d", (0.003, -0.002, 0.002), "m", "true minus stated attachment"), one_cable=True),
@@ -105,9 +111,9 @@ CATALOGUE: Mapping[str, Kind] = {
     "constant-force": Kind(xyz("f", (0.3, -0.4, 0.0), "N", "at the centre of mass")),
     "umbilical": Kind(
         {
-            "k": Key(4.0, "N/m", "spring"),
+            "k": Key(4.0, "N/m", "spring", low=0.0),
             "c": Key(0.3, "N s/m", "damper"),
-            "rest": Key(0.0, "m", "length below which it is slack"),
+            "rest": Key(0.0, "m", "length below which it is slack", low=0.0),
             **xyz("", (0.6, 0.5, 0.3), "m", "fixed end, from the middle of the entry points"),
             **xyz("b", (0.0, 0.0, 0.0), "m", "platform's end, body frame"),
         }
@@ -116,7 +122,7 @@ CATALOGUE: Mapping[str, Kind] = {
         {
             "m": Key(0.3, "kg", "loose mass"),
             "f": Key(2.6, "Hz", "its frequency on the held platform"),
-            "zeta": Key(0.03, "1", "damping ratio"),
+            "zeta": Key(0.03, "1", "damping ratio", low=0.0),
             **xyz("b", (0.0, 0.0, 0.15), "m", "where it is held, body frame"),
         }
     ),
@@ -131,9 +137,9 @@ CATALOGUE: Mapping[str, Kind] = {
     ),
     "sensor-fault": Kind(
         {
-            "outliers": Key(0.01, "1", "share of marker samples that are off"),
-            "size": Key(0.01, "m", "standard deviation of an outlier"),
-            "frozen": Key(0.1, "s", "how long one run of samples repeats itself"),
+            "outliers": Key(0.01, "1", "share of marker samples that are off", low=0.0, high=1.0),
+            "size": Key(0.01, "m", "standard deviation of an outlier", low=0.0),
+            "frozen": Key(0.1, "s", "how long one run of samples repeats itself", low=0.0),
             "jump": Key(0.0, "m", "step of the main marker's x in the middle of a window"),
         }
     ),
@@ -141,7 +147,7 @@ CATALOGUE: Mapping[str, Kind] = {
         {
             "k": Key(-2.0, "N", "force of the field: k r/w exp(-r²/2w²)"),
             **xyz("", (-0.08, -0.07, -0.7), "m", "its middle, from the middle of the entry points"),
-            "w": Key(0.15, "m", "its width"),
+            "w": Key(0.15, "m", "its width", low=0.0),
         }
     ),
 }
@@ -159,7 +165,9 @@ def parse_effect(text: str, cables: int) -> HiddenEffect:
     name, _, rest = text.partition(":")
     kind = KNOWN.get(name.strip())
     if kind is None:
-        raise SetupError(f"--hide {text}: no effect is called '{name}'.", hint=f"Known: {', '.join(KNOWN)}.")
+        near = nearest(name.strip(), KNOWN)
+        meant = f"Did you mean {near}? " if near else ""
+        raise SetupError(f"--hide {text}: no effect is called '{name}'.", hint=f"{meant}Known: {', '.join(KNOWN)}.")
     given = dict(_pair(text, part, kind) for part in rest.split(",") if part.strip())
     cable = _cable(text, given.pop("cable", None), kind, cables)
     values = {key: given.get(key, spec.default) for key, spec in kind.keys.items()}
@@ -177,6 +185,11 @@ def _pair(text: str, part: str, kind: Kind) -> tuple[str, float]:
         number = np.nan
     if not np.isfinite(number):
         raise SetupError(f"--hide {text}: {key} is '{value}', which is not a finite number.")
+    spec = kind.keys.get(key)
+    if spec is not None and not spec.lowest <= number <= spec.high:
+        most = "" if spec.high == np.inf else f" to {spec.high:g}"
+        says = f"{key} is {number:g} {spec.unit} ({spec.says}); {spec.lowest:g}{most or ' or more'} can be meant."
+        raise SetupError(f"--hide {text}: {says}")
     return key, number
 
 

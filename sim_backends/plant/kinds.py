@@ -1,7 +1,11 @@
 """What an effect that can be hidden is made of: its keys with unit and default, and whether it belongs to one cable."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+
+NOT_NEGATIVE = frozenset(("N s/m", "N s²/m²", "N s³/m³", "N m s", "kg m²", "kg/m", "kg", "Hz"))
+"""units of damping, inertia, mass and frequency"""
 
 
 @dataclass(frozen=True)
@@ -11,6 +15,14 @@ class Key:
     default: float
     unit: str
     says: str
+    low: float | None = None
+    """what it may not be below; None: 0 where its unit says that less makes energy, or mass, out of nothing"""
+    high: float = math.inf
+
+    @property
+    def lowest(self) -> float:
+        """The smallest value that can be meant."""
+        return self.low if self.low is not None else 0.0 if self.unit in NOT_NEGATIVE else -math.inf
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ OUTSIDE: Mapping[str, Kind] = {
     "unknown-knock": Kind(
         {
             **xyz("f", (0.5, 0.3, 0.0), "N", "largest force at the centre of mass"),
-            "period": Key(0.9, "s", "from knock to knock"),
-            "w": Key(0.03, "s", "half width of a knock"),
+            "period": Key(0.9, "s", "from knock to knock", low=0.0),
+            "w": Key(0.03, "s", "half width of a knock", low=0.0),
         }
     ),
     "unknown-cubic": Kind({"c": Key(3.0, "N s³/m³", "drag that grows with the third power of speed")}),
@@ -25,7 +25,7 @@ OUTSIDE: Mapping[str, Kind] = {
         {
             "c": Key(2.0, "N s/m", "drag where it is strongest: a copper plate"),
             **_PLACE,
-            "w": Key(0.1, "m", "its width"),
+            "w": Key(0.1, "m", "its width", low=0.0),
         }
     ),
     "unknown-ripple": Kind(

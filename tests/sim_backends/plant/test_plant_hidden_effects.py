@@ -40,6 +40,11 @@ def test_an_effect_is_read_with_its_defaults():
     ("text", "says"),
     [
         ("air-drag", "Known: air-drag-linear"),
+        ("air-drag-lineer", "Did you mean air-drag-linear? Known"),
+        ("air-drag-linear:c=-0.1", "c is -0.1 N s/m (drag at the centre of mass); 0 or more can be meant"),
+        ("sensor-fault:outliers=1.5", "0 to 1 can be meant"),
+        ("cable-creep:T=-1", "0 or more can be meant"),
+        ("loose-mass:m=-1", "0 or more can be meant"),
         ("air-drag-linear:d=1", "Allowed: c"),
         ("air-drag-linear:c", "Allowed: c"),
         ("air-drag-linear:cable=1", "Allowed: c"),
