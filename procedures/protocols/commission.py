@@ -62,7 +62,7 @@ def _told(result: Result) -> str:
     if result.outcome.usable and result.values:
         time, way = result.values
         return f"{time:.2f} s, {way * 1e3:.1f} mm"
-    return f"{result.outcome} ({result.reason})"
+    return f"{result.outcome} ({result.reason})" if result.reason else str(result.outcome)
 
 
 def _commission(plan: Plan, settings: Settings) -> Steps:
@@ -108,7 +108,7 @@ def _tried(window: str, index: int, settings: Settings) -> Generator[Step, Resul
 
 
 _WORD = (
-    "The winches will move and stop by themselves, one after another, and their drives will be cheated of their host. "
+    "The winches will move, one after another, and must stop by themselves; heartbeat and SYNC are withheld meanwhile. "
     "Is there no load on any cable, the platform on its stand, nobody within reach, and the emergency stop at hand?"
 )
 _NEXT = "Next is {0}: may it wind and pay out, at low speed, without load?"
