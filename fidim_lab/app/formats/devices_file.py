@@ -6,6 +6,7 @@ motion capture with its decoder. Written when a run begins, and again when it ha
 
 import asyncio
 import json
+import shutil
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -23,6 +24,7 @@ from fidim_lab.errors import DeviceError
 from procedures.recording.disk import disk_error
 
 DEVICES = "devices.json"
+EDS_FOLDER = "eds"
 FORMAT = "fidim-devices/1"
 
 
@@ -102,10 +104,12 @@ async def read_back(rig: Rig) -> Devices:
 
 
 def write_devices(folder: Path, devices: Devices) -> None:
-    """Raises HardwareError when the disk fails."""
+    """The file, and the EDS files that its drives were read by. Raises HardwareError when the disk fails."""
     path = folder / DEVICES
     part = path.with_name(f"{DEVICES}.part")
     try:
+        for winch in devices.winches:
+            _keep_eds(folder, winch.config)
         part.write_text(json.dumps(_DEVICES.dump_python(devices, mode="json"), indent=1) + "\n", encoding="utf-8")
         part.replace(path)
     except OSError as error:
@@ -113,10 +117,10 @@ def write_devices(folder: Path, devices: Devices) -> None:
 
 
 def read_devices(folder: Path) -> Devices:
-    """Raises FileError where it is missing or wrong. An EDS file that is gone is replaced by our generic one."""
+    """Raises FileError where it is missing or wrong. Where no EDS file was kept and its own is gone, ours stands in."""
     path = folder / DEVICES
     devices = read_json_as(path, _DEVICES.validate_python)
-    return replace(devices, winches=tuple(replace(w, config=_with_eds(w.config)) for w in devices.winches))
+    return replace(devices, winches=tuple(replace(w, config=_with_eds(folder, w.config)) for w in devices.winches))
 
 
 def _winch(winch: Cia402Winch) -> WinchEntry:
@@ -146,5 +150,21 @@ async def _read_again(winch: Cia402Winch, entry: WinchEntry) -> WinchEntry:
     return replace(entry, parameters=tuple(parameters))
 
 
-def _with_eds(config: WinchConfig) -> WinchConfig:
+def _kept_eds(folder: Path, config: WinchConfig) -> Path:
+    return folder / EDS_FOLDER / f"node{config.node_id}.eds"
+
+
+def _keep_eds(folder: Path, config: WinchConfig) -> None:
+    """A maker's dictionary says what its drive's PDOs carry: without it the raw bus log could not be read elsewhere."""
+    kept = _kept_eds(folder, config)
+    if config.eds == GENERIC_EDS or kept.exists() or not config.eds.exists():
+        return
+    kept.parent.mkdir(exist_ok=True)
+    shutil.copyfile(config.eds, kept)
+
+
+def _with_eds(folder: Path, config: WinchConfig) -> WinchConfig:
+    kept = _kept_eds(folder, config)
+    if kept.is_file():
+        return replace(config, eds=kept)
     return config if config.eds.exists() else replace(config, eds=GENERIC_EDS)

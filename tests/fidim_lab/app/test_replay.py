@@ -3,12 +3,14 @@
 import asyncio
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.mocap.description import describe
 from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.packet_log import PacketLog, read_packets
@@ -16,7 +18,16 @@ from drivers.mocap.upright import Upright
 from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from drivers.ports import DriveState, MarkerFrame, WinchSample
 from fidim_lab.app.cli import run
-from fidim_lab.app.formats.devices_file import DEVICES, Parameter, WinchEntry, _read_again, read_devices
+from fidim_lab.app.formats.devices_file import (
+    DEVICES,
+    Devices,
+    GradeLine,
+    Parameter,
+    WinchEntry,
+    _read_again,
+    read_devices,
+    write_devices,
+)
 from fidim_lab.app.records.replay_windows import Expected
 from fidim_lab.app.records.verify import verify
 
@@ -220,3 +231,20 @@ def test_the_notebook_runs_cell_by_cell(rehearsed, monkeypatch):
     assert 0.2 < names["swings"].loc["i01", "Hz"] < 5.0
     assert 5.0 < names["tension"].min() < names["tension"].max() < 250.0
     assert any("record" in text for text in names["events"])
+
+
+def test_the_dictionary_of_a_makers_drive_goes_with_the_run(tmp_path):
+    eds = tmp_path / "maker.eds"
+    eds.write_bytes(GENERIC_EDS.read_bytes())
+    values = {"counts_per_turn": 4096.0, "drum_radius": 0.03, "rated_current": 5.0, "current_limit": 6.0}
+    values |= {"max_speed": 0.3, "max_acceleration": 1.0, "length_limits": (0.3, 3.0)}
+    config = WinchConfig(name="winch 1", node_id=7, eds=eds, **values)
+    grade = GradeLine("speed limit", "good to have", "configured", "607F:0")
+    folder = tmp_path / "run"
+    folder.mkdir()
+    write_devices(folder, Devices((WinchEntry(config, (), (grade,)),), None))
+    eds.unlink()
+    [found] = read_devices(folder).winches
+    assert found.config == replace(config, eds=folder / "eds" / "node7.eds")
+    assert found.config.eds.read_bytes() == GENERIC_EDS.read_bytes()
+    assert found.grades == (grade,)
