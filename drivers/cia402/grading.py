@@ -58,8 +58,9 @@ def _as_configured(requirement: Requirement, config: WinchConfig) -> Requirement
     vendor = own.get(requirement.key)
     if vendor is not None:
         return replace(requirement, objects=((f"{vendor.index:04X}:{vendor.sub:X}",), *requirement.objects))
-    if requirement.key == "position command" and config.mode is Mode.PROFILE_POSITION:
-        return replace(requirement, objects=(("6060:0", "6061:0", "607A:0", "6081:0", "6083:0"),))
+    if requirement.key == "position command":
+        ramps = ("6081:0", "6083:0") if config.mode is Mode.PROFILE_POSITION else ("60C2:1", "60C2:2")
+        return replace(requirement, objects=((*requirement.objects[0], *ramps),))
     return requirement
 
 
