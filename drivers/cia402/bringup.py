@@ -206,8 +206,8 @@ async def _compare(link: NodeLink, entry: ObjectValue) -> Check:
 async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> Check:
     """Write 6060 and look at 6061: a drive may keep its old mode without a word.
 
-    Some drives display no mode (0) before they are enabled, and hold what they were told in 6060 until then: enabling
-    looks again, and takes the power away at once where the mode is not displayed.
+    Some families display no mode (0) before they are enabled, and hold what they were told in 6060 until then:
+    enabling looks again, and takes the power away at once where the mode is not displayed.
     """
     wanted = link.mode = config.mode
     deadline = master.clock.now() + config.step_timeout
@@ -218,10 +218,11 @@ async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfi
         found = await link.sdo.read(0x6061)
     link.decoder.displayed = found
     name, ok = mode_name(found), found == wanted
-    if found == Mode.NONE:
-        with contextlib.suppress(SdoRefusedError):
-            ok = await link.sdo.read(0x6060) == wanted
-            name += " until it is enabled" if ok else ""
+    if found == Mode.NONE and config.family.mode_shown == "enabled":
+        ok = await link.sdo.read(0x6060) == wanted
+        name += " until it is enabled"
+    elif found == Mode.NONE:
+        name += ", of a drive that its family does not say to show it only when enabled (mode_shown)"
     return Check("6061:0", "mode of operation", mode_name(wanted), name, ok=ok)
 
 

@@ -16,8 +16,9 @@ from fidim_lab.errors import FileError
 FORMAT = "fidim-drive-family/1"
 FOLDER = Path(__file__).parent / "families"
 LOADS = ("current", "torque")
+MODES_SHOWN = ("always", "enabled")
 _KEYS = {"format", "name", "source", "speed", "velocity", "acceleration", "load", "rated_current", "current_limit"} | {
-    *("absent", "read_only", "not_mappable")
+    *("absent", "read_only", "not_mappable", "mode_shown")
 }
 
 
@@ -73,6 +74,8 @@ class DriveFamily:
     """objects that it shows and does not let be written, and why that is known"""
     not_mappable: Mapping[str, str] = field(default_factory=dict[str, str])
     """objects that no PDO carries, and why that is known"""
+    mode_shown: str = "always"
+    """"always", or "enabled": 6061 is 0 until the drive is enabled"""
 
 
 GENERIC_FAMILY = DriveFamily()
@@ -101,6 +104,9 @@ def read_family(path: Path) -> DriveFamily:
     load = table.get("load", "current")
     if not isinstance(load, dict) and load not in LOADS:
         raise FileError(path, "load", f"{load!r}; there are {', '.join(LOADS)}, or a table of a vendor object")
+    shown = str(table.get("mode_shown", "always"))
+    if shown not in MODES_SHOWN:
+        raise FileError(path, "mode_shown", f"{shown!r}; there are {', '.join(MODES_SHOWN)}")
     return DriveFamily(
         name=str(table.get("name", path.stem)),
         source=str(table.get("source", "")),
@@ -114,6 +120,7 @@ def read_family(path: Path) -> DriveFamily:
         absent=_objects(path, "absent", table),
         read_only=_objects(path, "read_only", table),
         not_mappable=_objects(path, "not_mappable", table),
+        mode_shown=shown,
     )
 
 

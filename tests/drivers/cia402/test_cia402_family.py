@@ -91,6 +91,7 @@ WRONG = {
     "limit": (f"{GOOD}current_limit = 3", "current_limit: 3; a table"),
     "absent": (f'{GOOD}absent = {{ "6072:0" = "" }}', "with a text each"),
     "unit": (f"{GOOD}acceleration = '0 turns/s'", "acceleration: '0 turns/s'; there are"),
+    "mode shown": (f"{GOOD}mode_shown = 'never'", "mode_shown: 'never'; there are always, enabled"),
     "no unit": (f"{GOOD}velocity = 3", "velocity: '3'; there are"),
     "no TOML": ("= 3", "is not TOML"),
 }
