@@ -5,6 +5,7 @@ hold for any data of free motion with locked motors, however good; `NEAR` ones n
 one effect's influence that the other explains).
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -120,3 +121,45 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         "equilibria far apart: the body's inertia is the same everywhere, the swivels' lever is not",
     ),
 )
+
+SHARED: Mapping[str, tuple[str, ...]] = {
+    "dissipation of rotation": (
+        "rotational-drag",
+        "swivel-friction",
+        "swivel-damping",
+        "pulley-friction",
+        "attachment-friction",
+    ),
+    "dissipation": ("air-drag-linear", "air-drag-quadratic"),
+    "geometry of the robot file": (
+        "anchor-offset",
+        "attachment-offset",
+        "pulley-radius",
+        "cable-length-bias",
+        "marker-offset",
+        "frame-misalignment",
+        "gravity-tilt",
+    ),
+    "cables or winches that yield": ("cable-elasticity", "winch-hold-compliance", "cable-creep"),
+    "mass beside the rigid body": ("swivel-inertia", "cable-mass", "loose-mass"),
+    "an oscillation": ("periodic-force", "frame-sway"),
+    "a force beside gravity": ("constant-force", "umbilical"),
+    "clocks": ("clock-rate", "time-offset"),
+}
+"""what effects have in common: what is told of a class whose members cannot be told apart"""
+WIDER: Mapping[str, tuple[str, ...]] = {
+    "dissipation": ("dissipation of rotation", "dissipation"),
+}
+"""what several of these have in common"""
+
+
+def shared_by(ids: Iterable[str]) -> str | None:
+    """What all of some effects have in common; None where that is nothing."""
+    wanted = set(ids)
+    for name, members in SHARED.items():
+        if wanted <= set(members):
+            return name
+    for name, kinds in WIDER.items():
+        if wanted <= {id for kind in kinds for id in SHARED[kind]}:
+            return name
+    return None

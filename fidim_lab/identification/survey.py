@@ -5,6 +5,7 @@ parameter θ of the model with that prior about 0 (the file's value), so that es
 and every standard deviation counts what they do not. Combinations that no recording shows (gauges) stay at their prior.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,16 @@ def typical(robot: Robot) -> Survey:
     return Survey.alike(robot.n, TYPICAL_ANCHOR, TYPICAL_ATTACHMENT)
 
 
+def usual(robot: Robot, factor: float = 1.0) -> tuple[Nuisance, ...]:
+    """What a usual survey leaves open, its standard deviations so many times as large."""
+    return nuisances(robot, typical(robot).scaled(factor))
+
+
+def stated(robot: Robot) -> tuple[Nuisance, ...]:
+    """What the robot file's own survey leaves open; nothing where it has none."""
+    return () if robot.survey is None else nuisances(robot, robot.survey)
+
+
 def nuisances(robot: Robot, survey: Survey) -> tuple[Nuisance, ...]:
     """Everything that the survey leaves open, in a fixed order; nothing for an exact one."""
     found: list[Nuisance] = []
@@ -70,6 +81,6 @@ def nuisances(robot: Robot, survey: Survey) -> tuple[Nuisance, ...]:
     return tuple(one for one in found if any(one.sd))
 
 
-def prior_sd(open_geometry: tuple[Nuisance, ...]) -> Float[np.ndarray, " theta"]:
+def prior_sd(open_geometry: Sequence[Nuisance]) -> Float[np.ndarray, " theta"]:
     """Standard deviations of all θ, in the order of the nuisances."""
     return np.maximum(np.concatenate([np.zeros(0), *(one.sd for one in open_geometry)]), EXACT)

@@ -5,11 +5,12 @@ A pipeline of stages, each of which hands one frozen value to the next:
     campaign → Cleaned (`clean`) → Baseline (`baseline`) → Cleaned (`audit`), and then a Baseline again
              → Selection (`select`), and where a push is all that is left, without it from Baseline on (`restarts`)
              → Cleaned (`restored`), and where that changed once more Baseline and Selection;
-               and so once more where the clocks run apart (`timing`)
+               and so once more where the clocks run apart (`timing`);
+               and all with the geometry open, where that says more (`general_geometry`)
              → Judged (`verdict`, `outdone`) → Explanation (`telling`, `timing`, `unnamed`), as recorded (`aftermath`)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -18,16 +19,20 @@ from fidim_lab.data.records import Campaign
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.choice import soft_mode
 from fidim_lab.identification.cleaning.free_motion import whole_id
+from fidim_lab.identification.mle.geometry import ODDS
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
 from fidim_lab.mismatch.cleaning.residual_checks import audit
 from fidim_lab.mismatch.cleaning.restored import restored, without_needless_contacts, without_needless_faults
+from fidim_lab.mismatch.conclusion.answer import with_answer
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
 from fidim_lab.mismatch.conclusion.message import body_parameters, tell
+from fidim_lab.mismatch.conclusion.opened_once import with_test
 from fidim_lab.mismatch.conclusion.parsimony_check import unless_outdone
 from fidim_lab.mismatch.conclusion.soft_cables import compare
 from fidim_lab.mismatch.conclusion.soft_message import soft_answer
+from fidim_lab.mismatch.conclusion.surveyed import with_geometry
 from fidim_lab.mismatch.conclusion.timing import retimed, with_timing
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.conclusion.verdict import judge
@@ -35,7 +40,9 @@ from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
 from fidim_lab.mismatch.selection.candidates import Candidate
+from fidim_lab.mismatch.selection.general_geometry import instead_of_a_search, opened, rival
 from fidim_lab.mismatch.selection.select import Selection, select
+from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import Say
 
 MOST_CUTS = 2
@@ -52,43 +59,97 @@ def explain(
     Raises RefusedError where no window can be fitted at all, or where the robot file is grossly and simply wrong.
     """
     begin, until = perf_counter(), Patience(patience)
-    mechanism = ready(campaign.robot, native=native)
-
-    def look(
-        cleaned: Cleaned, baseline: Baseline | None = None, known: Completed | None = None, cuts: int = MOST_CUTS
-    ) -> _Looked:
-        campaign = cleaned.campaign
-        baseline = baseline or fit_baseline(campaign, native=native, say=say, mechanism=mechanism)
-        found = select(baseline, say, pushes=cuts > 0, known=known, patience=until)
-        if not found.pushes:
-            return _Looked(cleaned, baseline, found)
-        again = look(_without(cleaned, found.pushes, say), known=found.best.model, cuts=cuts - 1)
-        if again.found.best.is_white or until.ended:
-            return again
-        return _Looked(cleaned, baseline, select(baseline, say, pushes=False, patience=until))
-
     cleaned = clean(campaign, say=say)
-    baseline = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism)
-    audited = audit(cleaned, baseline, say=say)
-    first = look(audited, baseline if audited is cleaned else None)
-    kept = restored(cleaned, first.cleaned, first.found.best.model, say)
-    if kept is not first.cleaned:
-        known, again = first.found.best.model, baseline if _all_put_back(cleaned, kept) else None
-        first = look(kept, again, known=known)
-    last = _by_the_right_clock(first, look, say)
+    mechanism = ready(campaign.robot, native=native)
+    exact = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism)
+    way = _Way(mechanism, say, until)
+    surveyed = instead_of_a_search(exact, say)
+    first, last = way.gone(cleaned, surveyed or exact)
+    if surveyed is None:
+        first, last = _with_geometry_open(way, cleaned, exact, first, last)
     judged = unless_outdone(judge(last.found), last.found, last.cleaned.campaign, say)
     told = tell(last.baseline, last.found, judged, perf_counter() - begin)
-    if last is not first:
-        told = _before(first, told)
+    if last is not first or last.baseline.geometry:
+        told = _before(exact if last.baseline.geometry else first.baseline, told)
+    told = with_geometry(told, last.baseline, exact, judged)
     told = with_timing(told, judged.named.model, put_right=last is not first)
     whole = with_unknown(told, judged.named, last.cleaned.campaign, say, judged.outdone_by)
+    last_word = judged.named.model if whole.unknown is None else Completed((), whole.unknown.fit, whole=True)
+    whole = with_test(whole, last.cleaned.campaign, exact, last_word)
     audited = last.cleaned
     if last.found.best.is_white and judged.outdone_by is None:
         audited = without_needless_faults(campaign, audited, last.found.best.model)
     if whole.unknown is not None and audited.contacts:
         audited = without_needless_contacts(cleaned, audited, whole.unknown.fit)
     whole = _with_soft_mode(whole, audited.campaign, say)
-    return with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)
+    return with_answer(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited))
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """From a cleaned campaign to where its search ends."""
+
+    mechanism: Mechanism
+    """the model as it is"""
+    say: Say
+    patience: Patience
+
+    def gone(self, cleaned: Cleaned, baseline: Baseline) -> "tuple[_Looked, _Looked]":
+        """As recorded, and as the clocks have it: the same where nothing is wrong with these."""
+        audited = audit(cleaned, baseline, say=self.say)
+        first = self._look(audited, baseline if audited is cleaned else self._fitted(audited, baseline))
+        kept = restored(cleaned, first.cleaned, first.found.best.model, self.say)
+        if kept is not first.cleaned:
+            again = baseline if _all_put_back(cleaned, kept) else self._fitted(kept, baseline)
+            first = self._look(kept, again, first.found.best.model)
+        return first, self._by_the_right_clock(first)
+
+    def _fitted(self, cleaned: Cleaned, like: Baseline) -> Baseline:
+        """The baseline of other windows, with the same geometry open."""
+        native, mechanism = self.mechanism.native, self.mechanism
+        return fit_baseline(cleaned.campaign, native=native, say=self.say, mechanism=mechanism, geometry=like.geometry)
+
+    def _look(
+        self, cleaned: Cleaned, baseline: Baseline, known: Completed | None = None, cuts: int = MOST_CUTS
+    ) -> "_Looked":
+        found = select(baseline, self.say, pushes=cuts > 0, known=known, patience=self.patience)
+        if not found.pushes:
+            return _Looked(cleaned, baseline, found)
+        less = _without(cleaned, found.pushes, self.say)
+        again = self._look(less, self._fitted(less, baseline), known=found.best.model, cuts=cuts - 1)
+        if again.found.best.is_white or self.patience.ended:
+            return again
+        return _Looked(cleaned, baseline, select(baseline, self.say, pushes=False, patience=self.patience))
+
+    def _by_the_right_clock(self, first: "_Looked") -> "_Looked":
+        """The search with the cameras' stamps put right, where currents say that they run away; else `first` itself.
+
+        A clock that runs fast looks like a little more gravity, and blurs what is missing besides. The other time is
+        kept where as much is explained with it by no more effects.
+        """
+        best = first.found.best
+        campaign = retimed(first.cleaned.campaign, best.model)
+        if campaign is None:
+            return first
+        self.say("by the motor currents the clocks run apart: looking again with the cameras' put right")
+        cleaned = replace(first.cleaned, campaign=campaign)
+        again = self._look(cleaned, self._fitted(cleaned, first.baseline))
+        return again if _unexplained(again.found.best) <= _unexplained(best) else first
+
+
+def _with_geometry_open(
+    way: _Way, cleaned: Cleaned, exact: Baseline, first: "_Looked", last: "_Looked"
+) -> "tuple[_Looked, _Looked]":
+    """The way with an open geometry, where that says more than what was found and explains as much; else as it was."""
+    best = last.found.best
+    settled = best.is_white and not best.model.tried
+    if settled or exact.campaign.robot.survey is not None or way.patience.ended:
+        return first, last
+    general = rival(last.found.last)
+    if general is None or general.best < ODDS:
+        return first, last
+    again, end = way.gone(cleaned, opened(exact, general, way.say))
+    return (again, end) if _unexplained(end.found.best) <= _unexplained(best) else (first, last)
 
 
 def _all_put_back(cleaned: Cleaned, kept: Cleaned) -> bool:
@@ -116,34 +177,19 @@ class _Looked:
     found: Selection
 
 
-def _by_the_right_clock(first: _Looked, look: Callable[[Cleaned], _Looked], say: Say) -> _Looked:
-    """The search with the cameras' stamps put right, where motor currents say that they run away; else `first` itself.
-
-    A clock that runs fast looks like a little more gravity, and blurs what is missing besides. The other time is kept
-    where as much is explained with it by no more effects.
-    """
-    best = first.found.best
-    campaign = retimed(first.cleaned.campaign, best.model)
-    if campaign is None:
-        return first
-    say("by the motor currents the clocks run apart: looking again with the cameras' put right")
-    again = look(replace(first.cleaned, campaign=campaign))
-    return again if _unexplained(again.found.best) <= _unexplained(best) else first
-
-
 def _unexplained(best: Candidate) -> tuple[bool, float]:
     """Whether anything is left, and then how much; else by how many effects nothing is."""
     return (not best.is_white, len(best.model.tried) if best.is_white else best.whiteness.excess)
 
 
-def _before(first: _Looked, told: Explanation) -> Explanation:
-    """The answer beside the model as it is, of the campaign as its clocks have it."""
-    held, campaign = first.found.baseline.held_out, first.baseline.campaign
+def _before(first: Baseline, told: Explanation) -> Explanation:
+    """The answer beside the model as it is: of the campaign as its clocks have it, of the robot as its file has it."""
+    held = first.predicted
     return replace(
         told,
         chi2_per_dof=replace(told.chi2_per_dof, before=held.chi2_per_dof),
         rms_mm=replace(told.rms_mm, before=1e3 * held.rms),
-        parameters_before=body_parameters(first.baseline.fit, campaign),
+        parameters_before=body_parameters(first.fit, first.campaign),
     )
 
 

@@ -53,18 +53,23 @@ def explain_command(
 
 
 def summary(explanation: Explanation) -> RenderableType:
-    """The whole answer for a terminal: verdict, effects, what was tried, the body before and after."""
+    """The whole answer for a terminal: four short parts, effects, what was tried, the body, details."""
     parts: list[RenderableType] = [
         Text(f"{explanation.campaign}: {explanation.verdict.value}", style="bold"),
-        Text(explanation.message),
+        *_parts(explanation),
         *(effect_table(cause) for cause in explanation.effects),
         *(Text(place.says) for place in explanation.where),
         ranking_table(explanation),
         parameter_table(explanation),
+        Text(explanation.message),
     ]
-    if explanation.next_experiment is not None:
-        parts.append(Text(f"Next: {explanation.next_experiment}"))
     return Group(*parts)
+
+
+def _parts(explanation: Explanation) -> list[RenderableType]:
+    """The answer in four short parts."""
+    answer = explanation.answer
+    return [] if answer is None else [Text(f"{title}: {said}") for title, said in answer.parts]
 
 
 def effect_table(cause: NamedCause) -> Table:

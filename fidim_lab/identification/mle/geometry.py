@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.data.records import Robot, Window
+from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.identification.mle.trajectories.likelihood import Point
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort
 from fidim_lab.identification.mle.warm_start import gone_on
-from fidim_lab.identification.survey import Nuisance, nuisances, prior_sd, typical
+from fidim_lab.identification.survey import Nuisance, nuisances, prior_sd, usual
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 
@@ -29,8 +30,6 @@ FACTORS = np.geomspace(0.1, 30.0, 50)
 """times a usual survey: what robot files are off by, from a tenth of a millimetre to three centimetres"""
 SPREAD_OF_FACTORS = np.log(3.0)
 """standard deviation of the factor's logarithm about 0, before any data: two of three surveys are within a factor 3"""
-SETTLING = 4
-"""rounds in which χ²/dof and the best point agree to a thousandth"""
 GLANCE = replace(FINAL, rounds=0)
 """one simulation with derivatives, no step"""
 SAME = 1.3
@@ -60,14 +59,13 @@ def fit_surveyed(mechanism: Mechanism, windows: list[Window]) -> Surveyed:
             return Surveyed(fit(mechanism, windows))
         opened = nuisances(robot, robot.survey)
         return Surveyed(_opened(mechanism, windows, opened), opened)
-    exact = fit(mechanism, windows)
-    return _weighed(exact, windows, robot)
+    return _weighed(fit(mechanism, windows), windows)
 
 
-def _weighed(exact: Fit, windows: list[Window], robot: Robot) -> Surveyed:
+def _weighed(exact: Fit, windows: list[Window]) -> Surveyed:
     """The exact geometry against a usual survey."""
-    survey = typical(robot)
-    opened = nuisances(robot, survey)
+    robot = exact.likelihood.mechanism.robot
+    opened = usual(robot)
     begun = continued(exact, opened, GLANCE)
     if begun is not None and exact.settled:
         foretold = _evidence(exact, begun, opened)
@@ -77,7 +75,7 @@ def _weighed(exact: Fit, windows: list[Window], robot: Robot) -> Surveyed:
     found = _opened(exact.likelihood.mechanism, windows, opened) if found is None else found
     weighed = _evidence(exact, found, opened)
     if not 1 / SAME < weighed.factor < SAME:
-        opened = nuisances(robot, survey.scaled(weighed.factor))
+        opened = usual(robot, weighed.factor)
         found = continued(found, opened) or found
     if weighed.log_bayes < -ODDS or (exact.settled and not found.settled):
         return Surveyed(exact, (), weighed.gain, weighed.log_bayes)
@@ -85,28 +83,39 @@ def _weighed(exact: Fit, windows: list[Window], robot: Robot) -> Surveyed:
 
 
 def _opened(mechanism: Mechanism, windows: list[Window], opened: tuple[Nuisance, ...]) -> Fit:
-    return fit(_with(mechanism, opened), windows, theta_sd=prior_sd(opened))
+    return fit(with_geometry(mechanism, opened), windows, theta_sd=prior_sd(opened))
 
 
-def _with(mechanism: Mechanism, opened: tuple[Nuisance, ...]) -> Mechanism:
-    """The robot's mechanism with this geometry open, at the file's values."""
-    return Mechanism(mechanism.robot, tuple(one.effect for one in opened), native=mechanism.native)
+def with_geometry(mechanism: Mechanism, opened: tuple[Nuisance, ...]) -> Mechanism:
+    """The mechanism with this geometry open, at the file's values, behind its effects."""
+    effects, theta = tuple(one.effect for one in opened), np.zeros(len(prior_sd(opened)))
+    return Mechanism(
+        mechanism.robot,
+        (*mechanism.effects, *effects),
+        [*mechanism.theta.tolist(), *theta.tolist()],
+        native=mechanism.native,
+        springs=mechanism.springs,
+        quiet=mechanism.quiet,
+    )
 
 
 def continued(found: Fit, opened: tuple[Nuisance, ...], effort: Effort = FINAL) -> Fit | None:
     """A fit gone on from its optimum with this geometry open (about the file's); None where that cannot be simulated.
 
-    A geometry that is open already keeps its values and takes the new standard deviations.
+    The geometry stands behind the fit's own effects. One that is open already keeps its values and takes the new
+    standard deviations.
     """
     before = found.likelihood
     sd = prior_sd(opened)
     nowhere = np.zeros(len(sd))
-    values = np.concatenate([found.values, nowhere])[: BODY + len(sd)]
-    likelihood = replace(before, mechanism=_with(before.mechanism, opened))
-    plausible = np.concatenate([found.plausible[:BODY], sd])
-    prior = Prior(
-        np.concatenate([found.prior.mean[:BODY], nowhere]), np.concatenate([found.prior.sd[:BODY], sd]), firm=BODY
-    )
+    is_open = before.mechanism.effects[-len(opened) :] == tuple(one.effect for one in opened)
+    kept = len(found.values) - (len(sd) if is_open else 0)
+    values = np.concatenate([found.values, nowhere])[: kept + len(sd)]
+    mechanism = before.mechanism if is_open else with_geometry(before.mechanism, opened)
+    likelihood = replace(before, mechanism=mechanism)
+    plausible = np.concatenate([found.plausible[:kept], sd])
+    mean, spread = found.prior.mean[:kept], found.prior.sd[:kept]
+    prior = Prior(np.concatenate([mean, nowhere]), np.concatenate([spread, sd]), firm=kept)
     return gone_on(found, likelihood, Point(values, found.journey.optimum.point.states), prior, plausible, effort)
 
 
@@ -124,65 +133,31 @@ class _Evidence:
 
 def _evidence(exact: Fit, found: Fit, opened: tuple[Nuisance, ...]) -> _Evidence:
     """From the linearised problem at a point of the open geometry; see the module."""
-    problem = _Linearised.of(found, prior_sd(opened))
+    problem, survey = _linearised(found), prior_sd(opened)
     before = _cost(exact)
-    weights = -0.5 * (np.log(FACTORS) / SPREAD_OF_FACTORS) ** 2
     gains, evidences = np.zeros(len(FACTORS)), np.zeros(len(FACTORS))
     for k, factor in enumerate(FACTORS):
-        left, prior, temper, occam = problem.at(float(factor))
-        gains[k] = (before - left) / temper
-        evidences[k] = 0.5 * (gains[k] - prior - occam)
-    best = int(np.argmax(evidences + weights))
-    over_factors = float(np.logaddexp.reduce(evidences + weights) - np.logaddexp.reduce(weights))
-    return _Evidence(over_factors, float(FACTORS[best]), float(gains[best]))
+        there, temper = problem.settled(factor * survey)
+        gains[k] = (before - there.left) / temper
+        evidences[k] = 0.5 * (gains[k] - there.strain - there.occam + problem.occam_of_body(temper))
+    log_bayes, best = over_factors(evidences)
+    return _Evidence(log_bayes, float(FACTORS[best]), float(gains[best]))
 
 
-@dataclass(frozen=True, eq=False)
-class _Linearised:
-    """The sum of squares of the data near a point as a quadratic function of [body; θ]."""
+def over_factors(evidences: Float[np.ndarray, " F"]) -> tuple[float, int]:
+    """Evidence averaged over the prior of `FACTORS`, and which of them is the most likely."""
+    weights = -0.5 * (np.log(FACTORS) / SPREAD_OF_FACTORS) ** 2
+    average = float(np.logaddexp.reduce(evidences + weights) - np.logaddexp.reduce(weights))
+    return average, int(np.argmax(evidences + weights))
 
-    here: float
-    dof: int
-    information: Float[np.ndarray, "shared shared"]
-    gradient: Float[np.ndarray, " shared"]
-    """half of it"""
-    theta: Float[np.ndarray, " theta"]
-    sd: Float[np.ndarray, " theta"]
-    """of the prior at factor 1"""
 
-    @staticmethod
-    def of(found: Fit, sd: Float[np.ndarray, " theta"]) -> "_Linearised":
-        rows = found.tables.reshape(-1, found.tables.shape[2])
-        whole = rows.T @ rows
-        dof = sum(left.dof for left in found.remainders)
-        return _Linearised(_cost(found), dof, whole[:-1, :-1], whole[:-1, -1], found.values[BODY:], sd)
-
-    def at(self, factor: float) -> tuple[float, float, float, float]:
-        """At the best point for a prior so many times as wide: data's sum of squares, prior's, temper, Occam factor."""
-        weight = np.concatenate([np.zeros(BODY), (factor * self.sd) ** -2.0])
-        place = np.concatenate([np.zeros(BODY), self.theta])
-        temper, left, step = max(1.0, self.here / self.dof), self.here, np.zeros(len(weight))
-        for _ in range(SETTLING):
-            inner = self.information / temper + np.diag(weight)
-            step = -_solved(inner, self.gradient / temper + weight * place)
-            left = max(self.here + float(2 * self.gradient @ step + step @ self.information @ step), 0.0)
-            temper = max(1.0, left / self.dof)
-        inner = self.information / temper + np.diag(weight)
-        occam = _logdet(inner) - _logdet(inner[:BODY, :BODY]) + 2 * float(np.log(factor * self.sd).sum())
-        return left, float(weight @ (place + step) ** 2), temper, occam
+def _linearised(found: Fit) -> Linearised:
+    rows = found.tables.reshape(-1, found.tables.shape[2])
+    whole = rows.T @ rows
+    dof = sum(left.dof for left in found.remainders)
+    return Linearised(_cost(found), dof, whole[:-1, :-1], whole[:-1, -1], found.values[BODY:])
 
 
 def _cost(found: Fit) -> float:
     """Of markers, lengths and the windows' own priors: what the shared parameters' prior adds is counted apart."""
     return found.journey.optimum.simulation.cost
-
-
-def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Of a positive definite matrix whose columns have units of their own."""
-    scale = 1 / np.sqrt(np.diag(matrix))
-    return scale * np.linalg.solve(matrix * np.outer(scale, scale), scale * right)
-
-
-def _logdet(matrix: np.ndarray) -> float:
-    scale = np.sqrt(np.diag(matrix))
-    return float(np.linalg.slogdet(matrix / np.outer(scale, scale))[1] + 2 * np.log(scale).sum())

@@ -21,8 +21,9 @@ def told_geometry(surveyed: Surveyed) -> Geometry:
     """Every piece that was left open, with its standard deviation after the fit."""
     sd = np.sqrt(np.diag(surveyed.found.tempered_covariance))
     moved: list[Moved] = []
+    end = len(sd) - sum(len(one.sd) for one in surveyed.geometry)
     for one in surveyed.geometry:
-        place = surveyed.found.place_of(one.effect)
+        place, end = slice(end, end + len(one.sd)), end + len(one.sd)
         by, spread = surveyed.found.values[place], sd[place]
         moved.append(Moved(one.what, one.cable, tuple(map(float, by)), tuple(map(float, spread))))
     return Geometry(surveyed.chi2_gain, tuple(moved))
@@ -32,7 +33,7 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     """Whether the file's geometry holds, what is off most, and what no recording shows."""
     if not surveyed.geometry:
         return ()
-    details = [says for says in (_furthest(told), _unseen(surveyed, told)) if says]
+    details = [says for says in (furthest(told), _unseen(surveyed, told)) if says]
     if surveyed.log_bayes is None:
         return tuple(details)
     usual = (
@@ -53,8 +54,8 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     )
 
 
-def _furthest(told: Geometry) -> str:
-    """The pieces that are clearly off."""
+def furthest(told: Geometry) -> str:
+    """The pieces that are clearly off, in a sentence."""
     off: list[tuple[float, str]] = []
     for one in told.moved:
         sizes = np.abs(one.by) / np.asarray(one.sd)

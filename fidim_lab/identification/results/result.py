@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -103,6 +104,12 @@ class Geometry:
     """by how much the sum of squares falls when the geometry is left open, in units of χ²/dof"""
     moved: tuple[Moved, ...] = ()
     """everything that was left open; nothing where the file's geometry counts as exact"""
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """As FORMAT.md has it."""
+        moved = [{"what": one.what, "cable": one.cable, "by": list(one.by), "sd": list(one.sd)} for one in self.moved]
+        return {"chi2_gain": self.chi2_gain, "moved": moved}
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,15 +238,7 @@ class IdentificationResult:
                 }
                 for w in self.windows
             ],
-            "geometry": None
-            if self.geometry is None
-            else {
-                "chi2_gain": self.geometry.chi2_gain,
-                "moved": [
-                    {"what": one.what, "cable": one.cable, "by": list(one.by), "sd": list(one.sd)}
-                    for one in self.geometry.moved
-                ],
-            },
+            "geometry": None if self.geometry is None else self.geometry.table,
             "removed": [one.to_json() for one in self.removed],
             "seconds": round(self.seconds, 3),
         }

@@ -32,6 +32,7 @@ from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.residuals.residual import of_fit
 from fidim_lab.mismatch.residuals.whiteness import whiteness
+from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.say import Say
 
 NOT_PREDICTED = HeldOut(chi2=0.0, dof=0, rms=float("nan"), refused={})
@@ -72,9 +73,10 @@ def _looked_again(cleaned: Cleaned, found: Fit) -> Cleaned:
     Where something else bends it, even over the first seconds, it shows nothing more than the segments did.
     """
     mechanism, identify = found.likelihood.mechanism, cleaned.campaign.of_role(Role.IDENTIFY)
-    if short_fit(mechanism, identify).excess >= FITTING.near:
+    geometry = found.plausible[BODY:]
+    if short_fit(mechanism, identify, geometry).excess >= FITTING.near:
         return cleaned
-    again = fit(mechanism, identify, start=found.body)
+    again = fit(mechanism, identify, start=found.body, theta_sd=geometry)
     model = Completed((), again, whole=True)
     held = predict(model, cleaned.campaign.of_role(Role.VALIDATE))
     return without_breaks(cleaned, (*model.leftovers, *held.leftovers))
@@ -139,7 +141,7 @@ def _without_encoders(cleaned: Cleaned, found: Fit, held: HeldOut, say: Say) -> 
     rest = [window for window in identify if window.id not in odd]
     if not odd or len(odd) > max(1.0, CLEANING.most_odd * len(identify)) or not rest:
         return cleaned
-    again = fit(found.likelihood.mechanism, rest, start=found.body)
+    again = fit(found.likelihood.mechanism, rest, start=found.body, theta_sd=found.plausible[BODY:])
     if not whiteness(of_fit(again)).is_white:
         return cleaned
     windows, faults = list(cleaned.campaign.windows), list(cleaned.faults)

@@ -1,32 +1,58 @@
 """Effects that the data at hand cannot tell apart: by the information matrix at the fitted model, and by fits.
 
-Where another effect in the place of a named one loses less than 5 nats, the data say nothing between the two.
+Where another effect in the place of a named one loses less than 5 nats, the data say nothing between the two. A name
+stands alone where every rival loses odds of 20, general geometry among them.
 """
 
 import numpy as np
 
-from fidim_lab.mismatch.fitting.refit import evidence
+from fidim_lab.identification.mle.geometry import ODDS
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Member
+from fidim_lab.mismatch.fitting.refit import Completed, evidence
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.selection.confounders import imitators
+from fidim_lab.mismatch.selection.general_geometry import rival
 from fidim_lab.mismatch.selection.select import Selection
 
 
-def alike(found: Selection, k: int) -> tuple[str, ...]:
-    """Other ids that may stand in the place of term k of the best model, the most alike first."""
+def alike(found: Selection, k: int) -> tuple[Member, ...]:
+    """Other effects that may stand in the place of term k of the best model, the most alike first; one of each id."""
     named = found.best.model.tried[k].effect.id
     seen = imitators(found.last, k) if found.best.model.whole else ()
-    losses = {one.tried.effect.id: one.loss for one in seen}
-    for id, loss in _by_fits(found, k).items():
-        losses[id] = min(loss, losses.get(id, np.inf))
-    close = sorted((loss, id) for id, loss in losses.items() if id != named and loss < SCORES.enough)
-    return tuple(id for _, id in close)
+    members = {one.tried.effect.id: _member(one.tried, one.theta, one.loss) for one in seen}
+    for id, member in _by_fits(found, k).items():
+        if id not in members or member.loss < members[id].loss:
+            members[id] = member
+    close = [one for id, one in members.items() if id != named and one.loss < SCORES.enough]
+    return tuple(sorted(close, key=lambda one: (one.loss, one.id)))
 
 
-def _by_fits(found: Selection, k: int) -> dict[str, float]:
-    """Nats by which models lost that were fitted to whole windows and differ from the best in term k alone."""
+def general_geometry_may_be_it(found: Selection) -> bool:
+    """Whether a usual survey, opened instead of what is named, loses less than odds of 20."""
+    general = rival(found.last) if found.best.model.tried else None
+    return general is not None and general.instead > -ODDS
+
+
+def stands_alone(members: tuple[Member, ...]) -> bool:
+    """Whether each of these loses odds of 20."""
+    return all(one.loss > ODDS for one in members)
+
+
+def _member(tried: Hypothesis, theta: np.ndarray, loss: float, sd: np.ndarray | None = None) -> Member:
+    sds = [None] * len(theta) if sd is None else [float(value) for value in sd]
+    parameters = {
+        parameter.name: EffectParameter(float(value), spread, parameter.unit)
+        for parameter, value, spread in zip(tried.effect.parameters, theta, sds, strict=True)
+    }
+    return Member(tried.effect.id, tried.effect.cable, float(loss), parameters)
+
+
+def _by_fits(found: Selection, k: int) -> dict[str, Member]:
+    """What stands in the place of term k in models of whole windows that differ from the best in it alone."""
     best = found.best.model
     kept = {h.effect for j, h in enumerate(best.tried) if j != k}
-    losses: dict[str, float] = {}
+    members: dict[str, Member] = {}
     for candidate in found.tried:
         effects = {h.effect for h in candidate.model.tried}
         if candidate.model is best or len(effects) != len(best.tried) or not kept < effects:
@@ -34,5 +60,13 @@ def _by_fits(found: Selection, k: int) -> dict[str, float]:
         (other,) = effects - kept
         if other.cable in (None, best.tried[k].effect.cable):
             loss = max(0.0, evidence(best, candidate.model, max(1.0, best.fit.chi2_per_dof)))
-            losses[other.id] = min(loss, losses.get(other.id, np.inf))
-    return losses
+            at = next(j for j, h in enumerate(candidate.model.tried) if h.effect == other)
+            if other.id not in members or loss < members[other.id].loss:
+                members[other.id] = _member(candidate.model.tried[at], *_sized(candidate.model, at, loss))
+    return members
+
+
+def _sized(model: Completed, k: int, loss: float) -> tuple[np.ndarray, float, np.ndarray]:
+    """θ, the loss, and the sd of θ, of a term that was fitted."""
+    theta, sd = model.theta_of(k)
+    return theta, loss, sd * np.sqrt(max(1.0, model.fit.chi2_per_dof))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fidim_lab.identification.results.result import Geometry
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 from fidim_lab.mismatch.conclusion.unknown_table import unknown_table
 from fidim_lab.mismatch.unknown_force.unknown import Unknown
@@ -34,6 +35,18 @@ class EffectParameter:
 
 
 @dataclass(frozen=True)
+class Member:
+    """Another effect that may stand in the place of a named one."""
+
+    id: str
+    cable: int | None
+    loss: float
+    """nats by which it says less; below 0 it says more"""
+    parameters: dict[str, EffectParameter]
+    """the size at which it comes nearest"""
+
+
+@dataclass(frozen=True)
 class NamedCause:
     """One effect that was left out."""
 
@@ -45,6 +58,26 @@ class NamedCause:
     parameters: dict[str, EffectParameter]
     says: str
     """with the formula"""
+    members: tuple[Member, ...] = ()
+    """those of `equivalent_to` whose size is known, the most alike first"""
+    single: bool = False
+    """odds over 20 against every rival, general geometry among them"""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer in four short parts, for people."""
+
+    verdict: str
+    certain: str
+    not_told_apart: str
+    next: str
+
+    @property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """With their titles."""
+        titles = ("Verdict", "Certain", "Not told apart", "Next")
+        return tuple(zip(titles, (self.verdict, self.certain, self.not_told_apart, self.next), strict=True))
 
 
 @dataclass(frozen=True)
@@ -90,6 +123,19 @@ class Before:
 
 
 @dataclass(frozen=True)
+class OpenedOnce:
+    """Figures of windows that neither fitted nor chose anything."""
+
+    chi2_per_dof: Before
+    rms_mm: Before
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """As FORMAT.md has it."""
+        return {"chi2_per_dof": vars(self.chi2_per_dof), "rms_mm": vars(self.rms_mm)}
+
+
+@dataclass(frozen=True)
 class Explanation:
     """The whole answer."""
 
@@ -111,6 +157,12 @@ class Explanation:
     """ids of the catalogue that this version could not test"""
     unknown: Unknown | None = None
     """the generic model of what has no name, where one helps"""
+    geometry: Geometry | None = None
+    """what was left open of the robot file's, and where the recordings have it; None where it counts as exact"""
+    answer: Answer | None = None
+    """in four short parts"""
+    test: OpenedOnce | None = None
+    """of the windows of role `test`, opened once with the model that is told; None without any"""
 
     @property
     def table(self) -> dict[str, Any]:
@@ -130,6 +182,9 @@ class Explanation:
             "seconds": round(self.seconds, 2),
             "untested": list(self.untested),
             "unknown": None if self.unknown is None else unknown_table(self.unknown),
+            "geometry": None if self.geometry is None else self.geometry.table,
+            "test": None if self.test is None else self.test.table,
+            **({} if self.answer is None else _parts(self.answer)),
         }
 
 
@@ -144,8 +199,24 @@ def _effect(cause: NamedCause) -> dict[str, Any]:
         "cable": cause.cable,
         "equivalent_to": list(cause.equivalent_to[: CONCLUSION.most_alike]),
         "further_equivalent": list(cause.equivalent_to[CONCLUSION.most_alike :]),
-        "parameters": {name: vars(value) for name, value in cause.parameters.items()},
+        "parameters": _parameters(cause.parameters),
         "says": cause.says,
+        "single": cause.single,
+        "members": [{**vars(one), "parameters": _parameters(one.parameters)} for one in cause.members],
+    }
+
+
+def _parameters(parameters: dict[str, EffectParameter]) -> dict[str, Any]:
+    return {name: vars(value) for name, value in parameters.items()}
+
+
+def _parts(answer: Answer) -> dict[str, str]:
+    """As FORMAT.md has them; the verdict's own sentence beside the verdict."""
+    return {
+        "says": answer.verdict,
+        "certain": answer.certain,
+        "not_told_apart": answer.not_told_apart,
+        "next": answer.next,
     }
 
 

@@ -51,7 +51,7 @@ def _hand(contacts: tuple[Contact, ...]) -> NamedCause:
         parameters[f"{contact.window} begin{suffix}"] = EffectParameter(contact.begin, contact.sd, "s")
         parameters[f"{contact.window} end{suffix}"] = EffectParameter(contact.end, contact.sd, "s")
     says = "an unknown wrench during part of a window, as of an operator's hand; the fit leaves these times out"
-    return NamedCause(HAND, None, (), parameters, says)
+    return NamedCause(HAND, None, (), parameters, says, single=True)
 
 
 def _places(cleaned: Cleaned) -> tuple[Place, ...]:

@@ -8,7 +8,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Campaign
 from fidim_lab.effects.equivalences import EQUIVALENCES
 from fidim_lab.effects.without_term import Unknown
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.mismatch.conclusion.classes import alike
+from fidim_lab.mismatch.conclusion.classes import alike, general_geometry_may_be_it, stands_alone
 from fidim_lab.mismatch.conclusion.explanation import (
     Before,
     BodyParameter,
@@ -36,7 +36,8 @@ from fidim_lab.mismatch.unknown_force.unknown import Unknown as Wrench
 def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -> Explanation:
     """Everything that is answered."""
     named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
-    effects = tuple(_cause(found, named.model, k) for k in range(len(named.model.tried)))
+    geometry = general_geometry_may_be_it(found)
+    effects = tuple(_cause(found, named.model, k, geometry) for k in range(len(named.model.tried)))
     return Explanation(
         campaign=baseline.campaign.name,
         verdict=verdict,
@@ -60,7 +61,7 @@ def _places(found: Fit) -> tuple[Place, ...]:
     return tuple(Place(p.window, p.t, p.channel, p.frequency, p.share, p.says) for p in places)
 
 
-def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
+def _cause(found: Selection, model: Completed, k: int, geometry: bool) -> NamedCause:
     tried = model.tried[k]
     values, sds = model.theta_of(k)
     inflation = float(np.sqrt(max(1.0, model.fit.chi2_per_dof)))
@@ -68,8 +69,9 @@ def _cause(found: Selection, model: Completed, k: int) -> NamedCause:
         parameter.name: EffectParameter(float(value), float(sd) * inflation, parameter.unit)
         for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
     }
-    effect = tried.effect
-    return NamedCause(effect.id, effect.cable, alike(found, k), parameters, effect.says)
+    effect, members = tried.effect, alike(found, k)
+    ids, single = tuple(one.id for one in members), stands_alone(members) and not geometry
+    return NamedCause(effect.id, effect.cable, ids, parameters, effect.says, members, single)
 
 
 def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:

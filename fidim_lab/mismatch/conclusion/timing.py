@@ -100,7 +100,8 @@ def with_timing(told: Explanation, model: Completed, *, put_right: bool = False)
     causes, said = list(told.effects), [told.message]
     if found.is_off:
         says = "stamps are early: a frame stamped t was taken at t + offset"
-        causes.append(NamedCause(OFFSET, None, (), {"offset": EffectParameter(found.offset, found.sd, "s")}, says))
+        size = {"offset": EffectParameter(found.offset, found.sd, "s")}
+        causes.append(NamedCause(OFFSET, None, (), size, says, single=True))
         figures = f"{1e3 * found.offset:.2f} ± {1e3 * found.sd:.2f} ms"
         said.append(
             f"Motor currents follow the tensions of the fitted motion {figures} later ({found.courses} courses): the "
@@ -108,7 +109,8 @@ def with_timing(told: Explanation, model: Completed, *, put_right: bool = False)
         )
     if found.runs_away and RATE not in names:
         says = "the cameras' clock runs fast: a frame stamped t was taken at t/(1 + rate)"
-        causes.append(NamedCause(RATE, None, (), {"rate": EffectParameter(found.rate, found.rate_sd, "1")}, says))
+        size = {"rate": EffectParameter(found.rate, found.rate_sd, "1")}
+        causes.append(NamedCause(RATE, None, (), size, says, single=True))
         counts = "the fit has the stamps put right" if put_right else "inertia and centre of mass count on it"
         said.append(
             f"By the motor currents the cameras' clock runs faster than the winches' by {found.rate:.2g} ± "

@@ -11,6 +11,8 @@ import numpy as np
 from fidim_lab.data.records import Campaign, Motion, Robot, Role, Window
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.geometry import with_geometry
+from fidim_lab.identification.survey import Nuisance, prior_sd, stated
 from fidim_lab.mismatch.fitting.fit_data import Ground, ground_of, settle, short_fit, whole_ground
 from fidim_lab.mismatch.fitting.holdout import HeldOut, predict
 from fidim_lab.mismatch.fitting.refit import Completed
@@ -37,6 +39,8 @@ class Baseline:
     context: Context
     """what is physically possible, from the fitted motion"""
     tried: Hypotheses
+    geometry: tuple[Nuisance, ...] = ()
+    """what the survey leaves open: in every model, under its prior"""
 
     @property
     def fit(self) -> Fit:
@@ -79,18 +83,28 @@ def ready(robot: Robot, *, native: bool) -> Mechanism:
 
 
 def fit_baseline(
-    campaign: Campaign, *, native: bool, say: Say, mechanism: Mechanism | None = None, hopeless: float = FITTING.near
+    campaign: Campaign,
+    *,
+    native: bool,
+    say: Say,
+    mechanism: Mechanism | None = None,
+    hopeless: float = FITTING.near,
+    geometry: tuple[Nuisance, ...] | None = None,
 ) -> Baseline:
     """Fit the windows of role `identify` with nothing beside the rigid model.
 
     mechanism: of this robot, where `ready` has made one; what it has compiled is used again. hopeless:
-    χ²/dof of the first seconds, for the noise that they show, from which on whole windows are not tried.
+    χ²/dof of the first seconds, for the noise that they show, from which on whole windows are not tried. geometry: what
+    is left open of it; what the robot file's survey leaves open, unless given.
     Raises RefusedError where no window can be fitted at all.
     """
     say("fitting the model as it is")
     windows = campaign.of_role(Role.IDENTIFY)
     mechanism = Mechanism(campaign.robot, native=native) if mechanism is None else mechanism
-    short = short_fit(mechanism, windows)
+    geometry = stated(campaign.robot) if geometry is None else geometry
+    if geometry:
+        mechanism = with_geometry(mechanism, geometry)
+    short = short_fit(mechanism, windows, prior_sd(geometry))
     near = ground_of(short)
     far = whole_ground(near, windows)
     whole = None
@@ -100,7 +114,7 @@ def fit_baseline(
         whole = settle(far, short, mechanism, short.journey.optimum.point, prior, everything)
     reached = "" if whole is None else f", over whole windows {whole.chi2_per_dof:.3f}"
     say(f"the model as it is: χ²/dof over 3 s {short.chi2_per_dof:.3f}{reached}")
-    return Baseline(campaign, short, whole, near, far, context_of(short), hypotheses(campaign.robot))
+    return Baseline(campaign, short, whole, near, far, context_of(short), hypotheses(campaign.robot), geometry)
 
 
 def context_of(base: Fit) -> Context:

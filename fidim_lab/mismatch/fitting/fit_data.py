@@ -23,6 +23,7 @@ from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE, QUICK
+from fidim_lab.model.slots import Effect
 
 IN_PASSING = Effort(resolution=QUICK, promise=0.1, rounds=12, damping=1e-6, crawl=FITTING.crawl)
 """a short look at one of many models"""
@@ -38,33 +39,42 @@ class Ground:
 
     likelihood: Likelihood
     """of the model as it is"""
-    body: Prior
-    """of the nine of the body alone, in force for short recordings; whole ones weaken it"""
+    known: Prior
+    """of the body's nine, in force for short recordings, which whole ones weaken; and behind them of the geometry that
+    its survey leaves open, always in force"""
     whole: bool
     """recordings at their whole length"""
 
+    @property
+    def geometry(self) -> tuple[Effect, ...]:
+        """What the survey leaves open: the last effects of every model."""
+        return self.likelihood.mechanism.effects
+
     def prior(self, mean: np.ndarray, sd: np.ndarray) -> Prior:
-        """In force at the optimum, θ with these means and standard deviations behind the body."""
-        factor = FAR_PRIOR if self.whole else 1.0
-        return Prior(np.concatenate([self.body.mean, mean]), factor * np.concatenate([self.body.sd, sd]))
+        """In force at the optimum, θ with these means and standard deviations between body and geometry."""
+        factor, (before, behind) = FAR_PRIOR if self.whole else 1.0, (self.known.mean, self.known.sd)
+        means = np.concatenate([before[:BODY], mean, before[BODY:]])
+        sds = np.concatenate([factor * behind[:BODY], factor * sd, behind[BODY:]])
+        return Prior(means, sds, firm=BODY + len(mean))
 
     def as_far_as(self, found: Fit) -> "Ground":
         """The part of the recordings to which that was fitted."""
-        return Ground(replace(self.likelihood, recordings=found.likelihood.recordings), self.body, whole=False)
+        return Ground(replace(self.likelihood, recordings=found.likelihood.recordings), self.known, whole=False)
 
 
-def short_fit(mechanism: Mechanism, windows: Sequence[Window]) -> Fit:
+def short_fit(mechanism: Mechanism, windows: Sequence[Window], theta_sd: np.ndarray | None = None) -> Fit:
     """The fit of the first seconds of all windows.
 
-    Raises RefusedError where no window can be fitted at all.
+    theta_sd: of the geometry that the mechanism leaves open. Raises RefusedError where no window can be fitted at all.
     """
-    found = fit(mechanism, [shortened(window, FITTING.first_seconds) for window in windows])
-    return replace(found, prior=Prior(found.prior.mean, found.plausible))
+    shorter = [shortened(window, FITTING.first_seconds) for window in windows]
+    found = fit(mechanism, shorter, theta_sd=theta_sd)
+    return replace(found, prior=Prior(found.prior.mean, found.plausible, firm=BODY))
 
 
 def ground_of(found: Fit) -> Ground:
     """The ground on which a short fit of the baseline stands."""
-    return Ground(found.likelihood, Prior(found.prior.mean[:BODY], found.plausible[:BODY]), whole=False)
+    return Ground(found.likelihood, Prior(found.prior.mean, found.plausible, firm=BODY), whole=False)
 
 
 def whole_ground(short: Ground, windows: Sequence[Window]) -> Ground:
@@ -97,7 +107,7 @@ def settle(
         return None if found is None else as_fit(donor, *found, prior)
     likelihood = likelihood_with(ground.likelihood, mechanism, start.shared)
     if ground.whole and not _is_whole(ground, donor):
-        nearby = replace(prior, sd=prior.sd / FAR_PRIOR)
+        nearby = prior.loosened(1 / FAR_PRIOR)
         in_full = replace(IN_FULL, hopeless=FITTING.hopeless * donor.noise_ratio**2)
         last = replace(AT_LAST if mechanism.springs else in_full, wanted=wanted)
         journey = grow(

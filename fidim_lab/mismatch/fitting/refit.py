@@ -33,7 +33,7 @@ class Completed:
     whole: bool
     """fitted to whole windows, not to their first seconds only"""
     at_bound: tuple[bool, ...] = field(default=())
-    """of each entry of θ: held at a bound"""
+    """of each entry of the terms' θ: held at a bound"""
 
     @property
     def mechanism(self) -> Mechanism:
@@ -49,6 +49,13 @@ class Completed:
     def chi2(self) -> float:
         """Sum of squares of markers and lengths."""
         return sum(left.chi2 for left in self.fit.remainders)
+
+    @property
+    def strain(self) -> float:
+        """Sum of squares by which the geometry is off its survey; 0 where that is exact."""
+        behind = slice(BODY + sum(len(h.effect.parameters) for h in self.tried), None)
+        prior, values = self.fit.prior, self.fit.values
+        return float((((values - prior.mean) / prior.sd)[behind] ** 2).sum())
 
     @property
     def dof(self) -> int:
@@ -83,7 +90,8 @@ class Completed:
     @property
     def at_an_edge(self) -> bool:
         """Whether a parameter is held at a bound other than 0."""
-        return bool((np.array(self.at_bound, dtype=bool) & (self.fit.values[BODY:] != 0.0)).any())
+        theta = self.fit.values[BODY : BODY + len(self.at_bound)]
+        return bool((np.array(self.at_bound, dtype=bool) & (theta != 0.0)).any())
 
     @property
     def thetas(self) -> list[np.ndarray]:
@@ -103,8 +111,9 @@ class Completed:
         """
         if not self.tried:
             return 0.0
-        wide = np.concatenate([_theta_sd(h) for h in self.tried])
-        told = self.fit.covariance[BODY:, BODY:] * scale / np.outer(wide, wide)
+        wide = prior_of(self.tried)
+        ours = slice(BODY, BODY + len(wide))
+        told = self.fit.covariance[ours, ours] * scale / np.outer(wide, wide)
         shares = np.linalg.eigvalsh(told) if np.isfinite(told).all() else np.ones(1)
         return float(-0.5 * np.log(np.clip(shares, FITTING.refit_tiny, 1.0)).sum()) + sum(h.choice for h in self.tried)
 
@@ -112,12 +121,14 @@ class Completed:
 def evidence(model: Completed, than: Completed, scale: float) -> float:
     """Log-evidence of one model over another of the same windows: half the χ² gained less what freedom costs.
 
+    Less, too, what the geometry's survey is strained more: what only a wrong geometry explains has its price.
     scale: χ²/dof that counts as noise, the same for all that are compared. A model that loses data which the other
     follows is charged for them as for the rest.
     """
     most = max(model.dof, than.dof)
     gained = than.chi2 * most / max(1, than.dof) - model.chi2 * most / max(1, model.dof)
-    return 0.5 * gained / scale - model.freedom(scale) + than.freedom(scale)
+    strained = 0.5 * (model.strain - than.strain)
+    return 0.5 * gained / scale - strained - model.freedom(scale) + than.freedom(scale)
 
 
 def refit(
@@ -145,12 +156,14 @@ def refit(
     mechanism = _mechanism(ground, donor, tried, starts, ringing)
     prior = ground.prior(
         np.concatenate([np.zeros(0), *(h.absent for h in tried)]),
-        np.concatenate([np.zeros(0), *(_theta_sd(h) for h in tried)]),
+        prior_of(tried),
     )
+    ours = slice(BODY, BODY + sum(len(h.effect.parameters) for h in tried))
     low, high = _bounds(tried, context)
     if mechanism.springs:
-        low = np.maximum(low, stiffest(mechanism))
-    shared = np.concatenate([donor.values[:BODY], np.clip(mechanism.theta, low, high)])
+        low = np.maximum(low, stiffest(mechanism)[: len(low)])
+    surveyed = _geometry_of(donor, ground)
+    shared = np.concatenate([donor.values[:BODY], np.clip(mechanism.theta[: len(low)], low, high), surveyed])
     free = np.ones(len(shared), dtype=bool)
     states = donor.journey.optimum.point.states
     if begins_anew(mechanism, donor) or not mechanism.springs:
@@ -163,12 +176,12 @@ def refit(
         found = settle(ground, donor, mechanism, start, prior, free, wanted)
         if found is None:
             return None
-        theta = found.values[BODY:]
+        theta = found.values[ours]
         outside = (theta < low) | (theta > high)
         if not outside.any():
-            return Completed(tuple(tried), found, ground.whole, tuple((~free[BODY:]).tolist()))
-        free[BODY:] &= ~outside
-        shared = np.concatenate([found.values[:BODY], np.clip(theta, low, high)])
+            return Completed(tuple(tried), found, ground.whole, tuple((~free[ours]).tolist()))
+        free[ours] &= ~outside
+        shared = np.concatenate([found.values[:BODY], np.clip(theta, low, high), found.values[ours.stop :]])
         states = found.journey.optimum.point.states
     return None
 
@@ -199,7 +212,8 @@ def _mechanism(
 ) -> Mechanism:
     """The model with the effects; cables that stretch are springs, quiet ones where they are stiff."""
     base = ground.likelihood.mechanism
-    effects, theta = tuple(h.effect for h in tried), np.concatenate([np.zeros(0), *starts]).tolist()
+    effects = (*(h.effect for h in tried), *ground.geometry)
+    theta = np.concatenate([np.zeros(0), *starts, _geometry_of(donor, ground)]).tolist()
     if not any(stretches(effect) for effect in effects):
         return Mechanism(base.robot, effects, theta, native=base.native)
     made = Mechanism(base.robot, effects, theta, native=base.native, springs=True)
@@ -208,11 +222,18 @@ def _mechanism(
     return Mechanism(base.robot, effects, theta, native=base.native, springs=True, quiet=True) if quiet else made
 
 
+def _geometry_of(donor: Fit, ground: Ground) -> Float[np.ndarray, " open"]:
+    """The geometry that the survey leaves open, as the donor has it."""
+    return donor.values[len(donor.values) - (len(ground.known.mean) - BODY) :]
+
+
 def _bounds(tried: Sequence[Hypothesis], context: Context) -> tuple[np.ndarray, np.ndarray]:
     bounds = [h.effect.bounds(context) for h in tried]
     none = np.zeros(0)
     return np.concatenate([none, *(low for low, _ in bounds)]), np.concatenate([none, *(high for _, high in bounds)])
 
 
-def _theta_sd(tried: Hypothesis) -> np.ndarray:
-    return np.array([LINEARISED.hypotheses_broad * parameter.scale for parameter in tried.effect.parameters])
+def prior_of(tried: Sequence[Hypothesis]) -> Float[np.ndarray, " theta"]:
+    """Standard deviations of all θ of some terms before any data."""
+    scales = [parameter.scale for h in tried for parameter in h.effect.parameters]
+    return LINEARISED.hypotheses_broad * np.array(scales, dtype=float)

@@ -92,7 +92,7 @@ def carried_on(
     """
     made = likelihood_with(likelihood, mechanism, start.shared)
     ends, point = donor.journey.ends, start
-    nearby = replace(prior, sd=prior.sd / FAR_PRIOR) if ends.max() > HORIZONS[2] + 1e-9 else prior
+    nearby = prior.loosened(1 / FAR_PRIOR) if ends.max() > HORIZONS[2] + 1e-9 else prior
     for horizon in FITTING.sprung_on:
         if horizon < ends.max():
             found = optimise(made, point, np.minimum(ends, horizon), nearby, ON_THE_WAY, free)
@@ -112,7 +112,7 @@ def grown(
     """
     body, guesses = donor.start.vector, replace(likelihood.guesses, tensions=None)
     whole = max(recording.end for recording in likelihood.recordings) > HORIZONS[2] + 1e-9
-    nearby = replace(prior, sd=prior.sd / FAR_PRIOR) if whole else prior
+    nearby = prior.loosened(1 / FAR_PRIOR) if whole else prior
     tries: list[tuple[float, Likelihood, Point]] = []
     for theta in _stiffnesses(mechanism):
         shared = np.concatenate([body, theta])

@@ -1,0 +1,114 @@
+"""The answer in four short parts: verdict, what is certain, what is not told apart, what to do next.
+
+Words of an explanation whose values are all there already; the parts of one answer have under 120 words.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from math import isfinite
+
+from fidim_lab.effects.equivalences import shared_by
+from fidim_lab.mismatch.conclusion.explanation import Answer, EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.units import millimetres
+
+MOST_CAUSES = 3
+"""told in a part; the tables have all"""
+MOST_SIZES = 2
+"""parameters told of each"""
+MOST_MEMBERS = 2
+"""told of a class beside its first"""
+HEADS = {
+    Verdict.NOTHING_MISSING: "Nothing is missing.",
+    Verdict.EXPLAINED: "Left out: {names}.",
+    Verdict.PARTLY_EXPLAINED: "Left out: {names}; something else stays unexplained.",
+    Verdict.UNKNOWN_PHYSICS: "Something is missing that no effect tested here explains.",
+    Verdict.SENSOR_FAULT: "A sensor is at fault, not the physics.",
+}
+
+
+def with_answer(told: Explanation) -> Explanation:
+    """The explanation with its four parts."""
+    names = ", ".join(dict.fromkeys(_class(cause) for cause in told.effects))
+    answer = Answer(
+        verdict=f"{HEADS[told.verdict].format(names=names)} {_figures(told)}".strip(),
+        certain=" ".join(_certain(told)) or "Nothing beyond the verdict.",
+        not_told_apart=" ".join(_open(told.effects)) or "Nothing: each name has odds over 20 against its rivals."
+        if told.effects
+        else "Nothing was named.",
+        next=_next(told),
+    )
+    return replace(told, answer=answer)
+
+
+def _figures(told: Explanation) -> str:
+    """How well windows are predicted, and which windows these are."""
+    test = told.test
+    chi2 = told.chi2_per_dof if test is None else test.chi2_per_dof
+    rms = told.rms_mm if test is None else test.rms_mm
+    which = "windows that also chose the model" if test is None else "test windows, opened once"
+    if chi2.after is None or not isfinite(chi2.after) or rms.after is None:
+        return "No window was held out to prove it."
+    if told.verdict is Verdict.NOTHING_MISSING and told.geometry is None:
+        return f"χ²/dof {chi2.after:.3g}, {rms.after:.2g} mm ({which})."
+    before = "–" if chi2.before is None or not isfinite(chi2.before) else f"{chi2.before:.3g}"
+    return f"χ²/dof {before} → {chi2.after:.3g}, {rms.after:.2g} mm ({which})."
+
+
+def _certain(told: Explanation) -> Iterable[str]:
+    """Single names with their sizes, classes by what they share, and the geometry."""
+    for cause in told.effects[:MOST_CAUSES]:
+        if cause.single:
+            yield f"{_name(cause)}{_sizes(cause.parameters)}."
+        else:
+            shared = shared_by((cause.id, *(member.id for member in cause.members)))
+            if shared is not None:
+                yield f"{shared[0].upper()}{shared[1:]}, whatever its place."
+    if told.geometry is not None and told.geometry.moved:
+        off = [value for one in told.geometry.moved if one.what == "anchor" for value in one.by]
+        if off:
+            rms = (sum(value**2 for value in off) / len(off)) ** 0.5
+            yield f"The robot file's anchors are off by {millimetres(rms):.2g} mm (rms); the ± count it."
+
+
+def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
+    """Classes, each with its members' sizes."""
+    for cause in [cause for cause in effects if not cause.single][:MOST_CAUSES]:
+        members = [f"{_name(cause)}{_sizes(cause.parameters)}"]
+        for member in cause.members[:MOST_MEMBERS]:
+            members.append(f"{member.id}{_sizes(member.parameters)}")
+        yield f"{' or '.join(members)}."
+
+
+def _class(cause: NamedCause) -> str:
+    """A single name, or what a class shares."""
+    if cause.single:
+        return _name(cause)
+    return shared_by((cause.id, *(member.id for member in cause.members))) or f"{_name(cause)} or its like"
+
+
+def _name(cause: NamedCause) -> str:
+    return cause.id if cause.cable is None else f"{cause.id} (cable {cause.cable})"
+
+
+def _sizes(parameters: dict[str, EffectParameter]) -> str:
+    """The largest by their names, as they are told."""
+    said = [
+        f"{name} = {value.value:.3g}{_spread(value.sd)} {value.unit}"
+        for name, value in list(parameters.items())[:MOST_SIZES]
+    ]
+    return f": {', '.join(said)}" if said else ""
+
+
+def _spread(sd: float | None) -> str:
+    """Nothing where a parameter is held, or where only its nearest size is known."""
+    return f" ± {sd:.1g}" if sd is not None and isfinite(sd) else ""
+
+
+def _next(told: Explanation) -> str:
+    if told.next_experiment is not None:
+        return told.next_experiment
+    if any(not cause.single for cause in told.effects):
+        return "Record windows that separate them: `fidim design --after explanation.json` proposes some."
+    if told.geometry is not None:
+        return "State [survey] in the robot file, or measure the anchors again."
+    return "Nothing more is needed."

@@ -1,0 +1,78 @@
+"""What an explanation says of a geometry that was left open: values for the file, a sentence, and a cause.
+
+Within what surveys usually miss it is no cause. Beyond, the robot file is wrong: that is told as a class, the piece
+that is off most first, because offsets stand for each other, for pulleys, encoder zeros and knots.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fidim_lab.data.records import Robot
+from fidim_lab.identification.mle.geometry import SPREAD_OF_FACTORS, Surveyed
+from fidim_lab.identification.mle.geometry_words import furthest, told_geometry
+from fidim_lab.identification.results.result import Geometry, Moved
+from fidim_lab.identification.survey import TYPICAL_ANCHOR
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
+from fidim_lab.mismatch.conclusion.verdict import Judged
+from fidim_lab.mismatch.fitting.baseline import Baseline
+from fidim_lab.units import millimetres
+
+BEYOND = 2.0 * SPREAD_OF_FACTORS
+"""log of times a usual survey, from which on a file is not surveyed as usual but wrong: two sd of the factor's prior, 9
+times, a centimetre for anchors"""
+CLASS = ("anchor-offset", "attachment-offset", "pulley-radius", "cable-length-bias")
+"""effects that a wrong geometry may be"""
+LENGTHS = ("anchor", "attachment", "radius", "marker", "encoder_zero")
+"""kinds of pieces whose θ are lengths"""
+
+
+def with_geometry(told: Explanation, baseline: Baseline, exact: Baseline, judged: Judged) -> Explanation:
+    """The explanation with its geometry; as it was where the robot file's counts as exact.
+
+    exact: the model as it is with the robot file's own geometry.
+    """
+    if not baseline.geometry:
+        return told
+    robot = exact.campaign.robot
+    gain = sum(left.chi2 for left in exact.fit.remainders) - sum(left.chi2 for left in baseline.fit.remainders)
+    same = (exact.whole is None) == (baseline.whole is None)
+    gained = gain / max(1.0, baseline.fit.chi2_per_dof) if same else 0.0
+    geometry = told_geometry(Surveyed(judged.named.model.fit, baseline.geometry, gained))
+    wrong = robot.survey is None and np.log(baseline.geometry[0].sd[0] / TYPICAL_ANCHOR) > BEYOND
+    told = replace(told, geometry=geometry, message=f"{told.message} {_says(geometry, robot, wrong)}")
+    if not wrong:
+        return told
+    verdict = {
+        Verdict.NOTHING_MISSING: Verdict.EXPLAINED,
+        Verdict.UNKNOWN_PHYSICS: Verdict.PARTLY_EXPLAINED,
+    }.get(told.verdict, told.verdict)
+    return replace(told, verdict=verdict, effects=(*told.effects, _cause(geometry)))
+
+
+def _cause(geometry: Geometry) -> NamedCause:
+    """The class, by the anchor or attachment that is off most in its own sd."""
+    pieces = [one for one in geometry.moved if one.what in ("anchor", "attachment")]
+    most = max(pieces, key=lambda one: float(np.max(np.abs(one.by) / np.array(one.sd))))
+    id = f"{most.what}-offset"
+    pairs = zip("xyz", most.by, most.sd, strict=True)
+    parameters = {f"d{axis}": EffectParameter(by, sd, "m") for axis, by, sd in pairs}
+    says = "the robot file's geometry is wrong beyond an ordinary survey; this piece is off most, the others with it"
+    return NamedCause(id, most.cable, tuple(other for other in CLASS if other != id), parameters, says)
+
+
+def _says(geometry: Geometry, robot: Robot, wrong: bool) -> str:
+    """How far the robot file is off, and what to do about it; for a survey that it states, that it is counted."""
+    kinds = dict.fromkeys(one.what for one in geometry.moved if one.what in LENGTHS)
+    sizes = ", ".join(f"{kind.replace('_', ' ')}s {millimetres(_rms(geometry.moved, kind)):.2g} mm" for kind in kinds)
+    head = "The robot file's survey is counted" if robot.survey is not None else "The robot file's geometry is off"
+    said = f"{head} ({sizes}, rms of what the recordings show). {furthest(geometry)}".rstrip()
+    if robot.survey is not None:
+        return said
+    size = "far beyond an ordinary survey" if wrong else "as ordinary surveys are"
+    return f"{said} That is {size}. It was fitted with the body, and the ± count it: state [survey] in the robot file."
+
+
+def _rms(moved: tuple[Moved, ...], kind: str) -> float:
+    """m, of a coordinate of all pieces of a kind."""
+    return float(np.sqrt(np.mean(np.concatenate([one.by for one in moved if one.what == kind]) ** 2)))

@@ -1,0 +1,103 @@
+"""The answer in four short parts: what each says, that it is short, and which windows its figure is of."""
+
+from dataclasses import replace
+
+import pytest
+
+from fidim_lab.effects.equivalences import shared_by
+from fidim_lab.identification.results.result import Geometry, Moved
+from fidim_lab.mismatch.conclusion.answer import with_answer
+from fidim_lab.mismatch.conclusion.explanation import (
+    Answer,
+    Before,
+    EffectParameter,
+    Explanation,
+    Member,
+    NamedCause,
+    OpenedOnce,
+    Verdict,
+)
+
+DRY = {"c": EffectParameter(0.01, 2e-4, "N m")}
+SWIVEL = NamedCause("swivel-friction", None, (), DRY, "says", single=True)
+ROTATION = Member("rotational-drag", None, 1.2, {"c": EffectParameter(0.03, None, "N m s")})
+EITHER = replace(SWIVEL, equivalent_to=("rotational-drag",), members=(ROTATION,), single=False)
+ANCHOR = NamedCause("anchor-offset", 2, (), {"dx": EffectParameter(0.03, float("nan"), "m")}, "says", single=True)
+
+
+def explanation(verdict: Verdict, *effects: NamedCause, next_experiment: str | None = None) -> Explanation:
+    return Explanation(
+        "c", verdict, effects, (), Before(41.0, 1.02), Before(0.6, 0.1), (), {}, {}, next_experiment, "message", 1.0
+    )
+
+
+def answer(told: Explanation) -> Answer:
+    found = with_answer(told).answer
+    assert found is not None
+    assert sum(len(said.split()) for _, said in found.parts) < 120
+    return found
+
+
+def test_a_single_name_is_certain_with_its_size() -> None:
+    found = answer(explanation(Verdict.EXPLAINED, SWIVEL))
+    assert found.verdict.startswith("Left out: swivel-friction. χ²/dof 41 → 1.02")
+    assert found.certain == "swivel-friction: c = 0.01 ± 0.0002 N m."
+    assert found.not_told_apart.startswith("Nothing:")
+
+
+def test_a_class_is_told_by_what_its_members_share_each_with_its_size() -> None:
+    found = answer(explanation(Verdict.EXPLAINED, EITHER))
+    assert found.verdict.startswith("Left out: dissipation of rotation.")
+    assert found.certain == "Dissipation of rotation, whatever its place."
+    assert found.not_told_apart == "swivel-friction: c = 0.01 ± 0.0002 N m or rotational-drag: c = 0.03 N m s."
+    assert "design --after" in found.next
+
+
+def test_what_is_held_has_no_spread() -> None:
+    assert answer(explanation(Verdict.EXPLAINED, ANCHOR)).certain == "anchor-offset (cable 2): dx = 0.03 m."
+
+
+@pytest.mark.parametrize(
+    ("test", "which"),
+    [
+        (None, "χ²/dof 41 → 1.02, 0.1 mm (windows that also chose the model)."),
+        (OpenedOnce(Before(30.0, 1.1), Before(0.5, 0.2)), "χ²/dof 30 → 1.1, 0.2 mm (test windows, opened once)."),
+    ],
+)
+def test_the_figure_says_of_which_windows_it_is(test: OpenedOnce | None, which: str) -> None:
+    assert answer(replace(explanation(Verdict.EXPLAINED, SWIVEL), test=test)).verdict.endswith(which)
+
+
+def test_geometry_within_its_survey_is_no_cause() -> None:
+    geometry = Geometry(10.0, (Moved("anchor", 1, (1e-3, -1e-3, 1e-3), (1e-4,) * 3),))
+    found = answer(replace(explanation(Verdict.NOTHING_MISSING), geometry=geometry))
+    assert "anchors are off by 1 mm" in found.certain
+    assert found.not_told_apart == "Nothing was named."
+    assert "[survey]" in found.next
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_every_verdict_is_short(verdict: Verdict) -> None:
+    many = [replace(EITHER, members=(ROTATION,) * 5), *(replace(ANCHOR, cable=k) for k in range(1, 5))]
+    named = verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED)
+    answer(explanation(verdict, *(many if named else ()), next_experiment="Repeat one window at half the size."))
+
+
+@pytest.mark.parametrize(
+    ("ids", "said"),
+    [
+        (("swivel-friction", "attachment-friction"), "dissipation of rotation"),
+        (("swivel-friction", "air-drag-linear"), "dissipation"),
+        (("anchor-offset", "cable-length-bias"), "geometry of the robot file"),
+        (("anchor-offset", "periodic-force"), None),
+    ],
+)
+def test_what_effects_have_in_common(ids: tuple[str, ...], said: str | None) -> None:
+    assert shared_by(ids) == said
+
+
+def test_the_file_has_parts_members_and_test_as_values() -> None:
+    table = with_answer(explanation(Verdict.EXPLAINED, EITHER)).table
+    assert table["effects"][0]["members"][0]["parameters"]["c"]["value"] == 0.03
+    assert table["effects"][0]["single"] is False
+    assert {"certain", "not_told_apart", "next", "test", "geometry"} <= table.keys()
