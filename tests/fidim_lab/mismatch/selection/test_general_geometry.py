@@ -1,0 +1,73 @@
+"""General geometry as a rival: a file off by ordinary survey errors makes no cause, and a real cause stays one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Robot, Survey
+from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
+from fidim_lab.identification.mle.geometry import ODDS
+from fidim_lab.identification.survey import usual
+from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
+from fidim_lab.mismatch.fitting.refit import refit
+from fidim_lab.mismatch.scores.views import view
+from fidim_lab.mismatch.selection.general_geometry import instead_of_a_search, rival
+
+
+def quiet(sentence: str) -> None:
+    del sentence
+
+
+def moved(robot: Robot, metres: float, seed: int) -> Robot:
+    random = np.random.default_rng(seed)
+    cables = tuple(replace(c, d=c.d + metres * random.standard_normal(3)) for c in robot.cables)
+    return replace(robot, cables=cables)
+
+
+@pytest.fixture(scope="module")
+def exact(baseline_of) -> Baseline:
+    """Four windows of 3 s of a robot as its file has it."""
+    return baseline_of(seed=40, windows=4, seconds=3.0)
+
+
+@pytest.fixture(scope="module")
+def wrong(exact: Baseline) -> Baseline:
+    """The same recordings with a file that is off by a millimetre."""
+    robot = moved(exact.campaign.robot, 1e-3, 3)
+    return fit_baseline(replace(exact.campaign, robot=robot), native=True, say=quiet)
+
+
+def test_an_exact_file_has_no_rival(exact: Baseline) -> None:
+    assert instead_of_a_search(exact, quiet) is None
+    general = rival(view(exact.as_it_is, exact.tried, exact.context))
+    assert general is not None
+    assert general.best < -ODDS
+
+
+def test_a_file_off_as_surveys_are_is_opened_at_once(wrong: Baseline) -> None:
+    found = instead_of_a_search(wrong, quiet)
+    assert found is not None
+    assert found.geometry
+    assert found.as_it_is.is_white
+    assert 0.0 < found.as_it_is.strain < 4 * len(found.fit.values)
+
+
+def test_a_stated_survey_is_open_from_the_beginning(wrong: Baseline) -> None:
+    robot = replace(wrong.campaign.robot, survey=Survey.alike(4, 1e-3, 0.0))
+    found = fit_baseline(replace(wrong.campaign, robot=robot), native=True, say=quiet)
+    assert {one.what for one in found.geometry} == {"anchor"}
+    assert found.as_it_is.is_white
+    assert instead_of_a_search(found, quiet) is None
+
+
+def test_a_term_beside_an_open_geometry_keeps_its_place(wrong: Baseline) -> None:
+    found = fit_baseline(wrong.campaign, native=True, say=quiet, geometry=usual(wrong.campaign.robot))
+    term = next(h for h in found.tried.direct if h.effect == AnchorOffset(2))
+    model = refit(found.ground(found.as_it_is), found.fit, [term], [term.absent], found.context)
+    assert model is not None
+    assert model.mechanism.effects[0] == AnchorOffset(2)
+    assert len(model.fit.values) == len(found.fit.values) + 3
+    assert len(model.at_bound) == 3
+    assert model.freedom(1.0) > 0
+    assert model.chi2 + model.strain <= found.as_it_is.chi2 + found.as_it_is.strain + 1.0
