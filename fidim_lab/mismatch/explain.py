@@ -10,7 +10,7 @@ A pipeline of stages, each of which hands one frozen value to the next:
              → Judged (`verdict`, `outdone`) → Explanation (`telling`, `timing`, `unnamed`), as recorded (`aftermath`)
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -50,18 +50,25 @@ MOST_CUTS = 2
 
 
 def explain(
-    campaign: Campaign, *, native: bool = True, say: Say = lambda _: None, patience: float = PATIENCE
+    campaign: Campaign,
+    *,
+    native: bool = True,
+    say: Say = lambda _: None,
+    patience: float = PATIENCE,
+    without: Collection[str] = (),
 ) -> Explanation:
     """Name what the model leaves out of this campaign.
 
     native: with compiled C where there is a compiler, as `identify`. say: is told of progress, in sentences.
     patience: s of CPU time after which no further model is tried, and what there is, is told.
+    without: ids of effects that are taken as unknown: the catalogue less these.
     Raises RefusedError where no window can be fitted at all, or where the robot file is grossly and simply wrong.
     """
     begin, until = perf_counter(), Patience(patience)
     cleaned = clean(campaign, say=say)
     mechanism = ready(campaign.robot, native=native)
-    exact = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism)
+    left_out = frozenset(without)
+    exact = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism, without=left_out)
     way = _Way(mechanism, say, until)
     surveyed = instead_of_a_search(exact, say)
     first, last = way.gone(cleaned, surveyed or exact)
@@ -105,9 +112,15 @@ class _Way:
         return first, self._by_the_right_clock(first)
 
     def _fitted(self, cleaned: Cleaned, like: Baseline) -> Baseline:
-        """The baseline of other windows, with the same geometry open."""
-        native, mechanism = self.mechanism.native, self.mechanism
-        return fit_baseline(cleaned.campaign, native=native, say=self.say, mechanism=mechanism, geometry=like.geometry)
+        """The baseline of other windows, with the same geometry open and the same effects tried."""
+        return fit_baseline(
+            cleaned.campaign,
+            native=self.mechanism.native,
+            say=self.say,
+            mechanism=self.mechanism,
+            geometry=like.geometry,
+            without=like.without,
+        )
 
     def _look(
         self, cleaned: Cleaned, baseline: Baseline, known: Completed | None = None, cuts: int = MOST_CUTS

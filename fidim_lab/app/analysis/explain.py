@@ -25,10 +25,12 @@ def explain_command(
     report: Path | None = None,
     pictures: Path | None = None,
     patience: float = PATIENCE,
+    without: tuple[str, ...] = (),
 ) -> int:
     """What `fidim explain` does: explain, print, write. Returns the exit code.
 
     `pictures`: a folder for the report's pictures as SVG files. `patience`: as `explain` has it, s of CPU time.
+    `without`: effects that the catalogue is to lack.
     Raises FileError for a wrong campaign, RefusedError where no window can be fitted.
     """
     campaign = read_campaign(campaign_folder)
@@ -39,7 +41,7 @@ def explain_command(
             if not console.err.is_terminal:
                 console.err.print(sentence, markup=False)
 
-        explanation = explain(campaign, say=say, patience=patience)
+        explanation = explain(campaign, say=say, patience=patience, without=without)
     if json_file is not None:
         write_explanation(json_file, explanation)
     console.out.print(summary(explanation))

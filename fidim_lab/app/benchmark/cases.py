@@ -74,6 +74,12 @@ def case_of(seed: int, number: int, mass: float, cables: int) -> Case:
     return Case(kind, tuple(_sized(id, rng, mass, cables) for id in ids))
 
 
+def case_with(id: str, seed: int, number: int, mass: float, cables: int) -> Case:
+    """Campaign `number` with this effect alone, for a catalogue that lacks it."""
+    rng = np.random.default_rng([seed, number, 13])
+    return Case(Kind.ONE, (_sized(id, rng, mass, cables),))
+
+
 def _dealt(seed: int, number: int) -> tuple[Kind, tuple[str, ...]]:
     """The kind and ids of one campaign, from the deck in which it lies: every id comes equally often."""
     block, place = divmod(number - 1, sum(DECK.values()))

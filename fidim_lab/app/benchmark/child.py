@@ -47,13 +47,13 @@ class Outcome:
         return {"answer": self.answer, "why": self.why, "cpu": round(self.cpu, 2), "seconds": round(self.seconds, 2)}
 
 
-def in_child(verb: Verb, campaign: Campaign, cap: float) -> Outcome:
-    """Do it to this campaign within `cap` seconds of CPU time."""
+def in_child(verb: Verb, campaign: Campaign, cap: float, without: str = "") -> Outcome:
+    """Do it to this campaign within `cap` seconds of CPU time; without: an effect that the catalogue is to lack."""
     begin = perf_counter()
     with tempfile.TemporaryDirectory(prefix="fidim-benchmark-") as scratch:
         folder, out = Path(scratch) / campaign.name, Path(scratch) / "out.json"
         write_campaign(folder, campaign)
-        command = [sys.executable, "-m", __name__, verb.value, str(folder), str(out), str(cap)]
+        command = [sys.executable, "-m", __name__, verb.value, str(folder), str(out), str(cap), without]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=WAITING * cap + 60.0, check=False)
         except subprocess.TimeoutExpired:
@@ -69,26 +69,26 @@ def in_child(verb: Verb, campaign: Campaign, cap: float) -> Outcome:
 
 
 def main(arguments: list[str]) -> int:
-    """`VERB CAMPAIGN OUT CAP`: what the child runs."""
-    verb, folder, out, cap = arguments
+    """`VERB CAMPAIGN OUT CAP WITHOUT`: what the child runs."""
+    verb, folder, out, cap, without = arguments
     _limit(float(cap))
     campaign = read_campaign(Path(folder))
     answer, why = None, ""
     try:
-        answer = _explained(campaign) if Verb(verb) is Verb.EXPLAIN else _loud(campaign)
+        answer = _explained(campaign, without) if Verb(verb) is Verb.EXPLAIN else _loud(campaign)
     except FidimError as error:
         why = f"{type(error).__name__}: {error}"
     write_json(Path(out), Outcome(answer, why, process_time(), NO_LIMITS).table)
     return 0
 
 
-def _explained(campaign: Campaign) -> dict[str, Any]:
+def _explained(campaign: Campaign, without: str) -> dict[str, Any]:
     from fidim_lab.mismatch.conclusion.explanation import write_explanation
     from fidim_lab.mismatch.explain import explain
 
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / "explanation.json"
-        write_explanation(file, explain(campaign))
+        write_explanation(file, explain(campaign, without=[without] if without else []))
         return read_json(file)
 
 

@@ -51,6 +51,8 @@ class BenchmarkOptions:
     scheduler: str | None
     json_file: Path | None
     page: Path | None
+    without: str = ""
+    """an effect that every campaign hides and the catalogue lacks"""
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -61,12 +63,13 @@ class BenchmarkOptions:
     def tasks(self) -> list[SealTask]:
         """What to make."""
         windows = (self.equilibria, self.validation)
-        return [SealTask(self.out, self.seed, number, windows) for number in self.numbers]
+        return [SealTask(self.out, self.seed, number, windows, self.without) for number in self.numbers]
 
     @property
     def text(self) -> str:
         """As it is typed, without what changes nothing of the result."""
         which = "".join(f" --only {n}" for n in self.only) or f" --campaigns {self.campaigns}"
+        which += f" --without {self.without}" if self.without else ""
         return (
             f"fidim benchmark explain{which} --seed {self.seed} --equilibria {self.equilibria} "
             f"--validate {self.validation} --cap {self.cap:g}"
@@ -79,8 +82,10 @@ def benchmark_command(options: BenchmarkOptions, *, explainer: Action | None = N
     explainer: instead of `explain` in a child process. Raises SetupError for an --out that holds another benchmark,
     RefusedError where a sealed truth was changed.
     """
-    tally, commitment = run_benchmark(options, explainer or partial(in_child, Verb.EXPLAIN, cap=options.cap))
-    text = page(tally, options.text, commitment)
+    tally, commitment = run_benchmark(
+        options, explainer or partial(in_child, Verb.EXPLAIN, cap=options.cap, without=options.without)
+    )
+    text = page(tally, options.text, commitment, options.without)
     if options.json_file is not None:
         write_json(options.json_file, {**tally.table, "commitment": commitment, "command": options.text})
     if options.page is not None:
@@ -107,7 +112,7 @@ def run_benchmark(options: BenchmarkOptions, explainer: Action) -> tuple[Tally, 
     with workers(options.processes, None) as spread:
         left = [task for task in tasks if not folder.loudness(task.name).exists()]
         _told(spread(partial(measure, cap=options.cap), left), len(left), "measured")
-    return Tally(tuple(_judged(folder, name) for name in names)), commitment
+    return Tally(tuple(_judged(folder, name, options.without) for name in names)), commitment
 
 
 def _explain_all(folder: BenchmarkFolder, names: list[str], explainer: Action, spread: Map) -> None:
@@ -140,8 +145,9 @@ def _loud(recipe: Recipe, cap: float) -> Outcome:
     return in_child(Verb.LOUDNESS, quiet, cap)
 
 
-def _judged(folder: BenchmarkFolder, name: str) -> Judged:
-    return judged(name, opened(folder, name), read_json(folder.answer(name)), read_json(folder.loudness(name)))
+def _judged(folder: BenchmarkFolder, name: str, without: str) -> Judged:
+    files = opened(folder, name), read_json(folder.answer(name)), read_json(folder.loudness(name))
+    return judged(name, *files, without=bool(without))
 
 
 def _told(done: Iterable[str], count: int, what: str) -> None:

@@ -51,6 +51,20 @@ def grade(explanation: dict[str, Any] | None, label: list[str], cable: int | Non
     return Grade.CLASS if any(sorted(choice) == hidden for choice in product(*choices)) else Grade.WRONG
 
 
+def grade_without(explanation: dict[str, Any] | None) -> Grade:
+    """Judge an explanation of something that its catalogue lacks.
+
+    right: it is called unknown. class: neighbours are named, none of them as the only one. wrong: a name that claims
+    odds over 20 is wrong and sure; so is "nothing is missing".
+    """
+    if explanation is None:
+        return Grade.WRONG
+    effects = explanation.get("effects", [])
+    if explanation.get("verdict") == "unknown-physics":
+        return Grade.RIGHT
+    return Grade.CLASS if effects and not any(effect.get("single") for effect in effects) else Grade.WRONG
+
+
 def named(explanation: dict[str, Any] | None) -> str:
     """What an explanation says, in a word or two, for tables."""
     if explanation is None:

@@ -4,11 +4,12 @@ import json
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.benchmark.cases import Case, case_of
+from fidim_lab.app.benchmark.cases import Case, case_of, case_with
 from fidim_lab.app.benchmark.folder import BenchmarkFolder, Json, write_json
 from fidim_lab.app.benchmark.robots import random_setup
 from fidim_lab.app.compose.sealed import MUJOCO, NATIVE, Recipe, can_hide, sealed_campaign
@@ -34,6 +35,8 @@ class SealTask:
     seed: int
     number: int
     windows: tuple[int, int]
+    without: str = ""
+    """the effect that every campaign hides, because the catalogue is to lack it; empty: what the deck deals"""
 
     @property
     def name(self) -> str:
@@ -69,7 +72,8 @@ def recipes(task: SealTask) -> Iterator[tuple[Recipe, Case]]:
     for attempt in range(ROBOTS):
         rng = np.random.default_rng([task.seed, task.number, 12, attempt])
         setup = random_setup(paper, rng)
-        case = case_of(task.seed, task.number, setup.robot.mass, setup.robot.n)
+        dealt = partial(case_with, task.without) if task.without else case_of
+        case = dealt(task.seed, task.number, setup.robot.mass, setup.robot.n)
         recipe = Recipe(
             name=task.name,
             robot=setup.robot,

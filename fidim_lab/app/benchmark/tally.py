@@ -9,7 +9,7 @@ import numpy as np
 
 from fidim_lab.app.benchmark.cases import Kind
 from fidim_lab.app.benchmark.folder import Json
-from fidim_lab.app.benchmark.scoring import Grade, grade, named
+from fidim_lab.app.benchmark.scoring import Grade, grade, grade_without, named
 from fidim_lab.app.benchmark.statistics import Limit, Share, detection_limit
 from fidim_lab.data.records import PARAMETER_NAMES
 
@@ -59,8 +59,11 @@ class Judged:
         return before is not None and after is not None and after - 1.0 <= 0.5 * (before - 1.0)
 
 
-def judged(name: str, truth: Json, answer: Json, loud: Json | None) -> Judged:
-    """One campaign from its files: the truth, the child's outcome of explaining, the one of measuring loudness."""
+def judged(name: str, truth: Json, answer: Json, loud: Json | None, *, without: bool = False) -> Judged:
+    """One campaign from its files: the truth, the child's outcome of explaining, the one of measuring loudness.
+
+    without: the catalogue lacked what is hidden.
+    """
     case, explanation = truth["case"], answer["answer"]
     measured = None if loud is None else loud["answer"]
     held = {} if explanation is None else explanation.get("held_out", {}).get("chi2_per_dof", {})
@@ -73,7 +76,7 @@ def judged(name: str, truth: Json, answer: Json, loud: Json | None) -> Judged:
         cable=case.get("cable"),
         named=named(explanation),
         named_ids=tuple(effect["id"] for effect in effects),
-        grade=grade(explanation, case["label"], case.get("cable")),
+        grade=grade_without(explanation) if without else grade(explanation, case["label"], case.get("cable")),
         why=answer["why"],
         chi2_excess=None if measured is None else measured["chi2_excess"],
         faintest=_faintest(loud),

@@ -23,9 +23,13 @@ and a tenth three, with sizes log-uniform. `explain` sees the campaign folder al
 of CPU time; without an answer it is wrong. Right: exactly the hidden effects, with their cable. By class:
 through `equivalent_to`, or right names under the verdict "partly-explained"."""
 
+WITHOUT = """\
+Every campaign hides `{effect}`, which the catalogue lacked: physics that nobody listed. Right: called unknown. By class:
+neighbours are named, none of them as the only one. Wrong: a name that claims odds over 20, or "nothing is missing"."""
 
-def page(tally: Tally, command: str, commitment: str) -> str:
-    """The whole page."""
+
+def page(tally: Tally, command: str, commitment: str, without: str = "") -> str:
+    """The whole page; without: the effect that all campaigns hide and the catalogue lacked."""
     sections = (
         ("By loudness", _bands(tally)),
         ("By kind", _kinds(tally)),
@@ -38,7 +42,8 @@ def page(tally: Tally, command: str, commitment: str) -> str:
     text = "\n\n".join(f"## {title}\n{body}" for title, body in sections)
     committed = f"Truth committed to before the first campaign was explained: SHA-256 `{commitment}`."
     head = f"# Measured: explain, on sealed campaigns\n\n{provenance(command)}\n{committed}"
-    return f"{head}\n\n{METHOD}\n\n{text}\n"
+    method = f"{METHOD}\n\n{WITHOUT.format(effect=without)}" if without else METHOD
+    return f"{head}\n\n{method}\n\n{text}\n"
 
 
 def provenance(command: str) -> str:

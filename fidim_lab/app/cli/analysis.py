@@ -162,9 +162,15 @@ def simulate(**options: Any) -> None:
     metavar="S",
     help="CPU seconds until what there is, is told.",
 )
+@click.option("--without", multiple=True, metavar="EFFECT", help="Explain as if the catalogue lacked this effect.")
 @example("fidim explain runs/dry-run-1 --json explanation.json --report why.html")
 def explain(
-    campaign: Path, json_file: Path | None, report: Path | None, pictures: Path | None, patience: float
+    campaign: Path,
+    json_file: Path | None,
+    report: Path | None,
+    pictures: Path | None,
+    patience: float,
+    without: tuple[str, ...],
 ) -> None:
     """Name the physics that the model leaves out of CAMPAIGN, and show it on held-out windows.
 
@@ -175,7 +181,22 @@ def explain(
 
     if pictures is not None and report is None:
         raise click.UsageError("--pictures goes with --report.")
-    sys.exit(explain_command(campaign, json_file, report, pictures, patience))
+    _scored(without)
+    sys.exit(explain_command(campaign, json_file, report, pictures, patience, without))
+
+
+def _scored(effects: tuple[str, ...]) -> None:
+    """Raises UsageError for what no search tries, naming what it does try."""
+    if not effects:
+        return
+    from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+    from fidim_lab.effects.catalogue import catalogue
+    from fidim_lab.mismatch.linearised.hypotheses import NOT_BY_SCORE
+
+    known = {effect.id for effect in catalogue(read_robot(PAPERS_ROBOT))} - {*NOT_BY_SCORE}
+    for effect in effects:
+        if effect not in known:
+            raise click.UsageError(f"--without {effect}: no such effect. There are: {', '.join(sorted(known))}.")
 
 
 @fidim.group(invoke_without_command=True)
@@ -203,6 +224,7 @@ def benchmark(context: click.Context) -> None:
 @click.option("--cap", default=600.0, show_default=True, type=Number(1), help="CPU seconds for a campaign.")
 @click.option("--processes", default=None, type=click.IntRange(1), help="Default: one for each core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Explain on a dask cluster instead.")
+@click.option("--without", default="", metavar="EFFECT", help="Hide it in each campaign; the catalogue lacks it.")
 @click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result for programs.")
 @click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a page of docs.")
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
@@ -210,6 +232,7 @@ def benchmark_explain(**options: Any) -> None:
     """Seal campaigns with secrets of random size in random robots, explain them blind, open and score them."""
     from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command
 
+    _scored((options["without"],) if options["without"] else ())
     sys.exit(benchmark_command(BenchmarkOptions(**options)))
 
 

@@ -41,6 +41,8 @@ class Baseline:
     tried: Hypotheses
     geometry: tuple[Nuisance, ...] = ()
     """what the survey leaves open: in every model, under its prior"""
+    without: frozenset[str] = frozenset()
+    """ids of effects that are not tried"""
 
     @property
     def fit(self) -> Fit:
@@ -90,12 +92,13 @@ def fit_baseline(
     mechanism: Mechanism | None = None,
     hopeless: float = FITTING.near,
     geometry: tuple[Nuisance, ...] | None = None,
+    without: frozenset[str] = frozenset(),
 ) -> Baseline:
     """Fit the windows of role `identify` with nothing beside the rigid model.
 
     mechanism: of this robot, where `ready` has made one; what it has compiled is used again. hopeless:
     χ²/dof of the first seconds, for the noise that they show, from which on whole windows are not tried. geometry: what
-    is left open of it; what the robot file's survey leaves open, unless given.
+    is left open of it; what the robot file's survey leaves open, unless given. without: ids of effects that are not tried.
     Raises RefusedError where no window can be fitted at all.
     """
     say("fitting the model as it is")
@@ -114,7 +117,8 @@ def fit_baseline(
         whole = settle(far, short, mechanism, short.journey.optimum.point, prior, everything)
     reached = "" if whole is None else f", over whole windows {whole.chi2_per_dof:.3f}"
     say(f"the model as it is: χ²/dof over 3 s {short.chi2_per_dof:.3f}{reached}")
-    return Baseline(campaign, short, whole, near, far, context_of(short), hypotheses(campaign.robot), geometry)
+    tried = hypotheses(campaign.robot, without)
+    return Baseline(campaign, short, whole, near, far, context_of(short), tried, geometry, without)
 
 
 def context_of(base: Fit) -> Context:

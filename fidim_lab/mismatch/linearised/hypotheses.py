@@ -5,7 +5,7 @@ that have a score are free. Periodic effects are not asked for their own express
 force's influence, modulated by sin and cos, is the same thing (`columns`).
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -84,12 +84,12 @@ class Hypotheses:
         return self.direct + self.periodic
 
 
-def hypotheses(robot: Robot) -> Hypotheses:
-    """Every hypothesis that can be scored for this robot, in the catalogue's order."""
+def hypotheses(robot: Robot, without: Collection[str] = ()) -> Hypotheses:
+    """Every hypothesis that can be scored for this robot, in the catalogue's order; without effects of these ids."""
     direct: list[Hypothesis] = []
     periodic: list[Hypothesis] = []
     seen: set[str] = set()
-    effects = [effect for effect in catalogue(robot) if effect.id not in NOT_BY_SCORE]
+    effects = [effect for effect in catalogue(robot) if effect.id not in {*NOT_BY_SCORE, *without}]
     for effect in effects:
         alike = 1 if effect.cable is None else len(robot.cables)
         if effect.id in PERIODIC and not effect.of_each_window:

@@ -115,7 +115,14 @@ def opened(exact: Baseline, general: Rival, say: Say) -> Baseline:
     say("opening the geometry: the recordings ask for a survey of it")
     mechanism = exact.short_ground.likelihood.mechanism
     geometry = usual(exact.campaign.robot, general.factor)
-    return fit_baseline(exact.campaign, native=mechanism.native, say=say, mechanism=mechanism, geometry=geometry)
+    return fit_baseline(
+        exact.campaign,
+        native=mechanism.native,
+        say=say,
+        mechanism=mechanism,
+        geometry=geometry,
+        without=exact.without,
+    )
 
 
 def _most(seen: View, temper: float) -> float:
