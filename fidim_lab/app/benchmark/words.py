@@ -24,8 +24,9 @@ of CPU time; without an answer it is wrong. Right: exactly the hidden effects, w
 through `equivalent_to`, or right names under the verdict "partly-explained"."""
 
 WITHOUT = """\
-Every campaign hides `{effect}`, which the catalogue lacked: physics that nobody listed. Right: called unknown. By class:
-neighbours are named, none of them as the only one. Wrong: a name that claims odds over 20, or "nothing is missing"."""
+Every campaign hides `{effect}`, which the catalogue lacked: physics that nobody listed. Right: called unknown. By
+class: neighbours are named, none of them as the only one. Wrong: a name that claims odds over 20, or "nothing is
+missing"."""
 
 
 def page(tally: Tally, command: str, commitment: str, without: str = "") -> str:

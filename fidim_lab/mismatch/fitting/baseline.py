@@ -98,7 +98,7 @@ def fit_baseline(
 
     mechanism: of this robot, where `ready` has made one; what it has compiled is used again. hopeless:
     χ²/dof of the first seconds, for the noise that they show, from which on whole windows are not tried. geometry: what
-    is left open of it; what the robot file's survey leaves open, unless given. without: ids of effects that are not tried.
+    is left open of it; what the robot file's survey leaves open, unless given. without: ids of effects not tried.
     Raises RefusedError where no window can be fitted at all.
     """
     say("fitting the model as it is")

@@ -7,10 +7,11 @@ from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.model.sensitivity.equations import BODY
 
 ROWS, THETA = 60, 5
+Design = tuple[np.ndarray, np.ndarray]
 
 
 @pytest.fixture
-def design() -> tuple[np.ndarray, np.ndarray]:
+def design() -> Design:
     """J (rows, body and θ) and y."""
     rng = np.random.default_rng(4)
     return rng.standard_normal((ROWS, BODY + THETA)), 2.0 * rng.standard_normal(ROWS)
@@ -33,7 +34,7 @@ def marginal(matrix: np.ndarray, data: np.ndarray, sd: np.ndarray, temper: float
 
 
 @pytest.mark.parametrize("temper", [1.0, 3.0])
-def test_differences_of_evidence_are_those_of_marginal_likelihoods(design, temper: float) -> None:
+def test_differences_of_evidence_are_those_of_marginal_likelihoods(design: Design, temper: float) -> None:
     matrix, data = design
     problem = linearised(matrix, data, np.full(BODY + THETA, 0.3))
     sd = np.array([0.5, 1.0, 2.0, 0.1, 0.2])
@@ -44,7 +45,7 @@ def test_differences_of_evidence_are_those_of_marginal_likelihoods(design, tempe
     assert found == pytest.approx(marginal(matrix, data, sd, temper) - marginal(*less), rel=1e-9)
 
 
-def test_what_is_held_does_nothing(design) -> None:
+def test_what_is_held_does_nothing(design: Design) -> None:
     matrix, data = design
     problem = linearised(matrix, data, np.full(BODY + THETA, 0.3))
     body = np.arange(BODY + THETA) < BODY
@@ -54,7 +55,7 @@ def test_what_is_held_does_nothing(design) -> None:
     assert there.strain == 0.0
 
 
-def test_noise_is_what_the_best_point_leaves(design) -> None:
+def test_noise_is_what_the_best_point_leaves(design: Design) -> None:
     matrix, data = design
     problem = linearised(matrix, data, np.zeros(BODY + THETA))
     there, temper = problem.settled(np.full(THETA, 10.0))

@@ -1,5 +1,6 @@
 """General geometry as a rival: a file off by ordinary survey errors makes no cause, and a real cause stays one."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +27,7 @@ def moved(robot: Robot, metres: float, seed: int) -> Robot:
 
 
 @pytest.fixture(scope="module")
-def exact(baseline_of) -> Baseline:
+def exact(baseline_of: Callable[..., Baseline]) -> Baseline:
     """Four windows of 3 s of a robot as its file has it."""
     return baseline_of(seed=40, windows=4, seconds=3.0)
 
@@ -45,6 +46,7 @@ def test_an_exact_file_has_no_rival(exact: Baseline) -> None:
     assert general.best < -ODDS
 
 
+@pytest.mark.slow
 def test_a_file_off_as_surveys_are_is_opened_at_once(wrong: Baseline) -> None:
     found = instead_of_a_search(wrong, quiet)
     assert found is not None
@@ -53,6 +55,7 @@ def test_a_file_off_as_surveys_are_is_opened_at_once(wrong: Baseline) -> None:
     assert 0.0 < found.as_it_is.strain < 4 * len(found.fit.values)
 
 
+@pytest.mark.slow
 def test_a_stated_survey_is_open_from_the_beginning(wrong: Baseline) -> None:
     robot = replace(wrong.campaign.robot, survey=Survey.alike(4, 1e-3, 0.0))
     found = fit_baseline(replace(wrong.campaign, robot=robot), native=True, say=quiet)
@@ -61,6 +64,7 @@ def test_a_stated_survey_is_open_from_the_beginning(wrong: Baseline) -> None:
     assert instead_of_a_search(found, quiet) is None
 
 
+@pytest.mark.slow
 def test_a_term_beside_an_open_geometry_keeps_its_place(wrong: Baseline) -> None:
     found = fit_baseline(wrong.campaign, native=True, say=quiet, geometry=usual(wrong.campaign.robot))
     term = next(h for h in found.tried.direct if h.effect == AnchorOffset(2))
