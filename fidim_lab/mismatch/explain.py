@@ -42,6 +42,7 @@ from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
 from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.mismatch.selection.general_geometry import instead_of_a_search, opened, rival
 from fidim_lab.mismatch.selection.select import Selection, select
+from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import Say
 
@@ -158,11 +159,19 @@ def _with_geometry_open(
     settled = best.is_white and not best.model.tried
     if settled or exact.campaign.robot.survey is not None or way.patience.ended:
         return first, last
-    general = rival(last.found.last)
+    seen = last.found.last
+    general = rival(seen)
     if general is None or general.best < ODDS:
         return first, last
+    noise = seen.fit.noise_ratio**2
+    if not (best.is_white or general.temper - noise < SELECTION.geometry_takes * (seen.projected.inflation - noise)):
+        return first, last
     again, end = way.gone(cleaned, opened(exact, general, way.say))
-    return (again, end) if _unexplained(end.found.best) <= _unexplained(best) else (first, last)
+    after = end.found.best
+    if best.is_white or after.is_white:
+        return (again, end) if _unexplained(after) <= _unexplained(best) else (first, last)
+    takes = after.whiteness.excess < SELECTION.geometry_takes * best.whiteness.excess
+    return (again, end) if takes else (first, last)
 
 
 def _all_put_back(cleaned: Cleaned, kept: Cleaned) -> bool:

@@ -21,6 +21,11 @@ class SelectionThresholds:
     generalise_as_good: float = 1.1
     """times what the simple form leaves: a wider one that leaves more has not found its way"""
 
+    # general geometry
+    geometry_takes: float = 0.5
+    """of what a model leaves beyond noise, that an open geometry may leave at most where it does not leave noise alone:
+    what has no name is taken up by 24 offsets in part, too"""
+
     # search
     search_close: float = 25.0
     """nats: how near the best over the first seconds a model must be to be fitted to whole windows too"""
