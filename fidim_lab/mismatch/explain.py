@@ -38,9 +38,10 @@ from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.conclusion.verdict import judge
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
 from fidim_lab.mismatch.selection.candidates import Candidate
-from fidim_lab.mismatch.selection.general_geometry import instead_of_a_search, opened, rival
+from fidim_lab.mismatch.selection.general_geometry import first_look, instead_of_a_search, opened, rival
 from fidim_lab.mismatch.selection.select import Selection, select
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.model.mechanism import Mechanism
@@ -71,8 +72,9 @@ def explain(
     left_out = frozenset(without)
     exact = fit_baseline(cleaned.campaign, native=native, say=say, mechanism=mechanism, without=left_out)
     way = _Way(mechanism, say, until)
-    surveyed = instead_of_a_search(exact, say)
-    first, last = way.gone(cleaned, surveyed or exact)
+    seen = first_look(exact)
+    surveyed = instead_of_a_search(exact, seen, say)
+    first, last = way.gone(cleaned, surveyed or exact, seen)
     if surveyed is None:
         first, last = _with_geometry_open(way, cleaned, exact, first, last)
     judged = unless_outdone(judge(last.found), last.found, last.cleaned.campaign, say)
@@ -102,10 +104,14 @@ class _Way:
     say: Say
     patience: Patience
 
-    def gone(self, cleaned: Cleaned, baseline: Baseline) -> "tuple[_Looked, _Looked]":
-        """As recorded, and as the clocks have it: the same where nothing is wrong with these."""
+    def gone(self, cleaned: Cleaned, baseline: Baseline, seen: View | None = None) -> "tuple[_Looked, _Looked]":
+        """As recorded, and as the clocks have it: the same where nothing is wrong with these.
+
+        seen: all scores at the baseline, where they are known.
+        """
         audited = audit(cleaned, baseline, say=self.say)
-        first = self._look(audited, baseline if audited is cleaned else self._fitted(audited, baseline))
+        begun = baseline if audited is cleaned else self._fitted(audited, baseline)
+        first = self._look(audited, begun, seen=seen)
         kept = restored(cleaned, first.cleaned, first.found.best.model, self.say)
         if kept is not first.cleaned:
             again = baseline if _all_put_back(cleaned, kept) else self._fitted(kept, baseline)
@@ -124,9 +130,14 @@ class _Way:
         )
 
     def _look(
-        self, cleaned: Cleaned, baseline: Baseline, known: Completed | None = None, cuts: int = MOST_CUTS
+        self,
+        cleaned: Cleaned,
+        baseline: Baseline,
+        known: Completed | None = None,
+        cuts: int = MOST_CUTS,
+        seen: View | None = None,
     ) -> "_Looked":
-        found = select(baseline, self.say, pushes=cuts > 0, known=known, patience=self.patience)
+        found = select(baseline, self.say, pushes=cuts > 0, known=known, patience=self.patience, seen=seen)
         if not found.pushes:
             return _Looked(cleaned, baseline, found)
         less = _without(cleaned, found.pushes, self.say)

@@ -96,11 +96,19 @@ def _thetas(seen: View) -> list[np.ndarray]:
     return [seen.fit.values[seen.model.place_of(k)] for k in range(len(seen.model.tried))]
 
 
-def instead_of_a_search(exact: Baseline, say: Say) -> Baseline | None:
-    """The same with its geometry open, where that alone leaves only noise and one or two effects say less, or None."""
-    if exact.campaign.robot.survey is not None or candidate(exact.as_it_is, exact.predicted).is_white:
+def first_look(exact: Baseline) -> View | None:
+    """All scores at the model as it is, where that leaves more than noise; None where nothing is missing."""
+    is_white = candidate(exact.as_it_is, exact.predicted).is_white
+    return None if is_white else view(exact.as_it_is, exact.tried, exact.context)
+
+
+def instead_of_a_search(exact: Baseline, seen: View | None, say: Say) -> Baseline | None:
+    """The same with its geometry open, where that alone leaves only noise and one or two effects say less, or None.
+
+    seen: what `first_look` saw.
+    """
+    if exact.campaign.robot.survey is not None or seen is None:
         return None
-    seen = view(exact.as_it_is, exact.tried, exact.context)
     general = rival(seen)
     if general is None or general.temper > FITTING.near * seen.fit.noise_ratio**2:
         return None

@@ -40,11 +40,13 @@ from fidim_lab.say import Say
 class Search:
     """What is tried in which order, and what of it is believed."""
 
-    def __init__(self, start: Baseline, say: Say, look_for_pushes: bool, patience: Patience) -> None:
+    def __init__(
+        self, start: Baseline, say: Say, look_for_pushes: bool, patience: Patience, seen: View | None = None
+    ) -> None:
         self.start, self.say, self.look_for_pushes, self.patience = start, say, look_for_pushes, patience
         self.pushes: tuple[Contact, ...] = ()
         """for which it was broken off"""
-        self.trials = Trials(start, say, patience)
+        self.trials = Trials(start, say, patience, seen)
 
     def known_to_do(self, known: Completed | None) -> Candidate | None:
         """A known model fitted to these windows, where it leaves only noise."""

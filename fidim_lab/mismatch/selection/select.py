@@ -64,13 +64,15 @@ def select(
     pushes: bool = True,
     known: Completed | None = None,
     patience: Patience | None = None,
+    seen: View | None = None,
 ) -> Selection:
     """Search for what was left out, starting from the fits of the model as it is.
 
     pushes: break off where a push within a few windows is all that is left, so that it can be cut out. known: the model
     with which a search of nearly the same windows ended; where it leaves only noise of these, it is where this begins.
+    seen: all scores at a baseline, where they are known.
     """
-    search = Search(start, say, pushes, patience or Patience())
+    search = Search(start, say, pushes, patience or Patience(), seen)
     baseline = candidate(start.as_it_is, start.predicted)
     say(f"without any effect: {baseline.held_out.says}")
     settled = search.known_to_do(known)

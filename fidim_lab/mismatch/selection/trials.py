@@ -34,7 +34,8 @@ from fidim_lab.say import Say
 class Trials:
     """What one search fits, from the fits of the model as it is."""
 
-    def __init__(self, start: Baseline, say: Say, patience: Patience) -> None:
+    def __init__(self, start: Baseline, say: Say, patience: Patience, seen: View | None = None) -> None:
+        """seen: all scores at a baseline, where they are known."""
         self.start, self.say, self.patience = start, say, patience
         self.passing: list[Completed] = []
         """models that were fitted to the first seconds alone"""
@@ -44,13 +45,16 @@ class Trials:
         """models that were fitted to whole windows"""
         self._known: dict[tuple[object, ...], Completed] = {}
         """fits of whole windows by their terms, so that what pruning asks for again and again is made once"""
+        self._seen = seen
         self.first: View | None = None
         """what was seen at first"""
 
     def look(self, model: Completed) -> View:
         """All scores at a model."""
         self.say(f"looking at all effects beside {model.label}")
-        seen = view(model, self.start.tried, self.start.context)
+        seen = self._seen
+        if seen is None or model.tried or seen.model.fit is not model.fit:
+            seen = view(model, self.start.tried, self.start.context)
         self.first = seen if self.first is None else self.first
         return seen
 
