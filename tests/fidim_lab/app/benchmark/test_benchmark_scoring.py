@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fidim_lab.app.benchmark.scoring import Grade, grade, named
+from fidim_lab.app.benchmark.scoring import Grade, grade, grade_without, named
 
 JUDGES = Path(__file__).parents[5] / "shared" / "tools" / "score.py"
 
@@ -44,6 +44,21 @@ CASES = [
 @pytest.mark.parametrize(("explanation", "label", "cable", "expected"), CASES)
 def test_grade(explanation, label, cable, expected):
     assert grade(explanation, label, cable) is expected
+
+
+@pytest.mark.parametrize(
+    ("explanation", "expected"),
+    [
+        (said("unknown-physics"), Grade.RIGHT),
+        (said("explained", {**FRICTION, "single": False}), Grade.CLASS),
+        (said("partly-explained", {**FRICTION, "single": False}, {**DRAG, "single": True}), Grade.WRONG),
+        (said("explained", {**FRICTION, "single": True}), Grade.WRONG),
+        (said("nothing-missing"), Grade.WRONG),
+        (None, Grade.WRONG),
+    ],
+)
+def test_what_the_catalogue_lacks_must_not_get_a_sure_name(explanation, expected):
+    assert grade_without(explanation) is expected
 
 
 def test_no_answer_is_wrong_even_where_nothing_was_hidden():
