@@ -67,7 +67,7 @@ def _certain(told: Explanation) -> Iterable[str]:
         off = [value for one in told.geometry.moved if one.what == "anchor" for value in one.by]
         if off:
             rms = (sum(value**2 for value in off) / len(off)) ** 0.5
-            yield f"The robot file's anchors are off by {millimetres(rms):.2g} mm (rms); the ± count it."
+            yield f"The robot file's anchors are off by {millimetres(rms):.2g} mm (rms) as far as recordings show; the ± count it."
 
 
 def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
