@@ -67,7 +67,8 @@ def _certain(told: Explanation) -> Iterable[str]:
         off = [value for one in told.geometry.moved if one.what == "anchor" for value in one.by]
         if off:
             rms = (sum(value**2 for value in off) / len(off)) ** 0.5
-            yield f"The robot file's anchors are off by {millimetres(rms):.2g} mm (rms) as far as recordings show; the ± count it."
+            shown = f"{millimetres(rms):.2g} mm (rms) as far as recordings show"
+            yield f"The robot file's anchors are off by {shown}; the ± count it."
 
 
 def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
