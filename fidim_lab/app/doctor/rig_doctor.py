@@ -22,7 +22,6 @@ from drivers.ports import Clock
 from fidim_lab.app import compose
 from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
 from fidim_lab.app.doctor.checks import Check, Verdict
-from fidim_lab.app.doctor.command.place_doctor import check_place
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.app.doctor.serial_doctor import check_serial
 from fidim_lab.data.eds import read_dictionary
@@ -31,6 +30,7 @@ from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, S
 from procedures.steps import Lengths
 
 from .drive_doctor import check_grades, check_repairs
+from .place_doctor import check_place
 
 LISTEN = 1.0
 """s; ten heartbeats of a drive that another master has set up"""

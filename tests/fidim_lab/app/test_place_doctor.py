@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fidim_lab.app.doctor.command.place_doctor import check_place
 
 from drivers.ports import MarkerFrame
 from fidim_lab.app.doctor.checks import Verdict
 from fidim_lab.app.doctor.mocap_doctor import Watched
+from fidim_lab.app.doctor.rig_doctor import check_place
 from fidim_lab.data.rigs.rig_file import read_rig
 from procedures.nominal_rest import NominalRest
 
