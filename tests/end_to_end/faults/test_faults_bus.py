@@ -112,7 +112,7 @@ def test_late_frames(rehearsal, fault):
     "frames of a drive are cut short",
     reaction="quick stop",
     within=0.25,
-    says="winch 2 does not answer for 0.1",
+    says="TPDOs had a wrong length",
     window="kept",
     held=False,
 )
