@@ -9,7 +9,6 @@ from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Robot
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.modes import modes
 from fidim_lab.model.statics import Equilibrium
 from procedures.steps import Lengths
 
@@ -43,6 +42,8 @@ class NominalRest:
 
     def frequencies(self, lengths: Lengths) -> Float[np.ndarray, " free"]:
         """Of free motion about that rest, Hz, ascending. Raises InfeasibleError where the platform cannot rest."""
+        from fidim_lab.model.modes import modes  # scipy: `run_procedure` has imported it
+
         return modes(self._mechanism, self._robot.nominal, self._equilibrium(lengths)).frequencies
 
     def _equilibrium(self, lengths: Lengths) -> Equilibrium:

@@ -8,6 +8,7 @@ import asyncio
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from importlib import import_module
 from pathlib import Path
 
 from drivers.disk import InlineDisk
@@ -64,6 +65,7 @@ async def run_procedure(
     """
     outline = Outline(experiment.procedure)
     check_moves(outline.steps, experiment.robot, experiment.workspace)
+    import_module("procedures.recording.marker_drift")  # scipy takes a second: before anything moves
     kept = None if resumption is None else resumption.entries
     disk = InlineDisk() if disk is None else disk
 

@@ -7,7 +7,6 @@ import numpy as np
 from fidim_lab.errors import FidimError
 from procedures.nominal_rest import NominalRest
 from procedures.outcomes import Measurement, Outcome, judge
-from procedures.recording.marker_drift import drift_measurement
 from procedures.recording.recorder import Recording
 from procedures.recording.window_check import window_measurements
 from procedures.stand import Stand
@@ -45,6 +44,8 @@ def _drift(
         return ()
     if frequencies is None:
         return ()
+    from procedures.recording.marker_drift import drift_measurement  # scipy: `run_procedure` has imported it
+
     place = recording.markers[:, 0, :]
     t = np.arange(len(place)) / recording.rate
     return (drift_measurement(t, place, frequencies, step.limits.drift),)

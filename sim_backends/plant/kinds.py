@@ -37,5 +37,8 @@ class Kind:
 
 
 def xyz(prefix: str, defaults: tuple[float, float, float], unit: str, says: str) -> dict[str, Key]:
-    """Three keys in a row, one for each axis."""
-    return {prefix + axis: Key(value, unit, f"{says}, {axis}") for axis, value in zip("xyz", defaults, strict=True)}
+    """Three keys in a row, one for each axis, of either sign."""
+    return {
+        prefix + axis: Key(value, unit, f"{says}, {axis}", low=-math.inf)
+        for axis, value in zip("xyz", defaults, strict=True)
+    }

@@ -27,6 +27,7 @@ def cells(text: str, first: str) -> list[str]:
 
 
 @pytest.mark.parametrize("over", ["inprocess", "tcp", "slcan"])
+@pytest.mark.sampled(2)
 def test_nothing_is_lost_however_late_it_is(over):
     row = cells(run("rates", "--minutes", "0.02", "--sync", "250", "--over", over), over)
     assert row[3].split(",")[0] == "0"

@@ -179,6 +179,7 @@ DEFECTS = {
 
 
 @pytest.mark.parametrize("defect", DEFECTS)
+@pytest.mark.sampled(2)
 def test_a_planted_defect_is_found(tmp_path, defect):
     trial, says = DEFECTS[defect]
 
@@ -217,6 +218,7 @@ def test_the_watch_of_sync_takes_the_place_of_the_heartbeats(tmp_path):
         ("6007:0", None),
     ],
 )
+@pytest.mark.sampled(2)
 def test_a_drive_that_lacks_an_object_is_tried_in_all_else(tmp_path, absent, skipped):
     bench = Bench(watches_sync, without(absent), wanted=("w1", "w2"))  # what is withheld from the first hits it, too
     report = bench.commission(tmp_path / "run")

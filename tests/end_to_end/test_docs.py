@@ -30,6 +30,7 @@ def test_every_page_is_in_the_index():
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+@pytest.mark.sampled(2)
 def test_links_lead_somewhere(page):
     for target in LINK.findall(page.read_text(encoding="utf-8")):
         if re.match(r"\w+:", target):
@@ -42,6 +43,7 @@ def test_links_lead_somewhere(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+@pytest.mark.sampled(2)
 def test_commands_and_their_options_exist(page):
     for line in page.read_text(encoding="utf-8").splitlines():
         for name, rest in re.findall(r"(?:^ {4}|`)fidim ([a-z][a-z-]+)([^`#|]*)", line):

@@ -48,6 +48,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
+@pytest.mark.sampled(2)
 def test_what_is_typed_wrongly_is_a_sentence(here, capsys, case):
     arguments, code, says = WRONG[case]
     before = sorted(here.rglob("*"))

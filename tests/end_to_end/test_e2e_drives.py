@@ -57,7 +57,7 @@ def test_a_tension_out_of_its_limits_at_rest_ends_the_run_before_anybody_is_aske
 
 @pytest.mark.parametrize("step", ["MoveTo", "Settle", "Record"])
 @pytest.mark.parametrize(("newton", "says"), [(+300.0, "over 250 N for 0.1 s"), (-120.0, "under 2 N for 0.1 s")])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 def test_a_tension_beyond_its_threshold_stops_everything(rehearsal, step, newton, says):
     rehearsal.at(step, lambda stage: stage.add_tension(3, newton), after=STEPS[step])
     ended = rehearsal.run()

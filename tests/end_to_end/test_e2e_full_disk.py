@@ -35,7 +35,7 @@ def full_after(count):
 
 
 @pytest.mark.parametrize("room", [0, 1, 60, 500, 4_000, 9_000, 14_000, 30_000])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 def test_a_full_disk_under_a_recording(rehearsal, room):
     rehearsal.at("Record", lambda stage: None)
     ended = rehearsal.run(write=full_after(room))

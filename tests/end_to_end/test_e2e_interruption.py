@@ -42,7 +42,7 @@ def check_interrupted(ended):
 
 
 @pytest.mark.parametrize("step", STEPS)
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 def test_ctrl_c_at_any_step(rehearsal, step):
     rehearsal.at(step, press(1), after=0.08)
     ended = rehearsal.run()
@@ -65,7 +65,7 @@ def test_ctrl_c_as_a_window_is_accepted(rehearsal):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("step", ["MoveTo", "Record"])
 @pytest.mark.parametrize(("times", "apart"), [(3, 0.0), (30, 0.02)])
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(2)
 def test_impatience_does_not_keep_the_robot_from_being_held(rehearsal, step, number, times, apart):
     before = signal.getsignal(number)
     rehearsal.at(step, press(times, number, apart), after=0.3)

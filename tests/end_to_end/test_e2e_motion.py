@@ -92,7 +92,7 @@ def creeps(stage):
 
 @pytest.mark.parametrize("step", ["Ask", "Settle", "CheckTension", "AwaitHandsOff", "Record"])
 @pytest.mark.parametrize("fault", [spins, lambda stage: moves(stage, 2, 0.25)], ids=["spinning drum", "set-point"])
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 def test_a_winch_that_moves_while_it_should_hold_stops_within_ten_millimetres(rehearsal, truth, step, fault):
     rehearsal.at(step, lambda stage: (truth.watch(stage), fault(stage)), after=0.02)
     ended = rehearsal.run()

@@ -47,6 +47,7 @@ def test_a_marker_lost_for_a_moment_costs_an_attempt_not_a_window(rehearsal, kin
     assert not ended.trip
 
 
+@pytest.mark.slow
 def test_a_window_is_recorded_again_at_most_three_times(scene, rehearsal):
     rehearsal.settings = scene.short(seconds=0.5)
     for attempt in range(1, 6):

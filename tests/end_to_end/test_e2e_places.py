@@ -82,7 +82,7 @@ BEFORE = {
 
 
 @pytest.mark.parametrize("kind", BEFORE)
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 def test_what_is_wrong_is_found_before_anything_moves_farther(rehearsal: Any, kind: str) -> None:
     fault, says = BEFORE[kind]
     rehearsal.at("", fault)

@@ -129,6 +129,7 @@ def test_a_place_of_a_tension_check_can_be_skipped(world, lab, tmp_path):
     assert [row.outcome for row in report.windows] == [Outcome.SKIPPED, Outcome.PASS]
 
 
+@pytest.mark.slow
 def test_the_procedure_of_the_page_is_short_and_runs(world, lab, tmp_path):
     (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert len(code.splitlines()) < 20

@@ -45,7 +45,9 @@ def read_c3d(path: Path) -> MarkerLog:
         raise FileError(path, "", f"is damaged or no C3D file ({type(error).__name__}: {str(error)[:80]})") from None
     if len(frames) < count and told:
         raise FileError(path, "", f"ends after {len(frames)} of {count} frames: it was cut off")
-    return _log(path, names, check_rate(path, rate), np.array(frames, dtype=float), unit, screen)
+    with np.errstate(invalid="ignore"):  # signalling NaN of damaged bytes
+        points = np.array(frames, dtype=float)
+    return _log(path, names, check_rate(path, rate), points, unit, screen)
 
 
 def _library() -> Any:

@@ -32,7 +32,7 @@ class FreeMotionRule:
     averaged: float = 0.3
     """s, over which what is left over and inertial forces are averaged (rms)"""
     share: float = 0.5
-    """of the inertial forces that a hand leaves over at least: what `hand_free` asks for (REAL.md §2)"""
+    """of the inertial forces that a hand leaves over at least: what `hand_free` asks for (spec/irma4u.md §2)"""
     above: float = 4.0
     """times what is usually left over in the window"""
     goes_on: float = 1.5

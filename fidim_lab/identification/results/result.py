@@ -107,7 +107,7 @@ class Geometry:
 
     @property
     def table(self) -> dict[str, Any]:
-        """As FORMAT.md has it."""
+        """As spec/formats.md has it."""
         moved = [{"what": one.what, "cable": one.cable, "by": list(one.by), "sd": list(one.sd)} for one in self.moved]
         return {"chi2_gain": self.chi2_gain, "moved": moved}
 

@@ -131,7 +131,7 @@ class OpenedOnce:
 
     @property
     def table(self) -> dict[str, Any]:
-        """As FORMAT.md has it."""
+        """As spec/formats.md has it."""
         return {"chi2_per_dof": vars(self.chi2_per_dof), "rms_mm": vars(self.rms_mm)}
 
 
@@ -211,7 +211,7 @@ def _parameters(parameters: dict[str, EffectParameter]) -> dict[str, Any]:
 
 
 def _parts(answer: Answer) -> dict[str, str]:
-    """As FORMAT.md has them; the verdict's own sentence beside the verdict."""
+    """As spec/formats.md has them; the verdict's own sentence beside the verdict."""
     return {
         "says": answer.verdict,
         "certain": answer.certain,

@@ -49,6 +49,7 @@ def test_a_folder_with_files_is_left_alone(designed: Path):
     assert "holds files already" in done.exception.message
 
 
+@pytest.mark.slow
 def test_a_plan_for_winches(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(search, "FOR_EACH_BY_WINCHES", 2)
     out = tmp_path / "d"

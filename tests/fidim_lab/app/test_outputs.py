@@ -14,6 +14,8 @@ WITHOUT_A_CHECK = {"stop", "power-off"}
 """what they do comes first"""
 ARGUMENTS = {
     "benchmark explain": ["--out", "OUT"],
+    "brake": ["rig.toml", "winch 1", "--release"],
+    "commission": ["rig.toml", "--by", "me"],
     "compare": ["CAMPAIGN", "CAMPAIGN"],
     "dry-run": [],
     "design": [],

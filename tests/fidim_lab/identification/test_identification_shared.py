@@ -40,6 +40,7 @@ HARMLESS = {
 
 
 @pytest.mark.parametrize("name", HARMLESS)
+@pytest.mark.sampled(2)
 def test_parameters_come_back(shared, name):
     found = identify(read_campaign(shared / "campaigns" / name), checks=QUICK)
     com, inertia = errors(shared, name, found)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fidim_lab.app.service.main import prepare, write_papers
+from fidim_lab.app.service.main import prepare, write_inputs
 from fidim_lab.app.service.spec import RunSpec, overridden, read_spec, write_spec
 from fidim_lab.app.service.unattended import PatienceGuard, quiet, run_hook, write_summary
 from fidim_lab.app.session.run import RunOptions, make_spec, require_answers, run_command
@@ -100,7 +100,7 @@ def test_what_align_has_measured_with_this_rig_goes_with_the_run(tmp_path):
     spec = make_spec(options(tmp_path, answers=BOTH, rig=rig, embedded=False))
     work = prepare(spec)
     spec.out.mkdir(parents=True)
-    write_papers(work)
+    write_inputs(work)
     assert read_alignment(spec.out / "alignment.toml") == known
     assert prepare(spec.model_copy(update={"embedded": True})).alignment is None  # other cameras
     assert prepare(spec.model_copy(update={"procedure": "align"})).alignment is None  # its own

@@ -33,7 +33,7 @@ OVER = {
     "palette, text typed": ("ctrl+p", "a", "b"),
     "an order asked twice": ("x", "x", "k"),
 }
-WORKED = 1.0
+WORKED = 3.0
 """s of CPU from the key to the service, on a computer that others use; 0.02 to 0.2 on an idle one"""
 STATES = ("running", "prompt", "latched", "silent", "ended phase")
 

@@ -68,6 +68,7 @@ def test_descent_lowers_the_criterion_within_the_limits(drawn):
     assert after.limits.worst.max() <= 0
 
 
+@pytest.mark.slow
 def test_same_seed_same_design(drawn, small):
     """In a process of its own order: a new model, and its starts one by one."""
     assert design(drawn.task, 1, 5, map, silent).z.tobytes() == small.z.tobytes()
