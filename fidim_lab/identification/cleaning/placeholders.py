@@ -16,7 +16,7 @@ from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, 
 
 FAR = 20.0
 """times the median step from sample to sample that a marker jumps to such a value: no swing is so much quicker than
-its own median speed. 10 and 40 find the same in the spoilt campaigns of `benchmarks.spoilt`"""
+its own median speed. How the answer depends on it has not been measured"""
 WHY = "placeholder for a blank"
 
 

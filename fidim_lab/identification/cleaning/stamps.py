@@ -23,7 +23,7 @@ UNEVEN = 0.05
 """of a step: stamps nearer to an even grid than this need no other"""
 SMOOTHER = 0.9
 """times the roughness with the stamps as they are that an even grid must come down to: six standard deviations of it
-for one marker seen 1000 times; 0.8 and 0.95 decide alike in `benchmarks.spoilt`"""
+for one marker seen 1000 times. How the answer depends on it has not been measured"""
 AVERAGED = 7
 """samples, over which a speed is averaged"""
 EARLIEST = 0.02
