@@ -57,7 +57,7 @@ def test_a_tension_out_of_its_limits_at_rest_ends_the_run_before_anybody_is_aske
 
 @pytest.mark.parametrize("step", ["MoveTo", "Settle", "Record"])
 @pytest.mark.parametrize(("newton", "says"), [(+300.0, "over 250 N for 0.1 s"), (-120.0, "under 2 N for 0.1 s")])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_tension_beyond_its_threshold_stops_everything(rehearsal, step, newton, says):
     rehearsal.at(step, lambda stage: stage.add_tension(3, newton), after=STEPS[step])
     ended = rehearsal.run()
@@ -94,7 +94,7 @@ def test_a_drive_that_falls_silent_during_bring_up(rehearsal):
 
 
 @pytest.mark.parametrize("step", STEPS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_drive_that_falls_silent_is_missed_and_stops_by_itself(rehearsal, step):
     rehearsal.at(step, lambda stage: setattr(stage.drive(2).faults, "silent", True), after=STEPS[step])
     ended = rehearsal.run()
@@ -167,7 +167,7 @@ def test_in_real_time_no_winch_moves_while_another_cannot_be_prepared(scene):
 
 
 @pytest.mark.parametrize("step", STEPS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_fault_word_stops_everything(rehearsal, step):
     rehearsal.at(step, lambda stage: stage.drive(2).faults.raise_fault(0x2310), after=STEPS[step])
     ended = rehearsal.run()

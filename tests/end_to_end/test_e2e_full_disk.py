@@ -35,7 +35,7 @@ def full_after(count):
 
 
 @pytest.mark.parametrize("room", [0, 1, 60, 500, 4_000, 9_000, 14_000, 30_000])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_full_disk_under_a_recording(rehearsal, room):
     rehearsal.at("Record", lambda stage: None)
     ended = rehearsal.run(write=full_after(room))
@@ -50,7 +50,7 @@ def test_a_full_disk_under_a_recording(rehearsal, room):
 
 @pytest.mark.parametrize("step", ["Enable", "MoveTo", "Ask", "Record", "CheckWindow"])
 @pytest.mark.parametrize("where", ["fsync", "write"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_full_disk_under_the_journal(rehearsal, monkeypatch, step, where):
     target = (os, "fsync") if where == "fsync" else (Journal, "_append")
     rehearsal.at(step, lambda stage: monkeypatch.setattr(*target, full))
@@ -66,7 +66,7 @@ def test_a_full_disk_under_the_journal(rehearsal, monkeypatch, step, where):
 
 
 @pytest.mark.parametrize("target", ["procedures.recording.run_folder.write_index", "pathlib.Path.replace"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_full_disk_as_a_window_is_accepted(scene, rehearsal, monkeypatch, target):
     rehearsal.plan = scene.two
     rehearsal.at("Record", lambda stage: monkeypatch.setattr(target, full), nth=2)

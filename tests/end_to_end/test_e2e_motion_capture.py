@@ -33,7 +33,7 @@ GLITCHES = {
 
 
 @pytest.mark.parametrize("kind", GLITCHES)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_marker_lost_for_a_moment_costs_an_attempt_not_a_window(rehearsal, kind):
     says, more = GLITCHES[kind]
     rehearsal.at("Record", lambda stage: stage.mocap.add(kind, 0.2, *more), after=0.5)
@@ -70,7 +70,7 @@ LOSSES = {
 
 @pytest.mark.parametrize("kind", LOSSES)
 @pytest.mark.parametrize("step", ["MoveTo", "Settle"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_marker_lost_for_three_seconds_stops_the_run(rehearsal, step, kind):
     rehearsal.at(step, lambda stage: stage.mocap.add(kind, 3.3), after=0.1)
     ended = rehearsal.run()
@@ -84,7 +84,7 @@ def test_a_marker_lost_for_three_seconds_stops_the_run(rehearsal, step, kind):
 @pytest.mark.parametrize(
     ("kind", "says"), [*list(LOSSES.items())[:2], ("silences", "simulated motion capture: nothing received for 1.0 s")]
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_a_marker_lost_for_long_while_recording_stops_the_run_and_keeps_the_rows(scene, rehearsal, kind, says):
     rehearsal.settings = scene.short(seconds=6.0)
     rehearsal.at("Record", lambda stage: stage.mocap.add(kind, 4.0), after=1.0)
@@ -118,7 +118,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_packets_in_disorder_give_the_right_samples_or_blank_ones(scene, case):
     rehearsal = scene.make(CASES[case])
     rehearsal.settings = scene.short(seconds=5.0)

@@ -24,7 +24,7 @@ FOREIGN = {
 
 
 @pytest.mark.parametrize("says", FOREIGN)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 def test_another_master_in_a_run_is_a_quick_stop(rehearsal, says):
     frame = FOREIGN[says]
     rehearsal.at("Settle", lambda stage: stage.bus.inject(*frame), after=0.1)
