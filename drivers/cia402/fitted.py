@@ -7,6 +7,7 @@ from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.cia402.family import GENERIC_FAMILY
 from drivers.cia402.grading import grade, narrowed
 from drivers.cia402.requirements import Graded
+from drivers.ports import Trial
 from fidim_lab.data.eds import read_dictionary
 from fidim_lab.errors import FileError, SetupError
 
@@ -29,5 +30,13 @@ def by_file(known: canopen.ObjectDictionary, config: WinchConfig) -> tuple[Abili
     """Abilities and grade table by a dictionary; a value that cannot be written is believed to be the file's."""
     able = abilities(known, config)
     told = {f"{i:04X}:{s:X}": r.default for (i, s), r in able.registers.items() if r.default is not None}
-    serial_number = config.serial_number or next((proof.serial_number for proof in config.proofs), 0)
-    return able, grade(able, config, told, serial_number)
+    return able, grade(able, config, told, config.serial_number or _tried(config))
+
+
+def _tried(config: WinchConfig) -> int:
+    """The serial number of the drive that is believed to be there where the rig file names none.
+
+    That of the quick stop first: its proof alone makes the winch slower.
+    """
+    proofs = sorted(config.proofs, key=lambda proof: (proof.trial is Trial.QUICK_STOP, proof.at))
+    return proofs[-1].serial_number if proofs else 0

@@ -4,23 +4,17 @@ What they meet there (drives in a hall, or `fidim simulators` in another process
 """
 
 import contextlib
-import math
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import GENERIC_EDS, Load, StopReactions, StoredZero, TemperatureObject, WinchConfig
+from drivers.cia402.config import WinchConfig
 from drivers.cia402.cyclic import make_winch
-from drivers.cia402.family import DriveFamily, family_path, read_family
-from drivers.cia402.fitted import fitted
 from drivers.cia402.master import CanopenMaster
-from drivers.cia402.signals import Signal
 from drivers.cia402.takeover import refuse_other_master
 from drivers.cia402.trials import WinchTrials
 from drivers.cia402.winch import Cia402Winch
-from drivers.cia402.words import Mode
 from drivers.clock import LoopClock
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Clock, Operator, Rig
@@ -28,9 +22,9 @@ from drivers.remote_operator import RemoteOperator
 from fidim_lab.app.compose.homes import HomeKeeper
 from fidim_lab.app.compose.loop import running
 from fidim_lab.app.compose.motion_capture import marker_source
-from fidim_lab.app.compose.proofs import held_proofs
 from fidim_lab.app.compose.serial_devices import SerialDevices, run_serial_devices, serial_devices
-from fidim_lab.data.rigs.rig import GuardEntry, GuardReaction, RigFile, WinchEntry
+from fidim_lab.app.compose.winches import winch_configs
+from fidim_lab.data.rigs.rig import GuardEntry, GuardReaction, RigFile
 from fidim_lab.data.rigs.rig_serial import Loading, ReleaseEntry
 from fidim_lab.errors import SetupError
 from procedures.settings import (
@@ -51,9 +45,6 @@ REACTIONS = {
 }
 SHORTEST_LISTEN, LONGEST_LISTEN = 0.1, 1.0
 """s of listening for another master, at any heartbeat"""
-MODES = {"profile-position": Mode.PROFILE_POSITION, "cyclic-position": Mode.CYCLIC_POSITION}
-STEP_TIMEOUT = 2.0
-"""s for one step of a drive's machine, besides its brake"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,15 +64,16 @@ async def real_rig(
     file: RigFile,
     operator: Operator | None = None,
     *,
+    winches: Sequence[WinchConfig] | None = None,
     takes_over: bool = False,
-    homing: bool = False,
     tried_by: str = "",
 ) -> AsyncGenerator[RealRig]:
     """Open bus and motion capture, and keep the control loop running until the context ends; nothing moves by itself.
 
-    operator: whoever answers prompts; may be left out where the rig file has a simulated hand. takes_over: drives that
-    an earlier host has left holding the load are not refused. homing: stored zeros are made anew, none is checked.
-    tried_by: the person in whose presence the stops are tried, so that what is to be proven is not asked for yet.
+    operator: whoever answers prompts; may be left out where the rig file has a simulated hand. winches: as
+    `winch_configs` has them, so that their EDS files are not read again. takes_over: drives that an earlier host has
+    left holding the load are not refused. tried_by: the person in whose presence the stops are tried, so that what is
+    to be proven is not asked for yet.
     To be run on a loop that waits (`run_loop(..., real_time=True)`).
     Raises SetupError where a socket cannot be opened, the bus would be too full or nobody answers prompts; BusError
     where the bus cannot be reached or another master is heard; DeviceError where a motion-capture server does not
@@ -92,9 +84,9 @@ async def real_rig(
         transport = open_bus(file)
         stack.callback(transport.close)
         master = make_master(file, transport, clock)
-        configs = winch_configs(file, homing=homing, on_trial=bool(tried_by))
-        winches = tuple(make_winch(config, master, takes_over=takes_over) for config in configs)
-        trials = tuple(WinchTrials(winch, tried_by) for winch in winches) if tried_by else ()
+        configs = winch_configs(file, on_trial=bool(tried_by)) if winches is None else winches
+        made = tuple(make_winch(config, master, takes_over=takes_over) for config in configs)
+        trials = tuple(WinchTrials(winch, tried_by) for winch in made) if tried_by else ()
         markers = marker_source(file, clock)
         serial = serial_devices(file, clock)
         answering = operator or await _hand(file, stack)
@@ -102,14 +94,14 @@ async def real_rig(
         await refuse_other_master(transport, clock, file.bus.host_id, listening_time(file), nodes)
         await running(stack, master.run())
         if file.keeps_homes:
-            await running(stack, HomeKeeper(file, winches, clock).run())
-        for winch in winches:
+            await running(stack, HomeKeeper(file, made, clock).run())
+        for winch in made:
             await running(stack, winch.watch_health())
         stack.push_async_callback(markers.close)
         await markers.start()
         await run_serial_devices(stack, serial)
-        rig = Rig(clock, winches, markers, answering, serial.release, serial.gauges, master, trials)
-        yield RealRig(rig, transport, master, winches, markers, serial)
+        rig = Rig(clock, made, markers, answering, serial.release, serial.gauges, master, trials)
+        yield RealRig(rig, transport, master, made, markers, serial)
 
 
 def open_bus(file: RigFile) -> PythonCanTransport:
@@ -137,88 +129,6 @@ def make_master(file: RigFile, transport: PythonCanTransport, clock: Clock) -> C
     )
 
 
-def winch_configs(file: RigFile, *, homing: bool = False, on_trial: bool = False) -> tuple[WinchConfig, ...]:
-    """What the drivers are told of each winch. Raises SetupError naming file, winch and key.
-
-    homing: stored zeros are about to be made anew, so that none is checked. on_trial: stops are about to be tried.
-    """
-    winches = file.robot.winches or ()
-    age = file.guards["stale_winch"].thresholds["age"]
-    try:
-        configs = [
-            _winch_config(entry, winch.newton_per_ampere, age, homing, file.path.parent)
-            for entry, winch in zip(file.winches, winches, strict=True)
-        ]
-        return tuple(replace(one, proofs=held_proofs(file, one), on_trial=on_trial) for one in configs)
-    except SetupError as error:
-        raise SetupError(f"{file.path}: {error.message}", hint=error.hint) from error
-
-
-def _winch_config(
-    entry: WinchEntry, newton_per_ampere: float, sample_age: float, homing: bool, folder: Path
-) -> WinchConfig:
-    family = read_family(family_path(entry.family, folder))
-    config = WinchConfig(
-        name=entry.name,
-        node_id=entry.node_id,
-        counts_per_turn=entry.counts_per_turn * entry.gear_ratio,
-        drum_radius=entry.drum_radius,
-        rated_current=entry.rated_current,
-        current_limit=entry.current_limit,
-        max_speed=entry.max_speed,
-        max_acceleration=entry.max_acceleration,
-        length_limits=entry.length_limits,
-        direction=entry.direction,
-        reversed=entry.reversed,
-        home_count=entry.home_count,
-        home_length=entry.home_length,
-        quick_stop_deceleration=entry.quick_stop_deceleration,
-        following_error=entry.following_error,
-        following_error_time=entry.following_error_time,
-        heartbeat=entry.heartbeat,
-        host_timeout=entry.host_timeout,
-        sdo_timeout=entry.sdo_timeout,
-        step_timeout=STEP_TIMEOUT + entry.brake_time,
-        stop=StopReactions(**vars(entry.stop)),
-        eds=entry.eds or GENERIC_EDS,
-        vendor_id=entry.vendor_id,
-        product_code=entry.product_code,
-        serial_number=entry.serial_number,
-        rated_torque=entry.rated_torque,
-        sample_age=sample_age,
-        current_offset=entry.tension.offset / newton_per_ampere,
-        temperature=_temperature(entry),
-        sto=None if entry.sto is None else Signal(entry.sto.bit, entry.sto.active),
-        brake_output=None if entry.brake_output is None else Signal(**vars(entry.brake_output)),
-        family=family,
-        motor_counts=entry.counts_per_turn,
-        load=_load(entry, family),
-        torque_constant=entry.torque_constant,
-        mode=MODES[entry.mode],
-        zero=None if homing else _stored_zero(entry),
-    )
-    return fitted(config)
-
-
-def _load(entry: WinchEntry, family: DriveFamily) -> Load:
-    if entry.load is None and family.load_object is not None:
-        return Load.VENDOR
-    return Load(entry.load or family.load)
-
-
-def _stored_zero(entry: WinchEntry) -> StoredZero | None:
-    home = entry.home
-    if home is None:
-        return None
-    per_metre = entry.counts_per_turn * entry.gear_ratio / (2.0 * math.pi * entry.drum_radius)
-    return StoredZero(home.serial_number, entry.multi_turn, home.last_count, max(1, round(entry.turned * per_metre)))
-
-
-def _temperature(entry: WinchEntry) -> TemperatureObject | None:
-    asked = entry.temperature
-    return None if asked is None else TemperatureObject(asked.index, asked.sub, asked.scale)
-
-
 async def _hand(file: RigFile, stack: contextlib.AsyncExitStack) -> Operator:
     if file.hand is None:
         raise SetupError(f"{file.path}: nobody answers prompts.", hint="Give an operator, or [simulated_hand].")
@@ -228,9 +138,9 @@ async def _hand(file: RigFile, stack: contextlib.AsyncExitStack) -> Operator:
     return hand
 
 
-def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
+def rig_settings(file: RigFile, base: Settings | None = None, winches: Sequence[WinchConfig] | None = None) -> Settings:
     """What a procedure is told of this rig: length limits, speeds that its winches can do, friction band, guards."""
-    base, configs = base or Settings(), winch_configs(file)
+    base, configs = base or Settings(), winch_configs(file) if winches is None else winches
     speed, acceleration = _highest(configs)
     motion = replace(
         base.motion,
@@ -261,12 +171,12 @@ def rig_settings(file: RigFile, base: Settings | None = None) -> Settings:
     )
 
 
-def require_what_winches_do(file: RigFile, settings: Settings) -> None:
+def require_what_winches_do(file: RigFile, settings: Settings, winches: Sequence[WinchConfig] | None = None) -> None:
     """Raise SetupError for what a drive would refuse or not wait for: now, not in the middle of a run.
 
     Speeds, accelerations, and the guard of the following error.
     """
-    speed, acceleration = _highest(winch_configs(file))
+    speed, acceleration = _highest(winch_configs(file) if winches is None else winches)
     for table, one in (("motion", settings.motion), ("excite", settings.excite), ("align", settings.align)):
         for name, value, most, unit in (
             ("speed", one.speed, speed, "m/s"),
@@ -286,7 +196,7 @@ def require_what_winches_do(file: RigFile, settings: Settings) -> None:
         )
 
 
-def _highest(configs: tuple[WinchConfig, ...]) -> tuple[float, float]:
+def _highest(configs: Sequence[WinchConfig]) -> tuple[float, float]:
     """Speed (m/s) and acceleration (m/s²) that all winches may do."""
     return min(config.max_speed for config in configs), min(config.max_acceleration for config in configs)
 

@@ -17,7 +17,6 @@ from drivers.canbus.transport import CanFrame
 from drivers.cia402.config import GENERIC_EDS, WinchConfig
 from drivers.cia402.family import AmpereObject
 from drivers.clock import LoopClock
-from fidim_lab.app.compose.real import winch_configs
 from fidim_lab.app.compose.simulated import GRAIN, simulated_world
 from fidim_lab.app.compose.simulated_motion_capture import MocapSender, as_cameras_see, mocap_sender
 from fidim_lab.app.compose.simulated_serial import (
@@ -26,6 +25,7 @@ from fidim_lab.app.compose.simulated_serial import (
     serial_link,
     serial_simulators,
 )
+from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Plan
 from fidim_lab.data.rigs.rig import BusEntry, RigFile

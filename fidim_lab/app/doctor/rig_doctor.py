@@ -20,7 +20,8 @@ from drivers.cia402.winch import Cia402Winch
 from drivers.clock import LoopClock
 from drivers.ports import Clock
 from fidim_lab.app import compose
-from fidim_lab.app.compose.real import make_master, open_bus, winch_configs
+from fidim_lab.app.compose.real import make_master, open_bus
+from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.app.doctor.checks import Check, Verdict
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.app.doctor.serial_doctor import check_serial

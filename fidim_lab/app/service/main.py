@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from drivers.cia402.config import WinchConfig
 from drivers.disk import DiskThreads
 from drivers.ports import Disk
 from fidim_lab.app import compose
 from fidim_lab.app.compose.proofs import ProofKeeper
-from fidim_lab.app.compose.real import winch_configs
+from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.app.formats.aligned import PROCEDURE as ALIGN
 from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.app.formats.run_records import RunRecords
@@ -26,7 +27,7 @@ from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.broadcast import wall_time
 from fidim_lab.app.service.judging import explain_step
 from fidim_lab.app.service.lock import Lock, held
-from fidim_lab.app.service.opening import Opened, open_rig
+from fidim_lab.app.service.opening import HOMING, Opened, open_rig
 from fidim_lab.app.service.place import Place, place_of
 from fidim_lab.app.service.service import Identity, Service, new_token
 from fidim_lab.app.service.spec import NAME as SPEC
@@ -63,6 +64,8 @@ class Work:
 
     spec: RunSpec
     file: RigFile
+    winches: tuple[WinchConfig, ...]
+    """with the proofs of their stops, fitted to what their drives can do"""
     plan: Plan
     experiment: Experiment
     resumption: Resumption | None = None
@@ -82,9 +85,10 @@ def prepare(spec: RunSpec) -> Work:
         resumption = read_resumption(spec.out, {window.id: window.role for window in plan.windows})
         if spec.accept_place:
             resumption = replace(resumption, place=None)
-    made = experiment(spec.procedure, plan, file.robot, _settings(spec, file), resumption=resumption)
+    winches = winch_configs(file, homing=spec.procedure == HOMING, on_trial=bool(spec.by))
+    made = experiment(spec.procedure, plan, file.robot, _settings(spec, file, winches), resumption=resumption)
     alignment = None if spec.resume or spec.procedure == ALIGN else known_alignment(file)
-    return Work(spec, file, plan, made, resumption, alignment)
+    return Work(spec, file, winches, plan, made, resumption, alignment)
 
 
 def run_service(work: Work) -> int:
@@ -106,7 +110,7 @@ async def _serve(work: Work, place: Place, lock: Lock, ended: list[RunReport]) -
     left = place_left.end if place_left else None
     async with AsyncExitStack() as stack:
         disk = stack.enter_context(DiskThreads())
-        opened = await stack.enter_async_context(open_rig(spec, work.file, work.plan, left))
+        opened = await stack.enter_async_context(open_rig(spec, work.file, work.winches, work.plan, left))
         service = _service(work, opened)
         gc.freeze()  # what is there stays: looking through it again takes 40 ms, three periods of SYNC
         await service.hub.listen_unix(place.socket)
@@ -192,7 +196,7 @@ def _proof_keeper(work: Work, service: Service, disk: Disk) -> ProofKeeper:
         service.event_log.note(kind="guard-warned", reason=says)
 
     spec = work.spec
-    return ProofKeeper(work.file, winch_configs(work.file), spec.out, spec.by, wall_time, tell, disk)
+    return ProofKeeper(work.file, work.winches, spec.out, spec.by, wall_time, tell, disk)
 
 
 def _tell_checked(service: Service, checked: Checked) -> None:
@@ -221,10 +225,10 @@ def write_inputs(work: Work) -> None:
         sync(work.spec.out / name)
 
 
-def _settings(spec: RunSpec, file: RigFile) -> Settings:
-    settings = compose.rig_settings(file)
+def _settings(spec: RunSpec, file: RigFile, winches: tuple[WinchConfig, ...]) -> Settings:
+    settings = compose.rig_settings(file, winches=winches)
     found = overridden(compose.patient_settings(settings) if spec.embedded else settings, spec.settings)
-    compose.require_what_winches_do(file, found)
+    compose.require_what_winches_do(file, found, winches)
     return found
 
 

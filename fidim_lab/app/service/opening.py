@@ -4,13 +4,14 @@ Prompts are not answered here: what is opened has the hand that does what is ask
 """
 
 import contextlib
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drivers.canbus.transport import CanFrame
+from drivers.cia402.config import WinchConfig
 from drivers.ports import Operator, Prompt, Rig
 from drivers.remote_operator import RemoteOperator
 from fidim_lab.app import compose
@@ -47,10 +48,13 @@ class _Nobody:
 
 
 @asynccontextmanager
-async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | None = None) -> AsyncGenerator[Opened]:
+async def open_rig(
+    spec: RunSpec, file: RigFile, winches: Sequence[WinchConfig], plan: Plan, start: Lengths | None = None
+) -> AsyncGenerator[Opened]:
     """Open it until the context ends. Raises SetupError, DeviceError, BusError as `compose` does.
 
-    start: where an embedded robot rests, m; else at the plan's first lengths.
+    winches: what the drivers are told of those of `file`; a rehearsal has the same. start: where an embedded robot
+    rests, m; else at the plan's first lengths.
     """
     async with contextlib.AsyncExitStack() as stack:
         if spec.embedded:
@@ -63,7 +67,7 @@ async def open_rig(spec: RunSpec, file: RigFile, plan: Plan, start: Lengths | No
             await hand.open()
             stack.push_async_callback(hand.close)
         real = await stack.enter_async_context(
-            compose.real_rig(file, _Nobody(), takes_over=spec.resume, homing=spec.procedure == HOMING, tried_by=spec.by)
+            compose.real_rig(file, _Nobody(), winches=winches, takes_over=spec.resume, tried_by=spec.by)
         )
         yield Opened(real.rig, hand, real.transport.tap, float(file.bus.bitrate))
 

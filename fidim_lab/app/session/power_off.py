@@ -11,7 +11,8 @@ from drivers.cia402.without_power import acknowledge_fault, read_state, take_pow
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.app import compose
-from fidim_lab.app.compose.real import listening_time, make_master, open_bus, winch_configs
+from fidim_lab.app.compose.real import listening_time, make_master, open_bus
+from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.lock import holder, in_use
 from fidim_lab.app.service.place import place_of

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from fidim_lab.app.compose.embedded import HOST, PATIENCE, Ports, free_ports, rehearsal_file
-from fidim_lab.app.compose.real import rig_settings, winch_configs
+from fidim_lab.app.compose.real import rig_settings
+from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.app.session.simulators import SimulatorOptions, simulators_command
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import SetupError

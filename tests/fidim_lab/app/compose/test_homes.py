@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.app import compose
+from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.data.rigs.home_file import home_path, read_homes
 from fidim_lab.data.rigs.rig_file import read_rig
@@ -46,7 +47,8 @@ def rig(tmp_path):
 
 async def session(path, *, homing=False, work=None):
     """Open the rig, configure every winch, do `work`; gives the lengths."""
-    async with compose.real_rig(read_rig(path), homing=homing) as real:
+    file = read_rig(path)
+    async with compose.real_rig(file, winches=winch_configs(file, homing=homing)) as real:
         await asyncio.gather(*(winch.configure() for winch in real.winches))
         if work is not None:
             await work(real)

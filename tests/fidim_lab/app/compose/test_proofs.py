@@ -1,22 +1,27 @@
 """Proofs by trial beside a rig file: kept, forgotten after a failure, void for another drive or setting, asked for."""
 
 import asyncio
+import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from drivers.cia402.config import GENERIC_EDS
 from drivers.cia402.grading import refusals
 from drivers.cia402.requirements import Grade, Graded, Met, Requirement, met_by_trial
 from drivers.disk import InlineDisk
 from drivers.ports import Trial
+from fidim_lab.app import compose
 from fidim_lab.app.compose.proofs import ProofKeeper, held_proofs, void
-from fidim_lab.app.compose.real import winch_configs
+from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.data.rigs.proof_file import proofs_path, read_proofs
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import SetupError
 from procedures.events import StepFinished
 from procedures.outcomes import Outcome
+from procedures.settings import Settings
 from procedures.steps import Result
 from procedures.steps.commission import ProveStop
 
@@ -30,10 +35,10 @@ def rig(tmp_path):
     return path
 
 
-def finished(trial, outcome=Outcome.PASS, winch=0, serial=77.0, reason=""):
+def finished(trial, outcome=Outcome.PASS, winch=0, serial=77.0, reason="", way=0.0007):
     step = ProveStop(window="w", winch=winch, trial=trial, speed=0.05, acceleration=0.2, watch=1.0)
     readings = {"identity": (1.0, 2.0, 3.0, serial)}
-    return StepFinished(0.0, 1, step, Result(outcome, reason, values=(0.031, 0.0007), readings=readings), 0.0)
+    return StepFinished(0.0, 1, step, Result(outcome, reason, values=(0.031, way), readings=readings), 0.0)
 
 
 def keep(rig, folder, *events):
@@ -87,6 +92,33 @@ def test_a_drive_whose_stop_is_neither_told_nor_proven_is_refused_except_in_tria
     lacking = (Graded(wanted, Met.ABSENT, "no 605A:0"),)
     assert "fidim commission RIG" in refusals(lacking, on_trial=False)[0]
     assert refusals(lacking, on_trial=True) == []
+
+
+def without_quick_stop_objects(rig):
+    """The rig with drives whose dictionary has neither 605A nor 6085."""
+    sections = re.split(r"(?m)^(?=\[)", GENERIC_EDS.read_text())
+    left = "".join(part for part in sections if not re.match(r"\[(605A|6085)\]", part))
+    (rig.parent / "no_quick_stop.eds").write_text(re.sub(r"(?m)^\d+=0x(605A|6085)\n", "", left))
+    rig.write_text(rig.read_text().replace('eds = "generic"', 'eds = "no_quick_stop.eds"'))
+
+
+def test_a_weaker_quick_stop_that_was_proven_makes_its_winch_slower(rig, tmp_path):
+    without_quick_stop_objects(rig)
+    full = winch_configs(read_rig(rig))[0]
+    assert (full.max_speed, full.proofs) == (read_rig(rig).winches[0].max_speed, ())
+    # 0.05 m/s in 5 mm are 0.25 m/s²; the way of a stop goes with the square of the speed
+    slower = full.max_speed * math.sqrt(0.25 / full.quick_stop_deceleration)
+    keep(rig, tmp_path / "run", finished(Trial.HALT, serial=76.0), finished(Trial.QUICK_STOP, way=0.005))
+    first, second, *_ = winch_configs(read_rig(rig))
+    assert {proof.trial for proof in first.proofs} == {Trial.QUICK_STOP, Trial.HALT}
+    assert first.max_speed == pytest.approx(slower)
+    assert second.max_speed == full.max_speed  # of winch 2 nothing is proven
+    settings = compose.rig_settings(read_rig(rig))
+    assert settings.motion.speed == pytest.approx(min(Settings().motion.speed, slower))
+    with pytest.raises(SetupError, match=f"up to {slower:g} m/s"):
+        compose.require_what_winches_do(read_rig(rig), replace(settings, motion=replace(settings.motion, speed=0.3)))
+    tried_again = winch_configs(read_rig(rig), on_trial=True)[0]
+    assert tried_again.max_speed == full.max_speed  # a trial is made at its own speed
 
 
 def test_a_file_that_is_none_is_named(rig):
