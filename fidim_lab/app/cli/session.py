@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from fidim_lab.app.cli.completion import hide_option
-from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FOLDER
+from fidim_lab.app.cli.outputs import OUT_EITHER, OUT_FILE, OUT_FOLDER
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, not_with, only_with
 
 
@@ -26,6 +26,7 @@ from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, 
 @click.option(
     "--validate", "validation", default=3, show_default=True, type=click.IntRange(0, 60), help="Held-out windows."
 )
+@click.option("--plan", type=FILE, default=None, help="Windows to rehearse, as they are; no random ones.")
 @click.option(
     "--excite", is_flag=True, help="No hand: the winches excite, calm and travel (fidim run --procedure excite)."
 )
@@ -41,6 +42,8 @@ def dry_run(**options: Any) -> None:
         not_with("--ui", "json_file")
     else:
         only_with("--ui", "light")
+    if options["plan"] is not None:
+        not_with("--plan", "equilibria", "validation")
     from fidim_lab.app.session.dry_run import DryRunOptions, run_dry_run
 
     sys.exit(run_dry_run(DryRunOptions(**options)))
@@ -266,3 +269,26 @@ def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
     from fidim_lab.app.session.tension_calibrate import tension_calibrate_command
 
     sys.exit(tension_calibrate_command(campaign, json_file))
+
+
+@fidim.command()
+@click.argument("kind", type=click.Choice(["robot", "rig", "plan", "campaign"]))
+@click.option("--out", type=OUT_EITHER, default=None, help="File, of a campaign the folder; default KIND.toml.")
+@click.option("--robot", type=ROBOT, default=None, help="That the file is for; default robot.toml.")
+@click.option("--cables", default=4, show_default=True, type=click.IntRange(2, 5), help="Of a new robot.")
+@click.option("--simulated", is_flag=True, help="rig: for the devices of fidim simulators, not for hardware.")
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-init/1".')
+@example("fidim init robot --cables 3\n      fidim init rig --simulated\n      fidim init plan --robot robot.toml")
+def init(**options: Any) -> None:
+    """Write a new file of KIND: every key with its unit, its frame and how it is measured. Overwrites nothing.
+
+    KIND: robot, rig, plan, or campaign (a folder). The numbers are those of a plausible robot, so that it can be tried
+    on simulators at once; replace them by yours.
+    """
+    kind = options["kind"]
+    not_with(kind, "robot" if kind == "robot" else "cables")
+    if kind != "rig":
+        only_with("rig", "simulated")
+    from fidim_lab.app.starters.command import InitOptions, init_command
+
+    sys.exit(init_command(InitOptions(**options)))

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from fidim_lab.app.formats.key_words import key_words, sentence
 from fidim_lab.app.formats.schema_words import default_words, one_line, range_words, type_words
 from fidim_lab.app.service.spec import number_type, number_words, numbers
 from fidim_lab.data.campaign import CampaignTable
@@ -21,17 +22,19 @@ INTRODUCTION = """# Keys of files
 
 Made from the models that check the files, by `python -m fidim_lab.app.formats.file_keys`; a test compares them. SI
 units throughout. A key without a default must be there; an unknown key is an error. What the tables of a rig file mean:
-[rig.md](rig.md); what a run's folder holds: [files.md](files.md).
+[rig.md](rig.md); what a run's folder holds: [files.md](files.md). `fidim init KIND`
+writes a new file with all of this in it.
 """
-FILES: tuple[tuple[str, type[BaseModel]], ...] = (
-    ("Robot file, `fidim-robot/1` (TOML)", RobotTable),
-    ("Rig file, `fidim-rig/1` (TOML)", RigTable),
-    ("Plan, `fidim-plan/1` (TOML)", PlanTable),
-    ("Campaign, `fidim-campaign/1` (TOML)", CampaignTable),
-    ("Columns of a table to import, `fidim-columns/1` (TOML)", ColumnMap),
-    ("Columns of a robot log, `fidim-log/1` (TOML)", LogMap),
-    ("Result, `fidim-result/1` (JSON)", ResultTable),
+FILES: tuple[tuple[str, type[BaseModel], str], ...] = (
+    ("Robot file, `fidim-robot/1` (TOML)", RobotTable, "robot"),
+    ("Rig file, `fidim-rig/1` (TOML)", RigTable, "rig"),
+    ("Plan, `fidim-plan/1` (TOML)", PlanTable, "plan"),
+    ("Campaign, `fidim-campaign/1` (TOML)", CampaignTable, "campaign"),
+    ("Columns of a table to import, `fidim-columns/1` (TOML)", ColumnMap, ""),
+    ("Columns of a robot log, `fidim-log/1` (TOML)", LogMap, ""),
+    ("Result, `fidim-result/1` (JSON)", ResultTable, ""),
 )
+"""heading, model, and the kind of file in `key_words`"""
 SETTINGS = """## Settings of a procedure (`fidim run --set TABLE.KEY=NUMBER`)
 
 SI units. What the rig file says comes before these defaults, and `--set` before both: guards go as far as a rig file
@@ -42,12 +45,12 @@ may set them, speeds and accelerations as far as its winches may. What each mean
 def file_keys_page() -> str:
     """The whole page: each file, then the tables inside it."""
     parts = [INTRODUCTION]
-    for heading, model in FILES:
+    for heading, model, kind in FILES:
         schema = model.model_json_schema()
-        parts += [f"## {heading}\n", *_table(schema)]
+        parts += [f"## {heading}\n", *_table(schema, kind, model.__name__)]
         for name, inner in schema.get("$defs", {}).items():
             if "properties" in inner:
-                parts += [f"### {_title(name, inner)}\n", *_table(inner)]
+                parts += [f"### {_title(name, inner)}\n", *_table(inner, kind, name)]
     return "\n".join([*parts, SETTINGS, *_settings()])
 
 
@@ -69,9 +72,19 @@ def _title(name: str, schema: dict[str, Any]) -> str:
     return f"{name}: {says}" if says else name
 
 
-def _table(schema: dict[str, Any]) -> list[str]:
+def _table(schema: dict[str, Any], kind: str, model: str) -> list[str]:
+    """A row for each key; with what it means where the kind of file has words for it."""
     rows = [_row(name, field, schema) for name, field in schema["properties"].items()]
-    return ["| key | value | allowed | default |", "|---|---|---|---|", *rows, ""]
+    if not kind:
+        return ["| key | value | allowed | default |", "|---|---|---|---|", *rows, ""]
+    said = [_meaning(kind, model, name) for name in schema["properties"]]
+    told = [f"{row} {meaning} |" for row, meaning in zip(rows, said, strict=True)]
+    return ["| key | value | allowed | default | what it is |", "|---|---|---|---|---|", *told, ""]
+
+
+def _meaning(kind: str, model: str, name: str) -> str:
+    words = key_words(kind, model, name)
+    return "" if words is None else sentence(words, {}).replace("|", "\\|")
 
 
 def _row(name: str, field: dict[str, Any], schema: dict[str, Any]) -> str:

@@ -20,6 +20,7 @@ from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.run_display import display
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import ROBOT
+from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -60,6 +61,8 @@ class DryRunOptions:
     """the winches excite, instead of a hand"""
     light: bool = False
     """the UI dark on light"""
+    plan: Path | None = None
+    """windows to rehearse, as they are; None: random ones"""
 
 
 def run_dry_run(options: DryRunOptions) -> int:
@@ -74,11 +77,17 @@ def run_dry_run(options: DryRunOptions) -> int:
     spec = DryRunSpec(seed=options.seed, hide=options.hide, real_time=options.real_time, excite=options.excite)
     world = compose.simulated_world(robot, options.seed, options.hide)
     with Working("planning: equilibria where the robot can rest and swing", options.equilibria + options.validation):
-        numbers = (options.equilibria, options.validation, options.seed)
-        plan = random_plan(robot, "dry run", *numbers, WITHIN_LIMITS)
+        plan = planned(options, robot)
         experiment = _experiment(spec, plan, robot)
     with one_writer(folder):  # makes the folder: nothing is left of a plan that was refused
         return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world), options.json_file)
+
+
+def planned(options: DryRunOptions, robot: Robot) -> Plan:
+    """The plan that was given, or a random one. Raises FileError for a wrong one, InfeasibleError without any."""
+    if options.plan is not None:
+        return read_plan_or_design(options.plan, robot.n)
+    return random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, WITHIN_LIMITS)
 
 
 def resume_dry_run(folder: Path, spec: DryRunSpec, json_file: Path | None) -> int:

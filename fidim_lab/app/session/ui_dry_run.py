@@ -20,7 +20,7 @@ from fidim_lab.app.service.lock import holder, in_use
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import Place, place_of
 from fidim_lab.app.service.spec import RunSpec
-from fidim_lab.app.session.dry_run import DryRunOptions
+from fidim_lab.app.session.dry_run import DryRunOptions, planned
 from fidim_lab.app.session.run_process import service_process, until_it_listens
 from fidim_lab.app.session.ui import need_terminal, run_ui
 from fidim_lab.app.terminal import console
@@ -30,7 +30,6 @@ from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot, write_robot
 from fidim_lab.errors import SetupError
-from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from procedures.recording.run_folder import require_new
 
 BUS = {"interface": "slcan", "channel": "socket://127.0.0.1:1", "bitrate": 1_000_000, "sync_rate": 100.0}
@@ -74,7 +73,7 @@ def make_spec(options: DryRunOptions, folder: Path, inputs: Path) -> RunSpec:
     """What the service is to run, its files in `inputs`. Raises SetupError for an effect that nobody knows."""
     robot = with_winches(read_robot(options.robot or PAPERS_ROBOT))
     compose.simulated_world(robot, options.seed, options.hide)  # an effect that nobody knows is said before planning
-    plan = random_plan(robot, "dry run", options.equilibria, options.validation, options.seed, WITHIN_LIMITS)
+    plan = planned(options, robot)
     write_plan(inputs / "plan.toml", plan)
     write_robot(inputs / "robot.toml", robot)
     (inputs / "rig.toml").write_text(tomli_w.dumps(rig_table(robot)), encoding="utf-8")

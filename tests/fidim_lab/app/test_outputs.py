@@ -22,6 +22,7 @@ ARGUMENTS = {
     "doctor": [],
     "export": ["CAMPAIGN", "--to", "csv"],
     "import": ["irma4u", "CAMPAIGN", "--out", "OUT"],
+    "init": ["robot"],
     "register": ["CAMPAIGN", "--out", "OUT"],
     "reproduce": [],
     "run": ["plan.toml", "--rig", "rig.toml"],
