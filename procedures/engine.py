@@ -78,7 +78,7 @@ class Engine:
     ) -> Ending:
         """Perform all steps under the guards' eyes."""
         work = asyncio.ensure_future(self._perform_all(procedure, stand, handlers))
-        eyes = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings.period, self._react))
+        eyes = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings, self._react))
         button = asyncio.ensure_future(self._stopped.wait())
         self._tasks = work, eyes, button
         self._control.attach(self._judge, self.emergency_stop)

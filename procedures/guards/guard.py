@@ -11,7 +11,7 @@ from typing import Protocol
 
 from drivers.ports import Clock, MarkerFrame, WinchSample
 from drivers.trajectory import Trajectory
-from procedures.settings import Reaction
+from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
 
 
@@ -73,21 +73,62 @@ class Reacting:
         return self.guard.look(seen)
 
 
+HOST_LOOP = "host loop"
+"""the guard whose own matter a standstill is"""
+
+
+class Standstill:
+    """This computer stood still: what guards find just after it is a consequence, and is told as one.
+
+    Drives that hear nothing of their host stop by themselves, samples grow old, and a winch is not where the command
+    has it by now: which guard sees which of these first is chance.
+    """
+
+    def __init__(self, allowed: float) -> None:
+        """allowed: s between two looks."""
+        self._allowed = allowed
+        self._before: float | None = None
+        self._lasted, self._end = 0.0, 0.0
+
+    def look(self, t: float) -> None:
+        """Take the time of a look."""
+        before, self._before = self._before, t
+        if before is not None and t - before > self._allowed:
+            self._lasted, self._end = t - before, t
+
+    def cause(self, t: float, guard: str, says: str) -> str:
+        """What a guard says, after what came first: a standstill counts for as long again as it has lasted."""
+        ago = t - self._end
+        if ago > self._lasted or not self._lasted or guard == HOST_LOOP:
+            return says
+        until = "" if ago < 0.005 else f", until {ago:.2f} s ago"
+        return f"this computer did nothing for {self._lasted:.2f} s{until}; {says}"
+
+
 class Always(Reacting):
     """A guard that looks as long as any winch has power, while others are still being given it, too."""
 
 
 async def watch(
-    clock: Clock, guards: Sequence[Guard], look: Callable[[], Observation], period: float, react: Callable[[Trip], None]
+    clock: Clock,
+    guards: Sequence[Guard],
+    look: Callable[[], Observation],
+    settings: GuardSettings,
+    react: Callable[[Trip], None],
 ) -> Trip:
     """Look in every cycle until a guard trips; `react` is called in that same cycle. Returns the trip.
+
+    A trip just after this computer has stood still for longer than samples are believed, or than its drives allow, says
+    that first.
 
     A guard that only warns is told of once, and again when it has been content meanwhile. One that rejects a window is
     told of in every cycle; neither ends the watch.
     """
     warned: set[str] = set()
+    standstill = Standstill(min(settings.sample_age, settings.loop_late))
     while True:
         seen = look()
+        standstill.look(seen.t)
         for guard in guards:
             if seen.phase in (Phase.PREPARING, Phase.TRYING) and not isinstance(guard, Always):
                 continue
@@ -95,7 +136,7 @@ async def watch(
             if says is None:
                 warned.discard(guard.name)
                 continue
-            trip = Trip(seen.t, guard.name, says, guard.reaction)
+            trip = Trip(seen.t, guard.name, standstill.cause(seen.t, guard.name, says), guard.reaction)
             if trip.reaction is Reaction.REJECT_WINDOW:
                 react(trip)  # each time: the violation may have begun before the recording
                 continue
@@ -105,4 +146,4 @@ async def watch(
             if guard.name not in warned:
                 warned.add(guard.name)
                 react(trip)
-        await clock.sleep(period)
+        await clock.sleep(settings.period)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from drivers.disk import InlineDisk
 from drivers.ports import Disk
-from procedures.guards.guard import Guard, Observation, Reacting
+from procedures.guards.guard import HOST_LOOP, Guard, Observation, Reacting
 from procedures.settings import GuardSettings, Reaction
 
 SPARE_BACK = 1.2
@@ -24,7 +24,7 @@ STEP_PERIOD = 1.0
 class LoopGuard:
     """The host's loop came late: what was commanded, and what was seen, is older than it should be."""
 
-    name = "host loop"
+    name = HOST_LOOP
     reaction = Reaction.HOLD
 
     def __init__(self, allowed: float) -> None:

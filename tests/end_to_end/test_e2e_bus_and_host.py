@@ -113,5 +113,5 @@ def test_in_real_time_a_process_that_hangs_is_missed_by_its_drives(scene):
     report = ended.check(held=ended.report.held, log=False)
     assert report.held
     assert report.exit_code == 3
-    assert "all 4 winches" in report.reason
+    assert "this computer did nothing for " in report.reason  # whichever guard is the first that sees what came of it
     assert {drive.state for drive in ended.drives} == {State.QUICK_STOP_ACTIVE}

@@ -1,9 +1,11 @@
 """Guards of the host: each trips at its threshold, with its reaction, and forgets with hysteresis."""
 
+import asyncio
+
 import pytest
 
 from procedures.events import RunFinished, StepStarted, Tripped, Warned
-from procedures.guards.guard import Observation
+from procedures.guards.guard import Observation, watch
 from procedures.guards.host_guards import ClockStepGuard, DiskGuard, LoopGuard, host_guards
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Kind, read_journal
@@ -21,6 +23,53 @@ def test_a_late_loop_is_told_with_how_late():
     assert guard.look(at(0.2)) is None
     assert "nothing for 2.00 s" in guard.look(at(2.2))
     assert guard.look(at(2.21)) is None
+
+
+class Cold:
+    """A guard that strikes at a time."""
+
+    name, reaction = "cold", Reaction.HOLD
+
+    def __init__(self, t):
+        self._t = t
+
+    def look(self, seen):
+        return "it is cold" if seen.t >= self._t else None
+
+
+@pytest.mark.parametrize(
+    ("strikes", "says"),
+    [
+        (0.05, "it is cold"),
+        (0.9, "this computer did nothing for 0.80 s; it is cold"),
+        (1.31, "this computer did nothing for 0.80 s, until 0.41 s ago; it is cold"),
+        (1.75, "it is cold"),  # what came of it has been seen by now
+    ],
+)
+@pytest.mark.parametrize(("age", "late"), [(0.2, 0.9), (0.9, 0.25)])
+def test_what_a_guard_finds_after_a_standstill_is_told_as_its_consequence(strikes, says, age, late):
+    """Looks every 10 ms, and none from 0.1 to 0.9 s."""
+    now = [0.0]
+
+    class Stops:
+        async def sleep(self, seconds):
+            now[0] = round(now[0] + (0.8 if now[0] == 0.1 else seconds), 6)
+
+    settings = GuardSettings(sample_age=age, loop_late=late)
+    trip = asyncio.run(watch(Stops(), [Cold(strikes)], lambda: at(now[0]), settings, lambda trip: None))
+    assert (trip.guard, trip.says) == ("cold", says)
+
+
+def test_the_host_guard_tells_of_a_standstill_itself():
+    times = iter((0.0, 0.01, 0.81))
+
+    class Stops:
+        async def sleep(self, seconds):
+            pass
+
+    guards = [LoopGuard(0.25), Cold(0.5)]
+    trip = asyncio.run(watch(Stops(), guards, lambda: at(next(times)), GuardSettings(), lambda trip: None))
+    assert trip.says == "this computer did nothing for 0.80 s, 0.25 s is allowed; what else runs on it?"
 
 
 def test_a_disk_is_low_until_there_is_clearly_more(tmp_path):
