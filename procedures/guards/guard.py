@@ -78,7 +78,7 @@ HOST_LOOP = "host loop"
 
 
 class Standstill:
-    """This computer stood still: what guards find just after it is a consequence, and is told as one.
+    """What guards find just after this computer stood still is a consequence, and is told as one.
 
     Drives that hear nothing of their host stop by themselves, samples grow old, and a winch is not where the command
     has it by now: which guard sees which of these first is chance.

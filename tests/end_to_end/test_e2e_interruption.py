@@ -13,6 +13,7 @@ import pytest
 
 from drivers.canbus.candump import read_candump
 from fidim_lab.data.campaign import read_campaign
+from fidim_lab.errors import HardwareError
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Kind, read_journal
 from sim_backends.drive.machine import State
@@ -80,28 +81,33 @@ def test_impatience_does_not_keep_the_robot_from_being_held(rehearsal, step, num
 
 
 class Command:
-    """`fidim dry-run` with two windows, watched by its journal."""
+    """`fidim dry-run` with four windows, watched by its journal; it may be two windows on before it is interrupted."""
 
     def __init__(self, folder, *more):
         self.folder = folder
         self.journal = folder / "journal.jsonl"
-        command = ["dry-run", "--equilibria", "2", "--validate", "0", "--out", str(folder), *more]
+        self.begun = folder.with_name(f"{folder.name}-begun")
+        """there once the command takes interrupts: before, Python itself ends with a traceback"""
+        script = f"from fidim_lab.app.cli import main; open({str(self.begun)!r}, 'w').close(); main()"
+        command = ["dry-run", "--equilibria", "4", "--validate", "0", "--out", str(folder), *more]
         self.process = subprocess.Popen(
-            [sys.executable, "-c", "from fidim_lab.app.cli import main; main()", *command],
+            [sys.executable, "-c", script, *command],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
 
-    def wait_for(self, step, window):
-        """Until the journal has this step's begin."""
+    def wait_for(self, step, window, *, may_end=False):
+        """Until the journal has this step's begin; False where the command has ended before, which it may."""
         pause = threading.Event()
         for _ in range(round(SECONDS_LEFT / 0.005)):
             lines = self.journal.read_text().splitlines() if self.journal.exists() else []
             steps = [json.loads(line) for line in lines if line.endswith("}")]
             if any(s["kind"] == "step-started" and (s["step"], s.get("window")) == (step, window) for s in steps):
-                return
-            assert self.process.poll() is None, self.process.stderr.read()
+                return True
+            if self.process.poll() is not None:
+                assert may_end, self.process.stderr.read()
+                return False
             pause.wait(0.005)
         raise TimeoutError(step)
 
@@ -133,7 +139,7 @@ def test_the_command_ends_with_130_and_a_whole_folder(command):
     assert "Traceback" not in out + err
     last = read_journal(command.journal)[-1]
     assert (last.kind, last.outcome) == (Kind.RUN_FINISHED, Outcome.ABORTED)
-    assert [w.id for w in read_campaign(command.folder).windows] == ["i01"]
+    assert [w.id for w in read_campaign(command.folder).windows] in (["i01"], ["i01", "i02"], ["i01", "i02", "i03"])
     assert {p.name for p in command.folder.iterdir()} >= {"truth.json", "plan.toml", "raw", "robot.toml"}
 
 
@@ -143,7 +149,8 @@ def test_after_a_kill_the_accepted_windows_are_a_campaign(command):
     os.kill(command.process.pid, signal.SIGKILL)
     assert command.end()[0] == -signal.SIGKILL
     campaign = read_campaign(command.folder)
-    assert [(w.id, len(w.t)) for w in campaign.windows] == [("i01", 1001)]
+    assert [len(w.t) for w in campaign.windows] == [1001] * len(campaign.windows)
+    assert 1 <= len(campaign.windows) < 4
     part = command.folder / "windows" / "i02.csv.part"
     if not part.exists():  # it was quicker than the kill
         assert (command.folder / "windows" / "i02.csv").exists()
@@ -152,11 +159,14 @@ def test_after_a_kill_the_accepted_windows_are_a_campaign(command):
 
 
 def test_in_real_time_with_threads_and_sockets_it_is_the_same(tmp_path):
-    command = Command(tmp_path / "run", "--real-time")
-    command.wait_for("Settle", "i01")
-    command.process.send_signal(signal.SIGINT)
-    command.process.send_signal(signal.SIGTERM)
-    code, out, err = command.end()
+    for attempt in range(5):  # anew where a busy machine starved it, so that a guard had to stop it first
+        command = Command(tmp_path / f"run{attempt}", "--real-time")
+        reached = command.wait_for("Settle", "i01", may_end=True)
+        command.process.send_signal(signal.SIGINT)
+        command.process.send_signal(signal.SIGTERM)
+        code, out, err = command.end()
+        if reached and code != HardwareError.exit_code:
+            break
     assert code == 130, out + err
     assert "All winches stand still, held." in out
     assert "Traceback" not in out + err
@@ -165,7 +175,11 @@ def test_in_real_time_with_threads_and_sockets_it_is_the_same(tmp_path):
 
 def test_ctrl_c_while_planning(tmp_path):
     command = Command(tmp_path / "run")
-    threading.Event().wait(1.0)
+    for _ in range(round(SECONDS_LEFT / 0.02)):
+        if command.begun.exists():
+            break
+        threading.Event().wait(0.02)
+    threading.Event().wait(0.5)
     for _ in range(3):  # as a person would: Python drops an interrupt that strikes within a destructor
         command.process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):

@@ -22,7 +22,7 @@ def die(folder: Path) -> str:
 
 
 def sleep(folder: Path) -> str:
-    threading.Event().wait(3.0)
+    threading.Event().wait(120.0)
     return folder.name
 
 
@@ -34,7 +34,7 @@ def test_it_answers_or_dies(job, expected: str | None) -> None:
 def test_nobody_waits_for_what_takes_too_long() -> None:
     begin = time.monotonic()
     assert asyncio.run(apart(sleep, Path("run"), longest=0.2)) is None
-    assert time.monotonic() - begin < 2.5
+    assert time.monotonic() - begin < 60.0
 
 
 @pytest.mark.parametrize("error", [np.linalg.LinAlgError("singular"), RuntimeError("CasADi"), OSError("disk")])

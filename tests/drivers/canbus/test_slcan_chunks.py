@@ -32,7 +32,7 @@ def line() -> Iterator[tuple[int, str]]:
     os.close(end)
 
 
-def heard(bus: can.BusABC, wanted: int, within: float = 2.0) -> list[tuple[int, str]]:
+def heard(bus: can.BusABC, wanted: int, within: float = 30.0) -> list[tuple[int, str]]:
     found: list[tuple[int, str]] = []
     until = time.monotonic() + within
     while len(found) < wanted and time.monotonic() < until:
@@ -78,7 +78,7 @@ def test_a_line_that_is_no_text_is_a_value_error_and_the_next_is_read(line: tupl
     with SlcanBus(path, sleep_after_open=0.0) as bus:
         os.write(end, b"t18\xff1AA\rt1811BB\r")
         with pytest.raises(ValueError, match="no frame"):
-            bus.recv(1.0)
+            bus.recv(20.0)
         assert heard(bus, 1) == [(0x181, "bb")]
 
 
@@ -103,7 +103,7 @@ def test_a_line_that_lost_characters_is_a_value_error_and_nothing_else(line: tup
     with SlcanBus(path, sleep_after_open=0.0) as bus:
         os.write(end, spoilt.encode("latin1") + b"\rt1812CCDD\r")
         with pytest.raises(ValueError, match=r"frame|literal"):
-            bus.recv(1.0)
+            bus.recv(20.0)
         assert heard(bus, 1) == [(0x181, "ccdd")]
 
 
@@ -157,7 +157,7 @@ def test_a_full_bus_is_read_in_a_fraction_of_its_time() -> None:
         sender = threading.Thread(target=flood)
         sender.start()
         spent = time.thread_time()
-        found = [bus.recv(2.0) for _ in range(2000)]
+        found = [bus.recv(20.0) for _ in range(2000)]
         spent = time.thread_time() - spent
         sender.join()
         assert [int.from_bytes(message.data, "little") for message in found if message is not None] == [*range(2000)]
