@@ -23,6 +23,9 @@ Spread = tuple[NotNegative, NotNegative, NotNegative]
 AXIS_TOLERANCE = 1e-6
 """how far x, y, z of a swivel may be from a right-handed orthonormal triad"""
 
+MOST_CABLES = 5
+"""whose held lengths leave a free motion: 6 − n freedoms"""
+
 
 class PlatformTable(Table):
     """`[platform]`."""
@@ -109,10 +112,15 @@ class RobotTable(Table):
     sensors: SensorsTable = SensorsTable()
     winch: WinchTable | list[WinchTable] | None = None
     survey: SurveyTable | None = None
-    cable: Annotated[list[CableTable], Field(min_length=1, max_length=5)]
+    cable: Annotated[list[CableTable], Field(min_length=1)]
 
     @model_validator(mode="after")
     def _consistent(self) -> "RobotTable":
+        if len(self.cable) > MOST_CABLES:
+            raise ValueError(
+                f"cable: {len(self.cable)} tables; {len(self.cable)} cables of held length leave the platform no "
+                f"freedom (6 - n), so nothing swings and free motion tells nothing of the body; 1 to {MOST_CABLES} can"
+            )
         if isinstance(self.winch, list) and len(self.winch) != len(self.cable):
             raise ValueError(f"winch: {len(self.winch)} tables for {len(self.cable)} cables; give one for all, or each")
         if not any(self.gravity):

@@ -238,11 +238,19 @@ def brake(**options: Any) -> None:
 @fidim.command()
 @click.option("--robot", type=ROBOT, default=None, help="Also check this robot file for plausibility.")
 @click.option("--rig", type=FILE, default=None, help="Also check this rig file's hardware; only reads, moves nothing.")
+@click.option("--picture", type=OUT_FILE, default=None, help="SVG file for a drawing of --robot with all its symbols.")
 @click.option("--eds", type=FILE, default=None, help="Tell what the drive of this EDS or DCF file can do.")
 @click.option("--family", default=None, help="Of --eds: a built-in drive family, or a file of your own (.toml).")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-doctor/1".')
 @example("fidim doctor --rig rig.toml")
-def doctor(robot: Path | None, rig: Path | None, eds: Path | None, family: str | None, json_file: Path | None) -> None:
+def doctor(
+    robot: Path | None,
+    rig: Path | None,
+    picture: Path | None,
+    eds: Path | None,
+    family: str | None,
+    json_file: Path | None,
+) -> None:
     """Check installation, buses, sockets, clock and disk, and say what to do where one fails.
 
     With --rig also each drive against the rig file (wanted, found), motion capture, guards and the robot file: exit 1
@@ -253,7 +261,9 @@ def doctor(robot: Path | None, rig: Path | None, eds: Path | None, family: str |
 
     if family is not None and eds is None:
         raise click.UsageError("--family belongs to --eds.")
-    sys.exit(doctor_command(robot, json_file, rig, None if eds is None else Drive(eds, family)))
+    if picture is not None and robot is None:
+        raise click.UsageError("--picture goes with --robot.")
+    sys.exit(doctor_command(robot, json_file, rig, None if eds is None else Drive(eds, family), picture))
 
 
 @fidim.command("tension-calibrate")

@@ -35,12 +35,16 @@ class Drive:
 
 
 def doctor_command(
-    robot: Path | None, json_file: Path | None, rig: Path | None = None, drive: Drive | None = None
+    robot: Path | None,
+    json_file: Path | None,
+    rig: Path | None = None,
+    drive: Drive | None = None,
+    picture: Path | None = None,
 ) -> int:
     """Run all checks, print them, and return the exit code: 1 where one failed, 3 where hardware cannot be reached.
 
-    With a drive's EDS file only that is told, and nothing of this computer. Raises FileError where a file cannot be
-    read.
+    With a drive's EDS file only that is told, and nothing of this computer. `picture`: an SVG file for a drawing of the
+    robot, which is drawn in the terminal as well. Raises FileError where a file cannot be read.
     """
     file = None if rig is None else read_rig(rig)
     checks: list[Check] = []
@@ -58,6 +62,8 @@ def doctor_command(
         checks += [] if robot == file.robot_path else check_robot(file.robot_path)
         checks += check_rig(file)
     console.out.print(make_table(checks))
+    if robot is not None:
+        _draw(robot, picture)
     if json_file is not None:
         write_checks(json_file, checks)
     wrong = [check for check in checks if check.verdict.wrong]
@@ -68,6 +74,29 @@ def doctor_command(
     if any(check.verdict is Verdict.UNREACHABLE for check in wrong):
         return HardwareError.exit_code
     return RefusedError.exit_code if wrong else 0
+
+
+def _draw(path: Path, picture: Path | None) -> None:
+    """The robot at rest in the middle of its workspace, as letters and as a picture; nothing where it does not rest."""
+    from fidim_lab.app.doctor.robot_plausibility import middle_rests, units
+    from fidim_lab.app.doctor.robot_text import robot_views
+    from fidim_lab.model.mechanism import Mechanism
+
+    try:
+        robot = read_robot(path)
+        rests = middle_rests(Mechanism(robot)) if units(robot).ok else []
+    except FidimError:  # said above
+        return
+    if not rests:
+        return
+    rest = rests[len(rests) // 2]
+    console.out.print(f"\n{robot_views(robot, rest)}\n", markup=False, highlight=False, no_wrap=True)
+    if picture is not None:
+        from fidim_lab.app.report.drawing import write_svg
+        from fidim_lab.app.report.robot_picture import robot_picture
+
+        write_svg(picture, robot_picture(robot, rest))
+        console.out.print(f"picture     {picture}", markup=False)
 
 
 def check_python() -> Check:

@@ -4,10 +4,10 @@
 where those are wrong. A finding that is fine and still has advice is a warning: such a robot exists, but mind this.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
+from fidim_lab.app.doctor.finding import Finding
+from fidim_lab.app.doctor.robot_cables import copies, pulleys, roll
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, InfeasibleError
 from fidim_lab.identification.equations.consistency import can_exist
@@ -24,6 +24,8 @@ REACH = 1.0
 """m from P within which attachments and markers of such platforms lie"""
 GYRATION = 1.5
 """of the platform's reach from G: no body has a larger radius of gyration than its farthest point"""
+USUAL, FEWEST = 0.7, 0.1
+"""usual radius of gyration over that reach, and the part of it below which no unit is guessed: it is advice"""
 DEPTHS = np.linspace(0.3, 1.0, 8)
 """under the middle of the anchors, in the workspace's scale"""
 SOFT = 0.1
@@ -40,27 +42,16 @@ NEUTRAL = 1e-3
 """Hz"""
 
 
-class Finding(NamedTuple):
-    """One check."""
-
-    what: str
-    ok: bool
-    found: str
-    """a sentence with numbers"""
-    advice: str = ""
-    """what to do; a warning where `ok`"""
-
-
 def plausibility(robot: Robot) -> list[Finding]:
     """All checks of a robot that has been read. Raises nothing: what cannot be computed is a finding."""
-    findings = [units(robot), attachments(robot), inertia(robot), body(robot), weight(robot)]
-    if not findings[0].ok:
-        return findings[:1]
+    if not (first := units(robot)).ok:
+        return [first]
+    findings = [first, attachments(robot), copies(robot), roll(robot), inertia(robot), body(robot), weight(robot)]
     mechanism = Mechanism(robot)
     rests = middle_rests(mechanism)
     findings.append(rest(robot, rests))
     if rests:
-        findings.append(soft_modes(mechanism, rests))
+        findings += [pulleys(mechanism, rests), soft_modes(mechanism, rests)]
     if rests and can_exist(robot.nominal):
         findings.append(frequencies(mechanism, rests))
     return findings
@@ -105,11 +96,18 @@ def inertia(robot: Robot) -> Finding:
     )
     if gyration <= GYRATION * reach:
         return Finding("inertia", True, found)
-    advice = (
-        "nominal_inertia is per unit mass, in m², about P: divide kg m² by the mass "
-        f"({robot.mass:g} kg would make it {gyration / np.sqrt(robot.mass):.3f} m)."
-    )
+    advice = "nominal_inertia is per unit mass, in m², about P. " + _in_other_units(gyration, reach, robot.mass)
     return Finding("inertia", False, found, advice)
+
+
+def _in_other_units(gyration: float, reach: float, mass: float) -> str:
+    """The unit in which the radius of gyration would be one of this body."""
+    units = {"kg m²": mass, "kg mm²": mass * 1e6, "mm² per unit mass": 1e6, "g mm²": mass * 1e9}
+    would = {name: gyration / np.sqrt(factor) / reach for name, factor in units.items()}
+    name = min(would, key=lambda unit: abs(np.log(would[unit] / USUAL)))
+    if FEWEST * USUAL < would[name] <= GYRATION:
+        return f"It looks like {name}: divide it by {units[name]:g}, which makes it {would[name] * reach:.3f} m."
+    return f"Divide kg m² by the mass ({mass:g} kg), kg mm² by {1e6 * mass:g}."
 
 
 def body(robot: Robot) -> Finding:

@@ -33,12 +33,17 @@ def write_pictures(folder: Path, drawings: Iterable[Drawing]) -> tuple[Path, ...
         paths: list[Path] = []
         for number, drawing in enumerate(drawings, start=1):
             path = folder / f"{number:02d}-{slug(drawing.name or drawing.caption)}.svg"
-            svg = drawing.svg.replace("<svg ", f'<svg xmlns="{NAMESPACE}" ', 1)
-            path.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{svg}\n', encoding="utf-8", newline="\n")
+            write_svg(path, drawing.svg)
             paths.append(path)
     except OSError as error:
         raise FileError(folder, "", f"cannot be written: {error.strerror}") from None
     return tuple(paths)
+
+
+def write_svg(path: Path, svg: str) -> None:
+    """Write a picture of a page as a file that stands alone. Raises OSError."""
+    alone = svg.replace("<svg ", f'<svg xmlns="{NAMESPACE}" ', 1)
+    path.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{alone}\n', encoding="utf-8", newline="\n")
 
 
 def slug(text: str) -> str:

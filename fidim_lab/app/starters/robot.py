@@ -75,7 +75,12 @@ def cable_values(number: int, cables: int) -> dict[str, object]:
         "d": np.round(anchor, 3).tolist(),
         "a": np.round(held, 3).tolist(),
         "radius": 0.025,
-        "x": [1, 0, 0],
-        "y": [0, 1, 0],
+        "x": _unit(-out),
+        "y": _unit(np.cross([0.0, 0.0, 1.0], -out)),
         "z": [0, 0, 1],
     }
+
+
+def _unit(direction: np.ndarray) -> list[float]:
+    """To as many digits as the reader wants of unit vectors."""
+    return np.round(direction, 9).tolist()

@@ -51,7 +51,7 @@ def toml_value(value: Any) -> str:
         case bool() | str():
             return json.dumps(value, ensure_ascii=False)
         case float():
-            return repr(round(value, 6)) if abs(value) < 1e6 else f"{value:g}"
+            return repr(round(value, 9)) if abs(value) < 1e6 else f"{value:g}"
         case Mapping():
             return "{ " + ", ".join(f"{key} = {toml_value(one)}" for key, one in value.items()) + " }"
         case list() | tuple():

@@ -1,16 +1,31 @@
 """Robot files that read well and are wrong all the same: each mistake is found, with a number, and right ones pass."""
 
+import itertools
+import re
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from fidim_lab.app.doctor.robot_plausibility import Finding, plausibility
+from fidim_lab.app.doctor.finding import Finding
+from fidim_lab.app.doctor.robot_plausibility import middle_rests, plausibility
+from fidim_lab.app.doctor.robot_text import robot_views
+from fidim_lab.app.report.robot_picture import robot_picture
 from fidim_lab.data.records import Body, Cable, Limits, Robot
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.errors import FileError
+from fidim_lab.model.mechanism import Mechanism
 
 
 def _by_name(robot: Robot) -> dict[str, Finding]:
     return {finding.what: finding for finding in plausibility(robot)}
+
+
+def _with(robot: Robot, cable: int, **changes: Any) -> Robot:
+    cables = [replace(one, **changes) if k == cable else one for k, one in enumerate(robot.cables)]
+    return replace(robot, cables=tuple(cables))
 
 
 def _meeting_cables(width: float) -> Robot:
@@ -35,10 +50,13 @@ def test_the_papers_robot_is_plausible(irma4: Robot):
     assert [f.what for f in findings] == [
         "units",
         "attachments",
+        "copies",
+        "roll",
         "inertia",
         "body",
         "weight",
         "rest",
+        "pulleys",
         "soft modes",
         "frequencies",
     ]
@@ -82,7 +100,7 @@ def test_inertia_that_is_not_per_unit_mass(irma4: Robot):
     nominal = replace(irma4.nominal, inertia=irma4.mass * irma4.nominal.inertia)
     found = _by_name(replace(irma4, nominal=nominal))
     assert not found["inertia"].ok
-    assert "divide kg m² by the mass" in found["inertia"].advice
+    assert "looks like kg m²: divide it by 11" in found["inertia"].advice
     assert found["rest"].ok
 
 
@@ -123,6 +141,91 @@ def test_cables_in_the_wrong_order_have_no_rest(irma4: Robot):
     finding = _by_name(replace(irma4, cables=cables))["rest"]
     assert not finding.ok
     assert "order of the cables" in finding.advice
+
+
+@pytest.mark.parametrize(("cable", "like"), list(itertools.permutations(range(4), 2)))
+def test_axes_copied_from_another_cable_are_seen(cable: int, like: int, irma4: Robot):
+    other = irma4.cables[like]
+    advice = _by_name(_with(irma4, cable, x=other.x, y=other.y, z=other.z))["pulleys"].advice
+    assert f"able {cable + 1}" in advice
+    assert f"those of cable {like + 1}" in advice
+
+
+@pytest.mark.parametrize("cable", range(4))
+def test_an_axis_turned_round_is_seen(cable: int, irma4: Robot):
+    own = irma4.cables[cable]
+    advice = _by_name(_with(irma4, cable, x=-own.x, z=-own.z))["pulleys"].advice
+    assert f"Cable {cable + 1} turns by" in advice
+    assert "turned round" in advice
+
+
+def test_a_cable_that_leaves_its_pulley_backwards(irma4: Robot):
+    # the swivel axis passes nearer to the attachment than the pulley is wide
+    rest = middle_rests(Mechanism(irma4))
+    attachment = rest[len(rest) // 2].pose.position + irma4.cables[0].a
+    up, x = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    robot = _with(irma4, 0, d=attachment + np.array([0.01, 0.0, 1.0]), radius=0.3, x=x, y=np.cross(up, x), z=up)
+    finding = _by_name(robot).get("pulleys")
+    assert finding is not None
+    assert not finding.ok
+    assert "Cable 1 leaves its pulley backwards" in finding.advice
+
+
+def test_a_table_that_was_copied(irma4: Robot):
+    finding = _by_name(_with(irma4, 2, d=irma4.cables[1].d))["copies"]
+    assert not finding.ok
+    assert "Cables 2 and 3 have the same d" in finding.found
+
+
+def test_attachments_on_a_line_leave_a_roll(irma4: Robot):
+    robot = irma4
+    for k, cable in enumerate(irma4.cables):
+        robot = _with(robot, k, a=np.array([0.0, cable.a[1], 0.27]))
+    finding = _by_name(robot)["roll"]
+    assert finding.ok
+    assert "attachments (a) lie on one line" in finding.advice
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(11.0, "kg m²"), (11e6, "kg mm²"), (1e6, "mm² per unit mass"), (11e9, "g mm²")]
+)
+def test_the_unit_of_an_inertia_is_named(factor: float, unit: str, irma4: Robot):
+    nominal = replace(irma4.nominal, inertia=factor * irma4.nominal.inertia)
+    assert (
+        f"It looks like {unit}: divide it by {factor:g}" in _by_name(replace(irma4, nominal=nominal))["inertia"].advice
+    )
+
+
+def test_six_cables_are_refused_with_the_reason(tmp_path: Path):
+    path = tmp_path / "six.toml"
+    cable = PAPERS_ROBOT.read_text().partition("[[cable]]")[2].partition("[[cable]]")[0]
+    path.write_text(PAPERS_ROBOT.read_text() + 2 * f"\n[[cable]]{cable}")
+    with pytest.raises(FileError, match="6 cables of held length leave the platform no freedom"):
+        read_robot(path)
+
+
+def test_the_robot_is_drawn_true_to_scale(irma4: Robot):
+    rests = middle_rests(Mechanism(irma4))
+    lines = robot_views(irma4, rests[len(rests) // 2]).splitlines()
+    assert "0.05 … 2.29 m, -1.32 … 0.97 m" in lines[1]
+    above = [line[:30].rstrip() for line in lines[2:-1]]
+    place = {sign: (row.index(sign), k) for k, row in enumerate(above) for sign in "1234" if sign in row}
+    assert sorted(place) == ["1", "2", "3", "4"]
+    # a letter is twice as tall as wide: 2.24 m in x and 2.29 m in y
+    scale = (place["2"][0] - place["4"][0]) / (2.295 - 0.0532)
+    assert 2 * (place["1"][1] - place["3"][1]) / (0.973 + 1.316) == pytest.approx(scale, rel=0.1)
+    assert max(map(len, lines)) <= 80
+
+
+def test_the_drawing_of_the_docs_says_what_it_says_now(irma4: Robot):
+    rests = middle_rests(Mechanism(irma4))
+    drawn = robot_picture(irma4, rests[len(rests) // 2])
+    kept = (Path(__file__).parents[3] / "docs" / "pictures" / "robot.svg").read_text(encoding="utf-8")
+    texts = re.findall(r"<text[^>]*>([^<]*)</text>", drawn)
+    assert {"D1", "A1", "P", "G", "B", "marker", "from the winch"} <= set(texts)
+    assert re.findall(r"<text[^>]*>([^<]*)</text>", kept) == texts, (
+        "fidim doctor --robot irma4 --picture docs/pictures/robot.svg"
+    )
 
 
 def test_cables_that_meet_are_soft_and_wide_ones_are_not():
