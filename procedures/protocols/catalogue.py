@@ -3,14 +3,12 @@
 A Python file is a procedure when it has a generator function `procedure(lab)`: docs/procedures.md shows one.
 """
 
-import importlib.util
 from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import cast
 
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import SetupError
@@ -20,6 +18,7 @@ from procedures.protocols.compare import compare, compare_by_winches
 from procedures.protocols.experiment import Experiment, Lab, Make, checked_experiment
 from procedures.protocols.home import home
 from procedures.protocols.identify import identify
+from procedures.protocols.own import own_procedure
 from procedures.protocols.tension_check import tension_check
 from procedures.recording.resumption import Resumption
 from procedures.settings import Settings
@@ -152,24 +151,8 @@ def _further(make: Callable[[Lab, AbstractSet[str]], Steps], done: AbstractSet[s
 
 def _entry(name: str) -> Entry:
     if name.endswith(".py"):
-        return Entry("a procedure of your own", _own(Path(name)))
+        return Entry("a procedure of your own", own_procedure(Path(name)))
     if name not in CATALOGUE:
         known = ", ".join(CATALOGUE)
         raise SetupError(f"Procedure {name!r}: there is none of this name; there are {known}, or a Python file.")
     return CATALOGUE[name]
-
-
-def _own(path: Path) -> Make:
-    """The generator function `procedure` of a Python file."""
-    spec = importlib.util.spec_from_file_location("fidim_own_procedure", path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise SetupError(f"{path}: no such Python file.")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise SetupError(f"{path}: cannot be imported: {type(error).__name__}: {error}.") from error
-    make = getattr(module, "procedure", None)
-    if not callable(make):
-        raise SetupError(f"{path}: has no function `procedure(lab)` that yields steps (docs/procedures.md).")
-    return cast("Make", make)  # that it yields steps shows when it is listed

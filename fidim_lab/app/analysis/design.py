@@ -32,17 +32,17 @@ PAPER_C = 5.94
 class DesignOptions:
     """As on the command line."""
 
-    robot: Path | None
-    equilibria: int
-    samples: int
-    starts: int
-    criterion: str
-    robust: int
-    seed: int
-    out: Path | None
-    json_file: Path | None
-    processes: int | None
-    scheduler: str | None
+    robot: Path | None = None
+    equilibria: int = 12
+    samples: int = 100
+    starts: int = 8
+    criterion: str = "C"
+    robust: int = 0
+    seed: int = 1
+    out: Path | None = None
+    json_file: Path | None = None
+    processes: int | None = None
+    scheduler: str | None = None
     study: bool = False
     by_winches: bool = False
     damping: float = 0.08
@@ -51,11 +51,34 @@ class DesignOptions:
 
 
 def design_command(options: DesignOptions) -> int:
-    """Design, write and print; returns the exit code.
+    """Design, write and print; returns the exit code. Raises as `run_design`."""
+    if not options.study:
+        _print(run_design(options), options)
+        return 0
+    path, robot, task = _task(options)
+    with doubting(path, robot):
+        return _studied(task, options)
+
+
+def run_design(options: DesignOptions) -> Design:
+    """Design one plan, and write it where the options say.
 
     Raises FileError for a robot file that cannot be meant, SetupError for what cannot be designed, InfeasibleError
     where no design obeys the limits.
     """
+    path, robot, task = _task(options)
+    with (
+        doubting(path, robot),
+        Working("designing", options.starts * options.equilibria) as shown,
+        workers(options.processes, options.scheduler) as run,
+    ):
+        found = design(task, options.starts, options.seed, run, lambda text: shown.update(f"designing: {text}"))
+    _write(found, options)
+    return found
+
+
+def _task(options: DesignOptions) -> tuple[Path, Robot, DesignTask]:
+    """The robot file, the robot, and what is asked of it; raises as `run_design`."""
     path = options.robot or PAPERS_ROBOT
     robot = read_robot(path)
     require_possible(path, robot)
@@ -75,8 +98,7 @@ def design_command(options: DesignOptions) -> int:
         raise SetupError("--study asks what hands can do; --by-winches designs one plan.", hint="Give one of them.")
     if options.out is not None and options.out.exists() and any(options.out.iterdir()):
         raise SetupError(f"{options.out} holds files already; nothing was touched.", hint="Choose another --out.")
-    with doubting(path, robot):
-        return _studied(task, options) if options.study else _designed(task, options)
+    return path, robot, task
 
 
 def _studied(task: DesignTask, options: DesignOptions) -> int:
@@ -89,17 +111,6 @@ def _studied(task: DesignTask, options: DesignOptions) -> int:
         processes=options.processes,
         scheduler=options.scheduler,
     )
-
-
-def _designed(task: DesignTask, options: DesignOptions) -> int:
-    with (
-        Working("designing", options.starts * options.equilibria) as shown,
-        workers(options.processes, options.scheduler) as run,
-    ):
-        found = design(task, options.starts, options.seed, run, lambda text: shown.update(f"designing: {text}"))
-    _write(found, options)
-    _print(found, options)
-    return 0
 
 
 def _write(found: Design, options: DesignOptions) -> None:

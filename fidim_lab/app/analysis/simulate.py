@@ -51,13 +51,13 @@ class SimulateOptions:
 
     robot: Path
     out: Path
-    hide: tuple[str, ...]
-    backend: str
-    noise: float | None
+    hide: tuple[str, ...] = ()
+    backend: str = "native"
+    noise: float | None = None
     """m, of a marker component; None: as the robot file says"""
-    seed: int
-    equilibria: int
-    validation: int
+    seed: int = 1
+    equilibria: int = 12
+    validation: int = 6
     plan: Path | None = None
     """windows to record, as they are; None: random ones"""
     own_sensors: bool = False
@@ -76,7 +76,17 @@ class Simulated:
 
 
 def simulate_command(options: SimulateOptions) -> int:
-    """Simulate, write, print a table; returns the exit code.
+    """Simulate, write, print a table; returns the exit code. Raises as `run_simulate`."""
+    done, world = run_simulate(options)
+    console.out.print(_table(done))
+    for line in _closing(done, world, options.out):
+        console.out.print(line, markup=False)
+    write_answer(options.json_file, FORMAT, _answer(done, options))
+    return 0
+
+
+def run_simulate(options: SimulateOptions) -> tuple[Simulated, World]:
+    """Simulate and write the campaign folder; returns what is in it, and the world that was simulated.
 
     Raises SetupError for options that cannot be, FileError for a wrong robot file, InfeasibleError where the robot
     cannot swing as asked. Nothing is left behind then, nor after Ctrl-C.
@@ -89,11 +99,7 @@ def simulate_command(options: SimulateOptions) -> int:
         write_campaign(part, done.campaign, robot_comment=_comment(options))
         write_plan(part / PLAN, done.plan)
         (part / TRUTH).write_text(json.dumps(done.truth, indent=1) + "\n", encoding="utf-8")
-    console.out.print(_table(done))
-    for line in _closing(done, world, options.out):
-        console.out.print(line, markup=False)
-    write_answer(options.json_file, FORMAT, _answer(done, options))
-    return 0
+    return done, world
 
 
 def _answer(done: Simulated, options: SimulateOptions) -> dict[str, object]:

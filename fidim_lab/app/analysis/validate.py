@@ -11,7 +11,7 @@ from rich.table import Table
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Role
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
 from fidim_lab.identification.motion.recipe import BEST, PAPER
@@ -19,6 +19,8 @@ from fidim_lab.identification.results.result_file import ResultTable, read_resul
 from fidim_lab.units import millimetres
 
 FORMAT = "fidim-validation/1"
+LIMIT = 2.0
+"""χ²/dof up to which a window counts as predicted"""
 BAR = 12
 """characters of the bar at σ⊥ as expected"""
 LONGEST = 30
@@ -45,16 +47,34 @@ def validate_command(options: ValidateOptions) -> int:
     begin = perf_counter()
     given = read_result(options.parameters)
     campaign = read_campaign(options.campaign)
-    roles = (Role.IDENTIFY, Role.VALIDATE) if options.everything else (Role.VALIDATE,)
-    rule, recipe = Rule(chi2_per_dof=options.limit), PAPER if options.paper else BEST
+    how = {"everything": options.everything, "paper": options.paper}
     with Working("predicting each window from its initial state", windows_of(options.campaign)):
-        found = cross_validate(campaign, given.body, given.sigma_W, roles=roles, rule=rule, recipe=recipe)
+        found = run_validate(campaign, given.body, given.sigma_W, limit=options.limit, **how)
     console.warn(_doubts(campaign, given))
     if options.json_file is not None:
         _write(options.json_file, to_json(campaign, given, found, perf_counter() - begin))
     console.out.print(table(found, given.sigma_W))
-    console.out.print(f"{found.message} Rule: {rule.sentence}.", markup=False)
+    console.out.print(f"{found.message} Rule: {found.rule.sentence}.", markup=False)
     return 0 if found.predicts else 1
+
+
+def run_validate(
+    campaign: Campaign,
+    body: Body,
+    sigma_W: float | None,
+    *,
+    everything: bool = False,
+    paper: bool = False,
+    limit: float = LIMIT,
+) -> CrossValidation:
+    """Judge the held-out windows of a campaign, or all of `everything`, with nothing but their initial states fitted.
+
+    `sigma_W`: of the fit that the body comes from (Eq. 31), by the paper's form where `paper` is set. `limit`: largest
+    χ²/dof. Raises SetupError without a window to judge, RefusedError where none can be judged.
+    """
+    roles = (Role.IDENTIFY, Role.VALIDATE) if everything else (Role.VALIDATE,)
+    recipe = PAPER if paper else BEST
+    return cross_validate(campaign, body, sigma_W, roles=roles, rule=Rule(chi2_per_dof=limit), recipe=recipe)
 
 
 def table(found: CrossValidation, sigma_W: float | None) -> Table:

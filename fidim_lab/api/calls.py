@@ -1,0 +1,176 @@
+"""The functions of the interface. Each runs the workflow of the command of its name, with that command's defaults."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from fidim_lab.api.answers import Designed, Explained, Identified, Validated
+from fidim_lab.api.inputs import Campaign, Robot
+from fidim_lab.app.analysis.identify import identify_posed
+from fidim_lab.app.analysis.pose_from import Posed, read_posed
+from fidim_lab.app.analysis.validate import LIMIT, run_validate
+from fidim_lab.data import records
+from fidim_lab.data.robot_file import robot_path
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.motion.pose_sources import PoseSource
+from fidim_lab.identification.results.result_file import read_result
+from fidim_lab.mismatch.selection.budget import PATIENCE
+
+AnyCampaign = records.Campaign | Path | str
+"""a campaign in memory, or the folder of one"""
+
+
+def load(folder: Path | str) -> Campaign:
+    """Read a campaign or run folder. `.to_frame()` of it is a pandas table. Raises FileError naming file and line."""
+    return Campaign.read(folder)
+
+
+def load_robot(path: Path | str) -> Robot:
+    """Read a robot file, or a built-in robot ("irma4"). Raises FileError naming every wrong key."""
+    return Robot.read(path)
+
+
+def identify(
+    campaign: AnyCampaign,
+    method: str | None = None,
+    *,
+    paper: bool = False,
+    pose_from: Literal["mocap", "swivel", "both"] = "mocap",
+) -> Identified:
+    """Find the platform's inertial parameters from recorded free motion.
+
+    `method`: mle, tls, ls or iv; None takes what suits the campaign (mle, or tls where it cannot work, which is then
+    said: `ok` is False). `paper`: total least squares to the paper's letter. `pose_from`: markers, the robot's own
+    sensors, or both; the latter two take a folder. A misfit is told, and `ok` is False.
+    Raises FileError for a wrong campaign, SetupError for an unknown method, RefusedError when no body is identified.
+    """
+    source = PoseSource(pose_from)
+    if isinstance(campaign, records.Campaign):
+        if source is not PoseSource.MOCAP:
+            raise SetupError(f"pose_from={pose_from!r} takes the folder of a campaign, not one in memory.")
+        posed = Posed(campaign)
+    else:
+        posed = read_posed(Path(campaign), source)
+    if paper and method not in (None, Method.TLS):
+        raise SetupError(f"paper is a form of total least squares; it does not go with method {method!r}.")
+    return Identified(identify_posed(posed, method, paper=paper))
+
+
+def explain(campaign: AnyCampaign, *, patience: float = PATIENCE, without: Sequence[str] = ()) -> Explained:
+    """Name the physics that the model leaves out, and show it on held-out windows.
+
+    `patience`: CPU seconds until what there is, is told. `without`: effects that the catalogue is to lack.
+    Raises FileError for a wrong campaign, RefusedError where no window can be fitted.
+    """
+    from fidim_lab.mismatch.explain import explain as search
+
+    return Explained(search(_in_memory(campaign), patience=patience, without=tuple(without)))
+
+
+def validate(
+    campaign: AnyCampaign,
+    parameters: Identified | Path | str,
+    *,
+    everything: bool = False,
+    paper: bool = False,
+    limit: float = LIMIT,
+) -> Validated:
+    """Do identified parameters predict the held-out windows of a campaign? Only initial states are fitted.
+
+    `parameters`: an answer of `identify`, or a "fidim-result/1" file. `everything`: judge windows of role identify too.
+    `limit`: largest χ²/dof. Raises FileError for a wrong file, SetupError without a window to judge.
+    """
+    given = parameters.result if isinstance(parameters, Identified) else read_result(Path(parameters))
+    how = {"everything": everything, "paper": paper}
+    return Validated(run_validate(_in_memory(campaign), given.body, given.sigma_W, limit=limit, **how), given.sigma_W)
+
+
+def simulate(
+    robot: Path | str,
+    out: Path | str,
+    *,
+    hide: Sequence[str] = (),
+    backend: Literal["native", "mujoco"] = "native",
+    noise: float | None = None,
+    seed: int = 1,
+    equilibria: int = 12,
+    validate: int = 6,
+    plan: Path | str | None = None,
+    own_sensors: bool = False,
+) -> Campaign:
+    """Write a campaign from the simulated world into the new folder `out`, with its truth beside it; returns it.
+
+    `hide`: physics of that world, as "anchor-offset:cable=2,dx=0.006". `noise`: of a marker coordinate, m; None as the
+    robot file says. `equilibria`, `validate`: windows to identify from, and held out. `plan`: windows to record
+    instead. Raises SetupError for wrong options or a folder that holds files, FileError for a wrong robot file,
+    InfeasibleError where the robot cannot swing as asked.
+    """
+    from fidim_lab.app.analysis.simulate import SimulateOptions, run_simulate
+
+    options = SimulateOptions(
+        robot=robot_path(str(robot)),
+        out=Path(out),
+        hide=tuple(hide),
+        backend=backend,
+        noise=noise,
+        seed=seed,
+        equilibria=equilibria,
+        validation=validate,
+        plan=None if plan is None else Path(plan),
+        own_sensors=own_sensors,
+    )
+    run_simulate(options)
+    return load(out)
+
+
+def design(
+    robot: Path | str = "irma4",
+    *,
+    equilibria: int = 12,
+    samples: int = 100,
+    starts: int = 8,
+    criterion: Literal["C", "A", "D"] = "C",
+    robust: int = 0,
+    seed: int = 1,
+    out: Path | str | None = None,
+    processes: int | None = None,
+) -> Designed:
+    """Find the equilibria and displacements whose free motion tells most about the body.
+
+    `criterion`: C as the paper (Eq. 40); A, D: mean and volume of the variances that mle will reach. `out`: folder for
+    plan.toml, design.json and equilibria.svg. `processes`: local ones, None: one a core; 1 in a notebook.
+    Raises FileError for a robot file that cannot be meant, SetupError for what cannot be designed, InfeasibleError
+    where no design obeys the limits.
+    """
+    from fidim_lab.app.analysis.design import DesignOptions, run_design
+
+    options = DesignOptions(
+        robot=robot_path(str(robot)),
+        equilibria=equilibria,
+        samples=samples,
+        starts=starts,
+        criterion=criterion,
+        robust=robust,
+        seed=seed,
+        out=None if out is None else Path(out),
+        processes=processes,
+    )
+    return Designed(run_design(options))
+
+
+def report(folder: Path | str, out: Path | str | None = None, *, pictures: Path | str | None = None) -> Path:
+    """Write the HTML report of a run or campaign folder, one file that opens offline; returns its path.
+
+    `out`: default FOLDER/report.html. `pictures`: a folder for all pictures as SVG files. Raises FileError where the
+    folder cannot be read or the file not written.
+    """
+    from fidim_lab.app.report.write import write_report
+
+    return write_report(
+        Path(folder), out=None if out is None else Path(out), pictures=None if pictures is None else Path(pictures)
+    )
+
+
+def _in_memory(campaign: AnyCampaign) -> records.Campaign:
+    return campaign if isinstance(campaign, records.Campaign) else load(campaign)

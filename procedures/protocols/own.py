@@ -1,0 +1,83 @@
+"""A procedure of a laboratory's own: a Python file with a generator function `procedure(lab)`.
+
+What goes wrong in it is told with that file and its line: it is no bug of ours.
+"""
+
+import importlib.util
+import traceback
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+from fidim_lab.errors import FidimError, FileError, SetupError
+from procedures.control import Intervention
+from procedures.interruption import Aborted
+from procedures.protocols.experiment import Lab, Make
+from procedures.steps import Result, Step, Steps
+
+HINT = "docs/procedures.md shows a procedure; --debug shows the whole way there."
+
+
+def own_procedure(path: Path) -> Make:
+    """The function `procedure` of a Python file. Raises SetupError where there is none, or the file is no Python."""
+    spec = importlib.util.spec_from_file_location("fidim_own_procedure", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise SetupError(f"{path}: no such Python file.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise SetupError(f"{path}: cannot be imported: {type(error).__name__}: {error}.") from error
+    function = getattr(module, "procedure", None)
+    if not callable(function):
+        raise SetupError(f"{path}: has no function `procedure(lab)` that yields steps (docs/procedures.md).")
+
+    def make(lab: Lab) -> Steps:
+        return _told(path, function, lab)
+
+    return make
+
+
+def _told(path: Path, function: Any, lab: Lab) -> Steps:
+    """The file's steps. Raises FileError with file and line for a mistake in it, and for what is no step."""
+    try:
+        steps = function(lab)
+        if not isinstance(steps, Generator):
+            raise FileError(path, "procedure", f"gives {_shown(steps)}; it must yield steps.", hint=HINT)
+        yield from _steps(path, steps)
+    except (FidimError, Intervention, Aborted):
+        raise
+    except Exception as error:
+        raise FileError(path, _line(path, error), f"{type(error).__name__}: {error}.", hint=HINT) from error
+
+
+def _steps(path: Path, steps: Generator[Any, Result, None]) -> Steps:
+    try:
+        step = next(steps, None)
+        while step is not None:
+            if not isinstance(step, Step):
+                line = "" if steps.gi_frame is None else f"line {steps.gi_frame.f_lineno}"  # pyright: ignore
+                raise FileError(path, line, f"yields {_shown(step)}, which is no step.", hint=HINT)
+            try:
+                result = yield step
+            except Intervention as word:
+                step = steps.throw(word)
+            else:
+                step = steps.send(result)
+    except StopIteration:
+        return
+    finally:
+        steps.close()
+
+
+def _line(path: Path, error: Exception) -> str:
+    """Where in the file: the innermost of its lines that led to the error."""
+    file = path.resolve()
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == file]
+    lines += [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    return f"line {lines[-1]}" if lines else "procedure"
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,140 @@
+"""The Python interface: defaults and, to the bit, answers of the commands; results that show themselves."""
+
+import inspect
+import json
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fidim_lab as fl
+from fidim_lab.app import cli
+from fidim_lab.data.records import PARAMETER_NAMES
+
+ROOT = Path(__file__).parents[2]
+HIDDEN = "air-drag-linear:c=0.01"
+OTHER_NAMES = {"poses": "pose_from", "validation": "validate"}
+"""option of a command → name here, where the command's own is no word"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small campaign, as the command writes it."""
+    path = tmp_path_factory.mktemp("interface") / "small"
+    assert cli.run(["simulate", *_small(path)]) == 0
+    return path
+
+
+def _small(path: Path) -> list[str]:
+    return ["--robot", "irma4", "--out", str(path), "--hide", HIDDEN, "--equilibria", "2", "--validate", "1"]
+
+
+def test_importing_costs_nothing_until_a_name_is_used() -> None:
+    program = "import sys, fidim_lab; print([m for m in sys.modules if m in ('numpy', 'casadi', 'pandas')])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_public_name_is_there_with_a_docstring_and_no_other() -> None:
+    assert set(fl.__all__) <= set(dir(fl))
+    for name in fl.__all__:
+        assert inspect.getdoc(getattr(fl, name))
+    with pytest.raises(AttributeError, match="there are Body, Campaign"):
+        _ = fl.identfy
+
+
+@pytest.mark.parametrize("name", ["identify", "explain", "validate", "simulate", "design"])
+def test_defaults_are_those_of_the_command(name: str) -> None:
+    command = cli.fidim.commands[name]
+    context = command.make_context(name, [], resilient_parsing=True)
+    defaults = {OTHER_NAMES.get(key, key): value for key, value in context.params.items()}
+    ours = inspect.signature(getattr(fl, name)).parameters
+    needed = inspect.Parameter.empty
+    shared = {key for key, one in ours.items() if key in defaults and one.default is not needed}
+    assert shared
+    for key in shared - ({"robot"} if name == "design" else set()):  # None there: the paper's
+        assert (ours[key].default, key) == (defaults[key], key)
+
+
+def test_identify_gives_what_the_command_gives_to_the_bit(folder: Path, tmp_path: Path) -> None:
+    by_command, here = tmp_path / "command.json", tmp_path / "here.json"
+    code = cli.run(["identify", str(folder), "--json", str(by_command)])
+    found = fl.identify(fl.load(folder))
+    found.save(here)
+    assert _timeless(here) == _timeless(by_command)
+    assert found.ok == (code == 0)
+
+
+def test_validate_gives_what_the_command_gives_to_the_bit(folder: Path, tmp_path: Path) -> None:
+    result, by_command = tmp_path / "result.json", tmp_path / "validation.json"
+    found = fl.identify(folder, "tls")
+    found.save(result)
+    code = cli.run(["validate", str(folder), "--parameters", str(result), "--json", str(by_command)])
+    told = json.loads(by_command.read_text())["windows"]
+    for parameters in (found, result):
+        judged = fl.validate(folder, parameters)
+        assert judged.predicts == (code == 0)
+        assert [one["chi2_per_dof"] for one in told] == list(judged.to_frame()["chi2_per_dof"])
+
+
+def test_simulate_writes_what_the_command_writes(folder: Path, tmp_path: Path) -> None:
+    campaign = fl.simulate("irma4", tmp_path / "small", hide=[HIDDEN], equilibria=2, validate=1)
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            assert (tmp_path / "small" / path.relative_to(folder)).read_bytes() == path.read_bytes()
+    assert repr(campaign) == "Campaign('small': 2 identify, 1 validate; 100 Hz, 4 cables)"
+
+
+def test_results_print_become_tables_and_are_plotted(folder: Path) -> None:
+    campaign = fl.load(folder)
+    found = fl.identify(campaign, "tls")
+    assert "Inertial parameters" in str(found)
+    assert str(found).startswith("small: ")
+    assert list(found.to_frame().index) == list(PARAMETER_NAMES)
+    np.testing.assert_array_equal(found.to_frame()["value"], found.body.vector)
+    assert list(found.windows().index) == [window.id for window in campaign.windows]
+    assert "<table" in found._repr_html_()
+    judged = fl.validate(campaign, found)
+    assert "verdict" in str(judged)
+    for shown in (campaign, found, judged):
+        assert shown.plot().axes
+        assert len(repr(shown)) < 400
+
+
+def test_a_robot_checks_and_draws_itself(tmp_path: Path) -> None:
+    robot = fl.load_robot("irma4")
+    assert repr(robot) == "Robot(4 cables, 11 kg, 1 marker(s), 2 freedoms)"
+    assert robot.check()["ok"].all()
+    assert "from above" in robot.draw()
+    robot.write(tmp_path / "copy.toml")
+    np.testing.assert_array_equal(fl.Robot.read(tmp_path / "copy.toml").cables[3].d, robot.cables[3].d)
+
+
+def test_mistakes_are_sentences(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(fl.FidimError, match="no such folder"):
+        fl.load(tmp_path / "none")
+    with pytest.raises(fl.FidimError, match="mle"):
+        fl.identify(folder, "magic")
+    with pytest.raises(fl.FidimError, match="takes the folder"):
+        fl.identify(fl.load(folder), pose_from="swivel")
+    with pytest.raises(fl.FidimError, match="exists already"):
+        fl.simulate("irma4", folder)
+
+
+@pytest.mark.slow
+def test_the_example_finds_the_anchor(tmp_path: Path) -> None:
+    main = runpy.run_path(str(ROOT / "examples" / "python" / "identify_and_explain.py"))["main"]
+    found, answer, judged = main(str(tmp_path / "new"))
+    assert found.result.geometry is not None
+    assert not judged.predicts
+    assert answer.effects == ("anchor-offset:2",)
+    assert (tmp_path / "new" / "report.html").exists()
+
+
+def _timeless(path: Path) -> dict[str, object]:
+    told = json.loads(path.read_text())
+    del told["seconds"]
+    return told
