@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import CableSeries, Positions, Rotations, Twists
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Cable, Robot
 from fidim_lab.errors import InfeasibleError, OurBugError
 from fidim_lab.model.batch import from_rows, function, over_samples, rows
 from fidim_lab.model.geometry import CableConstants, CableExpressions, cable_expressions, skew
@@ -98,6 +98,16 @@ class Mechanism:
         seen = states_of(self, state)
         wrenches = (effect.wrench(own, part) for own, (effect, part) in zip(seen, parts(self, theta), strict=True))
         return sum(wrenches, ca.SX.zeros(6)) / self.robot.mass
+
+    def geometry(self) -> tuple[Cable, ...]:
+        """The cables as its effects have them with its θ: anchors, attachments, radii and axes moved."""
+        found: list[Cable] = []
+        for index in range(self.n):
+            constants = _constants(self, index, ca.SX(ca.DM(self.theta)))
+            names = ("d", "a", "radius", "x", "y", "z")
+            d, a, radius, x, y, z = (np.array(ca.evalf(getattr(constants, name))).ravel() for name in names)
+            found.append(Cable(d, a, float(radius[0]), x, y, z))
+        return tuple(found)
 
     def lengths(self, positions: Positions, rotations: Rotations) -> CableSeries:
         """Cable lengths l = r φ + ρ, m. Raises InfeasibleError at a singular pose, naming the cable."""

@@ -119,16 +119,38 @@ def verify(folder: Path, json_file: Path | None) -> None:
 )
 @click.option("--out", type=OUT_EITHER, default=None, help="File or folder to write; it must not exist yet.")
 @click.option("--mass", type=Number(0, min_open=True), default=None, metavar="KG", help="urdf, mjcf need it.")
+@click.option(
+    "--campaign", type=FOLDER, default=None, help="That SOURCE is of: mjcf, python become the whole robot with cables."
+)
+@click.option("--window", default=None, metavar="ID", help="Of --campaign: where the robot begins; default held out.")
 @click.option("--unfinished", is_flag=True, help="Also what is left of broken-off windows, in a folder of its own.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-export/1".')
-@example("fidim export runs/dry-run-1 --to parquet\n      fidim export result.json --to mjcf --mass 11.98")
+@example(
+    "fidim export runs/dry-run-1 --to parquet\n"
+    "      fidim export result.json --to mjcf --mass 11.98\n"
+    "      fidim export explanation.json --to mjcf --campaign runs/dry-run-1"
+)
 def export(
-    source: Path, kind: str, out: Path | None, mass: float | None, unfinished: bool, json_file: Path | None
+    source: Path,
+    kind: str,
+    out: Path | None,
+    mass: float | None,
+    campaign: Path | None,
+    window: str | None,
+    unfinished: bool,
+    json_file: Path | None,
 ) -> None:
-    """Export a campaign folder, or the parameters of a "fidim-result/1" file, for other programs."""
+    """Export a campaign folder, or the parameters of a "fidim-result/1" file, for other programs.
+
+    With --campaign also an "fidim-explanation/1" file: mjcf is the robot with its cables and the effects that were
+    named, which MuJoCo runs; python a module of functions (lengths to pose and tensions, zero dynamics).
+    """
+    if campaign is None and window is not None:
+        raise click.UsageError("--window goes with --campaign.")
     from fidim_lab.app.records.export import export_command
 
-    sys.exit(export_command(source, kind, out, mass, unfinished=unfinished, json_file=json_file))
+    further = {"unfinished": unfinished, "campaign": campaign, "window": window}
+    sys.exit(export_command(source, kind, out, mass, json_file=json_file, **further))
 
 
 @fidim.command()

@@ -3,6 +3,9 @@
 csv, mcap   a campaign folder with its windows in that form        urdf, mjcf    need a mass
 parquet     one table of all windows (fidim_lab.data.load)         python, toml  s′ and I′ with their sd
 mat         one MATLAB file, a struct for each window
+
+With the campaign that a result or an explanation is of, mjcf is the whole robot with its cables, from where a window
+began, and python a module of functions: lengths → pose and tensions, zero dynamics.
 """
 
 import json
@@ -20,10 +23,11 @@ from fidim_lab.app.formats.manifest import EXPORTS
 from fidim_lab.app.records.export_body import mass_of, mjcf, python_snippet, toml, urdf
 from fidim_lab.app.records.export_unfinished import export_unfinished
 from fidim_lab.app.terminal import console
-from fidim_lab.data.campaign import ROBOT, write_campaign
+from fidim_lab.data.campaign import ROBOT, read_campaign, write_campaign
 from fidim_lab.data.campaign_frame import LoadedCampaign, load_campaign
 from fidim_lab.data.files.input_file import read_text
 from fidim_lab.data.records import Window
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 
@@ -46,13 +50,19 @@ def export_command(
     *,
     unfinished: bool = False,
     json_file: Path | None = None,
+    campaign: Path | None = None,
+    window: str | None = None,
 ) -> int:
-    """Export and say where; returns 0. Raises FileError for a wrong source, SetupError for options that cannot be."""
+    """Export and say where; returns 0. Raises FileError for a wrong source, SetupError for options that cannot be.
+
+    campaign: the folder that a result or explanation is of, for the whole robot. window: with whose start it begins.
+    """
     unfinished_files: list[dict[str, str]] = []
     if kind in _OF_RESULT:
         if source.is_dir():
             raise SetupError(f"{source} is a folder; --to {kind} takes a result file, as identify --json writes it.")
-        path = _export_result(source, kind, out, mass)
+        robot = None if campaign is None else (campaign, window)
+        path = _export_result(source, kind, out, mass, robot)
     else:
         if source.is_file():
             raise SetupError(f"{source} is a file; --to {kind} takes a campaign folder.")
@@ -66,11 +76,29 @@ def export_command(
     return 0
 
 
-def _export_result(source: Path, kind: str, out: Path | None, mass: float | None) -> Path:
+def _export_result(
+    source: Path, kind: str, out: Path | None, mass: float | None, robot: tuple[Path, str | None] | None
+) -> Path:
     suffix, make = _OF_RESULT[kind]
-    text = make(read_result(source), mass)
+    text = make(read_result(source), mass) if robot is None else _whole_robot(source, kind, mass, *robot)
     path = _free(out or source.parent / EXPORTS / f"{source.stem}{suffix}")
     return _written(path, lambda: path.write_text(text, encoding="utf-8"))
+
+
+def _whole_robot(source: Path, kind: str, mass: float | None, folder: Path, window: str | None) -> str:
+    """The robot with its cables; the mass is that of its file unless given. Raises SetupError for other kinds."""
+    if kind not in ("mjcf", "python"):
+        raise SetupError(f"--campaign makes the whole robot, which {kind} cannot hold; mjcf and python can.")
+    from fidim_lab.app.records.export_robot import robot_mjcf, robot_model, robot_python, start_of
+
+    campaign = read_campaign(folder)
+    model = robot_model(source, campaign)
+    start = start_of(model, campaign, window)
+    named = ", ".join(effect.label for effect in model.mechanism.effects if isinstance(effect, NamedEffect))
+    effects = f", with {named}" if named else ""
+    origin = f"Robot of campaign {campaign.name} by fidim-lab, from {source.name}{effects}."
+    make = robot_mjcf if kind == "mjcf" else robot_python
+    return make(model, start, campaign.robot.mass if mass is None else mass, origin)
 
 
 def _export_campaign(source: Path, kind: str, out: Path | None) -> Path:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidim_lab.app.report.explanation_file import BodyParameterTable, EffectTable, ExplanationTable
-from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Window
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import RefusedError, SetupError
@@ -74,24 +74,28 @@ def proof(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None =
 def _completed(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None, notes: list[str]) -> Model | None:
     if unknown is not None:
         return Model(unknown.fit.likelihood.mechanism, unknown.fit.values)
-    simulated = [effect for effect in found.effects if effect.id != HAND]
-    if not simulated:
+    if all(effect.id == HAND for effect in found.effects):
         return None
     try:
-        chosen = [_effect(effect, campaign) for effect in simulated]
+        return completed_model(found, campaign.robot)
     except SetupError as error:
         notes.append(f"No picture of the completed model: {error}")
         return None
+
+
+def completed_model(found: ExplanationTable, robot: Robot) -> Model:
+    """The model with what was named, as the explanation's numbers say. Raises SetupError for an unknown effect."""
+    simulated = [effect for effect in found.effects if effect.id != HAND]
+    chosen = [_effect(effect, robot) for effect in simulated]
     pairs = zip(simulated, chosen, strict=True)
     theta = [float(told.parameters[p.name].value or 0.0) for told, effect in pairs for p in effect.parameters]
-    mechanism = Mechanism(campaign.robot, tuple(chosen), theta)
-    return Model(mechanism, np.concatenate([_body(found.parameters), theta]))
+    return Model(Mechanism(robot, tuple(chosen), theta), np.concatenate([_body(found.parameters), theta]))
 
 
-def _effect(told: EffectTable, campaign: Campaign) -> NamedEffect:
+def _effect(told: EffectTable, robot: Robot) -> NamedEffect:
     """The effect of the catalogue with these parameters. Raises SetupError where there is none."""
     names = {p: one.unit for p, one in told.parameters.items()}
-    every = [one for one in by_id(campaign.robot, told.id, told.cable) if one.cable == told.cable]
+    every = [one for one in by_id(robot, told.id, told.cable) if one.cable == told.cable]
     fitting = [one for one in every if {p.name: p.unit for p in one.parameters} == names]
     if fitting:  # variants of one effect may have the same parameters
         return next((one for one in fitting if one.says == told.says), fitting[0])

@@ -272,5 +272,5 @@ def test_every_variant_of_every_effect_is_drawn_as_itself(irma4: Robot):
     for effect in (one for one in catalogue(robot) if one.parameters):
         told = {p.name: EffectParameterTable(value=0.0, unit=p.unit) for p in effect.parameters}
         table = EffectTable(id=effect.id, cable=effect.cable, parameters=told, says=effect.says)
-        drawn = _effect(table, Campaign("c", robot, 100.0, ()))
+        drawn = _effect(table, robot)
         assert type(drawn) is type(effect), table

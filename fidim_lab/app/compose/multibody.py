@@ -1,0 +1,59 @@
+"""A robot as a MuJoCo model for other programs, as the simulated world is made; MuJoCo itself is not needed here."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fidim_lab.arrays import Positions, Vector3
+from fidim_lab.data.records import Body, Cable, Pose
+from sim_backends.mujoco_world.multibody import multibody_xml
+from sim_backends.plant.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class Multibody:
+    """What the model is made of; SI, world frame."""
+
+    cables: tuple[Cable, ...]
+    mass: float
+    """kg"""
+    body: Body
+    """per unit mass, about P"""
+    markers: Positions
+    """(M, 3) m, body frame"""
+    gravity: Vector3
+    pose: Pose
+    """at the start; the cables keep the lengths that they have there"""
+    twist: np.ndarray
+    """(6,) [ṗ; ω] at the start, along which the lengths do not change"""
+
+
+def multibody_mjcf(made: Multibody, comment: str) -> str:
+    """MJCF: body `platform`, tendon `cable0` …, sites `marker0` …, and the keyframe `start`.
+
+    A cable is an equality: it would push where it had to, so a motion in which one goes slack is not physical there.
+    """
+    world = World(made.cables, made.mass, made.body, made.markers, made.gravity, None)
+    text = multibody_xml(world, made.pose)
+    sites = "".join(f'<site name="marker{k}" pos="{_text(place)}"/>' for k, place in enumerate(made.markers))
+    end = text.index("</body>")
+    text = f"{text[:end].rstrip()}\n      {sites}\n    {text[end:]}"
+    quaternion = Rotation.from_matrix(made.pose.rotation).as_quat(scalar_first=True)
+    place = [*made.pose.position, *quaternion, *np.zeros(len(made.cables))]
+    spin = made.pose.rotation.T @ made.twist[3:]
+    rates = [*made.twist[:3], *spin, *(_swivel_rate(cable, made.pose, made.twist) for cable in made.cables)]
+    key = f'<keyframe><key name="start" qpos="{_text(place)}" qvel="{_text(rates)}"/></keyframe>'
+    return f"<!-- {comment} -->\n" + text.replace("</mujoco>", f"  {key}\n</mujoco>\n")
+
+
+def _swivel_rate(cable: Cable, pose: Pose, twist: np.ndarray) -> float:
+    """rad/s of the swivel about its z: (c × ċ)·z / h²."""
+    arm = pose.rotation @ cable.a
+    c, rate = pose.position + arm - cable.d, twist[:3] + np.cross(twist[3:], arm)
+    across = c - (c @ cable.z) * cable.z
+    return float(np.cross(across, rate) @ cable.z / (across @ across))
+
+
+def _text(values: object) -> str:
+    return " ".join(f"{value:.17g}" for value in np.ravel(np.asarray(values, dtype=float)))

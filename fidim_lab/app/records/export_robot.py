@@ -1,0 +1,140 @@
+"""The whole robot for other programs: cables, body and what an explanation named, from where a recorded window began.
+
+`mjcf`: a model that MuJoCo runs. `python`: a module of functions (cable lengths → pose and tensions, zero dynamics).
+"""
+
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from fidim_lab.app.compose.multibody import Multibody, multibody_mjcf
+from fidim_lab.app.report.explanation_file import read_explanation
+from fidim_lab.app.report.proof import Model, completed_model
+from fidim_lab.app.terminal import console
+from fidim_lab.arrays import Vector3
+from fidim_lab.data.files.input_file import read_json
+from fidim_lab.data.records import Body, Campaign, Pose, Role, Window
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.mle import held_out
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.results.result_file import read_result
+from fidim_lab.model.geometry import rotation_from_gibbs
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.slots import Effect
+
+MOVING = ("length_drift", "compliance", "stretch_damping", "wrench", "tension_wrench", "kinetic_energy", "extra_rates")
+"""slots by which an effect moves the platform otherwise; geometry and gravity are told, what only sensors see is not"""
+TILT = "gravity-tilt"
+TEMPLATE = "feedforward.py.txt"
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a window begins by the model, and what its file is called."""
+
+    window: str
+    pose: Pose
+    twist: np.ndarray
+    """(6,) [ṗ; ω], m/s and rad/s"""
+
+
+def robot_model(source: Path, campaign: Campaign) -> Model:
+    """The model that a result or an explanation file found. Raises FileError, SetupError for an unknown effect."""
+    found = read_json(source)
+    form = found.get("format") if isinstance(found, dict) else None
+    if form == "fidim-explanation/1":
+        return completed_model(read_explanation(source), campaign.robot)
+    result = read_result(source)
+    if result.geometry is not None and result.geometry.moved:
+        console.warn(
+            [
+                "the recordings were fitted with another geometry than the robot file's, and the file's is exported. "
+                "fidim explain names what is off, and its explanation.json can be exported"
+            ]
+        )
+    return Model(Mechanism(campaign.robot), result.body.vector)
+
+
+def start_of(model: Model, campaign: Campaign, window: str | None) -> Start:
+    """Where a window (the first that is held out, else the first) begins. Raises SetupError for no such window.
+
+    Raises RefusedError where its motion cannot be simulated.
+    """
+    chosen = _chosen(campaign, window)
+    robot = model.mechanism.robot
+    found = held_out.predict(model.mechanism, model.shared, prepare(chosen, robot), robot.sensors)
+    states = found.journey.optimum.simulation.point.states
+    return Start(chosen.id, Pose(states.positions[0], states.rotations[0]), states.twists[0])
+
+
+def robot_mjcf(model: Model, start: Start, mass: float, origin: str) -> str:
+    """The robot as MJCF. Raises SetupError where an effect was named that MJCF has no term for."""
+    robot = model.mechanism.robot
+    made = Multibody(
+        cables=model.mechanism.geometry(),
+        mass=mass,
+        body=Body.from_vector(model.shared[:9]),
+        markers=robot.markers,
+        gravity=gravity_of(model, "MJCF"),
+        pose=start.pose,
+        twist=start.twist,
+    )
+    return multibody_mjcf(made, f"{origin} Keyframe start: window {start.window}.".replace("--", "- -"))
+
+
+def robot_python(model: Model, start: Start, mass: float, origin: str) -> str:
+    """A module of functions, for numpy alone. Raises SetupError where an effect was named that it has no term for."""
+    cables = model.mechanism.geometry()
+    body = Body.from_vector(model.shared[:9])
+    values = {name: np.array([getattr(cable, name) for cable in cables]) for name in ("d", "a", "x", "y", "z")}
+    constants = {
+        "MASS": repr(mass),
+        "S": _array(body.com),
+        "INERTIA": _array(body.inertia_matrix),
+        "GRAVITY": _array(gravity_of(model, "The module")),
+        "RADIUS": _array(np.array([cable.radius for cable in cables])),
+        **{name.upper(): _array(value) for name, value in values.items()},
+        "NEAR_POSITION": _array(start.pose.position),
+        "NEAR_ROTATION": _array(start.pose.rotation),
+    }
+    written = "\n".join(f"{name} = {value}" for name, value in constants.items())
+    text = (files("fidim_lab.app.records") / TEMPLATE).read_text(encoding="utf-8")
+    return text.replace("@ORIGIN@", origin.replace('"', "'")).replace("@CONSTANTS@", written)
+
+
+def gravity_of(model: Model, what: str) -> Vector3:
+    """Gravity with what tilts it. Raises SetupError for an effect that neither geometry nor gravity can tell."""
+    mechanism = model.mechanism
+    gravity, first = mechanism.robot.gravity, 0
+    for effect in mechanism.effects:
+        theta = mechanism.theta[first : first + len(effect.parameters)]
+        first += len(effect.parameters)
+        if isinstance(effect, NamedEffect) and effect.id == TILT:
+            turn = rotation_from_gibbs(ca.SX(ca.DM([*(theta / 2), 0.0])))
+            gravity = np.array(ca.evalf(turn)) @ gravity
+        elif any(getattr(type(effect), slot) is not getattr(Effect, slot) for slot in MOVING):
+            name = effect.label if isinstance(effect, NamedEffect) else type(effect).__name__
+            raise SetupError(
+                f"{what} has no term for {name}, which was named here.",
+                hint="Geometry and gravity can be exported; for the body without it, give the result of identify.",
+            )
+    return gravity
+
+
+def _chosen(campaign: Campaign, window: str | None) -> Window:
+    candidates = campaign.of_role(Role.VALIDATE) or campaign.windows
+    if window is None and candidates:
+        return candidates[0]
+    for one in campaign.windows:
+        if one.id == window:
+            return one
+    known = ", ".join(one.id for one in campaign.windows) or "none"
+    raise SetupError(f"--window {window}: no such window; there are {known}.")
+
+
+def _array(values: np.ndarray) -> str:
+    return f"np.array({np.asarray(values, dtype=float).tolist()!r})"
