@@ -149,8 +149,8 @@ def export(
         raise click.UsageError("--window goes with --campaign.")
     from fidim_lab.app.records.export import export_command
 
-    further = {"unfinished": unfinished, "campaign": campaign, "window": window}
-    sys.exit(export_command(source, kind, out, mass, json_file=json_file, **further))
+    robot = None if campaign is None else (campaign, window)
+    sys.exit(export_command(source, kind, out, mass, unfinished=unfinished, json_file=json_file, robot=robot))
 
 
 @fidim.command()

@@ -50,18 +50,16 @@ def export_command(
     *,
     unfinished: bool = False,
     json_file: Path | None = None,
-    campaign: Path | None = None,
-    window: str | None = None,
+    robot: tuple[Path, str | None] | None = None,
 ) -> int:
     """Export and say where; returns 0. Raises FileError for a wrong source, SetupError for options that cannot be.
 
-    campaign: the folder that a result or explanation is of, for the whole robot. window: with whose start it begins.
+    robot: the folder that a result or explanation is of, and the window with whose start the whole robot begins.
     """
     unfinished_files: list[dict[str, str]] = []
     if kind in _OF_RESULT:
         if source.is_dir():
             raise SetupError(f"{source} is a folder; --to {kind} takes a result file, as identify --json writes it.")
-        robot = None if campaign is None else (campaign, window)
         path = _export_result(source, kind, out, mass, robot)
     else:
         if source.is_file():
