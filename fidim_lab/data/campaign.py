@@ -42,6 +42,7 @@ class WindowTable(Table):
     file: str
     role: Role
     equilibrium: tuple[float, float, float] | None = None
+    lengths: Literal["encoders", "poses"] = "encoders"
 
 
 class CampaignTable(Table):
@@ -63,6 +64,8 @@ class IndexEntry:
     equilibrium: np.ndarray | None
     suffix: str = ".csv"
     """of the window's file: .csv or .mcap"""
+    lengths_by_poses: bool = False
+    """as `Window` has it"""
 
     @property
     def file(self) -> str:
@@ -174,6 +177,7 @@ def _read_window(folder: Path, entry: WindowTable, cables: int, markers: int) ->
         currents=columns.currents,
         equilibrium=None if entry.equilibrium is None else np.array(entry.equilibrium),
         further=columns.further,
+        lengths_by_poses=entry.lengths == "poses",
     )
 
 
@@ -190,7 +194,7 @@ def write_campaign(
     (folder / "windows").mkdir(parents=True, exist_ok=True)
     (folder / ALIGNMENT).unlink(missing_ok=True)
     write_robot(folder / ROBOT, campaign.robot, comment=robot_comment)
-    entries = [IndexEntry(w.id, w.role, w.equilibrium, suffix) for w in campaign.windows]
+    entries = [IndexEntry(w.id, w.role, w.equilibrium, suffix, w.lengths_by_poses) for w in campaign.windows]
     for window, entry in zip(campaign.windows, entries, strict=True):
         columns = WindowColumns(window.t, window.markers, window.lengths, window.currents, window.further)
         if suffix == ".csv":
@@ -218,4 +222,6 @@ def _entry_table(entry: IndexEntry) -> dict[str, object]:
     table: dict[str, object] = {"id": entry.id, "file": entry.file, "role": entry.role.value}
     if entry.equilibrium is not None:
         table["equilibrium"] = [round(float(v), 6) for v in entry.equilibrium]
+    if entry.lengths_by_poses:
+        table["lengths"] = "poses"
     return table

@@ -29,6 +29,8 @@ class Cable:
     y: Vector3
     z: Vector3
     """fixed unit vectors of the swivel, world frame, x × y = z; z is the swivel axis"""
+    name: str = ""
+    """by which it is known in every robot that has it; empty where the robot file gives none"""
 
 
 @dataclass(frozen=True)
@@ -229,6 +231,9 @@ class Window:
     """main marker at rest before the motion started, m"""
     further: dict[str, np.ndarray] = field(default_factory=dict[str, np.ndarray])
     """columns that the format does not name, kept as they are"""
+    lengths_by_poses: bool = False
+    """the lengths, or their zeros, were computed from the markers with the robot file's geometry: they repeat what the
+    markers say and are no measurement of their own"""
 
     @property
     def duration(self) -> float:

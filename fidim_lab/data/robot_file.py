@@ -83,6 +83,7 @@ class SurveyTable(Table):
 class CableTable(Table):
     """`[[cable]]`."""
 
+    name: str = ""
     d: Vector
     a: Vector
     radius: NotNegative
@@ -121,6 +122,9 @@ class RobotTable(Table):
                 f"cable: {len(self.cable)} tables; {len(self.cable)} cables of held length leave the platform no "
                 f"freedom (6 - n), so nothing swings and free motion tells nothing of the body; 1 to {MOST_CABLES} can"
             )
+        names = [cable.name for cable in self.cable if cable.name]
+        if len(set(names)) < len(names):
+            raise ValueError(f"cable, name: {', '.join(names)}; each cable needs a name of its own")
         if isinstance(self.winch, list) and len(self.winch) != len(self.cable):
             raise ValueError(f"winch: {len(self.winch)} tables for {len(self.cable)} cables; give one for all, or each")
         if not any(self.gravity):
@@ -151,7 +155,7 @@ def _robot(table: RobotTable) -> Robot:
         winches = [winches] * len(table.cable)
     return Robot(
         cables=tuple(
-            Cable(np.array(c.d), np.array(c.a), c.radius, np.array(c.x), np.array(c.y), np.array(c.z))
+            Cable(np.array(c.d), np.array(c.a), c.radius, np.array(c.x), np.array(c.y), np.array(c.z), c.name)
             for c in table.cable
         ),
         mass=platform.mass,
@@ -209,7 +213,8 @@ def _table(robot: Robot) -> dict[str, object]:
     if robot.survey is not None:
         table["survey"] = robot.survey.scalars
     table["cable"] = [
-        {
+        ({"name": c.name} if c.name else {})
+        | {
             "d": _floats(c.d),
             "a": _floats(c.a),
             "radius": c.radius,

@@ -32,7 +32,7 @@ def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> 
 
 
 @fidim.command()
-@click.argument("campaign", type=FOLDER)
+@click.argument("campaigns", type=FOLDER, nargs=-1, required=True)
 @click.option("--method", default=None, help="Estimator: mle, tls, ls or iv; default mle, or tls where it cannot work.")
 @click.option("--paper", is_flag=True, help="TLS by the paper's words, beside the scaled and the weighted form.")
 @click.option("--payload", type=FOLDER, default=None, help="Second campaign, with a known payload: finds the mass.")
@@ -52,10 +52,11 @@ def register(campaigns: tuple[Path, ...], out: Path, json_file: Path | None) -> 
 @click.option("--report", type=OUT_FILE, default=None, help="Write a self-contained HTML report.")
 @example(
     "fidim identify runs/dry-run-1 --json result.json\n"
+    "      fidim identify four-cables three-cables two-cables --report joint.html\n"
     "      fidim identify empty --payload loaded --mass 1.000 --at 0,0.1,0.05"
 )
 def identify(
-    campaign: Path,
+    campaigns: tuple[Path, ...],
     method: str | None,
     paper: bool,
     payload: Path | None,
@@ -67,11 +68,21 @@ def identify(
     json_file: Path | None,
     report: Path | None,
 ) -> None:
-    """Find the platform's inertial parameters from the recorded free motion in CAMPAIGN."""
+    """Find the platform's inertial parameters from the recorded free motion in CAMPAIGNS.
+
+    Of several campaigns of one platform, with the same cables or some of them: one body and one geometry for all, and
+    how well some of them predict the others.
+    """
     from fidim_lab.app.analysis.identify import identify_command
     from fidim_lab.app.analysis.payload import parse_payload, payload_command
     from fidim_lab.identification.motion.pose_sources import PoseSource
 
+    if len(campaigns) > 1:
+        not_with("a second campaign", "method", "paper", "payload", "mass", "mass_sd", "at", "at_sd", "poses")
+        from fidim_lab.app.analysis.identify_jointly import identify_jointly_command
+
+        sys.exit(identify_jointly_command(campaigns, json_file, report))
+    campaign = campaigns[0]
     if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
         source = PoseSource(poses)
         sys.exit(identify_command(campaign, method, json_file, report, paper=paper, poses=source))

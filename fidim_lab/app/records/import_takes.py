@@ -84,7 +84,11 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> Found:
         by_log = logged(mechanism, take, posed, rows)
         said = (*said, f"window {name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {by_log.words}")
         role = take.role or Role.IDENTIFY
-        windows.append(Window(name, role, posed.t[rows], posed.markers[rows], by_log.lengths, by_log.currents))
+        windows.append(
+            Window(
+                name, role, posed.t[rows], posed.markers[rows], by_log.lengths, by_log.currents, lengths_by_poses=True
+            )
+        )
     return Found(take, tuple(windows), said, tuple(warnings))
 
 

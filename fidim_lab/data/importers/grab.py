@@ -94,11 +94,16 @@ def _group(folder: Path, group: Group, numbers: Sequence[int], found: dict[int, 
     return Takes(KIND, f"grab-{group.cables}", robot, config, tuple(takes), unread)
 
 
-def role_of(number: int) -> Role:
-    """The paper's own use of a take: what it fitted, what it validated on, and what it never showed (test)."""
+def role_of(number: int) -> Role | None:
+    """The paper's own use of a take of four cables: what it fitted, what it validated on, what it never showed (test).
+
+    It says nothing of those with three and two.
+    """
     if number in FITTED:
         return Role.IDENTIFY
-    return Role.VALIDATE if number in VALIDATED or number > GROUPS[0].takes[-1] else Role.TEST
+    if number not in GROUPS[0].takes:
+        return None
+    return Role.VALIDATE if number in VALIDATED else Role.TEST
 
 
 def _markers(path: Path) -> np.ndarray:

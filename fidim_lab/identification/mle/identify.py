@@ -10,34 +10,30 @@ from time import perf_counter
 
 import numpy as np
 
-from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role, Window
+from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.choice import soft_mode
-from fidim_lab.identification.equations import consistency, total_least_squares
+from fidim_lab.identification.equations import total_least_squares
 from fidim_lab.identification.equations.estimate import Estimate
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.equations.problem import Problem, build
-from fidim_lab.identification.equations.uncertainty import jackknife_sd
-from fidim_lab.identification.mle import findings, held_out, spread
+from fidim_lab.identification.mle import findings, held_out
+from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.geometry import Surveyed, fit_surveyed
 from fidim_lab.identification.mle.geometry_words import geometry_warnings, told_geometry
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
-from fidim_lab.identification.mle.starts.possible import scales
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.motion.recipe import BEST
 from fidim_lab.identification.motion.trajectory import Prediction
 from fidim_lab.identification.results import validation
-from fidim_lab.identification.results.result import IdentificationResult, Parameter, Residual, WindowVerdict
+from fidim_lab.identification.results.result import IdentificationResult, Residual, WindowVerdict
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.sampling import sampled
 
-UNSEEN = 1.0
-"""of what is plausible beforehand (`scales`): a parameter known no better than that is not seen by the recordings"""
 VARIANT = "trajectory"
 """how a window's motion was measured: as a simulated one that fits"""
 
@@ -68,7 +64,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     side = _side(replace(campaign, windows=tuple(w for w in campaign.windows if w.id not in odd)))
     predicted = odd | _held_out(campaign, found, soft, odd) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
-    figures, geometry = _figures(campaign, found), told_geometry(surveyed)
+    figures, geometry = figures_of(found, campaign.robot.nominal), told_geometry(surveyed)
     outcome = findings.outcome(found, figures, windows)
     return IdentificationResult(
         campaign=campaign.name,
@@ -101,39 +97,6 @@ def _fitted(mechanism: Mechanism, campaign: Campaign, odd: Mapping[str, str]) ->
     surveyed = fit_surveyed(mechanism, [window for window in windows if window.id not in odd])
     unused = surveyed.found.unused | {w.id: odd[w.id] for w in windows if w.id in odd}
     return replace(surveyed, found=replace(surveyed.found, unused=unused))
-
-
-def _figures(campaign: Campaign, found: Fit) -> findings.Figures:
-    """Parameters with every kind of uncertainty."""
-    replicates = spread.leave_one_out(found.tables, found.prior_rows, found.values)
-    replicates = None if replicates is None else replicates[:, :BODY]
-    bootstrap = spread.bootstrap_sd(found.tables, found.prior_rows)
-    bootstrap = None if bootstrap is None else bootstrap[:BODY]
-    covariance = found.tempered_covariance[:BODY, :BODY]
-    nominal_sd = np.sqrt(np.diag(covariance))
-    jackknife = None if replicates is None else jackknife_sd(replicates)
-    sd = nominal_sd if found.excess < findings.MISFIT else findings.largest(nominal_sd, bootstrap, jackknife)
-    covariance = covariance * np.outer(sd / nominal_sd, sd / nominal_sd)
-    body, moved = consistency.nearest_existing(found.body, covariance)
-    seen = sd < UNSEEN * scales(found.start)
-    dropped = findings.non_essential(found.values[:BODY], sd, bootstrap)
-    held = np.concatenate([dropped, np.zeros(len(found.values) - BODY, dtype=bool)])
-    refitted = found.without(held) if dropped.any() and seen.all() else None
-    nominal = campaign.robot.nominal.vector
-    parameters = {
-        name: Parameter(
-            value=float(body.vector[k]),
-            sd=float(sd[k]),
-            sd_bootstrap=None if bootstrap is None else float(bootstrap[k]),
-            sd_jackknife=None if jackknife is None else float(jackknife[k]),
-            nominal=float(nominal[k]),
-            without_non_essential=None if refitted is None else float(refitted[k]),
-            seen=bool(seen[k]),
-        )
-        for k, name in enumerate(PARAMETER_NAMES)
-    }
-    names = tuple(name for name, drop in zip(PARAMETER_NAMES, dropped, strict=True) if drop)
-    return findings.Figures(parameters, names, covariance, replicates, moved)
 
 
 def _held_out(

@@ -102,6 +102,41 @@ class RemovedTable(_Strict):
     samples: int
 
 
+class DissipationTable(_Strict):
+    """One of `joint.dissipation`."""
+
+    value: float
+    sd: float
+
+
+class CrossWindowTable(_Strict):
+    """One window of `joint.cross`."""
+
+    id: str
+    rms_mm: float | None
+    chi2_per_dof: float | None
+    seconds: float
+
+
+class CrossTable(_Strict):
+    """One of `joint.cross`: a campaign predicted by a fit of others, or its held-out windows by the fit of all."""
+
+    fitted: tuple[str, ...]
+    predicted: str
+    rms_mm: float | None
+    median_mm: float | None
+    windows: tuple[CrossWindowTable, ...]
+
+
+class JointTable(_Strict):
+    """`joint`: there only after `identify` of several campaigns."""
+
+    campaigns: tuple[str, ...]
+    shared: tuple[str, ...]
+    dissipation: dict[str, DissipationTable]
+    cross: tuple[CrossTable, ...]
+
+
 class ResultTable(_Strict):
     """The whole file."""
 
@@ -119,6 +154,7 @@ class ResultTable(_Strict):
     geometry: GeometryTable | None = None
     removed: tuple[RemovedTable, ...] = ()
     mass: MassTable | None = None
+    joint: JointTable | None = None
 
     @property
     def body(self) -> Body:
@@ -126,9 +162,19 @@ class ResultTable(_Strict):
         return Body.from_vector(np.array([self.parameters[name].best for name in PARAMETER_NAMES]))
 
 
-def write_result(path: Path, result: IdentificationResult, *, mass: dict[str, object] | None = None) -> None:
-    """Write a result whole or not at all; `mass` is what a payload showed, and no key of the file without one."""
-    table = result.to_json() if mass is None else {**result.to_json(), "mass": mass}
+def write_result(
+    path: Path,
+    result: IdentificationResult,
+    *,
+    mass: dict[str, object] | None = None,
+    joint: dict[str, object] | None = None,
+) -> None:
+    """Write a result whole or not at all.
+
+    mass: what a payload showed; joint: what several campaigns did. Neither is a key of the file where it is None.
+    """
+    further = {"mass": mass, "joint": joint}
+    table = {**result.to_json(), **{key: value for key, value in further.items() if value is not None}}
     part = path.with_name(path.name + ".part")
     part.write_text(json.dumps(table, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     part.replace(path)

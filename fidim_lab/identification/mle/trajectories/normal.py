@@ -5,11 +5,11 @@ order, in (own + shared + 1)² numbers. Own unknowns come first, so that strikin
 them: `reduced`. Steps, covariance, bootstrap and jackknife all work on tables and cost next to nothing.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.optimize import lsq_linear
 
 from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear
@@ -101,23 +101,61 @@ def step(
 
     room: as `Prior.room`; the step is the best one within it.
     """
-    count, size = len(tables), tables.shape[1]
-    weight = np.sqrt(damping)
-    scales = np.linalg.norm(tables, axis=1)
-    ridge = np.zeros((count, own, size))
-    ridge[:, range(own), range(own)] = weight * scales[:, :own]
-    damped = _triangular(np.concatenate([tables, ridge], axis=1))
-    width = size - own - 1
-    shared_scales = weight * np.sqrt((scales[:, own:-1] ** 2).sum(axis=0) + np.diag(prior_rows) ** 2)
-    shared_ridge = np.column_stack([np.diag(shared_scales), np.zeros(width)])
-    rows = np.vstack([reduced(damped, own).reshape(-1, width + 1), prior_rows, shared_ridge])
-    shared = _within(rows, free, room)
-    right = damped[:, :own, -1] + damped[:, :own, own:-1] @ shared
-    steps = np.linalg.solve(damped[:, :own, :own], -right[..., np.newaxis])[..., 0]
-    ends = np.concatenate([steps, np.tile(np.append(shared, 1.0), (count, 1))], axis=1)
-    left = (tables @ ends[..., np.newaxis]).ravel()
+    whole = Part(tables, own, np.arange(tables.shape[1] - own - 1))
+    (steps,), shared, predicted = step_of_parts((whole,), prior_rows, damping, free, room)
+    return Step(own=steps, shared=shared, predicted=predicted)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Windows of one kind in a fit that has several: their own unknowns are as many, they share the same parameters."""
+
+    tables: Tables
+    own: int
+    place: Int[np.ndarray, " local"]
+    """of their shared parameters among those of the whole fit"""
+
+    def spread(self, rows: Float[np.ndarray, "*K s"], count: int) -> Float[np.ndarray, "*K S"]:
+        """Rows [J_shared r] with a column for each of the whole fit's `count` parameters."""
+        wide = np.zeros((*rows.shape[:-1], count + 1))
+        wide[..., self.place], wide[..., -1] = rows[..., :-1], rows[..., -1]
+        return wide
+
+
+def step_of_parts(
+    parts: Sequence[Part],
+    prior_rows: Float[np.ndarray, "shared s"],
+    damping: float,
+    free: Bool[np.ndarray, " shared"],
+    room: tuple[np.ndarray, np.ndarray] | None = None,
+) -> tuple[list[Float[np.ndarray, "W own"]], Float[np.ndarray, " shared"], float]:
+    """As `step`, of several parts: the steps of their own unknowns, the shared one, the sum of squares foretold."""
+    weight, width = np.sqrt(damping), len(prior_rows)
+    square = np.diag(prior_rows) ** 2
+    eliminated: list[Tables] = []
+    for part in parts:
+        tables, own = part.tables, part.own
+        scales = np.linalg.norm(tables, axis=1)
+        ridge = np.zeros((len(tables), own, tables.shape[1]))
+        ridge[:, range(own), range(own)] = weight * scales[:, :own]
+        eliminated.append(_triangular(np.concatenate([tables, ridge], axis=1)))
+        np.add.at(square, part.place, (scales[:, own:-1] ** 2).sum(axis=0))
+    shared_ridge = np.column_stack([np.diag(weight * np.sqrt(square)), np.zeros(width)])
+    seen = [
+        part.spread(reduced(damped, part.own), width).reshape(-1, width + 1)
+        for part, damped in zip(parts, eliminated, strict=True)
+    ]
+    shared = _within(np.vstack([*seen, prior_rows, shared_ridge]), free, room)
     before = prior_rows @ np.append(shared, 1.0)
-    return Step(own=steps, shared=shared, predicted=float(left @ left + before @ before))
+    steps, predicted = [], float(before @ before)
+    for part, damped in zip(parts, eliminated, strict=True):
+        own, local = part.own, shared[part.place]
+        right = damped[:, :own, -1] + damped[:, :own, own:-1] @ local
+        steps.append(np.linalg.solve(damped[:, :own, :own], -right[..., np.newaxis])[..., 0])
+        ends = np.concatenate([steps[-1], np.tile(np.append(local, 1.0), (len(damped), 1))], axis=1)
+        left = (part.tables @ ends[..., np.newaxis]).ravel()
+        predicted += float(left @ left)
+    return steps, shared, predicted
 
 
 def own_steps(

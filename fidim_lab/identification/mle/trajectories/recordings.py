@@ -37,7 +37,7 @@ class Recording:
     markers: Float[np.ndarray, "T M 3"]
     """m; NaN where missing"""
     lengths: PerCable
-    """m, mean of the encoder over the window; NaN for a cable without one"""
+    """m, mean of the encoder over the window; NaN for a cable without one, or of which it is no measurement"""
     first_lengths: PerCable
     """m, of the encoder at `begin`: what counts where it turns with the cable's tension"""
 
@@ -75,6 +75,8 @@ def prepare(window: Window, robot: Robot) -> Recording:
     if t[-1] < SHORTEST:
         raise RefusedError(f"Window {window.id} lasts {t[-1]:.2f} s; at least {SHORTEST:g} s are needed.")
     _refuse_far(window, robot)
+    if window.lengths_by_poses:
+        window = replace(window, lengths=None)
     return Recording(
         window=window,
         begin=float(window.t[rows[0]] - window.t[0]),

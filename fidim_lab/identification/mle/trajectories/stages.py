@@ -205,7 +205,7 @@ def _astray(way: _Way, found: Optimum | None, before: float, stop: float) -> Boo
     grown = way.ends(stop) > way.ends(before) if before > 0 else np.ones(len(way.limits), dtype=bool)
     if found is None:
         return grown
-    return grown & np.array([_is_lost(way.likelihood, found.simulation, w) for w in range(len(grown))])
+    return grown & np.array([is_lost(way.likelihood, found.simulation, w) for w in range(len(grown))])
 
 
 def _slackening(way: _Way, start: Point, before: float, stop: float, astray: Bool[np.ndarray, " W"]) -> _Way | None:
@@ -224,7 +224,8 @@ def _slackening(way: _Way, start: Point, before: float, stop: float, astray: Boo
     return replace(way, slack=slack, limits=limits) if len(slack) > len(way.slack) else None
 
 
-def _is_lost(likelihood: Likelihood, simulation: Simulation, w: int) -> bool:
+def is_lost(likelihood: Likelihood, simulation: Simulation, w: int) -> bool:
+    """Whether the simulation of a recording misses its last part by the size of the motion."""
     recording, end = likelihood.recordings[w], simulation.ends[w]
     use, seen = recording.seen_until(end)
     left = np.full(seen.shape, np.nan)

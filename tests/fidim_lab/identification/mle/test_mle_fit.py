@@ -192,18 +192,18 @@ def test_forty_per_cent_wrong_starts_reach_the_same_optimum(signs, four, record,
 def test_a_window_lost_on_the_way_is_found_once_the_others_have_shown_the_parameters(
     four, record, from_cad, monkeypatch
 ):
-    really = stages._is_lost
+    really = stages.is_lost
 
     def lost_as_long_as_the_body_is_vague(likelihood, simulation, w):
         vague = simulation.ends[1:].max() < likelihood.recordings[1].end
         return (w == 0 and vague) or really(likelihood, simulation, w)
 
-    monkeypatch.setattr(stages, "_is_lost", lost_as_long_as_the_body_is_vague)
+    monkeypatch.setattr(stages, "is_lost", lost_as_long_as_the_body_is_vague)
     found = fit(Mechanism(four), record(four, 3))
     assert not found.journey.lost
     assert np.array_equal(found.journey.ends, from_cad.journey.ends)
     assert np.all(np.abs(found.values - from_cad.values) < 0.05 * from_cad.sd)
-    monkeypatch.setattr(stages, "_is_lost", lambda likelihood, simulation, w: w == 0)
+    monkeypatch.setattr(stages, "is_lost", lambda likelihood, simulation, w: w == 0)
     assert fit(Mechanism(four), record(four, 3)).journey.lost == (0,)
 
 

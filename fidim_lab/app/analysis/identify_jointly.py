@@ -1,0 +1,87 @@
+"""`fidim identify A B C`: one body and one geometry from several campaigns, and what predicts what."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from fidim_lab.app.analysis.identify import gauge_table, parameter_table, window_table
+from fidim_lab.app.report.numerals import short
+from fidim_lab.app.terminal import console
+from fidim_lab.app.terminal.working import Working, windows_of
+from fidim_lab.data.campaign import read_campaign
+from fidim_lab.identification.joint.identify import JointResult, identify_jointly
+from fidim_lab.identification.results.result_file import write_result
+from fidim_lab.model.native import compiler
+from fidim_lab.units import millimetres
+
+
+def identify_jointly_command(folders: Sequence[Path], json_file: Path | None, report: Path | None) -> int:
+    """What `fidim identify` does with several campaigns: identify, print, write. Returns the exit code.
+
+    Raises FileError for a wrong folder, SetupError where the campaigns cannot be of one platform, RefusedError where
+    one cannot be fitted.
+    """
+    campaigns = [read_campaign(folder) for folder in folders]
+    with Working("identifying jointly", sum(windows_of(folder) for folder in folders)):
+        found = identify_jointly(campaigns, native=compiler() is not None)
+    if json_file is not None:
+        write_result(json_file, found.result, joint=found.table)
+    console.out.print(summary(found))
+    if report is not None:
+        from fidim_lab.app.report.joint_page import write_joint_page
+
+        console.out.print(f"Report      {write_joint_page(found, report)}", markup=False)
+    return 0 if found.result.outcome.answers else 1
+
+
+def summary(found: JointResult) -> RenderableType:
+    """The whole answer for a terminal."""
+    result = found.result
+    return Group(
+        Text(f"{result.campaign}: {result.message}"),
+        parameter_table(result),
+        gauge_table(result),
+        *([cross_table(found)] if found.cross else []),
+        window_table(result),
+        *(Text(f"warning: {warning}", style="yellow") for warning in result.warnings),
+        Text(closing(found), style="bold"),
+    )
+
+
+def cross_table(found: JointResult) -> Table:
+    """Fitted on some, predicted on the others."""
+    table = Table(title="Fitted on some campaigns, predicted on others (only starts are fitted anew)")
+    for index, name in enumerate(("fitted on", "predicted", "windows", "rms, mm", "median, mm", "largest, mm")):
+        table.add_column(name, justify="left" if index < 2 else "right")
+    for row in cross_rows(found):
+        table.add_row(*(escape(cell) for cell in row))
+    return table
+
+
+def cross_rows(found: JointResult) -> tuple[tuple[str, ...], ...]:
+    """One for each pair of a fit and a campaign that it has not seen."""
+    rows: list[tuple[str, ...]] = []
+    for one in found.cross:
+        known = [millimetres(window.rms) for window in one.windows if window.rms is not None]
+        fitted = (
+            "all" if len(one.fitted) == len(found.campaigns) else " + ".join(found.campaigns[k] for k in one.fitted)
+        )
+        held = " (held out)" if one.predicted in one.fitted else ""
+        figures = (one.rms, one.median)
+        shown = ("–" if value is None else short(millimetres(value)) for value in figures)
+        largest = short(max(known)) if known else "–"
+        rows.append(
+            (fitted, found.campaigns[one.predicted] + held, f"{len(known)}/{len(one.windows)}", *shown, largest)
+        )
+    return tuple(rows)
+
+
+def closing(found: JointResult) -> str:
+    """How far this may be trusted."""
+    if not found.result.outcome.answers:
+        return found.result.outcome.value
+    return "One body and one geometry explain all campaigns to their noise; the ± count what the survey leaves open."

@@ -1,0 +1,87 @@
+"""The page of `fidim identify A B C --report`: the joint body, and what predicts what."""
+
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.app.analysis.identify_jointly import closing, cross_rows
+from fidim_lab.app.report.compare_page import ComparePage
+from fidim_lab.app.report.drawing import Drawing
+from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks
+from fidim_lab.app.report.html import render
+from fidim_lab.app.report.numerals import decimals, fixed
+from fidim_lab.app.report.svg import COLOURS, sheet, styled, to_svg
+from fidim_lab.app.report.tables import Table
+from fidim_lab.app.report.write import write_page
+from fidim_lab.identification.joint.identify import JointResult
+from fidim_lab.identification.results.result import Parameter
+from fidim_lab.units import millimetres
+
+
+def write_joint_page(found: JointResult, out: Path) -> Path:
+    """Write the page; returns its path. Raises FileError where it cannot be written."""
+    result = found.result
+    page = ComparePage(
+        title=result.campaign,
+        badges=("✓ identified" if result.outcome.answers else "✗ not identified",),
+        summary=(("Found", result.message), ("Worth", closing(found))),
+        warnings=result.warnings,
+        tables=_tables(found),
+        drawings=(Drawing(_windows(found), "rms of every window, fitted and held out, in mm.", "windows"),),
+        kind="One body from several campaigns",
+    )
+    return write_page(render("compare.html.jinja", page), out, None)
+
+
+def _tables(found: JointResult) -> tuple[Table, ...]:
+    result = found.result
+    caption = "Parameters about P, per unit mass: s in mm, I in 10⁻³ m²; ±: with what the survey leaves open"
+    parameters = Table(
+        caption,
+        ("parameter", "CAD", "identified", "±"),
+        tuple(_cells(name, one) for name, one in result.parameters.items()),
+    )
+    names = ("fitted on", "predicted", "windows", "rms, mm", "median, mm", "largest, mm")
+    cross = Table(
+        "Fitted on some campaigns, predicted on others; only starts are fitted anew", names, cross_rows(found)
+    )
+    moved = () if result.geometry is None else result.geometry.moved
+    geometry = Table(
+        "Geometry against the robot files, mm or mrad",
+        ("what", "cable", "off by", "±"),
+        tuple(
+            (
+                one.what,
+                "" if one.cable is None else str(one.cable),
+                ", ".join(f"{1e3 * value:+.2f}" for value in one.by),
+                ", ".join(f"{1e3 * value:.2f}" for value in one.sd),
+            )
+            for one in moved
+        ),
+    )
+    return (parameters, *([cross] if found.cross else []), *([geometry] if moved else []))
+
+
+def _cells(name: str, one: Parameter) -> tuple[str, ...]:
+    sd = max(one.sd, one.spread or 0.0)
+    places = decimals(millimetres(sd))
+    return (name, *(fixed(millimetres(value), places) for value in (one.nominal, one.value, sd)))
+
+
+@styled
+def _windows(found: JointResult) -> str:
+    figure, (axis,) = sheet(WIDTH, 2.4)
+    windows = [one for one in found.result.windows if one.rms_mm is not None]
+    for k, campaign in enumerate(found.campaigns):
+        mine = [(x, one.rms_mm) for x, one in enumerate(windows) if one.id.startswith(f"{campaign}/")]
+        if mine:
+            axis.plot(
+                *np.array(mine, dtype=float).T, "osD^v<>p"[k % 8], color=COLOURS[k % len(COLOURS)], label=campaign
+            )
+    axis.set_yscale("log")
+    plain_ticks(axis.yaxis)
+    axis.set_xticks([])
+    axis.set_xlabel("windows")
+    axis.set_ylabel("rms, mm")
+    legend(axis, 3)
+    return to_svg(figure)

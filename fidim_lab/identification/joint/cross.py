@@ -1,0 +1,102 @@
+"""Fitted on some campaigns, predicted on the others: only the starts of what is predicted are fitted anew."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidim_lab.data.records import Role
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.joint.fit import JointFit, fit_some
+from fidim_lab.identification.joint.members import lay_out
+from fidim_lab.identification.joint.sharing import Common
+from fidim_lab.identification.mle import held_out
+from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
+from fidim_lab.model.sensitivity.equations import BODY
+
+ALL_SINGLES = 4
+"""campaigns up to which each alone predicts the others too; of more, only all but one do"""
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """One window as a fit predicts it that has not seen it."""
+
+    campaign: str
+    window: str
+    rms: float | None
+    """m, of a marker coordinate; None where it cannot be predicted"""
+    chi2_per_dof: float | None
+    seconds: float
+    """how far it was followed"""
+    why: str = ""
+    """why it cannot be predicted"""
+
+
+@dataclass(frozen=True, eq=False)
+class Cross:
+    """What one fit says of one campaign."""
+
+    fitted: tuple[int, ...]
+    predicted: int
+    windows: tuple[Predicted, ...]
+
+    @property
+    def rms(self) -> float | None:
+        """m, over all windows; None where none can be predicted."""
+        known = [window.rms for window in self.windows if window.rms is not None]
+        return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+    @property
+    def median(self) -> float | None:
+        """m, of the windows' rms."""
+        known = [window.rms for window in self.windows if window.rms is not None]
+        return float(np.median(known)) if known else None
+
+
+def cross_predictions(common: Common, whole: JointFit, *, native: bool) -> tuple[Cross, ...]:
+    """Every campaign predicted by fits that have not seen it, then held-out windows by the fit of all."""
+    count = len(common.campaigns)
+    every = tuple(range(count))
+    subsets = [tuple(k for k in every if k != out) for out in every]
+    if 2 < count <= ALL_SINGLES:
+        subsets = [*((k,) for k in every), *subsets]
+    found: list[Cross] = []
+    for chosen in subsets:
+        fitted = fit_some(common, whole, chosen, native=native)
+        found += [predicted_by(common, fitted, k, (Role.IDENTIFY, Role.VALIDATE)) for k in every if k not in chosen]
+    held = [predicted_by(common, whole, k, (Role.VALIDATE,)) for k in every]
+    return (*found, *(one for one in held if one.windows))
+
+
+def predicted_by(common: Common, fitted: JointFit, member: int, roles: Sequence[Role]) -> Cross:
+    """Windows of one campaign with the body of a fit and the geometry that it knows; the rest as in the file."""
+    campaign = common.campaigns[member]
+    layout = lay_out(common, [member], fitted.layout.effects, native=True)
+    shared = np.zeros(layout.size)
+    fixed = BODY + layout.dissipating
+    shared[:fixed] = fitted.values[:fixed]
+    known = {piece.key: piece.place for piece in fitted.layout.pieces}
+    for piece in layout.pieces:
+        if piece.key in known:
+            shared[piece.place] = fitted.values[known[piece.key]]
+    windows = [window for role in roles for window in campaign.of_role(role)]
+    recordings: list[Recording] = []
+    said: list[Predicted] = []
+    for window in windows:
+        try:
+            recordings.append(prepare(window, campaign.robot))
+        except RefusedError as refusal:
+            said.append(Predicted(campaign.name, window.id, None, None, 0.0, str(refusal)))
+    (mechanism,) = layout.mechanisms
+    predicted = held_out.predict_all(mechanism, shared[layout.places[0]], recordings, campaign.robot.sensors)
+    for recording, one in zip(recordings, predicted, strict=True):
+        name = recording.window.id
+        if isinstance(one, RefusedError):
+            said.append(Predicted(campaign.name, name, None, None, 0.0, str(one)))
+            continue
+        left = one.remainder
+        seconds = float(left.t[-1] - left.t[0])
+        said.append(Predicted(campaign.name, name, left.rms, left.chi2_per_dof, seconds))
+    order = {window.id: k for k, window in enumerate(windows)}
+    return Cross(fitted.chosen, member, tuple(sorted(said, key=lambda one: order[one.window])))

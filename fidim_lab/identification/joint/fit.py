@@ -1,0 +1,316 @@
+"""One body and one geometry fitted to several campaigns at once.
+
+Every campaign is fitted alone first. Their linearised problems, each at its own optimum, give the point that serves all
+best; from there all windows are fitted together. Where that loses the phase of a window, the horizon grows again.
+
+Where the model misses more of a window than noise, that window's squares are divided by the χ²/dof that they leave:
+its noise is as large as what is left, and found with the fit. So a millimetre that the model cannot follow is no
+measurement of an anchor to a micrometre, and a window with a marker that jumps does not outvote the others. A usual
+survey's factor is chosen by evidence where no file states one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.records import Body, Role
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.errors import OurBugError, RefusedError
+from fidim_lab.identification.joint.members import Layout, Member, lay_out
+from fidim_lab.identification.joint.search import JointOptimum, linear_tables, search
+from fidim_lab.identification.joint.sharing import Common
+from fidim_lab.identification.mle import spread
+from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.geometry import FACTORS, ODDS, SAME, over_factors
+from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.linearised import Linearised
+from fidim_lab.identification.mle.starts.possible import nearest_possible, scales
+from fidim_lab.identification.mle.trajectories.likelihood import Point, Simulation, simulate, stepped
+from fidim_lab.identification.mle.trajectories.normal import Part, Prior, reduced, step_of_parts
+from fidim_lab.identification.mle.trajectories.optimise import DAMPING, ON_THE_WAY, Effort
+from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, is_lost
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.sensitivity.grid import FINE, QUICK
+from fidim_lab.model.sensitivity.integrate import States
+
+HORIZONS = (1.0, 3.0, 10.0)
+"""s, by which the way is taken again where a window got lost; starts are known well by then"""
+ROUND = replace(ON_THE_WAY, promise=1e-2, haste=10.0)
+"""to a tenth of a standard deviation"""
+LAST = replace(ROUND, promise=1e-3)
+"""to a thirtieth of a standard deviation where the model is right, a tenth where it is wrong"""
+ROUNDS = 3
+"""of choosing χ²/dof and the survey's factor, and fitting again; both settle in two"""
+COARSE = 10.0
+"""χ²/dof beyond which the grid for the way is fine enough: its error is a thousandth of what the model misses"""
+SETTLED = 1.3
+"""times, by which the χ²/dof of no window changes any more; standard deviations change by less than its root"""
+
+
+@dataclass(frozen=True, eq=False)
+class Alone:
+    """A campaign fitted by itself."""
+
+    found: Fit
+    """its geometry as in the file, and only to a standard deviation: where the joint fit begins"""
+    member: Member
+
+
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """An optimum of several campaigns and everything that is known about it."""
+
+    chosen: tuple[int, ...]
+    """which of the campaigns"""
+    layout: Layout
+    members: tuple[Member, ...]
+    optimum: JointOptimum
+    start: Body
+    prior: Prior
+    factor: float
+    """times a usual survey, where no file states one"""
+    remainders: tuple[tuple[Remainder, ...], ...]
+
+    @property
+    def values(self) -> Float[np.ndarray, " shared"]:
+        """The joint parameters."""
+        return self.optimum.shared
+
+    @property
+    def body(self) -> Body:
+        """The identified body."""
+        return Body.from_vector(self.values[:BODY])
+
+    @property
+    def theta(self) -> Float[np.ndarray, " dissipating"]:
+        """Of what dissipates."""
+        return self.values[BODY : BODY + self.layout.dissipating]
+
+    @property
+    def dof(self) -> int:
+        """Numbers compared less unknowns."""
+        return sum(left.dof for of_one in self.remainders for left in of_one) - len(self.values)
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Of all markers and lengths that were used."""
+        return sum(left.chi2 for of_one in self.remainders for left in of_one) / max(1, self.dof)
+
+    @property
+    def noise_ratio(self) -> float:
+        """Marker noise by fourth differences of the residuals over the stated one; 1 where that cannot be told."""
+        each = zip(self.members, self.remainders, strict=True)
+        seen = [x.noise / m.likelihood.noise for m, of_one in each for x in of_one if x.noise is not None]
+        return float(np.median(seen)) if seen else 1.0
+
+    @property
+    def excess(self) -> float:
+        """χ²/dof for the noise that the residuals show."""
+        return self.chi2_per_dof / self.noise_ratio**2
+
+    @property
+    def tables(self) -> Float[np.ndarray, "W s s"]:
+        """The windows' reduced tables at the optimum, by the joint parameters; alike in shape for all windows."""
+        found: list[np.ndarray] = []
+        for part in self.optimum.parts(self.members, self.layout):
+            local = reduced(part.tables, part.own)
+            wide = part.spread(local, self.layout.size)
+            padded = np.zeros((len(wide), self.layout.size + 1, self.layout.size + 1))
+            padded[:, : wide.shape[1]] = wide
+            found.append(padded)
+        return np.concatenate(found)
+
+    @property
+    def prior_rows(self) -> Float[np.ndarray, "shared s"]:
+        """The prior at the optimum."""
+        return self.prior.rows(self.values)
+
+    @property
+    def tempered_covariance(self) -> Float[np.ndarray, "shared shared"]:
+        """What may be believed: each window's information over its χ²/dof, with the survey."""
+        return spread.Quadratic.of(self.tables, self.prior_rows).covariance
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing better is near."""
+        return self.optimum.ending.settled or self.optimum.promise < 1.0
+
+    @property
+    def chi2_gain(self) -> float:
+        """By how much the sum of squares falls with the open geometry, to first order, in units of χ²/dof."""
+        problem = self.linearised()
+        fixed = np.arange(self.layout.size) < BODY + self.layout.dissipating
+        sd = np.concatenate([self.prior.sd[BODY : BODY + self.layout.dissipating], self.layout.survey(self.factor)])
+        return max(0.0, problem.where(fixed, sd, 1.0).left - problem.here)
+
+    def without(self, dropped: Float[np.ndarray, " shared"]) -> Float[np.ndarray, " shared"]:
+        """The estimate with the parameters marked in `dropped` (bool) set to zero, to first order."""
+        free = ~np.asarray(dropped, dtype=bool)
+        return self.values + spread.Quadratic.of(self.tables, self.prior_rows).step(free, -self.values)
+
+    def linearised(self) -> Linearised:
+        """The data's sum of squares near the optimum."""
+        rows = self.tables.reshape(-1, self.layout.size + 1)
+        whole = rows.T @ rows
+        here = self.optimum.data_cost
+        return Linearised(here, max(1, self.dof), whole[:-1, :-1], whole[:-1, -1], self.values[BODY:])
+
+
+def alone(common: Common, *, native: bool) -> tuple[Alone, ...]:
+    """Each campaign by itself. Raises RefusedError as `mle.fit`."""
+    found: list[Alone] = []
+    for campaign in common.campaigns:
+        windows = list(campaign.of_role(Role.IDENTIFY))
+        if not windows:
+            raise RefusedError(
+                f"{campaign.name}: no window has the role 'identify'.",
+                hint="Give some windows of campaign.toml the role 'identify', or leave this campaign out.",
+            )
+        single = fit(Mechanism(campaign.robot, native=native), windows, hasty=True)
+        member = Member(campaign, single.likelihood, single.journey.ends, _worth(single.remainders))
+        found.append(Alone(single, member))
+    return tuple(found)
+
+
+def fit_jointly(
+    common: Common, singles: Sequence[Alone], effects: Sequence[NamedEffect] = (), *, native: bool = False
+) -> JointFit:
+    """Fit all campaigns together; see the module.
+
+    effects: what may dissipate, alike in all of them; left out where the recordings do not ask for it.
+    Raises RefusedError where no motion can be simulated from the start.
+    """
+    every = range(len(common.campaigns))
+    layout = lay_out(common, every, effects, native=native)
+    members = tuple(one.member.by(mechanism) for one, mechanism in zip(singles, layout.mechanisms, strict=True))
+    body = nearest_possible(common.campaigns[0].robot.nominal)
+    task = _Task(tuple(every), layout, members, body)
+    found = _settled(task, _combined(task, [one.found for one in singles]))
+    if effects and not _asked_for(found):
+        return fit_jointly(common, singles, native=native)
+    return found
+
+
+def fit_some(common: Common, whole: JointFit, chosen: Sequence[int], *, native: bool = False) -> JointFit:
+    """The fit of some of the campaigns, begun where the whole would be without the others to first order."""
+    layout = lay_out(common, chosen, whole.layout.effects, native=native)
+    members = tuple(whole.members[k].by(m) for k, m in zip(chosen, layout.mechanisms, strict=True))
+    task = _Task(tuple(chosen), layout, members, whole.start)
+    points = [Point(whole.values[whole.layout.places[k]], whole.optimum.states[k]) for k in chosen]
+    return _settled(task, _together(task, points, whole.factor), whole.factor)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    chosen: tuple[int, ...]
+    layout: Layout
+    members: tuple[Member, ...]
+    body: Body
+    """where the search begins"""
+
+    def prior(self, factor: float) -> Prior:
+        return self.layout.prior(self.body.vector, FAR_PRIOR * scales(self.body), factor)
+
+
+def _settled(task: _Task, start: tuple[np.ndarray, Sequence[States]], factor: float = 1.0) -> JointFit:
+    """The optimum with the windows' χ²/dof and the survey's factor that it has itself."""
+    for effort in (*((ROUND,) * (ROUNDS - 1)), LAST):
+        prior = task.prior(factor)
+        optimum = _fitted(task, start, prior, effort)
+        if optimum is None:
+            names = ", ".join(member.campaign.name for member in task.members)
+            raise RefusedError(
+                f"The motion of {names} cannot be simulated with one body and one geometry.",
+                hint="Identify them one by one, and compare robot files and frames.",
+            )
+        left = optimum.remainders(task.members)
+        found = JointFit(task.chosen, task.layout, task.members, optimum, task.body, prior, factor, left)
+        weighed = tuple(replace(m, worth=_worth(of_one)) for m, of_one in zip(task.members, left, strict=True))
+        moved = [np.abs(np.log(new.worth / old.worth)).max() for new, old in zip(weighed, task.members, strict=True)]
+        best = _best_factor(found) if any(piece.guessed for piece in task.layout.pieces) else 1.0
+        same = max(moved) < np.log(SETTLED) and 1 / SAME < best / factor < SAME
+        if (same and found.settled) or effort is LAST:
+            return found
+        task, factor, start = replace(task, members=weighed), best, (optimum.shared, optimum.states)
+    raise OurBugError("A joint fit had no round.")
+
+
+def _worth(remainders: Sequence[Remainder]) -> Float[np.ndarray, " W"]:
+    """Of windows whose noise is as large as what is left of them, and no smaller than stated."""
+    return np.array([1.0 / max(1.0, left.chi2_per_dof) for left in remainders])
+
+
+def _asked_for(found: JointFit) -> bool:
+    """Whether the evidence is for what dissipates."""
+    problem, count = found.linearised(), found.layout.dissipating
+    sd = np.concatenate([found.prior.sd[BODY : BODY + count], found.layout.survey(found.factor)])
+    every = np.ones(found.layout.size, dtype=bool)
+    without = every.copy()
+    without[BODY : BODY + count] = False
+    return problem.where(every, sd, 1.0).nats(1.0) - problem.where(without, sd, 1.0).nats(1.0) > ODDS
+
+
+def _fitted(
+    task: _Task, start: tuple[np.ndarray, Sequence[States]], prior: Prior, effort: Effort
+) -> JointOptimum | None:
+    """At full length; by growing horizons where a window gets lost."""
+    usual = 1.0 / float(np.median(np.concatenate([member.worth for member in task.members])))
+    effort = replace(effort, resolution=FINE) if usual < COARSE else effort
+    found = search(task.members, task.layout, start, np.inf, prior, effort)
+    if found is not None and not _lost(task.members, found):
+        return found
+    for horizon in HORIZONS:
+        on_the_way = search(task.members, task.layout, start, horizon, prior, ON_THE_WAY)
+        if on_the_way is None:
+            return found
+        start = (on_the_way.shared, on_the_way.states)
+    again = search(task.members, task.layout, start, np.inf, prior, effort)
+    return min((one for one in (found, again) if one is not None), key=lambda one: one.cost, default=None)
+
+
+def _lost(members: Sequence[Member], found: JointOptimum) -> bool:
+    each = zip(members, found.simulations, strict=True)
+    return any(is_lost(m.likelihood, simulation, w) for m, simulation in each for w in range(len(m.ends)))
+
+
+def _combined(task: _Task, fits: Sequence[Fit]) -> tuple[np.ndarray, list[States]]:
+    """The point that serves all campaigns best to first order, each linearised at its own optimum."""
+    points: list[Point] = []
+    for found, place in zip(fits, task.layout.places, strict=True):
+        local = np.concatenate([found.values[:BODY], np.zeros(len(place) - BODY)])
+        points.append(Point(local, found.journey.optimum.point.states))
+    return _together(task, points, 1.0)
+
+
+def _together(task: _Task, points: Sequence[Point], factor: float) -> tuple[np.ndarray, list[States]]:
+    """One step from points with parameters of their own to the best common ones."""
+    parts: list[Part] = []
+    simulations: list[Simulation] = []
+    for member, point, place in zip(task.members, points, task.layout.places, strict=True):
+        simulation = simulate(member.likelihood, point, member.ends, QUICK)
+        if simulation is None:
+            raise RefusedError(f"{member.campaign.name}: its motion cannot be simulated.")
+        tables, own = linear_tables(member, simulation), member.likelihood.own
+        tables[:, :, -1] -= tables[:, :, own:-1] @ point.shared
+        parts.append(Part(tables, own, place))
+        simulations.append(simulation)
+    prior, nowhere = task.prior(factor), np.zeros(task.layout.size)
+    free = np.ones(task.layout.size, dtype=bool)
+    steps, shared, _ = step_of_parts(parts, prior.rows(nowhere), DAMPING[0], free, prior.room(nowhere))
+    each = zip(task.members, simulations, steps, task.layout.places, points, strict=True)
+    moved = [stepped(m.likelihood, s, own, shared[place] - point.shared) for m, s, own, place, point in each]
+    return shared, [point.states for point in moved]
+
+
+def _best_factor(found: JointFit) -> float:
+    """Times a usual survey, by the evidence of the linearised problem."""
+    problem = found.linearised()
+    limits = found.prior.sd[BODY : BODY + found.layout.dissipating]
+    evidences = np.zeros(len(FACTORS))
+    for k, factor in enumerate(FACTORS):
+        there, temper = problem.settled(np.concatenate([limits, found.layout.survey(factor)]))
+        evidences[k] = there.nats(temper)
+    return float(FACTORS[over_factors(evidences)[1]])

@@ -1,0 +1,71 @@
+"""What a joint fit says in words. No number is made here."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fidim_lab.identification.equations import consistency
+from fidim_lab.identification.joint.cross import Cross
+from fidim_lab.identification.joint.fit import JointFit
+from fidim_lab.identification.joint.sharing import Common
+from fidim_lab.identification.mle.findings import Figures, doubtful
+from fidim_lab.identification.mle.geometry_words import furthest
+from fidim_lab.identification.results.result import Geometry, Outcome
+from fidim_lab.identification.survey import TYPICAL_ANCHOR
+from fidim_lab.units import millimetres
+
+
+def message(ended: Outcome, whole: JointFit, figures: Figures) -> str:
+    """A paragraph for a person."""
+    windows = sum(len(left) for left in whole.remainders)
+    parts = [
+        ended.value,
+        f"{windows} windows of {len(whole.members)} campaigns were fitted with one body and one geometry; χ²/dof is "
+        f"{whole.chi2_per_dof:.3g}.",
+        consistency.sentence(figures.body),
+    ]
+    if ended is Outcome.NOT_CONVERGED:
+        parts.append(whole.optimum.ending.value)
+    if figures.unseen:
+        parts.append(f"Not seen by these recordings: {', '.join(figures.unseen)}.")
+    if loose := [name for name in doubtful(figures) if name not in figures.unseen]:
+        parts.append(f"Not well identified: {', '.join(loose)}.")
+    return " ".join(parts)
+
+
+def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequence[Cross]) -> tuple[str, ...]:
+    """Everything that a user should know before believing the numbers, one sentence each."""
+    said = [f"Common to two campaigns or more: {', '.join(common.shared())}."]
+    if common.nothing_shared:
+        said.append(
+            "No anchor, attachment or marker is common: the body alone joins these campaigns, and its frame is taken "
+            "to be the same in all robot files."
+        )
+    if whole.layout.dissipating:
+        viscous, dry = whole.theta[:2]
+        said.append(
+            f"Friction at the attachments was fitted with the body ({dry:.2g} N m dry, {viscous:.2g} N m s viscous for "
+            "each cable, alike in all campaigns): it takes up what dissipates, and does not prove where. "
+            "`fidim explain` asks that."
+        )
+    if any(piece.guessed for piece in whole.layout.pieces):
+        said.append(
+            "No robot file states [survey] for all of the geometry: a usual survey was taken, with "
+            f"{whole.factor * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors by the evidence of the recordings."
+        )
+    if says := furthest(geometry):
+        said.append(says)
+    said += [
+        f"{one.campaign}/{one.window} cannot be predicted: {one.why}"
+        for each in cross
+        if each.fitted == whole.chosen
+        for one in each.windows
+        if one.rms is None
+    ]
+    if whole.chi2_per_dof > whole.noise_ratio**2 * 1.5:
+        rms = millimetres(float(np.sqrt(np.mean([left.rms**2 for of_one in whole.remainders for left in of_one]))))
+        said.append(
+            f"The model misses {rms:.2g} mm rms of the fitted windows, more than their noise: the ± count that, and "
+            "the spread between windows."
+        )
+    return tuple(said)
