@@ -18,6 +18,8 @@ from fidim_lab.identification.results.result_file import write_result
 from fidim_lab.model.native import compiler
 from fidim_lab.units import millimetres
 
+COLUMNS = ("fitted on", "predicted", "windows", "rms, mm", "of the pose, mm", "median, mm", "largest, mm")
+
 
 def identify_jointly_command(folders: Sequence[Path], json_file: Path | None, report: Path | None) -> int:
     """What `fidim identify` does with several campaigns: identify, print, write. Returns the exit code.
@@ -55,7 +57,7 @@ def summary(found: JointResult) -> RenderableType:
 def cross_table(found: JointResult) -> Table:
     """Fitted on some, predicted on the others."""
     table = Table(title="Fitted on some campaigns, predicted on others (only starts are fitted anew)")
-    for index, name in enumerate(("fitted on", "predicted", "windows", "rms, mm", "median, mm", "largest, mm")):
+    for index, name in enumerate(COLUMNS):
         table.add_column(name, justify="left" if index < 2 else "right")
     for row in cross_rows(found):
         table.add_row(*(escape(cell) for cell in row))
@@ -71,7 +73,7 @@ def cross_rows(found: JointResult) -> tuple[tuple[str, ...], ...]:
             "all" if len(one.fitted) == len(found.campaigns) else " + ".join(found.campaigns[k] for k in one.fitted)
         )
         held = " (held out)" if one.predicted in one.fitted else ""
-        figures = (one.rms, one.median)
+        figures = (one.rms, one.of_pose, one.median)
         shown = ("–" if value is None else short(millimetres(value)) for value in figures)
         largest = short(max(known)) if known else "–"
         rows.append(

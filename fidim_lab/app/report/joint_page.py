@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.analysis.identify_jointly import closing, cross_rows
+from fidim_lab.app.analysis.identify_jointly import COLUMNS, closing, cross_rows
 from fidim_lab.app.report.compare_page import ComparePage
 from fidim_lab.app.report.drawing import Drawing
 from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks
@@ -41,9 +41,8 @@ def _tables(found: JointResult) -> tuple[Table, ...]:
         ("parameter", "CAD", "identified", "±"),
         tuple(_cells(name, one) for name, one in result.parameters.items()),
     )
-    names = ("fitted on", "predicted", "windows", "rms, mm", "median, mm", "largest, mm")
     cross = Table(
-        "Fitted on some campaigns, predicted on others; only starts are fitted anew", names, cross_rows(found)
+        "Fitted on some campaigns, predicted on others; only starts are fitted anew", COLUMNS, cross_rows(found)
     )
     moved = () if result.geometry is None else result.geometry.moved
     geometry = Table(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from fidim_lab.data.records import Role
 from fidim_lab.errors import RefusedError
@@ -14,6 +15,8 @@ from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.trajectories.recordings import Recording, prepare
 from fidim_lab.model.sensitivity.equations import BODY
 
+FEWEST_MARKERS = 3
+"""of which a pose can be told"""
 ALL_SINGLES = 4
 """campaigns up to which each alone predicts the others too; of more, only all but one do"""
 
@@ -26,6 +29,8 @@ class Predicted:
     window: str
     rms: float | None
     """m, of a marker coordinate; None where it cannot be predicted"""
+    of_pose: float | None
+    """m, the same of what a rigid body's motion can miss: without what markers do that are not at their place"""
     chi2_per_dof: float | None
     seconds: float
     """how far it was followed"""
@@ -45,6 +50,12 @@ class Cross:
     def rms(self) -> float | None:
         """m, over all windows; None where none can be predicted."""
         known = [window.rms for window in self.windows if window.rms is not None]
+        return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+    @property
+    def of_pose(self) -> float | None:
+        """m, `rms` of the pose alone; None where too few markers show it."""
+        known = [window.of_pose for window in self.windows if window.of_pose is not None]
         return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
     @property
@@ -87,16 +98,37 @@ def predicted_by(common: Common, fitted: JointFit, member: int, roles: Sequence[
         try:
             recordings.append(prepare(window, campaign.robot))
         except RefusedError as refusal:
-            said.append(Predicted(campaign.name, window.id, None, None, 0.0, str(refusal)))
+            said.append(Predicted(campaign.name, window.id, None, None, None, 0.0, str(refusal)))
     (mechanism,) = layout.mechanisms
     predicted = held_out.predict_all(mechanism, shared[layout.places[0]], recordings, campaign.robot.sensors)
     for recording, one in zip(recordings, predicted, strict=True):
         name = recording.window.id
         if isinstance(one, RefusedError):
-            said.append(Predicted(campaign.name, name, None, None, 0.0, str(one)))
+            said.append(Predicted(campaign.name, name, None, None, None, 0.0, str(one)))
             continue
         left = one.remainder
         seconds = float(left.t[-1] - left.t[0])
-        said.append(Predicted(campaign.name, name, left.rms, left.chi2_per_dof, seconds))
+        rms_of_pose = of_pose(left.residuals, left.predicted)
+        said.append(Predicted(campaign.name, name, left.rms, rms_of_pose, left.chi2_per_dof, seconds))
     order = {window.id: k for k, window in enumerate(windows)}
     return Cross(fitted.chosen, member, tuple(sorted(said, key=lambda one: order[one.window])))
+
+
+def of_pose(residuals: Float[np.ndarray, "T M 3"], places: Float[np.ndarray, "T M 3"]) -> float | None:
+    """m, rms of a marker coordinate that a small motion of the whole body explains; None with fewer than three markers.
+
+    Of each sample, the part of the residuals that a displacement and a rotation about the markers' middle make up.
+    """
+    seen = np.asarray(np.isfinite(residuals).all(axis=2))
+    whole = seen.sum(axis=1) >= FEWEST_MARKERS
+    if not whole.any():
+        return None
+    weight = seen[whole].astype(float)[..., np.newaxis]
+    at, left = (np.where(weight > 0, values[whole], 0.0) for values in (places, residuals))
+    arms = (at - (at * weight).sum(axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)) * weight
+    turns = np.cross(np.eye(3)[np.newaxis, np.newaxis], arms[:, :, np.newaxis])  # [t, m, axis, coordinate]
+    moves = np.concatenate([np.broadcast_to(np.eye(3), turns.shape) * weight[..., np.newaxis], turns], axis=2)
+    columns = moves.transpose(0, 1, 3, 2).reshape(len(at), -1, 6)
+    right = left.reshape(len(at), -1, 1)
+    rigid = columns @ (np.linalg.pinv(columns) @ right)
+    return float(np.sqrt((rigid**2).sum() / (3 * weight.sum())))

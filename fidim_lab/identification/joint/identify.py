@@ -54,6 +54,7 @@ class JointResult:
                     "fitted": [self.campaigns[k] for k in one.fitted],
                     "predicted": self.campaigns[one.predicted],
                     "rms_mm": None if one.rms is None else 1e3 * one.rms,
+                    "pose_mm": None if one.of_pose is None else 1e3 * one.of_pose,
                     "median_mm": None if one.median is None else 1e3 * one.median,
                     "windows": [
                         {

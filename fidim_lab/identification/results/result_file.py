@@ -124,6 +124,7 @@ class CrossTable(_Strict):
     fitted: tuple[str, ...]
     predicted: str
     rms_mm: float | None
+    pose_mm: float | None
     median_mm: float | None
     windows: tuple[CrossWindowTable, ...]
 

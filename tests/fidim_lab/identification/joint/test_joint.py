@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Survey
 from fidim_lab.errors import SetupError
+from fidim_lab.identification.joint.cross import of_pose
 from fidim_lab.identification.joint.fit import JointFit, alone, fit_jointly, fit_some
 from fidim_lab.identification.joint.identify import JointResult, identify_jointly
 from fidim_lab.identification.joint.sharing import in_common
@@ -176,3 +177,17 @@ def test_exact_geometry_stays_exact(surveyed: Surveyed, base: Robot) -> None:
     assert found.result.geometry is not None
     assert found.result.geometry.moved == ()
     assert found.result.outcome is Outcome.CONVERGED
+
+
+def test_the_pose_part_of_a_residual_knows_no_marker_that_is_off() -> None:
+    random = np.random.default_rng(3)
+    places = random.uniform(-0.2, 0.2, (50, 5, 3))
+    turned, moved = 1e-4 * random.standard_normal((2, 50, 1, 3))
+    rigid = moved + np.cross(turned, places)
+    rms = float(np.sqrt(np.mean(rigid**2)))
+    assert of_pose(rigid, places) == pytest.approx(rms, rel=1e-9)
+    rigid[:, 2] = np.nan  # a marker that is not seen takes nothing away
+    assert of_pose(rigid, places) == pytest.approx(float(np.sqrt(np.nanmean(rigid**2))), rel=1e-9)
+    noise = 1e-3 * random.standard_normal((50, 5, 3))
+    assert of_pose(noise, places) == pytest.approx(1e-3 * np.sqrt(6 / 15), rel=0.1)  # 6 of 15 numbers
+    assert of_pose(noise[:, :2], places[:, :2]) is None
