@@ -166,3 +166,17 @@ def replay(folder: Path, speed: float, json_file: Path | None) -> None:
     from fidim_lab.app.records.replay import replay_command
 
     sys.exit(replay_command(folder, speed, json_file))
+
+
+@fidim.command("ls")
+@click.argument("folder", type=FOLDER, default=Path("runs"), required=False)
+@click.option(
+    "--failures", is_flag=True, help="Also which steps failed and which windows were rejected, over all runs."
+)
+@click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-history/1".')
+@example("fidim ls runs --failures")
+def ls(folder: Path, failures: bool, json_file: Path | None) -> None:
+    """List the runs of FOLDER (default runs): when, who, robot, how each ended, what was found, notes."""
+    from fidim_lab.app.records.history import ls_command
+
+    sys.exit(ls_command(folder, json_file, failures=failures))

@@ -67,6 +67,8 @@ def dry_run(**options: Any) -> None:
 @click.option("--quiet-hours", default=None, metavar="HH:MM-HH:MM", help="No window begins between them.")
 @click.option("--on-finish", default="", metavar="COMMAND", help="Run after a run that ended well.")
 @click.option("--on-fault", default="", metavar="COMMAND", help="Run after a run that did not.")
+@click.option("--operator", default=None, metavar="NAME", help="Who records, for fidim ls; default your user name.")
+@click.option("--note", default="", metavar="TEXT", help="What is to be remembered of this run, for fidim ls.")
 @click.option("--stay", is_flag=True, help="The service goes on after the run, until fidim shutdown.")
 @click.option("--tcp", type=click.IntRange(0, 65535), default=None, help="Also listen at 127.0.0.1, with a token.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-summary/1".')

@@ -86,6 +86,10 @@ class RunSpec(_Part):
     """… after one that did not"""
     by: str = ""
     """who is at the robot while stops are tried (`fidim commission`)"""
+    operator: str = ""
+    """who records, for the history"""
+    note: str = ""
+    """what is to be remembered of it"""
     stay: bool = False
     """the service goes on after the run, for clients to look at, until one shuts it down (or resumes the run)"""
     tcp_port: int | None = None

@@ -4,6 +4,7 @@ The service is a process of its own: this one may be killed or its terminal clos
 aborts the run (a second one, too, only asks); the robot is held before the service ends.
 """
 
+import getpass
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -52,6 +53,9 @@ class RunOptions:
     stay: bool
     tcp: int | None
     json_file: Path | None = None
+    operator: str | None = None
+    """who records; None: the user of this computer"""
+    note: str = ""
 
 
 def run_command(options: RunOptions) -> int:
@@ -110,7 +114,17 @@ def make_spec(options: RunOptions) -> RunSpec:
         on_fault=options.on_fault,
         stay=options.stay,
         tcp_port=options.tcp,
+        operator=_user() if options.operator is None else options.operator,
+        note=options.note,
     )
+
+
+def _user() -> str:
+    """Of this computer; empty where it does not know."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):
+        return ""
 
 
 def require_answers(work: Work) -> None:

@@ -23,6 +23,7 @@ ARGUMENTS = {
     "export": ["CAMPAIGN", "--to", "csv"],
     "import": ["irma4u", "CAMPAIGN", "--out", "OUT"],
     "init": ["robot"],
+    "ls": ["CAMPAIGN"],
     "register": ["CAMPAIGN", "--out", "OUT"],
     "reproduce": [],
     "run": ["plan.toml", "--rig", "rig.toml"],
