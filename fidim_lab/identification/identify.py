@@ -25,6 +25,10 @@ from fidim_lab.identification.two_clocks import by_both, two_clocks
 
 MODEL_ERROR = 1.5
 """an rms of the equations so many times what noise explains is a model error"""
+SPREAD_SEEN = 5.0
+"""spread between windows over nominal sd beyond which the model lacks something …"""
+ENOUGH_WINDOWS = 8
+"""… with so many windows: with fewer, leaving one out can unbalance the excitation, and a spread says nothing of it"""
 OPTIMISM = 3.0
 """a spread so many times the nominal sd is worth a warning"""
 
@@ -115,7 +119,22 @@ def _entry(values: np.ndarray | None, k: int) -> float | None:
 def _outcome(estimate: Estimate) -> Outcome:
     if not consistency.can_move(estimate.body):
         return Outcome.IMPOSSIBLE_BODY
+    if _lacks_something(estimate):
+        return Outcome.MISFIT
     return Outcome.DOUBTFUL if _doubtful(estimate) else Outcome.CONVERGED
+
+
+def _lacks_something(estimate: Estimate) -> bool:
+    """Whether equations or windows contradict each other by far more than noise makes them."""
+    if (estimate.noise_ratio or 0.0) > MODEL_ERROR:
+        return True
+    if estimate.leave_one_out is None or len(estimate.leave_one_out) < ENOUGH_WINDOWS:
+        return False
+    spread = jackknife_sd(estimate.leave_one_out)
+    if estimate.sd_bootstrap is not None:
+        spread = np.maximum(spread, estimate.sd_bootstrap)
+    seen = estimate.sd > 0
+    return bool((spread[seen] > SPREAD_SEEN * estimate.sd[seen]).any())
 
 
 def _doubtful(estimate: Estimate) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import Choice, suited_method
 from fidim_lab.identification.equations.estimators import Method, method_named
-from fidim_lab.identification.identify import MODEL_ERROR, identify
+from fidim_lab.identification.identify import MODEL_ERROR, SPREAD_SEEN, identify
 from fidim_lab.identification.mle.findings import OTHER_NOISE, closing
 from fidim_lab.identification.motion.pose_sources import PoseSource
 from fidim_lab.identification.motion.recipe import BEST, PAPER, Recipe
@@ -31,14 +31,10 @@ from fidim_lab.identification.results.validation import QUICK, THOROUGH, expecte
 from fidim_lab.model.native import compiler
 from fidim_lab.units import millimetres, percent
 
-SPREAD_SEEN = 5.0
-"""spread over nominal sd beyond which the closing sentence speaks of model error"""
 UNUSABLE = (Outcome.IMPOSSIBLE_BODY, Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
 """outcomes with which the command fails"""
 FOLLOWED = 1.5
 """times their noise: maximum likelihood that follows the recordings so closely is not overruled, however it ended"""
-ENOUGH_WINDOWS = 8
-"""with fewer, leaving one out can unbalance the excitation: a large spread then says nothing of the model"""
 
 
 def run_identify(
@@ -236,7 +232,7 @@ def closing_sentence(result: IdentificationResult) -> str:
     lever = abs(s_z.value - result.attachment_plane)
     size = f"s_z is good to about {millimetres(s_z.spread):.2g} mm ({percent(s_z.spread / lever):.2g} % of its lever)"
     fitted = sum(window.used and window.role is Role.IDENTIFY for window in result.windows)
-    if (ratio > SPREAD_SEEN and fitted >= ENOUGH_WINDOWS) or noise > MODEL_ERROR:
+    if result.outcome is Outcome.MISFIT:
         found = (
             f"the equations are off by {noise:.1f}" if noise > MODEL_ERROR else f"the windows disagree by {ratio:.0f}"
         )

@@ -77,12 +77,12 @@ def identify(
     from fidim_lab.app.analysis.payload import parse_payload, payload_command
     from fidim_lab.identification.motion.pose_sources import PoseSource
 
-    if len(campaigns) > 1:
+    campaign, *further = campaigns
+    if further:
         not_with("a second campaign", "method", "paper", "payload", "mass", "mass_sd", "at", "at_sd", "poses")
         from fidim_lab.app.analysis.identify_jointly import identify_jointly_command
 
         sys.exit(identify_jointly_command(campaigns, json_file, report))
-    campaign = campaigns[0]
     if (known := parse_payload(payload, mass, at, mass_sd, at_sd)) is None:
         source = PoseSource(poses)
         sys.exit(identify_command(campaign, method, json_file, report, paper=paper, poses=source))
