@@ -4,16 +4,19 @@ export OPENBLAS_NUM_THREADS = 1
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
+# What pip says, in few words: a name for each package that it fetches; errors go past it.
+TICKS := awk '/^Collecting/ {n++; printf "\r  %3d  %-50.50s", n, $$2; fflush()} /^Installing/ {printf "\r  installing …%-50s\n", ""; fflush()}'
 
 .PHONY: install dry-run test check peers lock bench outputs reference docs clean
 
 install: $(STAMP)
 
 $(STAMP): requirements.lock pyproject.toml
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
-	@touch $(STAMP)
+	@echo "Setting up .venv with $$(grep -c == requirements.lock) packages, some 400 MB: one to five minutes, once."
+	@$(PYTHON) -m venv .venv
+	@$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements.lock | $(TICKS)
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@$(BIN)/python -m pip check --quiet && touch $(STAMP) && echo "Installed: $$($(BIN)/fidim --version). Next: $(BIN)/fidim --help"
 
 dry-run: install
 	$(BIN)/fidim dry-run

@@ -106,7 +106,7 @@ class Mechanism:
             constants = _constants(self, index, ca.SX(ca.DM(self.theta)))
             names = ("d", "a", "radius", "x", "y", "z")
             d, a, radius, x, y, z = (np.array(ca.evalf(getattr(constants, name))).ravel() for name in names)
-            found.append(Cable(d, a, float(radius[0]), x, y, z))
+            found.append(Cable(d, a, float(radius[0]), x, y, z, self.robot.cables[index].name))
         return tuple(found)
 
     def lengths(self, positions: Positions, rotations: Rotations) -> CableSeries:

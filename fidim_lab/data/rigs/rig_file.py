@@ -1,7 +1,9 @@
 """Rig files: the hardware of a laboratory, as TOML ("fidim-rig/1"). Paths in it are relative to the file."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from fidim_lab.data.files.toml_file import nearest, read_toml
 from fidim_lab.data.records import Robot, Winch
@@ -28,6 +30,8 @@ from fidim_lab.data.rigs.rig_tables import STANDARD_PORTS, UNITS, MocapTable, Ri
 from fidim_lab.data.robot_file import read_robot, robot_path
 from fidim_lab.errors import FileError
 
+T = TypeVar("T")
+
 FORMAT = "fidim-rig/1"
 GENERIC = "generic"
 """the name of the built-in EDS"""
@@ -40,18 +44,16 @@ def read_rig(path: Path, *, opened: bool = True) -> RigFile:
 
     opened: False where its bus will not be: then python-can is not asked for the interface, and an emergency stop does
     not wait until it is imported.
-    Raises FileError naming file, table, key, what was found and what is allowed; all mistakes of one kind at once.
+    Raises FileError naming file, table, key, what was found and what is allowed; all mistakes of one kind at once:
+    first those of the tables by themselves, then those of what they name.
     """
     table = read_toml(path, RigTable, FORMAT, COMMANDS)
-    if opened:
-        _check_interface(path, table.bus.interface)
     robot_file = robot_path(table.robot, path.parent)
-    robot = read_robot(robot_file)
-    _check_cables(path, table, robot)
+    robot = _checked(path, table, robot_file, opened=opened)
     homes = read_homes(path)
     winches = tuple(
-        _winch(path, number, winch, homes.get(winch.name), drum.torque_constant)
-        for number, (winch, drum) in enumerate(zip(table.winch, robot.winches or (), strict=True), start=1)
+        _winch(path, winch, homes.get(winch.name), drum.torque_constant)
+        for winch, drum in zip(table.winch, robot.winches or (), strict=True)
     )
     return RigFile(
         path=path,
@@ -95,33 +97,70 @@ def _check_interface(path: Path, name: str) -> None:
         raise FileError(path, "bus, interface", f"{name!r} is no interface of python-can{meant}. It has {known}.")
 
 
-def _check_cables(path: Path, table: RigTable, robot: Robot) -> None:
+def _checked(path: Path, table: RigTable, robot_file: Path, *, opened: bool) -> Robot:
+    """The robot, when everything that the tables name is there and fits. Raises FileError with all that does not."""
+    found: list[FileError] = []
+
+    def tried(check: Callable[[], T]) -> T | None:
+        try:
+            return check()
+        except FileError as error:
+            found.append(error)
+            return None
+
+    if opened:
+        tried(lambda: _check_interface(path, table.bus.interface))
+    robot = tried(lambda: read_robot(robot_file))
+    for number, winch in enumerate(table.winch, start=1):
+        if winch.eds != GENERIC and not (path.parent / winch.eds).is_file():
+            what = f'{winch.eds!r}: no such file; "{GENERIC}" is the built-in one'
+            found.append(FileError(path, f"winch {number}, eds", what))
+    if robot is not None:
+        known, markers = robot, len(robot.markers)
+        found += _cable_problems(path, table, known)
+        tried(lambda: _motion_capture(path, table.motion_capture, markers))
+        tried(lambda: gauge_entries(path, table.load_cells, table.inclinometer, known.n))
+    if len(found) == 1:
+        raise found[0]
+    if found or robot is None:
+        raise FileError(path, "", _together(path, found), hint=next((error.hint for error in found if error.hint), ""))
+    return robot
+
+
+def _together(path: Path, found: list[FileError]) -> str:
+    """All of them in one sentence, the short ones first; what is wrong with several winches alike is said once."""
+    places: dict[str, list[str]] = {}
+    for error in found:
+        place, _, problem = error.message.removeprefix(f"{path}: ").partition(": ")
+        places.setdefault(problem, []).append(place)
+    told = [
+        f"{place}: {problem.rstrip('.')}" + (f" (the same in {len(others)} more)" if others else "")
+        for problem, (place, *others) in places.items()
+    ]
+    return "; ".join(sorted(told, key=len)) + "."
+
+
+def _cable_problems(path: Path, table: RigTable, robot: Robot) -> Iterator[FileError]:
     if len(table.winch) != robot.n:
-        raise FileError(path, "winch", f"{len(table.winch)} winches for the {robot.n} cables of {table.robot}")
+        yield FileError(path, "winch", f"{len(table.winch)} winches for the {robot.n} cables of {table.robot}")
     if robot.winches is None:
-        raise FileError(
+        yield FileError(
             path,
             "robot",
             f"{table.robot} has no [winch] table, so motor currents tell no tension and no limit can be kept",
             hint="Add drum_radius, gear_ratio, efficiency and torque_constant to it.",
         )
-    for number, (ours, theirs) in enumerate(zip(table.winch, robot.winches, strict=True), start=1):
+    for number, (ours, theirs) in enumerate(zip(table.winch, robot.winches or (), strict=False), start=1):
         if abs(ours.drum_radius / theirs.drum_radius - 1.0) > SAME_DRUM:
-            raise FileError(
+            yield FileError(
                 path,
                 f"winch {number}, drum_radius",
                 f"{ours.drum_radius:g} m, but {table.robot} says {theirs.drum_radius:g} m",
             )
 
 
-def _winch(path: Path, number: int, table: WinchTable, home: WinchHome | None, torque_constant: float) -> WinchEntry:
-    eds = None
-    if table.eds != GENERIC:
-        eds = path.parent / table.eds
-        if not eds.is_file():
-            raise FileError(
-                path, f"winch {number}, eds", f'{table.eds!r}: no such file; "{GENERIC}" is the built-in one'
-            )
+def _winch(path: Path, table: WinchTable, home: WinchHome | None, torque_constant: float) -> WinchEntry:
+    eds = None if table.eds == GENERIC else path.parent / table.eds
     values = table.model_dump(exclude={"eds", "temperature", "sto", "brake_output", "tension", "stop", "encoder"})
     if home is not None:
         values |= {"home_count": home.home_count, "home_length": home.home_length}

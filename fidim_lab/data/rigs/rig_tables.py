@@ -219,13 +219,16 @@ class RigTable(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> "RigTable":
+        problems: list[str] = []
         for key in ("name", "node_id"):
             taken: set[object] = set()
             for number, winch in enumerate(self.winch, start=1):
                 value = getattr(winch, key)
                 if value in taken:
-                    raise ValueError(f"winch {number}, {key}: {value!r} is taken by another winch")
+                    problems.append(f"winch {number}, {key}: {value!r} is taken by another winch")
                 taken.add(value)
         if any(winch.node_id == self.bus.host_id for winch in self.winch):
-            raise ValueError(f"bus, host_id: {self.bus.host_id} is a winch's node_id")
+            problems.append(f"bus, host_id: {self.bus.host_id} is a winch's node_id")
+        if problems:
+            raise ValueError("; ".join(problems))
         return self

@@ -248,3 +248,32 @@ def test_any_bytes_are_a_file_error_or_a_rig(tmp_path_factory, data):
     path.write_bytes(b'format = "fidim-rig/1"\n' + data)
     with pytest.raises(FileError):
         read_rig(path)
+
+
+def test_all_that_does_not_fit_what_the_file_names_is_told_in_one_round(tmp_path):
+    text = (Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml").read_text()
+    text = text.replace('interface = "slcan"', 'interface = "slcann"').replace('eds = "generic"', 'eds = "none.eds"')
+    text = text.replace("drum_radius = 0.03 ", "drum_radius = 0.05 ").replace('["marker1"]', '["marker1", "marker2"]')
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    with pytest.raises(FileError) as caught:
+        read_rig(path)
+    said = str(caught.value)
+    for wrong in (
+        "bus, interface: 'slcann'",
+        "winch 1, eds: 'none.eds'",
+        "winch 1, drum_radius: 0.05 m",
+        "2 names for",
+    ):
+        assert wrong in said
+    assert said.count("(the same in 3 more)") == 2
+
+
+def test_winches_alike_are_told_all_at_once(tmp_path):
+    text = (Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml").read_text()
+    path = tmp_path / "rig.toml"
+    path.write_text(text.replace("node_id = 2", "node_id = 1").replace('name = "winch 4"', 'name = "winch 3"'))
+    with pytest.raises(FileError) as caught:
+        read_rig(path)
+    assert "winch 4, name: 'winch 3'" in str(caught.value)
+    assert "winch 2, node_id: 1 is taken" in str(caught.value)
