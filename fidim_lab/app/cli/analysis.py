@@ -123,10 +123,20 @@ def validate(**options: Any) -> None:
 @click.option(
     "--validate", "validation", default=22, show_default=True, type=click.IntRange(1, 60), help="Windows of Fig. 3."
 )
+@click.option("--recordings", type=FOLDER, default=None, help="Folder of the paper's own takes: no simulation.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-reproduction/1".')
-@example("fidim reproduce --json reproduction.json")
-def reproduce(**options: Any) -> None:
-    """Simulate the paper's experiment and set its equations 46, 47, 49 and figure 3 beside ours, with the reasons."""
+@example("fidim reproduce --json reproduction.json\n      fidim reproduce --recordings grab")
+def reproduce(recordings: Path | None, **options: Any) -> None:
+    """Simulate the paper's experiment and set its equations 46, 47, 49 and figure 3 beside ours, with the reasons.
+
+    With --recordings the same from the paper's own takes, maximum likelihood beside them, and the bodies by 2, 3 and 4
+    cables against each other ("fidim-recordings-reproduction/1").
+    """
+    if recordings is not None:
+        not_with("--recordings", "seed", "noise", "validation")
+        from fidim_lab.app.reproduce.recordings import reproduce_recordings_command
+
+        sys.exit(reproduce_recordings_command(recordings, options["json_file"]))
     from fidim_lab.app.reproduce.command import ReproduceOptions, reproduce_command
 
     sys.exit(reproduce_command(ReproduceOptions(**options)))

@@ -79,7 +79,7 @@ class MatStruct:
         return self.fields[name]
 
     def _at(self, name: str) -> str:
-        return f"{self.place}.{name}"
+        return f"{self.place}.{name}".lstrip(".")
 
     def _wrong(self, name: str, problem: str) -> FileError:
         return FileError(self.path, self._at(name), problem)
@@ -106,6 +106,11 @@ def load_structs(path: Path, variable: str) -> tuple[MatStruct, ...]:
     return MatStruct(path, "", _carefully(path, read_variables)).structs(variable)
 
 
+def load_array(path: Path, variable: str, *shape: int | None) -> np.ndarray:
+    """One numeric variable of a file, of this shape; None is any length. Raises FileError where it is another thing."""
+    return MatStruct(path, "", _carefully(path, read_variables)).array(variable, *shape)
+
+
 def _carefully(path: Path, read: Callable[[bytes], T]) -> T:
     try:
         return read(read_bytes(path, LIMIT))
@@ -122,7 +127,7 @@ def _checked(
     owner: MatStruct, name: str, value: Any, shape: tuple[int | None, ...], *, missing: bool = False
 ) -> np.ndarray:
     """The value as an array of this shape: MATLAB has no vectors, so sizes of 1 do not count."""
-    place = f"{owner.place}.{name}"
+    place = f"{owner.place}.{name}".lstrip(".")
     wanted = " × ".join("any" if size is None else str(size) for size in shape) or "one number"
     if not isinstance(value, np.ndarray):
         raise FileError(owner.path, place, f"is {_kind(value)}; numbers ({wanted}) were expected")
