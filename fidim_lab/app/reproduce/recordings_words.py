@@ -30,8 +30,8 @@ def _eq47(found: "FromRecordings") -> tuple[str, ...]:
     smaller = 100 * (1 - float(np.median(full.solution.percent / full.printed_percent)))
     return (
         f"Eq. 47: {same} of 9 values agree to the printed digits, C is {full.solution.C:.3f} (printed {printed.C}). "
-        f"They come from {len(full.takes)} takes with every sample ({full.solution.rows} equations, not 2400) and gravity "
-        "along the calibrated axis.",
+        f"They come from {len(full.takes)} takes with every sample ({full.solution.rows} equations, not 2400) and "
+        "gravity along the calibrated axis.",
         "Eq. 47, σ%: with 1 + ‖χ‖ in Eq. 32, as the laboratory computed it; with 1 + ‖χ‖² as printed each is "
         f"{smaller:.1f} % smaller.",
         f"Eq. 47, σ_W: {full.solution.sigma_W:.3f} with every sample; with 100 samples of each of the first "
@@ -47,8 +47,8 @@ def _eq46(found: "FromRecordings") -> tuple[str, ...]:
     said = [
         f"Eq. 46: the essential parameters agree within {100 * off[worst]:.1f} % ({PARAMETER_NAMES[worst]} is off "
         f"most), C is {free.solution.C:.2f} (printed {printed.C}), σ_W {free.solution.sigma_W:.3f} "
-        f"({printed.sigma_W}), from takes {', '.join(map(str, free.takes))}. Which twelve of its fifteen takes the paper "
-        "used, and how it solved Eq. 44, is not told.",
+        f"({printed.sigma_W}), from takes {', '.join(map(str, free.takes))}. Which twelve of its fifteen takes the "
+        "paper used, and how it solved Eq. 44, is not told.",
     ]
     if free.left_out:
         why = "; ".join(f"{number}: {reason}" for number, reason in free.left_out.items())
