@@ -16,6 +16,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.clean import clean_recordings, faults_in_words
 from fidim_lab.identification.cleaning.free_motion import RULE
 from fidim_lab.identification.cleaning.free_motion import WHY as HANDS
+from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.cleaning.removed import CleanRecordings
 from fidim_lab.identification.data_checks.screening import Screening
 from fidim_lab.identification.markers.clock_check import even_grid
@@ -79,9 +80,10 @@ def _contacts(campaign: Campaign, recordings: CleanRecordings) -> tuple[Contact,
     ends = {window.id: (float(window.t[0]), float(window.t[-1])) for window in campaign.windows}
     hands = [one for one in recordings.removed if one.why == HANDS]
     return tuple(
-        Contact(one.window, *one.t, RULE.above**2, CLEANING.hand_times_sooner)
+        Contact(window, *one.t, RULE.above**2, CLEANING.hand_times_sooner)
         for one in hands
-        if one.t[0] > ends[one.window][0] and one.t[1] < ends[one.window][1]
+        for window in (whole_id(one.window),)  # a second hand may lie in what the first one left: "i03, part 2"
+        if one.t[0] > ends[window][0] and one.t[1] < ends[window][1]
     )
 
 

@@ -7,8 +7,12 @@ import pytest
 
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.cleaning.clean import Screened
+from fidim_lab.identification.cleaning.free_motion import WHY
+from fidim_lab.identification.cleaning.removed import Removed
 from fidim_lab.identification.markers.finding import Finding, Kind
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.cleaning import clean as clean_module
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.contacts import Contact, find_contacts, without
 from fidim_lab.mismatch.cleaning.residual_checks import audit
@@ -42,6 +46,22 @@ def test_a_null_is_left_alone(recorded) -> None:
     assert after is cleaned
     assert not after.faults
     assert not after.contacts
+
+
+def test_a_second_hand_in_what_the_first_one_left_is_of_the_whole_window(
+    recorded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign = recorded()
+    really = clean_module.clean_recordings
+
+    def with_two_hands(campaign: Campaign, *, kinematics: bool = False) -> Screened:
+        seen = really(campaign, kinematics=kinematics)
+        two = (Removed("i02", (1.0, 2.0), WHY, 100), Removed("i02, part 2", (3.0, 3.5), WHY, 50))
+        return replace(seen, recordings=replace(seen.recordings, removed=two))
+
+    monkeypatch.setattr(clean_module, "clean_recordings", with_two_hands)
+    found = clean(campaign).contacts
+    assert [(one.window, one.begin, one.end) for one in found] == [("i02", 1.0, 2.0), ("i02", 3.0, 3.5)]
 
 
 @pytest.mark.slow
