@@ -14,9 +14,8 @@ import numpy as np
 from fidim_lab.data.records import Campaign, Role, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.clean import clean_recordings, faults_in_words
-from fidim_lab.identification.cleaning.free_motion import RULE
+from fidim_lab.identification.cleaning.free_motion import RULE, whole_id
 from fidim_lab.identification.cleaning.free_motion import WHY as HANDS
-from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.cleaning.removed import CleanRecordings
 from fidim_lab.identification.data_checks.screening import Screening
 from fidim_lab.identification.markers.clock_check import even_grid
