@@ -8,7 +8,8 @@ from fidim_lab.identification.equations import consistency
 from fidim_lab.identification.joint.cross import Cross
 from fidim_lab.identification.joint.fit import JointFit
 from fidim_lab.identification.joint.sharing import Common
-from fidim_lab.identification.mle.findings import Figures, doubtful
+from fidim_lab.identification.mle.dissipated import lost_energy
+from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
 from fidim_lab.identification.mle.geometry_words import furthest
 from fidim_lab.identification.results.result import Geometry, Outcome
 from fidim_lab.identification.survey import TYPICAL_ANCHOR
@@ -18,8 +19,11 @@ from fidim_lab.units import millimetres
 def message(ended: Outcome, whole: JointFit, figures: Figures) -> str:
     """A paragraph for a person."""
     windows = sum(len(left) for left in whole.remainders)
+    every = [left for of_one in whole.remainders for left in of_one]
+    lost = lost_energy(every, whole.members[0].likelihood.noise) if whole.excess > MISFIT else None
     parts = [
         ended.value,
+        *(() if lost is None else (lost.says,)),
         f"{windows} windows of {len(whole.members)} campaigns were fitted with one body and one geometry; χ²/dof is "
         f"{whole.chi2_per_dof:.3g}.",
         consistency.sentence(figures.body),
@@ -62,7 +66,7 @@ def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequenc
         for one in each.windows
         if one.rms is None
     ]
-    if whole.chi2_per_dof > whole.noise_ratio**2 * 1.5:
+    if whole.chi2_per_dof > whole.noise_ratio**2 * MISFIT:
         rms = millimetres(float(np.sqrt(np.mean([left.rms**2 for of_one in whole.remainders for left in of_one]))))
         said.append(
             f"The model misses {rms:.2g} mm rms of the fitted windows, more than their noise: the ± count that, and "

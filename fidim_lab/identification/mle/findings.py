@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.refusals import bare
+from fidim_lab.identification.mle.dissipated import lost_energy
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.starts.possible import distance_to_boundary
 from fidim_lab.identification.mle.trajectories.optimise import Ending
@@ -108,8 +109,10 @@ def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) ->
 def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     """A paragraph for a person."""
     eigenvalue, in_sd = distance_to_boundary(figures.body, figures.covariance)
+    lost = lost_energy(found.remainders, found.likelihood.noise) if found.excess > MISFIT else None
     parts = [
         ended.value,
+        *(() if lost is None else (lost.says,)),
         f"{_counted(len(found.remainders))} used; χ²/dof is {found.chi2_per_dof:.3g}.",
         consistency.sentence(figures.body),
     ]

@@ -1,0 +1,69 @@
+"""Motion that dies out is told as that; what keeps its energy is not, however wrong the model is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
+from fidim_lab.effects.dissipation.rotational_drag import RotationalDrag
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
+from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
+from fidim_lab.identification.mle.dissipated import lost_energy
+from fidim_lab.identification.mle.fit import Fit, fit
+from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.model.mechanism import Mechanism
+
+from .conftest import Record
+
+
+def fitted(four: Robot, record: Record, effects: Sequence[NamedEffect], theta: Sequence[float]) -> Fit:
+    windows = record(four, 3, seconds=6.0, markers=3, effects=effects, theta=tuple(theta))
+    return fit(Mechanism(four, native=True), windows)
+
+
+@pytest.mark.parametrize(
+    ("effect", "theta"), [(RotationalDrag(), (0.02,)), (AttachmentFriction(), (0.004, 0.004))], ids=["drag", "friction"]
+)
+def test_what_dissipates_is_told(four: Robot, record: Record, effect: NamedEffect, theta: Sequence[float]) -> None:
+    found = fitted(four, record, (effect,), theta)
+    lost = lost_energy(found.remainders, found.likelihood.noise)
+    assert found.excess > 1.5
+    assert lost is not None
+    assert lost.windows == 3
+    assert "dies out" in lost.says
+
+
+@pytest.mark.parametrize(
+    ("effect", "theta"),
+    [(AnchorOffset(2), (0.02, 0.0, 0.0)), (GravityTilt(), (0.02, -0.01))],
+    ids=["anchor", "gravity"],
+)
+def test_what_keeps_the_energy_is_not(four: Robot, record: Record, effect: NamedEffect, theta: Sequence[float]) -> None:
+    found = fitted(four, record, (effect,), theta)
+    assert lost_energy(found.remainders, found.likelihood.noise) is None
+
+
+def made(rate: float, noise: float, size: float, seed: int) -> Remainder:
+    """A swing of 1.3 Hz that loses `rate` of its energy a second, against one that loses none."""
+    t = np.arange(1001) / 100
+    kept = size * np.sin(2 * np.pi * 1.3 * t + seed)[:, np.newaxis, np.newaxis] * np.ones(3)
+    noisy = noise * np.random.default_rng(seed).standard_normal(kept.shape)
+    recorded = kept * np.exp(-rate * (t - 5) / 2)[:, np.newaxis, np.newaxis] + noisy
+    return Remainder(t, recorded - kept, kept, 1.0, 1, 1.0, None, noise)
+
+
+def test_the_rate_is_that_of_the_energy() -> None:
+    lost = lost_energy([made(0.05, 1e-4, 0.01, seed) for seed in range(4)], 1e-4)
+    assert lost is not None
+    assert lost.rate == pytest.approx(0.05, rel=0.05)
+
+
+def test_faint_or_single_swings_tell_nothing() -> None:
+    assert lost_energy([made(0.05, 1e-4, 0.01, 0)], 1e-4) is None
+    assert lost_energy([made(0.05, 1e-4, 2e-5, seed) for seed in range(4)], 1e-4) is None
+    assert lost_energy([made(0.0, 1e-4, 1e-3, seed) for seed in range(4)], 1e-4) is None
+    one_grows = [made(rate, 1e-4, 0.01, seed) for seed, rate in enumerate((0.05, 0.05, -0.05))]
+    assert lost_energy(one_grows, 1e-4) is None
