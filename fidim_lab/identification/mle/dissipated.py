@@ -42,8 +42,8 @@ class Loss:
         """A sentence for a person."""
         return (
             f"The recorded motion dies out, and the model's does not: half of its energy is lost in "
-            f"{np.log(2.0) / self.rate:.2g} s, in all {self.windows} windows. What is missing dissipates: drag, friction "
-            "in cables, pulleys or attachments, something loose, or a hand that brakes."
+            f"{np.log(2.0) / self.rate:.2g} s, in all {self.windows} windows. What is missing dissipates: drag, "
+            "friction in cables, pulleys or attachments, something loose, or a hand that brakes."
         )
 
 
