@@ -13,7 +13,6 @@ import numpy as np
 from fidim_lab.app.compose.multibody import Multibody, multibody_mjcf
 from fidim_lab.app.report.explanation_file import read_explanation
 from fidim_lab.app.report.proof import Model, completed_model
-from fidim_lab.app.terminal import console
 from fidim_lab.arrays import Vector3
 from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.records import Body, Campaign, Pose, Role, Window
@@ -21,7 +20,8 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.identification.results.result_file import read_result
+from fidim_lab.identification.results.result_file import GeometryTable, read_result
+from fidim_lab.identification.survey import stated, usual
 from fidim_lab.model.geometry import rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import Effect
@@ -47,16 +47,19 @@ def robot_model(source: Path, campaign: Campaign) -> Model:
     found = read_json(source)
     form = found.get("format") if isinstance(found, dict) else None
     if form == "fidim-explanation/1":
-        return completed_model(read_explanation(source), campaign.robot)
+        told = read_explanation(source)
+        return _moved(completed_model(told, campaign.robot), told.geometry)
     result = read_result(source)
-    if result.geometry is not None and result.geometry.moved:
-        console.warn(
-            [
-                "the recordings were fitted with another geometry than the robot file's, and the file's is exported. "
-                "fidim explain names what is off, and its explanation.json can be exported"
-            ]
-        )
-    return Model(Mechanism(campaign.robot), result.body.vector)
+    return _moved(Model(Mechanism(campaign.robot), result.body.vector), result.geometry)
+
+
+def _moved(model: Model, geometry: GeometryTable | None) -> Model:
+    """With the geometry with which the recordings were fitted, where that is not the robot file's."""
+    mechanism, pieces = model.mechanism, {} if geometry is None else {(m.what, m.cable): m.by for m in geometry.moved}
+    opened = [one for one in stated(mechanism.robot) or usual(mechanism.robot) if (one.what, one.cable) in pieces]
+    theta = [*mechanism.theta.tolist(), *(float(by) for one in opened for by in pieces[one.what, one.cable])]
+    made = Mechanism(mechanism.robot, (*mechanism.effects, *(one.effect for one in opened)), theta)
+    return Model(made, np.concatenate([model.shared[:9], theta]))
 
 
 def start_of(model: Model, campaign: Campaign, window: str | None) -> Start:

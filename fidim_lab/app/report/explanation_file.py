@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from fidim_lab.app.formats.equivalence import EquivalenceTable
 from fidim_lab.data.files.json_file import read_json_as
-from fidim_lab.identification.results.result_file import BodyNumber
+from fidim_lab.identification.results.result_file import BodyNumber, GeometryTable
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
 from fidim_lab.mismatch.unknown_force.field import Field
 
@@ -138,6 +138,7 @@ class ExplanationTable(_Part):
     seconds: float | None = None
     untested: tuple[str, ...] = ()
     unknown: UnknownTable | None = None
+    geometry: GeometryTable | None = None
 
 
 def as_file(explanation: Explanation) -> ExplanationTable:

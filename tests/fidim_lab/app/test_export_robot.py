@@ -117,6 +117,18 @@ def test_the_functions_say_what_the_model_says(folder: Path, tmp_path: Path) -> 
         module.rest(np.array([9.0, 0.4, 0.4, 0.4]))
 
 
+def test_the_geometry_that_a_fit_left_open_is_exported(folder: Path, tmp_path: Path) -> None:
+    campaign = read_campaign(folder)
+    _explain(folder, campaign, [], "open.json")
+    told = json.loads((folder / "open.json").read_text())
+    moved = [{"what": "anchor", "cable": 2, "by": [*OFF.values()], "sd": 3 * [1e-4]}]
+    (folder / "open.json").write_text(json.dumps({**told, "geometry": {"chi2_gain": 9.0, "moved": moved}}))
+    assert _export(folder, "python", tmp_path / "moved.py", name="open.json") == 0
+    anchors = np.array([cable.d for cable in campaign.robot.cables])
+    anchors[1] += [*OFF.values()]
+    np.testing.assert_allclose(_imported(tmp_path / "moved.py").D, anchors, atol=1e-12)
+
+
 def test_gravity_that_is_tilted_is_exported(folder: Path, tmp_path: Path) -> None:
     tilt = {"rx": {"value": 0.01, "sd": 1e-4, "unit": "rad"}, "ry": {"value": 0.0, "sd": 1e-4, "unit": "rad"}}
     _explain(folder, read_campaign(folder), [{"id": "gravity-tilt", "parameters": tilt}], "tilt.json")
