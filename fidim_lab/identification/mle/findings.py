@@ -288,6 +288,6 @@ def _spread_warnings(figures: Figures) -> list[str]:
     if ratio[worst] < OPTIMISM:
         return []
     return [
-        f"The spread between windows is up to {ratio[worst]:.0f} times the nominal sd ({PARAMETER_NAMES[worst]}): the "
-        "model lacks something, or windows are few; believe the spread."
+        f"The spread between windows is up to {ratio[worst]:.0f} times the nominal sd ({PARAMETER_NAMES[worst]}): "
+        "believe the spread."
     ]
