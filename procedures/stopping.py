@@ -1,15 +1,18 @@
 """One winch that is to stop: what its own encoder tells of it, and whether it obeys.
 
 It obeys as long as it is where its ramp has it (`motion_guard.Follower`), and it stands once its encoder has not moved
-for a while. A winch that has had power and is not seen any more counts as one that does not obey.
+for a while. A winch that has had power and is not seen any more counts as one that does not obey, and so does one that
+is still enabled after a quick stop: it may stand, but has not heard.
 """
 
 import contextlib
 from dataclasses import asdict, dataclass
 
-from drivers.ports import Winch
+from drivers.ports import DriveState, Winch
 from procedures.guards.motion_guard import Follower, Tolerance
 from procedures.settings import GuardSettings, HoldSettings
+
+_NOT_TAKEN = "is still in operation enabled after a quick stop"
 
 
 @dataclass(frozen=True)
@@ -83,9 +86,12 @@ class Stopping:
         self._seen |= sample.t > self._began
         if self._anchor is None or abs(sample.length - self._anchor) > self._settings.still:
             self._anchor, self._since = sample.length, sample.t
-        self.stands = sample.t - self._since >= self._settings.still_for
-        self._moves = "" if self.stands else "still moves"
+        deaf = self._quick_stopped and sample.state is DriveState.OPERATION_ENABLED
+        self.stands = sample.t - self._since >= self._settings.still_for and not deaf
+        self._moves = _NOT_TAKEN if deaf else "" if self.stands else "still moves"
         self._wrong = self._follower.look(sample, self.winch.commanded)
+        if deaf and sample.t > self._told and self._should_stand(sample.t):
+            self._wrong = self._wrong or _NOT_TAKEN
         if final:
             self._wrong = self._wrong or self._moves
         return bool(self._wrong) and had_power

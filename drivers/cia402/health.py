@@ -1,6 +1,7 @@
 """What a drive says of itself besides its PDOs: following error (60F4), temperature, safe torque off (60FD).
 
-Asked by SDO twice a second.
+Asked by SDO twice a second; a drive that has none of them tells its statusword. One that sends samples and answers no
+question does not hear: the next stop may not reach it, and nobody would know before it is needed.
 
 By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive lets these objects be mapped. An object
 that the drive refuses is not asked for again; what has not been answered lately is unknown.
@@ -18,6 +19,8 @@ from fidim_lab.errors import DeviceError
 FOLLOWING_ERROR = 0x60F4
 PERIOD = 0.5
 """s between two rounds"""
+STATUSWORD = 0x6041
+DEAF_SAYS = "it sends samples and answers no question (SDO): a stop may not reach it"
 BELIEVED = 5.0
 """periods for which an answer counts"""
 
@@ -51,6 +54,12 @@ class HealthPoll:
         self._temperature = temperature if temperature and link.sdo.knows(temperature.index, temperature.sub) else None
         self._follows = link.sdo.knows(FOLLOWING_ERROR)
         self._newest = NOTHING_TOLD
+        self._deaf = False
+
+    @property
+    def deaf(self) -> bool:
+        """Whether it has answered neither the newest question nor its repetition (`SdoChannel.read`)."""
+        return self._deaf and self._link.brought_up
 
     def believed(self) -> Health:
         """The newest answers, or an empty value where they are too old."""
@@ -58,17 +67,23 @@ class HealthPoll:
         return self._newest if fresh else NOTHING_TOLD
 
     async def run(self) -> None:
-        """Ask for ever. A drive that does not answer is asked again; why not, others find out."""
-        while self._follows or self._temperature is not None or self._sto is not None:
+        """Ask for ever, also a drive that does not answer: it is believed again once it does."""
+        while True:
             await self._clock.sleep(PERIOD)
-            if self._link.brought_up:
-                try:
-                    await self._round()
-                except DeviceError:
-                    continue
+            if not self._link.brought_up:
+                self._deaf = False
+                continue
+            try:
+                await self._round()
+            except DeviceError:
+                self._deaf = True
+            else:
+                self._deaf = False
 
     async def _round(self) -> None:
         found = Health(t=self._clock.now())
+        if not (self._follows or self._temperature or self._sto):
+            await self._number(STATUSWORD, 0)
         if self._follows:
             lag = await self._number(FOLLOWING_ERROR, 0)
             self._follows = lag is not None

@@ -9,7 +9,7 @@ from dataclasses import replace
 from drivers.cia402.bringup import bring_up, forgotten
 from drivers.cia402.config import WinchConfig
 from drivers.cia402.drive import Drive
-from drivers.cia402.health import HealthPoll
+from drivers.cia402.health import DEAF_SAYS, HealthPoll
 from drivers.cia402.last_motion import LastMotion
 from drivers.cia402.machine import Command, state_of
 from drivers.cia402.master import CanopenMaster
@@ -259,7 +259,8 @@ class Cia402Winch:
         state = DriveState.UNKNOWN if self._drive.stale(values) else state_of(values.statusword)
         heartbeat, counters = self.link.heartbeat, self.link.counters
         health = self._health.believed()
-        faults = filter(None, (STO_SAYS if health.sto else "", self._drive.fault()))
+        deaf = DEAF_SAYS if self._health.deaf and state is not DriveState.UNKNOWN else ""
+        faults = filter(None, (STO_SAYS if health.sto else "", self._drive.fault(), deaf))
         beside = Beside(
             "; ".join(faults),
             health,

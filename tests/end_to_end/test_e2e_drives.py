@@ -112,15 +112,34 @@ def test_a_drive_that_falls_silent_is_missed_and_stops_by_itself(rehearsal, step
     assert max(ways(ended)) - min(ways(ended)) < 0.03  # it missed our heartbeat within 0.25 s
 
 
-def test_a_drive_that_answers_no_sdo_any_more_ends_the_next_move_and_keeps_the_first_window(scene, rehearsal):
+DEAF = "winch 2 reports a fault: it sends samples and answers no question (SDO): a stop may not reach it"
+
+
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.sampled(1)
+def test_a_drive_that_sends_and_hears_nothing_is_found_before_it_must_obey(rehearsal, step):
+    """Its receive path hangs, RPDO and SDO; its samples and heartbeats go on as ever."""
+    deaf = FrameRule(frozenset({0x202, 0x602}), drop=True)
+    rehearsal.at(step, lambda stage: stage.bus.rules.append(deaf), after=STEPS[step])
+    ended = rehearsal.run()
+    report = ended.check(held=False)
+    assert DEAF in report.reason
+    assert "cut the power by hand" in report.held_says
+    assert "winch 2 did not obey" in report.held_says
+    assert report.exit_code == 3
+    assert ended.trip.t - ended.planted[0] < 2.1  # half a second between two questions, one repetition
+    check_quick_stop(ended)
+
+
+def test_a_drive_that_answers_no_sdo_any_more_ends_the_run_and_keeps_the_first_window(scene, rehearsal):
     rehearsal.plan = scene.two
-    rehearsal.at("Record", lambda stage: setattr(stage.drive(2).faults, "sdo_silent", True))
+    rehearsal.at("Accept", lambda stage: setattr(stage.drive(2).faults, "sdo_silent", True))
     ended = rehearsal.run()
     report = ended.check()
-    assert report.reason.startswith("winch 2 (node 2): no answer to SDO write of 6081:0 within 0.5 s.")
+    assert DEAF in report.reason
     assert report.exit_code == 3
     assert [row.id for row in report.accepted] == ["i01"]
-    assert {drive.state for drive in ended.drives} == {State.OPERATION_ENABLED}
+    assert {drive.state for drive in ended.drives} == {State.QUICK_STOP_ACTIVE}
 
 
 # none moves alone ---------------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ import asyncio
 import tempfile
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -197,6 +197,10 @@ class FakeService:
         return [command.name for command in self.asked]
 
 
+PATIENCE = 60.0
+"""s, on a computer that others use too"""
+
+
 @dataclass
 class Screen:
     """A UI under test."""
@@ -234,7 +238,9 @@ class Screen:
         pytest.fail(f"{where} never stood still")
 
     async def until(self, wanted: Callable[[], bool], what: str = "") -> None:
-        for _ in range(400):
+        clock = LoopClock()
+        end = clock.now() + PATIENCE
+        while clock.now() < end:
             if wanted():
                 return
             await self.pilot.pause(0.02)
@@ -255,7 +261,7 @@ class Screen:
         begun = time.process_time()
         self.app.simulate_key(key)
         try:
-            await asyncio.wait_for(self.service.heard.wait(), 8.0)
+            await asyncio.wait_for(self.service.heard.wait(), PATIENCE)
         except TimeoutError:
             pytest.fail(f"not stopped; the screen shows\n{self.bars}\n{self.over}")
         return time.process_time() - begun
@@ -298,6 +304,8 @@ def opened(fake: FakeService, monkeypatch: pytest.MonkeyPatch) -> Opener:
                 try:
                     yield screen
                 finally:
+                    with suppress(TimeoutError):  # keys that were pressed last find the screens still there
+                        await asyncio.wait_for(pilot.pause(), PATIENCE)
                     screen.kill_service()
                     await asyncio.gather(screen.serving, return_exceptions=True)
         finally:
