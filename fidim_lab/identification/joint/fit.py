@@ -228,7 +228,8 @@ def _settled(task: _Task, start: tuple[np.ndarray, Sequence[States]], factor: fl
             )
         left = optimum.remainders(task.members)
         found = JointFit(task.chosen, task.layout, task.members, optimum, task.body, prior, factor, left)
-        weighed = tuple(replace(m, worth=_worth(of_one)) for m, of_one in zip(task.members, left, strict=True))
+        each = zip(task.members, left, _astray(task.members, optimum), strict=True)
+        weighed = tuple(replace(m, worth=_worth(of_one), astray=lost) for m, of_one, lost in each)
         moved = [np.abs(np.log(new.worth / old.worth)).max() for new, old in zip(weighed, task.members, strict=True)]
         best = _best_factor(found) if any(piece.guessed for piece in task.layout.pieces) else 1.0
         same = max(moved) < np.log(SETTLED) and 1 / SAME < best / factor < SAME
@@ -272,8 +273,13 @@ def _fitted(
 
 
 def _lost(members: Sequence[Member], found: JointOptimum) -> bool:
+    """Whether a window got lost that may be found again."""
+    return any(of_one - m.astray for m, of_one in zip(members, _astray(members, found), strict=True))
+
+
+def _astray(members: Sequence[Member], found: JointOptimum) -> list[frozenset[int]]:
     each = zip(members, found.simulations, strict=True)
-    return any(is_lost(m.likelihood, simulation, w) for m, simulation in each for w in range(len(m.ends)))
+    return [frozenset(w for w in range(len(m.ends)) if is_lost(m.likelihood, one, w)) for m, one in each]
 
 
 def _combined(task: _Task, fits: Sequence[Fit]) -> tuple[np.ndarray, list[States]]:

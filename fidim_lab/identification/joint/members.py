@@ -103,6 +103,8 @@ class Member:
     """how far each recording is used, s"""
     worth: Float[np.ndarray, " W"]
     """of each recording's squares: 1 over the χ²/dof that it leaves, at most 1"""
+    astray: frozenset[int] = frozenset()
+    """recordings whose phase got lost however the way there was taken: no further way is tried for them"""
 
     def up_to(self, horizon: float) -> Float[np.ndarray, " W"]:
         """The same, no farther than a horizon."""
