@@ -36,6 +36,7 @@ from fidim_lab.mismatch.conclusion.surveyed import with_geometry
 from fidim_lab.mismatch.conclusion.timing import retimed, with_timing
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
 from fidim_lab.mismatch.conclusion.verdict import judge
+from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.scores.views import View
@@ -91,7 +92,10 @@ def explain(
         audited = without_needless_faults(campaign, audited, last.found.best.model)
     if whole.unknown is not None and audited.contacts:
         audited = without_needless_contacts(cleaned, audited, whole.unknown.fit)
-    whole = _with_soft_mode(whole, audited.campaign, say)
+    if soft_mode(audited.campaign) is None:
+        whole = with_whole_motion(whole, last.cleaned.campaign, mechanism, say, left_out)
+    else:
+        whole = _with_soft_mode(whole, audited.campaign, say)
     return with_answer(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited))
 
 

@@ -1,6 +1,7 @@
 """What a fit says of the robot file's geometry, as values for files and sentences for people."""
 
 import numpy as np
+from jaxtyping import Float
 
 from fidim_lab.identification.mle.geometry import ODDS, Surveyed
 from fidim_lab.identification.results.result import Geometry, Moved
@@ -17,9 +18,12 @@ ANGLES = ("axis", "gravity")
 """pieces whose θ are angles"""
 
 
-def told_geometry(surveyed: Surveyed) -> Geometry:
-    """Every piece that was left open, with its standard deviation after the fit."""
-    sd = np.sqrt(np.diag(surveyed.found.tempered_covariance))
+def told_geometry(surveyed: Surveyed, sd: Float[np.ndarray, " shared"] | None = None) -> Geometry:
+    """Every piece that was left open, with its standard deviation after the fit.
+
+    sd: of all shared parameters, where χ²/dof does not say how much the data may be believed.
+    """
+    sd = np.sqrt(np.diag(surveyed.found.tempered_covariance)) if sd is None else sd
     moved: list[Moved] = []
     end = len(sd) - sum(len(one.sd) for one in surveyed.geometry)
     for one in surveyed.geometry:

@@ -1,10 +1,10 @@
-"""A fit gone on from its optimum with another model: `exchanged` puts another effect in the place of one of its own.
+"""A fit gone on from its optimum with another model: effects put in, left out, or exchanged.
 
 A model that is richer than one already fitted has its optimum near that of the poorer one; begun from nowhere it would
 have to find its way again, and may miss it (spec/irma4u.md §6.5).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,37 +27,49 @@ class Newcomer:
 
     effect: Effect
     start: Sequence[float]
-    """of the search, and the mean of the prior"""
+    """of the search"""
     sd: Sequence[float]
     low: Sequence[float]
     high: Sequence[float]
+    mean: Sequence[float] | None = None
+    """of the prior; the start unless given"""
 
 
 def exchanged(found: Fit, old: Effect, new: Newcomer) -> Fit | None:
     """The optimum at full length with `new` in the place of `old`; None where it cannot be simulated from there."""
-    before, prior, place = found.likelihood, found.prior, found.place_of(old)
+    return rearranged(found, [new if effect == old else effect for effect in found.likelihood.mechanism.effects])
+
+
+def rearranged(found: Fit, wanted: Sequence[Effect | Newcomer], effort: Effort = FINAL) -> Fit | None:
+    """The optimum at full length with these effects, in this order; None where it cannot be simulated from there.
+
+    An effect that the fit has keeps its θ and its prior; a newcomer begins where it says; others are left out.
+    """
+    before, prior = found.likelihood, found.prior
+    low, high = prior.bounds
+
+    def placed(values: np.ndarray, of: Callable[[Newcomer], Sequence[float]]) -> np.ndarray:
+        parts = [of(one) if isinstance(one, Newcomer) else values[found.place_of(one)] for one in wanted]
+        return np.concatenate([values[:BODY], *parts])
+
+    effects = tuple(one.effect if isinstance(one, Newcomer) else one for one in wanted)
+    shared = placed(found.values, lambda one: one.start)
     mechanism = before.mechanism
-    effects = tuple(new.effect if effect == old else effect for effect in mechanism.effects)
-
-    def placed(values: np.ndarray, newcomer: Sequence[float]) -> np.ndarray:
-        return np.concatenate([values[: place.start], newcomer, values[place.stop :]])
-
-    shared = placed(found.values, new.start)
     made = Mechanism(
         mechanism.robot, effects, shared[BODY:].tolist(), native=mechanism.native, springs=mechanism.springs
     )
-    low, high = prior.bounds
     known = Prior(
-        placed(prior.mean, new.start),
-        placed(prior.sd, new.sd),
-        placed(low, new.low),
-        placed(high, new.high),
+        placed(prior.mean, lambda one: one.start if one.mean is None else one.mean),
+        placed(prior.sd, lambda one: one.sd),
+        placed(low, lambda one: one.low),
+        placed(high, lambda one: one.high),
         prior.firm,
     )
     begins = before.begins
     states = tied(made, shared, found.journey.optimum.point.states, begins)
     likelihood = replace(before, mechanism=made, guesses=tied(made, shared, before.guesses, begins))
-    return gone_on(found, likelihood, Point(shared, states), known, placed(found.plausible, new.sd))
+    plausible = placed(found.plausible, lambda one: one.sd)
+    return gone_on(found, likelihood, Point(shared, states), known, plausible, effort)
 
 
 def gone_on(

@@ -48,7 +48,7 @@ def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -
         ranking=ranking(found, named, baseline.context),
         parameters=body_parameters(named.model.fit, baseline.campaign),
         parameters_before=body_parameters(baseline.fit, baseline.campaign),
-        next_experiment=_next_experiment(verdict, effects),
+        next_experiment=next_experiment(verdict, effects),
         message=_message(judged, found, effects, _limits(baseline, found)),
         seconds=seconds,
         untested=untested,
@@ -84,7 +84,8 @@ def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
     }
 
 
-def _next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | None:
+def next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | None:
+    """What would separate a named effect from another that stands for it; None where nothing is asked."""
     for cause in effects:
         for other in cause.equivalent_to:
             for known in EQUIVALENCES:

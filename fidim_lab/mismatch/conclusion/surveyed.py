@@ -4,6 +4,7 @@ Within what surveys usually miss it is no cause. Beyond, the robot file is wrong
 that is off most first, because offsets stand for each other, for pulleys, encoder zeros and knots.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from fidim_lab.data.records import Robot
 from fidim_lab.identification.mle.geometry import SPREAD_OF_FACTORS, Surveyed
 from fidim_lab.identification.mle.geometry_words import furthest, told_geometry
 from fidim_lab.identification.results.result import Geometry, Moved
-from fidim_lab.identification.survey import TYPICAL_ANCHOR
+from fidim_lab.identification.survey import TYPICAL_ANCHOR, Nuisance
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Verdict
 from fidim_lab.mismatch.conclusion.verdict import Judged
 from fidim_lab.mismatch.fitting.baseline import Baseline
@@ -39,18 +40,23 @@ def with_geometry(told: Explanation, baseline: Baseline, exact: Baseline, judged
     same = (exact.whole is None) == (baseline.whole is None)
     gained = gain / max(1.0, baseline.fit.chi2_per_dof) if same else 0.0
     geometry = told_geometry(Surveyed(judged.named.model.fit, baseline.geometry, gained))
-    wrong = robot.survey is None and np.log(baseline.geometry[0].sd[0] / TYPICAL_ANCHOR) > BEYOND
-    told = replace(told, geometry=geometry, message=f"{told.message} {_says(geometry, robot, wrong)}")
+    wrong = is_wrong(baseline.geometry, robot)
+    told = replace(told, geometry=geometry, message=f"{told.message} {geometry_says(geometry, robot, wrong)}")
     if not wrong:
         return told
     verdict = {
         Verdict.NOTHING_MISSING: Verdict.EXPLAINED,
         Verdict.UNKNOWN_PHYSICS: Verdict.PARTLY_EXPLAINED,
     }.get(told.verdict, told.verdict)
-    return replace(told, verdict=verdict, effects=(*told.effects, _cause(geometry)))
+    return replace(told, verdict=verdict, effects=(*told.effects, geometry_cause(geometry)))
 
 
-def _cause(geometry: Geometry) -> NamedCause:
+def is_wrong(opened: Sequence[Nuisance], robot: Robot) -> bool:
+    """Whether a geometry that was left open is off by more than a file that states no survey is surveyed to."""
+    return robot.survey is None and bool(np.log(opened[0].sd[0] / TYPICAL_ANCHOR) > BEYOND)
+
+
+def geometry_cause(geometry: Geometry) -> NamedCause:
     """The class, by the anchor or attachment that is off most in its own sd."""
     pieces = [one for one in geometry.moved if one.what in ("anchor", "attachment")]
     most = max(pieces, key=lambda one: float(np.max(np.abs(one.by) / np.array(one.sd))))
@@ -61,7 +67,7 @@ def _cause(geometry: Geometry) -> NamedCause:
     return NamedCause(id, most.cable, tuple(other for other in CLASS if other != id), parameters, says)
 
 
-def _says(geometry: Geometry, robot: Robot, wrong: bool) -> str:
+def geometry_says(geometry: Geometry, robot: Robot, wrong: bool) -> str:
     """How far the robot file is off, and what to do about it; for a survey that it states, that it is counted."""
     kinds = dict.fromkeys(one.what for one in geometry.moved if one.what in LENGTHS)
     sizes = ", ".join(f"{kind.replace('_', ' ')}s {millimetres(_rms(geometry.moved, kind)):.2g} mm" for kind in kinds)

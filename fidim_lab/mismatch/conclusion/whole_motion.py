@@ -1,0 +1,183 @@
+"""The answer of whole windows where the search for a model that leaves only noise has ended without one."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.geometry import Surveyed
+from fidim_lab.identification.mle.geometry_words import told_geometry
+from fidim_lab.identification.mle.soft import ALL_NOISE
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.results.result import Geometry
+from fidim_lab.mismatch.conclusion.explanation import (
+    Before,
+    BodyParameter,
+    EffectParameter,
+    Explanation,
+    Member,
+    NamedCause,
+    OpenedOnce,
+    Ranked,
+    Verdict,
+)
+from fidim_lab.mismatch.conclusion.message import next_experiment
+from fidim_lab.mismatch.conclusion.surveyed import geometry_cause, geometry_says, is_wrong
+from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
+from fidim_lab.mismatch.whole_motion.search import Outcome, search
+from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
+from fidim_lab.mismatch.whole_motion.weighing import log_odds, taken
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.say import Say
+from fidim_lab.units import millimetres
+
+OPEN = (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED)
+
+
+def with_whole_motion(
+    told: Explanation, campaign: Campaign, mechanism: Mechanism, say: Say, without: Collection[str] = ()
+) -> Explanation:
+    """The answer of whole windows; as it was where nothing stays open, or where they say no more.
+
+    They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
+    answer so far leaves of them (sums of squares).
+    """
+    if told.verdict not in OPEN or not campaign.of_role(Role.VALIDATE):
+        return told
+    try:
+        outcome = search(campaign, mechanism, say, without)
+    except RefusedError as refusal:
+        say(str(refusal))
+        return told
+    base, best = outcome.base, outcome.best
+    if not best.size or taken(base, best) < WHOLE_MOTION.half or not _leaves_less(best, told):
+        return told
+    return _told(told, outcome, campaign)
+
+
+def _leaves_less(best: WholeModel, told: Explanation) -> bool:
+    """Whether it leaves at most half of what the answer so far leaves; so it is where that predicts no window."""
+    rms = told.rms_mm.after
+    if rms is None or not np.isfinite(rms):
+        return True
+    return millimetres(best.held_out) ** 2 <= WHOLE_MOTION.half * rms**2
+
+
+def _told(told: Explanation, outcome: Outcome, campaign: Campaign) -> Explanation:
+    base, best, robot = outcome.base, outcome.best, campaign.robot
+    sd = best.sd(outcome.temper)
+    effects = tuple(_cause(outcome, k, sd) for k in range(len(best.terms)))
+    geometry, wrong = _geometry(outcome, sd), bool(best.geometry) and is_wrong(best.geometry, robot)
+    if geometry is not None and wrong:
+        effects = (*effects, geometry_cause(geometry))
+    explained = best.held_out < ALL_NOISE * robot.sensors.marker_noise
+    verdict = Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED if effects else told.verdict
+    return replace(
+        told,
+        verdict=verdict,
+        effects=effects,
+        unknown=None,
+        chi2_per_dof=Before(base.chi2_per_dof, best.chi2_per_dof),
+        rms_mm=Before(millimetres(base.held_out), millimetres(best.held_out)),
+        ranking=tuple(_ranked(one, outcome) for one in outcome.tried),
+        parameters=_body(best, sd, robot),
+        parameters_before=_body(base, base.sd(base.temper), robot),
+        next_experiment=next_experiment(verdict, effects),
+        message=_message(outcome, effects, geometry, robot),
+        geometry=geometry,
+        test=_opened_once(outcome, campaign),
+    )
+
+
+def _cause(outcome: Outcome, k: int, sd: np.ndarray) -> NamedCause:
+    """Term k with what stands for it; alone where every rival is excluded."""
+    best, tried = outcome.best, outcome.best.terms[k]
+    members = tuple(_member(one, k, outcome) for one in outcome.rivals[k])
+    others = tuple(one for one in members if one.id != tried.effect.id)
+    ids = tuple(dict.fromkeys(one.id for one in others))
+    parameters = _parameters(best, k, sd)
+    return NamedCause(tried.effect.id, tried.effect.cable, ids, parameters, tried.effect.says, others, not members)
+
+
+def _member(rival: WholeModel, k: int, outcome: Outcome) -> Member:
+    effect = rival.terms[k].effect
+    loss = log_odds(outcome.best, rival)
+    return Member(effect.id, effect.cable, float(loss), _parameters(rival, k, rival.sd(outcome.temper)))
+
+
+def _parameters(model: WholeModel, k: int, sd: np.ndarray) -> dict[str, EffectParameter]:
+    effect, found = model.terms[k].effect, model.found
+    place = found.place_of(effect)
+    low, high = found.prior.bounds
+    values = zip(effect.parameters, range(place.start, place.stop), strict=True)
+    return {
+        p.name: EffectParameter(
+            float(found.values[at]), float(sd[at]) if low[at] < found.values[at] < high[at] else None, p.unit
+        )
+        for p, at in values
+    }
+
+
+def _geometry(outcome: Outcome, sd: np.ndarray) -> Geometry | None:
+    best = outcome.best
+    if not best.geometry:
+        return None
+    same = (one for one in outcome.tried if one.terms == best.terms and not one.geometry)
+    exact = next(same, None)
+    costs = (one.found.journey.optimum.simulation.cost for one in (exact, best) if one is not None)
+    gained = (next(costs) - next(costs)) / outcome.temper if exact is not None else 0.0
+    return told_geometry(Surveyed(best.found, best.geometry, gained), sd)
+
+
+def _body(model: WholeModel, sd: np.ndarray, robot: Robot) -> dict[str, BodyParameter]:
+    rows = zip(PARAMETER_NAMES, model.found.values[:BODY], sd[:BODY], robot.nominal.vector, strict=True)
+    return {name: BodyParameter(float(value), float(spread), float(nominal)) for name, value, spread, nominal in rows}
+
+
+def _ranked(one: WholeModel, outcome: Outcome) -> Ranked:
+    names = [h.label for h in one.terms] + (["open geometry"] if one.geometry else [])
+    behind = log_odds(outcome.best, one)
+    why = f"whole windows: fitted {millimetres(one.fitted):.2g} mm"
+    why += f", held out {millimetres(one.held_out):.2g} mm" if one.is_predicted else ""
+    why += "." if one is outcome.best else f"; {abs(behind):.0f} nats {'less' if behind > 0 else 'more'} evident."
+    chi2 = one.chi2_per_dof if one.is_predicted else np.nan
+    return Ranked(tuple(names), chi2 if np.isfinite(chi2) else None, True, why)
+
+
+def _opened_once(outcome: Outcome, campaign: Campaign) -> OpenedOnce | None:
+    """Figures of the windows of role `test`, without and with the terms; None without any."""
+    windows = campaign.of_role(Role.TEST)
+    if not windows:
+        return None
+    trial = Trial(outcome.context, tuple(prepare(window, campaign.robot) for window in windows))
+    before, after = (replace(one, predict=trial.predicted) for one in (outcome.base, outcome.best))
+    chi2 = Before(before.chi2_per_dof, after.chi2_per_dof)
+    return OpenedOnce(chi2, Before(millimetres(before.held_out), millimetres(after.held_out)))
+
+
+def _message(outcome: Outcome, effects: Sequence[NamedCause], geometry: Geometry | None, robot: Robot) -> str:
+    base, best, floor = outcome.base, outcome.best, robot.sensors.marker_noise
+    names = " and ".join(c.id if c.cable is None else f"{c.id} (cable {c.cable})" for c in effects)
+    named = f"Left out: {names}." if names else "No effect is named; the robot file's geometry was left open."
+    said = [
+        f"{named} Whole windows decide here: held-out ones are missed by {millimetres(base.held_out):.2g} mm without "
+        f"it and by {millimetres(best.held_out):.2g} mm with it, fitted ones by {millimetres(base.fitted):.2g} and "
+        f"{millimetres(best.fitted):.2g} mm.",
+    ]
+    for cause, rivals in zip(effects, outcome.rivals, strict=False):
+        if rivals:
+            others = ", ".join(f"{one.label} ({millimetres(one.held_out):.2g} mm)" for one in rivals)
+            said.append(f"In the place of {cause.id} the windows do not exclude: {others}.")
+        elif cause.single:
+            said.append(f"Nothing tested can stand for {cause.id}.")
+    if geometry is not None:
+        said.append(geometry_says(geometry, robot, is_wrong(best.geometry, robot)))
+    if best.held_out >= ALL_NOISE * floor:
+        said.append(
+            f"About {millimetres(best.held_out):.2g} mm, {best.held_out / floor:.0f} times the markers' noise, remain "
+            "unexplained; standard deviations count such a remainder as noise of few independent values."
+        )
+    return " ".join(said)

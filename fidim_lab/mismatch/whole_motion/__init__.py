@@ -1,0 +1,6 @@
+"""What is missing where no model reaches the noise, as of most real robots: judged by whole windows.
+
+In: a cleaned Campaign. Out: an Outcome: the terms that whole windows ask for, each with what stands for it as well.
+A residual that is far above the noise is no noise: it counts for as few independent values as it has
+(`independent_values`), and what a window leaves is compared with what the other windows leave.
+"""

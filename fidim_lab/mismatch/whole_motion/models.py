@@ -1,0 +1,187 @@
+"""Models fitted to whole windows, with what they predict of windows that no fit has seen, and their evidence.
+
+Evidence is Laplace's: half the data's sum of squares over `temper`, the prior's strain, and the Occam factor
+½ ln det(I + prior covariance × information / temper). `temper` is the sum of squares for each independent value of what
+the best model leaves: 1 for white noise of the stated size, far above χ²/dof where the residual is a slow wave.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fidim_lab.effects.plausibility import Context
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.held_out import predict_all
+from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.trajectories.optimise import ON_THE_WAY
+from fidim_lab.identification.mle.trajectories.recordings import Recording
+from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
+from fidim_lab.identification.survey import Nuisance
+from fidim_lab.mismatch.fitting.refit import prior_of
+from fidim_lab.mismatch.fitting.thresholds import FITTING
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
+from fidim_lab.mismatch.whole_motion.independent_values import independent_values
+from fidim_lab.model.sensitivity.equations import BODY
+
+TRIED = replace(ON_THE_WAY, rounds=15, crawl=FITTING.crawl)
+"""until a round takes less than a hundredth of what is left: of some hundred independent values half a nat"""
+
+
+@dataclass(frozen=True, eq=False)
+class WholeModel:
+    """Some terms, and a geometry that is open or exact, fitted to whole windows."""
+
+    terms: tuple[Hypothesis, ...]
+    geometry: tuple[Nuisance, ...]
+    """what is open, under its prior; empty where the robot file's counts as exact"""
+    found: Fit
+    predict: Callable[[Fit], dict[str, Remainder]]
+
+    @cached_property
+    def held(self) -> dict[str, Remainder]:
+        """Held-out window → what is left of it; those that could be predicted. Takes longer than a fit."""
+        return self.predict(self.found)
+
+    @property
+    def is_predicted(self) -> bool:
+        """Whether held-out windows were asked."""
+        return "held" in self.__dict__
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        names = [h.label for h in self.terms] + (["open geometry"] if self.geometry else [])
+        return " + ".join(names) or "nothing"
+
+    @property
+    def size(self) -> int:
+        """Terms, an open geometry among them."""
+        return len(self.terms) + bool(self.geometry)
+
+    @property
+    def parameters(self) -> int:
+        """Of its terms and geometry."""
+        return len(self.found.values) - BODY
+
+    @property
+    def held_out(self) -> float:
+        """m rms over held-out windows; nan without any."""
+        return float(np.sqrt(np.mean([one.rms**2 for one in self.held.values()]))) if self.held else float("nan")
+
+    @property
+    def fitted(self) -> float:
+        """m rms over fitted windows."""
+        return float(np.sqrt(np.mean([one.rms**2 for one in self.found.remainders])))
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Of held-out windows; nan without any."""
+        dof = sum(one.dof for one in self.held.values())
+        return sum(one.chi2 for one in self.held.values()) / dof if dof else float("nan")
+
+    @cached_property
+    def temper(self) -> float:
+        """Sum of squares for each independent value of what is left, at least 1."""
+        values = sum(independent_values(one.residuals) for one in self.found.remainders)
+        return max(1.0, self.found.journey.optimum.simulation.cost / values)
+
+    def nats(self, temper: float) -> float:
+        """Evidence, less what all models of these windows have in common."""
+        found = self.found
+        rows = found.tables.reshape(-1, found.tables.shape[2])
+        information = (rows.T @ rows)[:-1, :-1] / temper
+        low, high = found.prior.bounds
+        free = (found.values > low) & (found.values < high)
+        weight = np.concatenate([np.zeros(BODY), found.prior.sd[BODY:] ** -2.0])
+        scale = np.concatenate([np.ones(BODY), found.prior.sd[BODY:]])[free]
+        inner = (information + np.diag(weight))[np.ix_(free, free)] * np.outer(scale, scale)
+        strain = float((weight * (found.values - found.prior.mean) ** 2).sum())
+        size = np.sqrt(np.diag(inner))
+        occam = float(np.linalg.slogdet(inner / np.outer(size, size))[1] + 2 * np.log(size).sum())
+        chosen = sum(h.choice for h in self.terms)
+        return -0.5 * (found.journey.optimum.simulation.cost / temper + strain + occam) - chosen
+
+    def sd(self, temper: float) -> np.ndarray:
+        """Standard deviations of all shared parameters that count what is left as it is."""
+        rows = self.found.tables.reshape(-1, self.found.tables.shape[2])
+        information = (rows.T @ rows)[:-1, :-1] / temper
+        information[range(len(information)), range(len(information))] += self.found.prior.sd**-2.0
+        return np.sqrt(np.diag(np.linalg.inv(information)))
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Fits models to the same windows, each from the optimum of another one."""
+
+    context: Context
+    recordings: tuple[Recording, ...]
+    """held out"""
+
+    def as_it_is(self, found: Fit) -> WholeModel:
+        """The model without any term."""
+        return WholeModel((), (), found, self.predicted)
+
+    def with_term(self, model: WholeModel, new: Hypothesis, theta: np.ndarray) -> WholeModel | None:
+        """With one more term, from these θ; None where it gets nowhere."""
+        return self._fitted(model, (*model.terms, new), model.geometry, {new: theta}, ())
+
+    def instead(self, model: WholeModel, k: int, new: Hypothesis, theta: np.ndarray) -> WholeModel | None:
+        """With another term in the place of term k, from these θ."""
+        terms = (*model.terms[:k], new, *model.terms[k + 1 :])
+        return self._fitted(model, terms, model.geometry, {new: theta}, ())
+
+    def without(self, model: WholeModel, k: int) -> WholeModel | None:
+        """Without term k."""
+        return self._fitted(model, (*model.terms[:k], *model.terms[k + 1 :]), model.geometry, {}, ())
+
+    def opened(self, model: WholeModel, geometry: tuple[Nuisance, ...]) -> WholeModel | None:
+        """With this geometry open."""
+        return self._fitted(model, model.terms, geometry, {}, geometry)
+
+    def closed(self, model: WholeModel) -> WholeModel | None:
+        """With the geometry of the robot file."""
+        return self._fitted(model, model.terms, (), {}, ())
+
+    def finished(self, model: WholeModel) -> WholeModel:
+        """The same at its optimum, to a hundredth of a standard deviation."""
+        found = rearranged(model.found, model.found.likelihood.mechanism.effects)
+        return model if found is None else replace(model, found=found)
+
+    def _fitted(
+        self,
+        donor: WholeModel,
+        terms: tuple[Hypothesis, ...],
+        geometry: tuple[Nuisance, ...],
+        fresh: dict[Hypothesis, np.ndarray],
+        opened: Sequence[Nuisance],
+    ) -> WholeModel | None:
+        wanted = [self._newcomer(h, fresh[h]) if h in fresh else h.effect for h in terms]
+        known = {one.effect for one in donor.geometry}
+        for one in geometry:
+            wanted += [_offset(one)] if one in opened and one.effect not in known else [one.effect]
+        found = rearranged(donor.found, wanted, TRIED)
+        return None if found is None else WholeModel(terms, geometry, found, self.predicted)
+
+    def _newcomer(self, tried: Hypothesis, theta: np.ndarray) -> Newcomer:
+        low, high = tried.effect.bounds(self.context)
+        start = np.clip(tried.theta(theta), low, high)
+        return Newcomer(
+            tried.effect, start.tolist(), prior_of([tried]).tolist(), low.tolist(), high.tolist(), tried.absent.tolist()
+        )
+
+    def predicted(self, found: Fit) -> dict[str, Remainder]:
+        """What a fit leaves of the windows held out, but of those that it cannot follow."""
+        mechanism = found.likelihood.mechanism
+        predicted = predict_all(mechanism, found.values, self.recordings, mechanism.robot.sensors)
+        pairs = zip(self.recordings, predicted, strict=True)
+        return {r.window.id: one.remainder for r, one in pairs if not isinstance(one, RefusedError) and not one.lost}
+
+
+def _offset(one: Nuisance) -> Newcomer:
+    """Open about the file's value; no bound but what no survey misses."""
+    count = len(one.sd)
+    wide = np.full(count, np.inf)
+    return Newcomer(one.effect, [0.0] * count, list(one.sd), (-wide).tolist(), wide.tolist())

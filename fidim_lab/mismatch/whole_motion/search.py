@@ -1,0 +1,188 @@
+"""Term after term, each taken by evidence of whole windows and by what held-out windows gain; then what stands for it.
+
+The geometry comes first: where whole windows ask for it, it is open under its survey in every model, so that no term is
+named for what a usual survey misses. Then every step looks at all effects to first order, fits those that take most,
+and keeps the most evident that held-out windows confirm. Scores only propose.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidim_lab.data.records import Campaign, Role
+from fidim_lab.effects.plausibility import Context
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.fit import fit
+from fidim_lab.identification.mle.geometry import FACTORS, SPREAD_OF_FACTORS
+from fidim_lab.identification.mle.starts.springs import stretches
+from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.survey import stated, usual
+from fidim_lab.mismatch.fitting.baseline import context_of
+from fidim_lab.mismatch.linearised.columns import Scorer
+from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, hypotheses
+from fidim_lab.mismatch.scores.score import Score, project, single_scores
+from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
+from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
+from fidim_lab.mismatch.whole_motion.weighing import excludes, log_odds, taken
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.say import Say
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Where the search ended."""
+
+    base: WholeModel
+    """the model as it is"""
+    best: WholeModel
+    rivals: tuple[tuple[WholeModel, ...], ...]
+    """for each term of the best: models with another one in its place that are not excluded, the most evident first"""
+    tried: tuple[WholeModel, ...]
+    """every model that was fitted, the most evident first"""
+    context: Context
+    """what is physically possible"""
+
+    @property
+    def temper(self) -> float:
+        """Sum of squares for each independent value of what the best leaves."""
+        return self.best.temper
+
+
+def search(campaign: Campaign, mechanism: Mechanism, say: Say, without: Collection[str] = ()) -> Outcome:
+    """Look for what whole windows lack.
+
+    mechanism: of the robot as its file has it. without: ids of effects that are taken as unknown. Raises RefusedError
+    where no window can be fitted.
+    """
+    found = fit(mechanism, campaign.of_role(Role.IDENTIFY))
+    held = []
+    for window in campaign.of_role(Role.VALIDATE):
+        try:
+            held.append(prepare(window, campaign.robot))
+        except RefusedError as refusal:
+            say(str(refusal))
+    trial = Trial(context_of(found), tuple(held))
+    steps = _Steps(trial, hypotheses(campaign.robot, without), say)
+    base = trial.as_it_is(found)
+    say(f"whole windows without any effect: fitted {1e3 * base.fitted:.3g} mm, held out {1e3 * base.held_out:.3g} mm")
+    best = steps.surveyed(base)
+    while len(best.terms) < WHOLE_MOTION.most_terms:
+        further = steps.further(best)
+        if further is None:
+            break
+        best = steps.surveyed(further)
+        say(f"whole windows: {best.label}, fitted {1e3 * best.fitted:.3g} mm, held out {1e3 * best.held_out:.3g} mm")
+    best = trial.finished(best) if best.size else best
+    rivals = tuple(steps.rivals(best, k) for k in range(len(best.terms)))
+    every = {one.label: one for one in (base, *steps.tried, best)}
+    tried = sorted(every.values(), key=lambda one: -log_odds(one, best))
+    return Outcome(base, best, rivals, tuple(tried), trial.context)
+
+
+class _Steps:
+    """What one search tries."""
+
+    def __init__(self, trial: Trial, every: Hypotheses, say: Say) -> None:
+        self.trial, self.say = trial, say
+        self.every = replace(every, periodic=(), direct=tuple(h for h in every.direct if not stretches(h.effect)))
+        self.tried: list[WholeModel] = []
+
+    def surveyed(self, best: WholeModel) -> WholeModel:
+        """With its geometry open where evidence asks for that; exact where it does not, or not any more."""
+        opened, exact = self._opened(best), self.trial.closed(best) if best.geometry else best
+        if opened is None or exact is None:
+            return best
+        chosen = opened if log_odds(opened, exact) > WHOLE_MOTION.odds else exact
+        self.tried += [opened] if opened is not chosen else [exact]
+        return chosen
+
+    def further(self, best: WholeModel) -> WholeModel | None:
+        """The most evident model with one more term that held-out windows confirm, or None."""
+        fresh = [self.trial.with_term(best, score.tried[0], score.theta[0]) for score in self._shortlist(best)]
+        models = [one for one in fresh if one is not None]
+        self.tried += models
+        asked = [one for one in models if log_odds(one, best) > WHOLE_MOTION.odds]
+        while asked:
+            chosen = most_evident(asked)
+            if taken(best, chosen) > WHOLE_MOTION.takes:
+                return chosen
+            asked.remove(chosen)
+        return None
+
+    def rivals(self, best: WholeModel, k: int) -> tuple[WholeModel, ...]:
+        """Models with another term in the place of one, that the windows do not exclude."""
+        less = self.trial.without(best, k)
+        if less is None:
+            return ()
+        self.tried.append(less)
+        found: list[WholeModel] = []
+        for score in self._shortlist(less):
+            new = score.tried[0]
+            if new.effect.id != best.terms[k].effect.id or new.effect.cable != best.terms[k].effect.cable:
+                other = self.trial.instead(best, k, new, score.theta[0])
+                found += [] if other is None else [other]
+        self.tried += found
+        kept = [one for one in found if not excludes(best, one)]
+        return tuple(sorted(kept, key=lambda one: -log_odds(one, best)))
+
+    def _shortlist(self, model: WholeModel) -> list[Score]:
+        """What takes most beside a model, to first order: one of each effect, all cables alike before each alone."""
+        self.say(f"whole windows: looking at all effects beside {model.label}")
+        inside = {h.effect for h in model.terms} | {one.effect for one in model.geometry}
+        left = tuple(h for h in self.every.direct if h.effect not in inside)
+        scorer = Scorer(model.found.likelihood.mechanism, replace(self.every, direct=left))
+        found = model.found
+        seen = project(scorer, found, found.likelihood, found.journey.optimum.simulation)
+        scores = single_scores(replace(seen, inflation=model.temper), self.trial.context)
+        chosen: dict[tuple[str, bool], Score] = {}
+        for score in scores:
+            chosen.setdefault(_kind(score.tried[0]), score)
+        best = max((score.log_evidence for score in chosen.values()), default=0.0)
+        least = max(WHOLE_MOTION.odds, WHOLE_MOTION.nearly * best)
+        return [score for score in chosen.values() if score.log_evidence > least][: WHOLE_MOTION.shortlist]
+
+    def _opened(self, model: WholeModel) -> WholeModel | None:
+        """With its geometry as the robot file's survey leaves it, or as a usual one does, so many times as large."""
+        robot = model.found.likelihood.mechanism.robot
+        inside = {h.effect for h in model.terms}
+        if robot.survey is not None:
+            geometry = tuple(one for one in stated(robot) if one.effect not in inside)
+            return self.trial.opened(model, geometry) if geometry else None
+        found: WholeModel | None = None
+        factor = _likeliest_factor(model) if model.geometry else FACTORS[-1] / 3  # a centimetre, to begin with
+        for _ in range(2):
+            geometry = tuple(one for one in usual(robot, factor) if one.effect not in inside)
+            found = self.trial.opened(found or model, geometry)
+            if found is None:
+                return None
+            factor = _likeliest_factor(found)
+        return found
+
+
+def _likeliest_factor(model: WholeModel) -> float:
+    """How many times a usual survey the offsets are that were found: their size against the prior's, by its own."""
+    size = np.concatenate([np.array(one.sd) for one in model.geometry])
+    place = len(model.found.values) - len(size)
+    ratio = model.found.values[place:] / size
+    now = model.geometry[0].sd[0] / usual(model.found.likelihood.mechanism.robot)[0].sd[0]
+    grid = np.log(FACTORS / now)
+    sums = -len(size) * grid - 0.5 * float(ratio @ ratio) * np.exp(-2 * grid)
+    return float(FACTORS[np.argmax(sums - 0.5 * (np.log(FACTORS) / SPREAD_OF_FACTORS) ** 2)])
+
+
+def most_evident(models: list[WholeModel]) -> WholeModel:
+    """By evidence; where it does not tell by odds of 20, the fewest parameters, and all cables before one of them."""
+    top = max(models, key=lambda one: log_odds(one, models[0]))
+    near = [one for one in models if log_odds(top, one) < WHOLE_MOTION.odds]
+    return min(near, key=lambda one: (one.parameters, _picked(one), -log_odds(one, top)))
+
+
+def _picked(model: WholeModel) -> int:
+    """Terms of one cable."""
+    return sum(h.effect.cable is not None for h in model.terms)
+
+
+def _kind(tried: Hypothesis) -> tuple[str, bool]:
+    """What is shortlisted once: an effect of all cables alike, and its best single cable."""
+    return tried.effect.id, tried.effect.cable is None

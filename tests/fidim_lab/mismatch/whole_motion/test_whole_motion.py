@@ -1,0 +1,81 @@
+"""Whole windows decide where no model reaches the noise: independent values, evidence, what is named, what is not."""
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Campaign, Robot
+from fidim_lab.effects.equivalences import shared_by
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.whole_motion.independent_values import independent_values
+from fidim_lab.mismatch.whole_motion.search import Outcome, search
+from fidim_lab.mismatch.whole_motion.weighing import chance, excludes, log_odds, taken
+from fidim_lab.model.mechanism import Mechanism
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Recording, simulate_campaign
+
+FRICTION = "attachment-friction:viscous=0.004,dry=0.006"
+BESIDE = ("anchor-offset:dx=0.02,dy=-0.01,dz=0.008,cable=2", "anchor-offset:dx=-0.008,dy=0.01,dz=0.006,cable=4")
+NAMELESS = "unknown:k=-0.3,w=0.15"
+"""what keeps every model above the noise"""
+
+
+def test_white_noise_has_half_its_values_and_a_tone_two():
+    rng, t = np.random.default_rng(1), np.arange(1000) / 100
+    white = rng.normal(size=(1000, 4, 3))
+    tone = np.sin(2 * np.pi * 1.4 * t + 0.3)[:, np.newaxis, np.newaxis] * rng.normal(size=(4, 3))
+    assert independent_values(white) == pytest.approx(6000, rel=0.03)
+    assert 2.0 <= independent_values(tone) < 4.0
+    assert independent_values(tone + 1e-3 * white) < 4.0
+    assert independent_values(np.zeros((10, 1, 3))) == 30
+
+
+def test_independent_values_give_the_variance_of_a_sum_of_squares():
+    """Independently: the sum of squares of a moving average scatters from draw to draw as 2/ν of its square."""
+    rng, kernel = np.random.default_rng(2), np.ones(40) / 40
+    draws = [np.convolve(rng.normal(size=2040), kernel, "valid")[:, np.newaxis, np.newaxis] for _ in range(300)]
+    sums = np.array([float((one**2).sum()) for one in draws])
+    true = 2 * sums.mean() ** 2 / sums.var()
+    told = np.median([independent_values(np.repeat(one, 1, axis=2)) for one in draws])
+    assert 0.35 * true < told < 1.3 * true  # a single periodogram halves it, as is said
+
+
+@pytest.fixture(scope="module")
+def campaign(irma4: Robot) -> Campaign:
+    """Friction at the attachments beside anchors that are 1 and 2 cm off, and a weak field without a name."""
+    plan = random_plan(irma4, "hidden", 4, 4, 7)
+    hidden = tuple(parse_effect(text, irma4.n) for text in (FRICTION, *BESIDE, NAMELESS))
+    world = make_world(irma4, np.random.default_rng(7), hidden)
+    made, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(8), recording=Recording(5.0))
+    return made
+
+
+@pytest.fixture(scope="module")
+def outcome(campaign: Campaign) -> Outcome:
+    return search(campaign, Mechanism(campaign.robot, native=True), lambda _: None)
+
+
+@pytest.mark.slow
+def test_friction_is_named_beside_a_geometry_that_is_open(outcome: Outcome):
+    best = outcome.best
+    kinds = {shared_by([h.effect.id]) for h in best.terms}
+    assert "dissipation of rotation" in kinds, best.label
+    assert best.geometry or "geometry of the robot file" in kinds, best.label
+    assert not {"loose-mass", "umbilical", "air-drag-quadratic"} & {h.effect.id for h in best.terms}
+
+
+@pytest.mark.slow
+def test_what_is_named_predicts_windows_that_no_fit_has_seen(outcome: Outcome):
+    assert taken(outcome.base, outcome.best) > 0.8
+    assert chance(outcome.best, outcome.base) < 0.05
+    assert excludes(outcome.best, outcome.base)
+    assert not excludes(outcome.best, outcome.best)
+    assert log_odds(outcome.best, outcome.base) == -log_odds(outcome.base, outcome.best)
+
+
+@pytest.mark.slow
+def test_bodies_lie_within_the_stated_spread(outcome: Outcome, irma4: Robot):
+    """The true body is the world's; what is left counts as noise of few values, so that ± cover it."""
+    true = make_world(irma4, np.random.default_rng(7), ()).body.vector
+    off = (outcome.best.found.values[:9] - true) / outcome.best.sd(outcome.temper)[:9]
+    assert np.sqrt(np.mean(off**2)) < 2.0, off
