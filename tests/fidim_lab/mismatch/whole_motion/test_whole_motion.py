@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Robot
+from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
@@ -40,14 +41,28 @@ def test_independent_values_give_the_variance_of_a_sum_of_squares():
     assert 0.35 * true < told < 1.3 * true  # a single periodogram halves it, as is said
 
 
+def _recorded(robot: Robot, windows: int, seconds: float) -> Campaign:
+    """Friction at the attachments beside anchors that are 1 and 2 cm off, and a weak field without a name."""
+    plan = random_plan(robot, "hidden", windows, 4, 7)
+    hidden = tuple(parse_effect(text, robot.n) for text in (FRICTION, *BESIDE, NAMELESS))
+    world = make_world(robot, np.random.default_rng(7), hidden)
+    made, _ = simulate_campaign(robot, plan, world, np.random.default_rng(8), recording=Recording(seconds))
+    return made
+
+
+def test_of_two_dissipations_the_true_one_is_named_beside_an_open_geometry(irma4: Robot):
+    others = {effect.id for effect in catalogue(irma4)} - {"attachment-friction", "air-drag-linear"}
+    campaign = _recorded(irma4, 3, 2.5)
+    outcome = search(campaign, Mechanism(irma4, native=True), lambda _: None, without=others)
+    assert "attachment-friction" in {h.effect.id for h in outcome.best.terms}
+    assert outcome.best.geometry
+    assert outcome.best.held_out < 0.5 * outcome.base.held_out
+    assert outcome.temper > outcome.best.found.chi2_per_dof
+
+
 @pytest.fixture(scope="module")
 def campaign(irma4: Robot) -> Campaign:
-    """Friction at the attachments beside anchors that are 1 and 2 cm off, and a weak field without a name."""
-    plan = random_plan(irma4, "hidden", 4, 4, 7)
-    hidden = tuple(parse_effect(text, irma4.n) for text in (FRICTION, *BESIDE, NAMELESS))
-    world = make_world(irma4, np.random.default_rng(7), hidden)
-    made, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(8), recording=Recording(5.0))
-    return made
+    return _recorded(irma4, 4, 5.0)
 
 
 @pytest.fixture(scope="module")
