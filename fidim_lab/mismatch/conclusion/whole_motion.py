@@ -45,7 +45,7 @@ def with_whole_motion(
     They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
     answer so far leaves of them (sums of squares).
     """
-    if told.verdict not in OPEN or not campaign.of_role(Role.VALIDATE):
+    if told.verdict not in OPEN or not campaign.of_role(Role.VALIDATE) or _follows(told, campaign.robot):
         return told
     try:
         outcome = search(campaign, mechanism, say, without)
@@ -56,6 +56,12 @@ def with_whole_motion(
     if not best.size or taken(base, best) < WHOLE_MOTION.half or not _leaves_less(best, told):
         return told
     return _told(told, outcome, campaign)
+
+
+def _follows(told: Explanation, robot: Robot) -> bool:
+    """Whether the answer so far, a law without a name perhaps, leaves held-out windows hardly more than noise."""
+    rms = told.rms_mm.after
+    return rms is not None and bool(rms < ALL_NOISE * millimetres(robot.sensors.marker_noise))
 
 
 def _leaves_less(best: WholeModel, told: Explanation) -> bool:

@@ -5,21 +5,22 @@ Evidence is Laplace's: half the data's sum of squares over `temper`, the prior's
 the best model leaves: 1 for white noise of the stated size, far above χ²/dof where the residual is a slow wave.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import predict_all
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.trajectories.optimise import ON_THE_WAY
+from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_THE_WAY, Effort
 from fidim_lab.identification.mle.trajectories.recordings import Recording
 from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
-from fidim_lab.identification.survey import Nuisance
+from fidim_lab.identification.survey import Nuisance, prior_sd
 from fidim_lab.mismatch.fitting.refit import prior_of
 from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
@@ -83,6 +84,11 @@ class WholeModel:
         return sum(one.chi2 for one in self.held.values()) / dof if dof else float("nan")
 
     @cached_property
+    def prior_sd(self) -> np.ndarray:
+        """Of its terms' θ and its geometry's, before any data."""
+        return np.concatenate([prior_of(self.terms), prior_sd(self.geometry)])
+
+    @cached_property
     def temper(self) -> float:
         """Sum of squares for each independent value of what is left, at least 1."""
         values = sum(independent_values(one.residuals) for one in self.found.remainders)
@@ -95,8 +101,8 @@ class WholeModel:
         information = (rows.T @ rows)[:-1, :-1] / temper
         low, high = found.prior.bounds
         free = (found.values > low) & (found.values < high)
-        weight = np.concatenate([np.zeros(BODY), found.prior.sd[BODY:] ** -2.0])
-        scale = np.concatenate([np.ones(BODY), found.prior.sd[BODY:]])[free]
+        weight = np.concatenate([np.zeros(BODY), self.prior_sd**-2.0])
+        scale = np.concatenate([np.ones(BODY), self.prior_sd])[free]
         inner = (information + np.diag(weight))[np.ix_(free, free)] * np.outer(scale, scale)
         strain = float((weight * (found.values - found.prior.mean) ** 2).sum())
         size = np.sqrt(np.diag(inner))
@@ -108,7 +114,8 @@ class WholeModel:
         """Standard deviations of all shared parameters that count what is left as it is."""
         rows = self.found.tables.reshape(-1, self.found.tables.shape[2])
         information = (rows.T @ rows)[:-1, :-1] / temper
-        information[range(len(information)), range(len(information))] += self.found.prior.sd**-2.0
+        prior = np.concatenate([self.found.prior.sd[:BODY], self.prior_sd])
+        information[range(len(information)), range(len(information))] += prior**-2.0
         return np.sqrt(np.diag(np.linalg.inv(information)))
 
 
@@ -126,29 +133,28 @@ class Trial:
 
     def with_term(self, model: WholeModel, new: Hypothesis, theta: np.ndarray) -> WholeModel | None:
         """With one more term, from these θ; None where it gets nowhere."""
-        return self._fitted(model, (*model.terms, new), model.geometry, {new: theta}, ())
+        return self._fitted(model, (*model.terms, new), model.geometry, {new: theta})
 
     def instead(self, model: WholeModel, k: int, new: Hypothesis, theta: np.ndarray) -> WholeModel | None:
         """With another term in the place of term k, from these θ."""
         terms = (*model.terms[:k], new, *model.terms[k + 1 :])
-        return self._fitted(model, terms, model.geometry, {new: theta}, ())
+        return self._fitted(model, terms, model.geometry, {new: theta})
 
     def without(self, model: WholeModel, k: int) -> WholeModel | None:
         """Without term k."""
-        return self._fitted(model, (*model.terms[:k], *model.terms[k + 1 :]), model.geometry, {}, ())
+        return self._fitted(model, (*model.terms[:k], *model.terms[k + 1 :]), model.geometry, {})
 
     def opened(self, model: WholeModel, geometry: tuple[Nuisance, ...]) -> WholeModel | None:
         """With this geometry open."""
-        return self._fitted(model, model.terms, geometry, {}, geometry)
+        return self._fitted(model, model.terms, geometry, {})
 
     def closed(self, model: WholeModel) -> WholeModel | None:
         """With the geometry of the robot file."""
-        return self._fitted(model, model.terms, (), {}, ())
+        return self._fitted(model, model.terms, (), {})
 
     def finished(self, model: WholeModel) -> WholeModel:
         """The same at its optimum, to a hundredth of a standard deviation."""
-        found = rearranged(model.found, model.found.likelihood.mechanism.effects)
-        return model if found is None else replace(model, found=found)
+        return self._fitted(model, model.terms, model.geometry, {}, FINAL) or model
 
     def _fitted(
         self,
@@ -156,21 +162,24 @@ class Trial:
         terms: tuple[Hypothesis, ...],
         geometry: tuple[Nuisance, ...],
         fresh: dict[Hypothesis, np.ndarray],
-        opened: Sequence[Nuisance],
+        effort: Effort = TRIED,
     ) -> WholeModel | None:
-        wanted = [self._newcomer(h, fresh[h]) if h in fresh else h.effect for h in terms]
-        known = {one.effect for one in donor.geometry}
-        for one in geometry:
-            wanted += [_offset(one)] if one in opened and one.effect not in known else [one.effect]
-        found = rearranged(donor.found, wanted, TRIED)
-        return None if found is None else WholeModel(terms, geometry, found, self.predicted)
+        """Each θ from where the donor has it, or from a fresh one. Priors count as they do beside tempered data."""
+        known, softened = donor.found.likelihood.mechanism.effects, np.sqrt(donor.temper)
 
-    def _newcomer(self, tried: Hypothesis, theta: np.ndarray) -> Newcomer:
-        low, high = tried.effect.bounds(self.context)
-        start = np.clip(tried.theta(theta), low, high)
-        return Newcomer(
-            tried.effect, start.tolist(), prior_of([tried]).tolist(), low.tolist(), high.tolist(), tried.absent.tolist()
-        )
+        def part(effect: NamedEffect, sd: np.ndarray, mean: np.ndarray, begun: np.ndarray | None = None) -> Newcomer:
+            wide = np.full(len(mean), np.inf)
+            low, high = (-wide, wide) if effect in offsets else effect.bounds(self.context)
+            if begun is None:
+                begun = donor.found.values[donor.found.place_of(effect)] if effect in known else mean
+            parts = (np.clip(begun, low, high), sd / softened, low, high, mean)
+            return Newcomer(effect, *(one.tolist() for one in parts))
+
+        offsets = {one.effect for one in geometry}
+        wanted = [part(h.effect, prior_of([h]), h.absent, h.theta(fresh[h]) if h in fresh else None) for h in terms]
+        wanted += [part(one.effect, np.array(one.sd), np.zeros(len(one.sd))) for one in geometry]
+        found = rearranged(donor.found, wanted, effort)
+        return None if found is None else WholeModel(terms, geometry, found, self.predicted)
 
     def predicted(self, found: Fit) -> dict[str, Remainder]:
         """What a fit leaves of the windows held out, but of those that it cannot follow."""
@@ -178,10 +187,3 @@ class Trial:
         predicted = predict_all(mechanism, found.values, self.recordings, mechanism.robot.sensors)
         pairs = zip(self.recordings, predicted, strict=True)
         return {r.window.id: one.remainder for r, one in pairs if not isinstance(one, RefusedError) and not one.lost}
-
-
-def _offset(one: Nuisance) -> Newcomer:
-    """Open about the file's value; no bound but what no survey misses."""
-    count = len(one.sd)
-    wide = np.full(count, np.inf)
-    return Newcomer(one.effect, [0.0] * count, list(one.sd), (-wide).tolist(), wide.tolist())

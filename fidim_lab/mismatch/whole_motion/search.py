@@ -8,20 +8,18 @@ and keeps the most evident that held-out windows confirm. Scores only propose.
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from fidim_lab.data.records import Campaign, Role
+from fidim_lab.data.records import Campaign, Role, Survey
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import fit
-from fidim_lab.identification.mle.geometry import FACTORS, SPREAD_OF_FACTORS
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.identification.survey import stated, usual
+from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, nuisances, stated
 from fidim_lab.mismatch.fitting.baseline import context_of
 from fidim_lab.mismatch.linearised.columns import Scorer
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, hypotheses
 from fidim_lab.mismatch.scores.score import Score, project, single_scores
+from fidim_lab.mismatch.whole_motion.factors import likeliest_factors
 from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
 from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 from fidim_lab.mismatch.whole_motion.weighing import excludes, log_odds, taken
@@ -150,25 +148,16 @@ class _Steps:
             geometry = tuple(one for one in stated(robot) if one.effect not in inside)
             return self.trial.opened(model, geometry) if geometry else None
         found: WholeModel | None = None
-        factor = _likeliest_factor(model) if model.geometry else FACTORS[-1] / 3  # a centimetre, to begin with
+        factors = likeliest_factors(model) if model.geometry else (10.0, 10.0)  # a centimetre, to begin with
         for _ in range(2):
-            geometry = tuple(one for one in usual(robot, factor) if one.effect not in inside)
+            anchor, attachment = factors
+            survey = Survey.alike(robot.n, anchor * TYPICAL_ANCHOR, attachment * TYPICAL_ATTACHMENT)
+            geometry = tuple(one for one in nuisances(robot, survey) if one.effect not in inside)
             found = self.trial.opened(found or model, geometry)
             if found is None:
                 return None
-            factor = _likeliest_factor(found)
+            factors = likeliest_factors(found)
         return found
-
-
-def _likeliest_factor(model: WholeModel) -> float:
-    """How many times a usual survey the offsets are that were found: their size against the prior's, by its own."""
-    size = np.concatenate([np.array(one.sd) for one in model.geometry])
-    place = len(model.found.values) - len(size)
-    ratio = model.found.values[place:] / size
-    now = model.geometry[0].sd[0] / usual(model.found.likelihood.mechanism.robot)[0].sd[0]
-    grid = np.log(FACTORS / now)
-    sums = -len(size) * grid - 0.5 * float(ratio @ ratio) * np.exp(-2 * grid)
-    return float(FACTORS[np.argmax(sums - 0.5 * (np.log(FACTORS) / SPREAD_OF_FACTORS) ** 2)])
 
 
 def most_evident(models: list[WholeModel]) -> WholeModel:
