@@ -83,7 +83,7 @@ def validate(
     """
     given = parameters.result if isinstance(parameters, Identified) else read_result(Path(parameters))
     how = {"everything": everything, "paper": paper}
-    return Validated(run_validate(_in_memory(campaign), given.body, given.sigma_W, limit=limit, **how), given.sigma_W)
+    return Validated(run_validate(_in_memory(campaign), given, limit=limit, **how), given.sigma_W)
 
 
 def simulate(

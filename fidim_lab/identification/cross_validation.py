@@ -10,7 +10,7 @@ length says more than second derivatives, which can be off where little of the m
 The parameters predict when every window that can be judged does.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.motion.recipe import BEST, Recipe
 from fidim_lab.identification.results.validation import expected_sigma_perp, residual, sigma_perp
+from fidim_lab.identification.survey import as_found
 from fidim_lab.model.mechanism import Mechanism
 
 LOST = 0.1
@@ -110,10 +111,12 @@ def cross_validate(
     roles: Sequence[Role] = (Role.VALIDATE,),
     rule: Rule | None = None,
     recipe: Recipe = BEST,
+    geometry: Mapping[tuple[str, int | None], Sequence[float]] | None = None,
 ) -> CrossValidation:
     """Judge the windows of these roles.
 
-    sigma_W: of the identification, in the unit of the recipe's equations; None where the method has none.
+    sigma_W: of the identification, in the unit of the recipe's equations; None where the method has none. geometry:
+    that was found with the body (`survey.as_found`), the robot file's unless given.
     Raises SetupError when the campaign has no such window, RefusedError when the body cannot move, or no window can be
     judged.
     """
@@ -127,7 +130,8 @@ def cross_validate(
         raise RefusedError(
             "With these parameters the kinetic energy is negative in some motion: nothing can be predicted."
         )
-    judge = _Judge(campaign, body, sigma_W, rule or Rule(), recipe)
+    mechanism = as_found(Mechanism(campaign.robot, native=True), geometry or {})
+    judge = _Judge(campaign, mechanism, body, sigma_W, rule or Rule(), recipe)
     found = CrossValidation(tuple(judge.window(w) for w in windows), judge.rule)
     if not found.judged:
         raise RefusedError(f"No window can be judged: {'; '.join(f'{w.id}: {w.why}' for w in found.windows)}")
@@ -137,10 +141,19 @@ def cross_validate(
 class _Judge:
     """Judges one window after the other with the same body."""
 
-    def __init__(self, campaign: Campaign, body: Body, sigma_W: float | None, rule: Rule, recipe: Recipe) -> None:
+    def __init__(
+        self,
+        campaign: Campaign,
+        mechanism: Mechanism,
+        body: Body,
+        sigma_W: float | None,
+        rule: Rule,
+        recipe: Recipe,
+    ) -> None:
         self.rule = rule
         self._campaign, self._body, self._sigma_W, self._recipe = campaign, body, sigma_W, recipe
-        self._mechanism = Mechanism(campaign.robot, native=True)
+        self._mechanism = mechanism
+        self._shared = np.concatenate([body.vector, mechanism.theta])
 
     def window(self, window: Window) -> Judged:
         """The verdict on one window; one that cannot be used is not a failed one."""
@@ -149,7 +162,7 @@ class _Judge:
         wrong: list[str] = []
         try:
             recording, sensors = prepare(window, self._campaign.robot), self._campaign.robot.sensors
-            left = predict(self._mechanism, self._body.vector, recording, sensors).remainder
+            left = predict(self._mechanism, self._shared, recording, sensors).remainder
             wrong = self._about_trajectory(window, left)
         except FidimError as error:
             troubles.append(str(error))

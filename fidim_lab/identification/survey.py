@@ -5,7 +5,7 @@ parameter θ of the model with that prior about 0 (the file's value), so that es
 and every standard deviation counts what they do not. Combinations that no recording shows (gauges) stay at their prior.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
 from fidim_lab.effects.geometry.marker_offset import MarkerOffset
 from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
 from fidim_lab.effects.geometry.swivel_axis import SwivelAxis
+from fidim_lab.model.mechanism import Mechanism
 
 TYPICAL_ANCHOR, TYPICAL_ATTACHMENT = 1e-3, 0.5e-3
 """m: what a total station and a caliper reach on a cable robot; assumed where a robot file says nothing"""
@@ -57,6 +58,19 @@ def usual(robot: Robot, factor: float = 1.0) -> tuple[Nuisance, ...]:
 def stated(robot: Robot) -> tuple[Nuisance, ...]:
     """What the robot file's own survey leaves open; nothing where it has none."""
     return () if robot.survey is None else nuisances(robot, robot.survey)
+
+
+def as_found(mechanism: Mechanism, pieces: Mapping[tuple[str, int | None], Sequence[float]]) -> Mechanism:
+    """The mechanism with the geometry that a fit has found, behind its effects; itself where that is the file's.
+
+    pieces: (key of `[survey]`, 1-based cable or None) → by how much, m or rad.
+    """
+    robot = mechanism.robot
+    opened = [one for one in stated(robot) or usual(robot) if (one.what, one.cable) in pieces]
+    if not opened:
+        return mechanism
+    theta = [*mechanism.theta.tolist(), *(float(by) for one in opened for by in pieces[one.what, one.cable])]
+    return Mechanism(robot, (*mechanism.effects, *(one.effect for one in opened)), theta, native=mechanism.native)
 
 
 def nuisances(robot: Robot, survey: Survey) -> tuple[Nuisance, ...]:

@@ -11,10 +11,11 @@ from rich.table import Table
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
-from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Role
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
 from fidim_lab.identification.motion.recipe import BEST, PAPER
+from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import ResultTable, read_result
 from fidim_lab.units import millimetres
 
@@ -49,7 +50,7 @@ def validate_command(options: ValidateOptions) -> int:
     campaign = read_campaign(options.campaign)
     how = {"everything": options.everything, "paper": options.paper}
     with Working("predicting each window from its initial state", windows_of(options.campaign)):
-        found = run_validate(campaign, given.body, given.sigma_W, limit=options.limit, **how)
+        found = run_validate(campaign, given, limit=options.limit, **how)
     console.warn(_doubts(campaign, given))
     if options.json_file is not None:
         _write(options.json_file, to_json(campaign, given, found, perf_counter() - begin))
@@ -60,8 +61,7 @@ def validate_command(options: ValidateOptions) -> int:
 
 def run_validate(
     campaign: Campaign,
-    body: Body,
-    sigma_W: float | None,
+    given: IdentificationResult | ResultTable,
     *,
     everything: bool = False,
     paper: bool = False,
@@ -69,12 +69,21 @@ def run_validate(
 ) -> CrossValidation:
     """Judge the held-out windows of a campaign, or all of `everything`, with nothing but their initial states fitted.
 
-    `sigma_W`: of the fit that the body comes from (Eq. 31), by the paper's form where `paper` is set. `limit`: largest
-    χ²/dof. Raises SetupError without a window to judge, RefusedError where none can be judged.
+    given: body, geometry that was found with it, and σ_W of that fit (Eq. 31), by the paper's form where `paper` is
+    set. limit: largest χ²/dof. Raises SetupError without a window to judge, RefusedError where none can be judged.
     """
     roles = (Role.IDENTIFY, Role.VALIDATE) if everything else (Role.VALIDATE,)
     recipe = PAPER if paper else BEST
-    return cross_validate(campaign, body, sigma_W, roles=roles, rule=Rule(chi2_per_dof=limit), recipe=recipe)
+    geometry = None if given.geometry is None else given.geometry.pieces
+    return cross_validate(
+        campaign,
+        given.body,
+        given.sigma_W,
+        roles=roles,
+        rule=Rule(chi2_per_dof=limit),
+        recipe=recipe,
+        geometry=geometry,
+    )
 
 
 def table(found: CrossValidation, sigma_W: float | None) -> Table:

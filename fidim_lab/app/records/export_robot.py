@@ -21,7 +21,7 @@ from fidim_lab.errors import SetupError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.results.result_file import GeometryTable, read_result
-from fidim_lab.identification.survey import stated, usual
+from fidim_lab.identification.survey import as_found
 from fidim_lab.model.geometry import rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import Effect
@@ -55,11 +55,8 @@ def robot_model(source: Path, campaign: Campaign) -> Model:
 
 def _moved(model: Model, geometry: GeometryTable | None) -> Model:
     """With the geometry with which the recordings were fitted, where that is not the robot file's."""
-    mechanism, pieces = model.mechanism, {} if geometry is None else {(m.what, m.cable): m.by for m in geometry.moved}
-    opened = [one for one in stated(mechanism.robot) or usual(mechanism.robot) if (one.what, one.cable) in pieces]
-    theta = [*mechanism.theta.tolist(), *(float(by) for one in opened for by in pieces[one.what, one.cable])]
-    made = Mechanism(mechanism.robot, (*mechanism.effects, *(one.effect for one in opened)), theta)
-    return Model(made, np.concatenate([model.shared[:9], theta]))
+    made = as_found(model.mechanism, {} if geometry is None else geometry.pieces)
+    return Model(made, np.concatenate([model.shared[:9], made.theta]))
 
 
 def start_of(model: Model, campaign: Campaign, window: str | None) -> Start:

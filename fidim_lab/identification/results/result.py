@@ -106,6 +106,11 @@ class Geometry:
     """everything that was left open; nothing where the file's geometry counts as exact"""
 
     @property
+    def pieces(self) -> dict[tuple[str, int | None], tuple[float, ...]]:
+        """By key and cable, as `survey.as_found` asks for them."""
+        return {(one.what, one.cable): one.by for one in self.moved}
+
+    @property
     def table(self) -> dict[str, Any]:
         """As spec/formats.md has it."""
         moved = [{"what": one.what, "cable": one.cable, "by": list(one.by), "sd": list(one.sd)} for one in self.moved]

@@ -92,6 +92,11 @@ class GeometryTable(_Strict):
     chi2_gain: float
     moved: tuple[MovedTable, ...]
 
+    @property
+    def pieces(self) -> dict[tuple[str, int | None], tuple[float, ...]]:
+        """By key and cable, as `survey.as_found` asks for them."""
+        return {(one.what, one.cable): one.by for one in self.moved}
+
 
 class RemovedTable(_Strict):
     """One of `removed`: a stretch of a window that cleaning left out, s on its own clock."""

@@ -46,6 +46,16 @@ def test_the_limit_is_the_callers(campaign, true_body):
     assert "at most 0.5" in found.rule.sentence
 
 
+def test_geometry_that_was_found_with_the_body_predicts_too(campaign, true_body):
+    """A robot file that is 4 mm off at one anchor: the body alone does not predict, with what a fit found it does."""
+    off = np.array([0.004, -0.002, 0.001])
+    cables = campaign.robot.cables
+    wrong = replace(campaign.robot, cables=(cables[0], replace(cables[1], d=cables[1].d - off), *cables[2:]))
+    filed = replace(campaign, robot=wrong)
+    assert not cross_validate(filed, true_body, None).predicts
+    assert cross_validate(filed, true_body, None, geometry={("anchor", 2): tuple(off)}).predicts
+
+
 def test_a_large_sigma_perp_is_remarked_and_decides_only_without_lengths(campaign, true_body):
     """A σ_W far below what the equations show: the parameters come from better windows than these."""
     found = cross_validate(campaign, true_body, 1e-3)
