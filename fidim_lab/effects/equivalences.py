@@ -108,6 +108,12 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         share=0.946,
     ),
     Equivalence(
+        ("attachment-friction", "swivel-friction"),
+        Kind.NEAR,
+        "near one equilibrium cables turn in their attachments as their swivels turn: both take energy from rotation",
+        "read swivel encoders: friction there makes a swivel lag behind its cable",
+    ),
+    Equivalence(
         ("air-drag-linear", "pulley-friction"),
         Kind.NEAR,
         "near one equilibrium speed of the centre of mass and wrap rates are the same few freedoms",

@@ -63,7 +63,7 @@ def geometry_cause(geometry: Geometry) -> NamedCause:
     id = f"{most.what}-offset"
     pairs = zip("xyz", most.by, most.sd, strict=True)
     parameters = {f"d{axis}": EffectParameter(by, sd, "m") for axis, by, sd in pairs}
-    says = "the robot file's geometry is wrong beyond an ordinary survey; this piece is off most, the others with it"
+    says = "the robot file's geometry is off; this piece is off most, the others with it"
     return NamedCause(id, most.cable, tuple(other for other in CLASS if other != id), parameters, says)
 
 

@@ -76,8 +76,9 @@ def _told(told: Explanation, outcome: Outcome, campaign: Campaign) -> Explanatio
     base, best, robot = outcome.base, outcome.best, campaign.robot
     sd = best.sd(outcome.temper)
     effects = tuple(_cause(outcome, k, sd) for k in range(len(best.terms)))
-    geometry, wrong = _geometry(outcome, sd), bool(best.geometry) and is_wrong(best.geometry, robot)
-    if geometry is not None and wrong:
+    exact = _exact(outcome)
+    geometry = _geometry(outcome, exact, sd)
+    if geometry is not None and (is_wrong(best.geometry, robot) or taken(exact, best) > WHOLE_MOTION.takes):
         effects = (*effects, geometry_cause(geometry))
     explained = best.held_out < ALL_NOISE * robot.sensors.marker_noise
     verdict = Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED if effects else told.verdict
@@ -127,15 +128,18 @@ def _parameters(model: WholeModel, k: int, sd: np.ndarray) -> dict[str, EffectPa
     }
 
 
-def _geometry(outcome: Outcome, sd: np.ndarray) -> Geometry | None:
+def _exact(outcome: Outcome) -> WholeModel:
+    """The best model's terms with the robot file's geometry; the model as it is where these were not fitted."""
+    best = outcome.best
+    return next((one for one in outcome.tried if one.terms == best.terms and not one.geometry), outcome.base)
+
+
+def _geometry(outcome: Outcome, exact: WholeModel, sd: np.ndarray) -> Geometry | None:
     best = outcome.best
     if not best.geometry:
         return None
-    same = (one for one in outcome.tried if one.terms == best.terms and not one.geometry)
-    exact = next(same, None)
-    costs = (one.found.journey.optimum.simulation.cost for one in (exact, best) if one is not None)
-    gained = (next(costs) - next(costs)) / outcome.temper if exact is not None else 0.0
-    return told_geometry(Surveyed(best.found, best.geometry, gained), sd)
+    costs = [one.found.journey.optimum.simulation.cost for one in (exact, best)]
+    return told_geometry(Surveyed(best.found, best.geometry, (costs[0] - costs[1]) / outcome.temper), sd)
 
 
 def _body(model: WholeModel, sd: np.ndarray, robot: Robot) -> dict[str, BodyParameter]:
