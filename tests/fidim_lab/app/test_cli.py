@@ -32,7 +32,7 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["identify"], "Missing argument 'CAMPAIGN'"),
+        (["identify"], "Missing argument 'CAMPAIGN"),
         (["identify", "nowhere"], "nowhere: no such folder"),
         (["dry-run", "--sped", "3"], "No such option"),
         (["dry-run", "--equilibria", "0"], "0 is not in the range"),
