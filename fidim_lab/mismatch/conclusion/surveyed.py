@@ -75,7 +75,9 @@ def geometry_says(geometry: Geometry, robot: Robot, wrong: bool) -> str:
     said = f"{head} ({sizes}, rms of what the recordings show). {furthest(geometry)}".rstrip()
     if robot.survey is not None:
         return said
-    size = "far beyond an ordinary survey" if wrong else "as ordinary surveys are"
+    times = _rms(geometry.moved, "anchor") / TYPICAL_ANCHOR if "anchor" in kinds else 1.0
+    size = "as ordinary surveys are" if times < np.exp(SPREAD_OF_FACTORS) else "more than ordinary surveys miss"
+    size = "far beyond an ordinary survey" if wrong else size
     return f"{said} That is {size}. It was fitted with the body, and the ± count it: state [survey] in the robot file."
 
 
