@@ -50,6 +50,8 @@ from fidim_lab.say import Say
 
 MOST_CUTS = 2
 """how often pushes that only the best model shows are cut out"""
+OPEN = (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED)
+"""verdicts that leave something to be found"""
 
 
 def explain(
@@ -92,10 +94,12 @@ def explain(
         audited = without_needless_faults(campaign, audited, last.found.best.model)
     if whole.unknown is not None and audited.contacts:
         audited = without_needless_contacts(cleaned, audited, whole.unknown.fit)
-    if soft_mode(audited.campaign) is None:
-        whole = with_whole_motion(whole, last.cleaned.campaign, mechanism, say, left_out)
-    else:
-        whole = _with_soft_mode(whole, audited.campaign, say)
+    if whole.verdict in OPEN:
+        soft = soft_mode(audited.campaign)
+        if soft is None:
+            whole = with_whole_motion(whole, last.cleaned.campaign, mechanism, say, left_out)
+        else:
+            whole = _with_soft_mode(whole, audited.campaign, soft, say)
     return with_answer(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited))
 
 
@@ -230,14 +234,11 @@ def _before(first: Baseline, told: Explanation) -> Explanation:
     )
 
 
-def _with_soft_mode(told: Explanation, campaign: Campaign, say: Say) -> Explanation:
+def _with_soft_mode(told: Explanation, campaign: Campaign, soft: str, say: Say) -> Explanation:
     """Where something stays unexplained and cables hold one direction hardly at all: what elastic ones say.
 
-    Where they say nothing, that rigid ones are the wrong model is said first.
+    soft: how that is seen. Where elastic cables say nothing, that rigid ones are the wrong model is said first.
     """
-    soft = soft_mode(campaign) if told.verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED) else None
-    if soft is None:
-        return told
     with suppress(RefusedError):
         answer = soft_answer(told, compare(campaign, say), campaign.robot, soft)
         if answer is not None:

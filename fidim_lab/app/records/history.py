@@ -68,7 +68,7 @@ def ls_command(folder: Path, json_file: Path | None, *, failures: bool) -> int:
         for title, key in (("Steps that failed, over all runs", "steps"), ("Windows that were rejected", "rejected")):
             console.out.print(_statistic(title, _summed(runs, key)))
     counted = {key: {name: list(pair) for name, pair in _summed(runs, key).items()} for key in ("steps", "rejected")}
-    write_answer(json_file, FORMAT, {"runs": [_told(run) for run in runs], "failures": counted})
+    write_answer(json_file, FORMAT, {"runs": [asdict(run) for run in runs], "failures": counted})
     return 0
 
 
@@ -164,10 +164,6 @@ def _listed(folder: Path) -> str:
 def _json(path: Path) -> dict[str, Any]:
     found = read_json(path) if path.exists() else {}
     return found if isinstance(found, dict) else {}
-
-
-def _told(run: Run) -> dict[str, Any]:
-    return asdict(run)
 
 
 def _table(runs: Sequence[Run]) -> Table:

@@ -143,8 +143,7 @@ class JointFit:
         """By how much the sum of squares falls with the open geometry, to first order, in units of χ²/dof."""
         problem = self.linearised()
         fixed = np.arange(self.layout.size) < BODY + self.layout.dissipating
-        sd = np.concatenate([self.prior.sd[BODY : BODY + self.layout.dissipating], self.layout.survey(self.factor)])
-        return max(0.0, problem.where(fixed, sd, 1.0).left - problem.here)
+        return max(0.0, problem.where(fixed, self.prior_sd(self.factor), 1.0).left - problem.here)
 
     def without(self, dropped: Float[np.ndarray, " shared"]) -> Float[np.ndarray, " shared"]:
         """The estimate with the parameters marked in `dropped` (bool) set to zero, to first order."""
@@ -153,10 +152,12 @@ class JointFit:
 
     def linearised(self) -> Linearised:
         """The data's sum of squares near the optimum."""
-        rows = self.tables.reshape(-1, self.layout.size + 1)
-        whole = rows.T @ rows
-        here = self.optimum.data_cost
-        return Linearised(here, max(1, self.dof), whole[:-1, :-1], whole[:-1, -1], self.values[BODY:])
+        return Linearised.of(self.tables, self.optimum.data_cost, max(1, self.dof), self.values[BODY:])
+
+    def prior_sd(self, factor: float) -> Float[np.ndarray, " theta"]:
+        """Of what dissipates, and of the geometry at so many times a usual survey."""
+        dissipating = self.prior.sd[BODY : BODY + self.layout.dissipating]
+        return np.concatenate([dissipating, self.layout.survey(factor)])
 
 
 def alone(common: Common, *, native: bool) -> tuple[Alone, ...]:
@@ -247,7 +248,7 @@ def _worth(remainders: Sequence[Remainder]) -> Float[np.ndarray, " W"]:
 def _asked_for(found: JointFit) -> bool:
     """Whether the evidence is for what dissipates."""
     problem, count = found.linearised(), found.layout.dissipating
-    sd = np.concatenate([found.prior.sd[BODY : BODY + count], found.layout.survey(found.factor)])
+    sd = found.prior_sd(found.factor)
     every = np.ones(found.layout.size, dtype=bool)
     without = every.copy()
     without[BODY : BODY + count] = False
@@ -314,9 +315,8 @@ def _together(task: _Task, points: Sequence[Point], factor: float) -> tuple[np.n
 def _best_factor(found: JointFit) -> float:
     """Times a usual survey, by the evidence of the linearised problem."""
     problem = found.linearised()
-    limits = found.prior.sd[BODY : BODY + found.layout.dissipating]
     evidences = np.zeros(len(FACTORS))
     for k, factor in enumerate(FACTORS):
-        there, temper = problem.settled(np.concatenate([limits, found.layout.survey(factor)]))
+        there, temper = problem.settled(found.prior_sd(factor))
         evidences[k] = there.nats(temper)
     return float(FACTORS[over_factors(evidences)[1]])

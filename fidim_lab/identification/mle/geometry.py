@@ -152,10 +152,8 @@ def over_factors(evidences: Float[np.ndarray, " F"]) -> tuple[float, int]:
 
 
 def _linearised(found: Fit) -> Linearised:
-    rows = found.tables.reshape(-1, found.tables.shape[2])
-    whole = rows.T @ rows
     dof = sum(left.dof for left in found.remainders)
-    return Linearised(_cost(found), dof, whole[:-1, :-1], whole[:-1, -1], found.values[BODY:])
+    return Linearised.of(found.tables, _cost(found), dof, found.values[BODY:])
 
 
 def _cost(found: Fit) -> float:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fidim_lab.identification.mle.spread import Quadratic
+from fidim_lab.identification.mle.trajectories.normal import Reduced
 from fidim_lab.model.sensitivity.equations import BODY
 
 SETTLING = 4
@@ -43,6 +45,12 @@ class Linearised:
     """half of it"""
     theta: Float[np.ndarray, " theta"]
     """here, from where they do nothing"""
+
+    @staticmethod
+    def of(tables: Reduced, here: float, dof: int, theta: Float[np.ndarray, " theta"]) -> "Linearised":
+        """From the windows' reduced tables at the point."""
+        data = Quadratic.of(tables)
+        return Linearised(here, dof, data.information, data.gradient, theta)
 
     def settled(self, sd: Float[np.ndarray, " theta"]) -> tuple[There, float]:
         """The best point of everything with these prior standard deviations, and χ²/dof there (at least 1)."""

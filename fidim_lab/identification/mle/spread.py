@@ -21,16 +21,17 @@ PART = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """The sum of squares near the optimum as a function of the shared parameters, prior included."""
+    """The sum of squares near the optimum as a function of the shared parameters."""
 
     information: Float[np.ndarray, "shared shared"]
     gradient: Float[np.ndarray, " shared"]
     """half of it"""
 
     @staticmethod
-    def of(tables: Reduced, prior_rows: Float[np.ndarray, "shared s"]) -> "Quadratic":
-        """The sum over windows."""
-        rows = np.vstack([tables[:, :-1].reshape(-1, tables.shape[2]), prior_rows])
+    def of(tables: Reduced, prior_rows: Float[np.ndarray, "shared s"] | None = None) -> "Quadratic":
+        """The sum over windows; of the data alone without rows of a prior."""
+        rows = tables[:, :-1].reshape(-1, tables.shape[2])
+        rows = rows if prior_rows is None else np.vstack([rows, prior_rows])
         return Quadratic(rows[:, :-1].T @ rows[:, :-1], rows[:, :-1].T @ rows[:, -1])
 
     def step(self, free: Bool[np.ndarray, " shared"], held: Float[np.ndarray, " shared"]) -> np.ndarray:

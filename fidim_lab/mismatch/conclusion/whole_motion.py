@@ -34,18 +34,16 @@ from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.say import Say
 from fidim_lab.units import millimetres
 
-OPEN = (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED)
-
 
 def with_whole_motion(
     told: Explanation, campaign: Campaign, mechanism: Mechanism, say: Say, without: Collection[str] = ()
 ) -> Explanation:
-    """The answer of whole windows; as it was where nothing stays open, or where they say no more.
+    """The answer of whole windows to a verdict that leaves something open; as it was where they say no more.
 
     They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
     answer so far leaves of them (sums of squares).
     """
-    if told.verdict not in OPEN or not campaign.of_role(Role.VALIDATE) or _follows(told, campaign.robot):
+    if not campaign.of_role(Role.VALIDATE) or _follows(told, campaign.robot):
         return told
     try:
         outcome = search(campaign, mechanism, say, without)
@@ -138,8 +136,7 @@ def _geometry(outcome: Outcome, exact: WholeModel, sd: np.ndarray) -> Geometry |
     best = outcome.best
     if not best.geometry:
         return None
-    costs = [one.found.journey.optimum.simulation.cost for one in (exact, best)]
-    return told_geometry(Surveyed(best.found, best.geometry, (costs[0] - costs[1]) / outcome.temper), sd)
+    return told_geometry(Surveyed(best.found, best.geometry, (exact.cost - best.cost) / outcome.temper), sd)
 
 
 def _body(model: WholeModel, sd: np.ndarray, robot: Robot) -> dict[str, BodyParameter]:

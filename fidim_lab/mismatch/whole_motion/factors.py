@@ -22,12 +22,8 @@ TYPICAL = {"anchor": TYPICAL_ANCHOR, "attachment": TYPICAL_ATTACHMENT}
 def likeliest_factors(model: WholeModel) -> tuple[float, float]:
     """Of anchors and of attachments, by evidence at the model's optimum and a prior of two thirds within a factor 3."""
     found, terms = model.found, len(model.found.values) - BODY - sum(len(one.sd) for one in model.geometry)
-    rows = found.tables.reshape(-1, found.tables.shape[2])
-    whole = rows.T @ rows
-    cost = found.journey.optimum.simulation.cost
-    values = max(1, round(cost / model.temper))
-    theta = found.values[BODY:] - found.prior.mean[BODY:]
-    problem = Linearised(cost, values, whole[:-1, :-1], whole[:-1, -1], theta)
+    values = max(1, round(model.cost / model.temper))
+    problem = Linearised.of(found.tables, model.cost, values, found.values[BODY:] - found.prior.mean[BODY:])
     before = model.prior_sd[:terms]
 
     def evidence(anchor: float, attachment: float) -> float:

@@ -17,6 +17,7 @@ from fidim_lab.errors import RefusedError
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.held_out import predict_all
 from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.spread import Quadratic
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, ON_THE_WAY, Effort
 from fidim_lab.identification.mle.trajectories.recordings import Recording
 from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
@@ -88,17 +89,26 @@ class WholeModel:
         """Of its terms' θ and its geometry's, before any data."""
         return np.concatenate([prior_of(self.terms), prior_sd(self.geometry)])
 
+    @property
+    def cost(self) -> float:
+        """Sum of squares of fitted windows, by the stated noise."""
+        return self.found.journey.optimum.simulation.cost
+
+    @cached_property
+    def quadratic(self) -> Quadratic:
+        """The data's sum of squares near the optimum; asked for with every comparison."""
+        return Quadratic.of(self.found.tables)
+
     @cached_property
     def temper(self) -> float:
         """Sum of squares for each independent value of what is left, at least 1."""
         values = sum(independent_values(one.residuals) for one in self.found.remainders)
-        return max(1.0, self.found.journey.optimum.simulation.cost / values)
+        return max(1.0, self.cost / values)
 
     def nats(self, temper: float) -> float:
         """Evidence, less what all models of these windows have in common."""
         found = self.found
-        rows = found.tables.reshape(-1, found.tables.shape[2])
-        information = (rows.T @ rows)[:-1, :-1] / temper
+        information = self.quadratic.information / temper
         low, high = found.prior.bounds
         free = (found.values > low) & (found.values < high)
         weight = np.concatenate([np.zeros(BODY), self.prior_sd**-2.0])
@@ -108,15 +118,13 @@ class WholeModel:
         size = np.sqrt(np.diag(inner))
         occam = float(np.linalg.slogdet(inner / np.outer(size, size))[1] + 2 * np.log(size).sum())
         chosen = sum(h.choice for h in self.terms)
-        return -0.5 * (found.journey.optimum.simulation.cost / temper + strain + occam) - chosen
+        return -0.5 * (self.cost / temper + strain + occam) - chosen
 
     def sd(self, temper: float) -> np.ndarray:
         """Standard deviations of all shared parameters that count what is left as it is."""
-        rows = self.found.tables.reshape(-1, self.found.tables.shape[2])
-        information = (rows.T @ rows)[:-1, :-1] / temper
-        prior = np.concatenate([self.found.prior.sd[:BODY], self.prior_sd])
-        information[range(len(information)), range(len(information))] += prior**-2.0
-        return np.sqrt(np.diag(np.linalg.inv(information)))
+        prior = np.diag(np.concatenate([self.found.prior.sd[:BODY], self.prior_sd]) ** -2.0)
+        data = self.quadratic
+        return np.sqrt(np.diag(Quadratic(data.information / temper + prior, data.gradient).covariance))
 
 
 @dataclass(frozen=True, eq=False)

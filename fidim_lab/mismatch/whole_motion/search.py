@@ -148,8 +148,8 @@ class _Steps:
             geometry = tuple(one for one in stated(robot) if one.effect not in inside)
             return self.trial.opened(model, geometry) if geometry else None
         found: WholeModel | None = None
-        factors = likeliest_factors(model) if model.geometry else (10.0, 10.0)  # a centimetre, to begin with
-        for _ in range(2):
+        factors = likeliest_factors(model) if model.geometry else (WHOLE_MOTION.begun, WHOLE_MOTION.begun)
+        for _ in range(WHOLE_MOTION.survey_rounds):
             anchor, attachment = factors
             survey = Survey.alike(robot.n, anchor * TYPICAL_ANCHOR, attachment * TYPICAL_ATTACHMENT)
             geometry = tuple(one for one in nuisances(robot, survey) if one.effect not in inside)

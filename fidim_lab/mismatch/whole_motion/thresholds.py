@@ -20,6 +20,12 @@ class WholeMotionThresholds:
     search leaves, that they may leave"""
     odds: float = 3.0
     """nats: odds of 20, by which a rival must lose to be excluded"""
+    begun: float = 10.0
+    """times a usual survey, a centimetre for anchors, from which an open geometry is found; evidence moves it"""
+    survey_rounds: int = 2
+    """of offsets and of how many times a usual survey they are, in turn"""
+    fewest: int = 3
+    """windows that two models must both predict, before their scatter says anything"""
     tail: float = 0.05
     """chance that windows prefer the one model by accident, below which they prefer it"""
 

@@ -19,10 +19,10 @@ def log_odds(model: WholeModel, than: WholeModel) -> float:
 
 
 def chance(model: WholeModel, than: WholeModel) -> float:
-    """That windows held out prefer `model` over `than` by accident alone (one-sided t of log rms); 1 without three."""
+    """That windows held out prefer `model` by accident alone (one-sided t of log rms); 1 where too few windows tell."""
     both = [id for id in model.held if id in than.held]
     gains = np.array([np.log(than.held[id].rms / model.held[id].rms) for id in both])
-    if len(gains) < 3:
+    if len(gains) < WHOLE_MOTION.fewest:
         return 1.0
     spread = float(gains.std(ddof=1)) / np.sqrt(len(gains))
     return float(student.sf(gains.mean() / spread, len(gains) - 1)) if spread > 0 else float(gains.mean() <= 0)
