@@ -76,7 +76,9 @@ def _told(told: Explanation, outcome: Outcome, campaign: Campaign) -> Explanatio
     effects = tuple(_cause(outcome, k, sd) for k in range(len(best.terms)))
     exact = _exact(outcome)
     geometry = _geometry(outcome, exact, sd)
-    if geometry is not None and (is_wrong(best.geometry, robot) or taken(exact, best) > WHOLE_MOTION.takes):
+    # what the file's own survey leaves open is no cause
+    named = robot.survey is None and (is_wrong(best.geometry, robot) or taken(exact, best) > WHOLE_MOTION.takes)
+    if geometry is not None and named:
         effects = (*effects, geometry_cause(geometry))
     explained = best.held_out < ALL_NOISE * robot.sensors.marker_noise
     verdict = Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED if effects else told.verdict

@@ -1,12 +1,16 @@
 """Whole windows decide where no model reaches the noise: independent values, evidence, what is named, what is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from fidim_lab.data.records import Campaign, Robot
+from fidim_lab.data.records import Campaign, Robot, Survey
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
 from fidim_lab.mismatch.whole_motion.search import Outcome, search
 from fidim_lab.mismatch.whole_motion.weighing import chance, excludes, log_odds, taken
@@ -94,3 +98,16 @@ def test_bodies_lie_within_the_stated_spread(outcome: Outcome, irma4: Robot):
     true = make_world(irma4, np.random.default_rng(7), ()).body.vector
     off = (outcome.best.found.values[:9] - true) / outcome.best.sd(outcome.temper)[:9]
     assert np.sqrt(np.mean(off**2)) < 2.0, off
+
+
+@pytest.mark.slow
+def test_a_survey_that_the_file_states_is_counted_and_no_cause(irma4: Robot):
+    stated = replace(irma4, survey=Survey.alike(irma4.n, 0.02, 0.002))
+    others = {effect.id for effect in catalogue(irma4)} - {"attachment-friction", "air-drag-linear"}
+    campaign = replace(_recorded(irma4, 3, 2.5), robot=stated)
+    rough = Before(9.0, 9.0)
+    open_still = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), rough, rough, (), {}, {}, None, "", 1.0)
+    told = with_whole_motion(open_still, campaign, Mechanism(stated, native=True), lambda _: None, others)
+    assert [cause.id for cause in told.effects] == ["attachment-friction"]
+    assert told.geometry is not None
+    assert "The robot file's survey is counted" in told.message
