@@ -8,11 +8,6 @@ def millimetres(metres: float) -> float:
     return metres * 1e3
 
 
-def metres_from_millimetres(value: float) -> float:
-    """Millimetres (motion capture, drums) to metres."""
-    return value * 1e-3
-
-
 def degrees(radians: float) -> float:
     """Radians to degrees, for showing."""
     return math.degrees(radians)

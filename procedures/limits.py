@@ -17,7 +17,6 @@ from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
-from procedures.nominal_rest import NominalRest
 from procedures.steps import Ask, Lengths, MoveTo, Step, longest_way
 from procedures.steps.excitation import Strokes
 
@@ -28,11 +27,6 @@ SPACING = 0.03
 """m of the longest way between two checked points"""
 SLACK = 0.005
 """part of a tension limit that is forgiven: plans sit on the limit and are rounded to 0.01 mm"""
-
-
-def nominal_statics(robot: Robot) -> Statics:
-    """Tensions at rest by the robot file's nominal body and mass (some 3 ms a call)."""
-    return NominalRest(robot).tensions
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Encoder counts and cable lengths, both ways, through the 32-bit wrap. Pure."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 COUNT_MIN, COUNT_MAX = -(2**31), 2**31 - 1
 _TURN = 2**32
@@ -32,10 +32,6 @@ class LengthScale:
     def of_drum(counts_per_turn: float, drum_radius: float, direction: int, count: int, length: float) -> "LengthScale":
         """The scale of a drum of `drum_radius` (m) that turns once in `counts_per_turn` counts."""
         return LengthScale(counts_per_turn / (2.0 * math.pi * drum_radius), direction, count, length)
-
-    def rehomed(self, count: int, length: float) -> "LengthScale":
-        """The same drum, with `length` (m) known to be the cable length at `count`."""
-        return replace(self, home_count=wrap32(count), home_length=length)
 
     def length(self, count: int) -> float:
         """Cable length (m) at an encoder count."""

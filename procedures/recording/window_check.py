@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fidim_lab.arrays import CableSeries, Mask, Positions, Series
+from fidim_lab.arrays import CableSeries, Mask, Positions, Series, runs
 from procedures.outcomes import Measurement
 from procedures.recording.recorder import Recording
 from procedures.steps import WindowLimits
@@ -51,7 +51,7 @@ def seen_samples(place: Positions) -> Mask:
     """Which samples (N, 3) are measurements: neither blank nor one of FROZEN equal ones in a row."""
     seen = np.array(~np.isnan(place).any(axis=1))
     repeats = np.concatenate([[False], (place[1:] == place[:-1]).all(axis=1)])
-    for begin, end in _runs(repeats):
+    for begin, end in runs(repeats):
         if end - begin + 1 >= FROZEN:
             seen[begin:end] = False
     return seen
@@ -66,14 +66,8 @@ def moving_average(values: Series, count: int) -> Series:
     return np.divide(sums, numbers, out=np.full(len(sums), np.nan), where=numbers > 0)
 
 
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """(begin, end) of each stretch of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def _longest_gap(seen: Mask) -> int:
-    return max((end - begin for begin, end in _runs(~seen)), default=0)
+    return max((end - begin for begin, end in runs(~seen)), default=0)
 
 
 def _largest_jump(markers: np.ndarray, seen: Mask, allowed: float) -> Measurement:

@@ -4,26 +4,11 @@ The kinetic energy of swivel rotors and straight cables depends on the attachmen
 force at A that it takes: m Ä + ṁ Ȧ − ½ ∂(Ȧᵀ m Ȧ)/∂A, and the cable's weight is the gradient of its potential.
 """
 
-from typing import NamedTuple
-
 import casadi as ca
 
 from fidim_lab.data.records import Cable
 from sim_backends.plant.pulley import tangent
 from sim_backends.plant.world import World
-
-
-class Attached(NamedTuple):
-    """What one cable adds at its attachment (world frame)."""
-
-    mass: ca.SX
-    """(3, 3) kg"""
-    bias: ca.SX
-    """(3, 1) N: what it takes besides mass times acceleration"""
-    weight: ca.SX
-    """(3, 1) N: the pull of its weight"""
-    potential: ca.SX
-    """J"""
 
 
 def needs_attached(world: World) -> bool:

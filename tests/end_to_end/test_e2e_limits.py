@@ -7,7 +7,8 @@ import pytest
 
 from fidim_lab.data.records import Plan
 from fidim_lab.errors import InfeasibleError
-from procedures.limits import Workspace, nominal_statics
+from procedures.limits import Workspace
+from procedures.nominal_rest import NominalRest
 from procedures.protocols import catalogue
 from procedures.settings import MotionSettings
 
@@ -59,7 +60,7 @@ def test_nothing_reaches_a_drive_and_no_folder_is_made(scene, rehearsal):
     experiment = catalogue.experiment("identify", scene.two, scene.robot, scene.short())
     limits = replace(scene.robot.limits, tension=(20.0, 65.0))
     strict = replace(scene.robot, limits=limits)
-    experiment = replace(experiment, workspace=Workspace(strict, nominal_statics(strict)))
+    experiment = replace(experiment, workspace=Workspace(strict, NominalRest(strict).tensions))
     frames = []
     rehearsal.at("", lambda stage: stage.rig.transport.tap(frames.append))
     with pytest.raises(InfeasibleError, match=r"window i01.*cable 1 would have 73\.\d N.*20 to 65 N is allowed"):
@@ -72,7 +73,7 @@ def test_a_robot_that_stands_where_no_safe_way_begins_is_not_moved(scene, rehear
     """The plan is fine, but not the way from where the robot happens to be."""
 
     def narrow(lengths):
-        tensions = np.array(nominal_statics(scene.robot)(lengths))
+        tensions = np.array(NominalRest(scene.robot).tensions(lengths))
         return tensions if lengths[0] < 1.32 else tensions * 10.0  # where it stands now is out of bounds
 
     experiment = catalogue.experiment("identify", rehearsal.plan, scene.robot, scene.short(), statics=narrow)

@@ -10,7 +10,8 @@ from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
-from procedures.limits import Workspace, check_moves, find_route, nominal_statics
+from procedures.limits import Workspace, check_moves, find_route
+from procedures.nominal_rest import NominalRest
 from procedures.protocols import catalogue
 from procedures.protocols.identify import identify
 from procedures.protocols.listing import Outline
@@ -79,7 +80,7 @@ def test_no_way_is_refused_with_what_stands_in_it(walled):
 def test_few_windows_get_a_detour_through_the_workspace(irma4):
     """With only these two windows no planned equilibrium leads around; a place between them does."""
     two = [TABLE_2[3], TABLE_2[4]]
-    workspace = Workspace(irma4, nominal_statics(irma4))
+    workspace = Workspace(irma4, NominalRest(irma4).tensions)
     sets = [tuple(float(v) for v in row) for row in two]
     rests = [pose_from_lengths(Mechanism(irma4), irma4.nominal, row).pose.position for row in two]
     plan = Plan("two", tuple(PlannedWindow(f"i{k}", Role.IDENTIFY, two[k], np.zeros(2), rests[k]) for k in range(2)))
@@ -151,7 +152,7 @@ def test_no_equilibrium_is_refused_with_the_models_sentence(irma4):
 def test_table_2_is_feasible_by_a_detour_that_the_nominal_model_asks_for(irma4):
     """The straight way from k = 4 to k = 5 leaves 20 N (a separate solver found 5.9 N); all others are free."""
     sets = [tuple(float(v) for v in row) for row in TABLE_2]
-    workspace = Workspace(irma4, nominal_statics(irma4))
+    workspace = Workspace(irma4, NominalRest(irma4).tensions)
     wrong = [k for k, (a, b) in enumerate(itertools.pairwise(sets), start=1) if workspace.between(a, b)]
     assert wrong == [4]
     moves = [s for s in Outline(partial(identify, plan_of(*sets), irma4)).steps if isinstance(s, MoveTo)]

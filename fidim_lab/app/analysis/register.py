@@ -1,6 +1,5 @@
 """`fidim register`: where capture frame, markers and encoders stand against the robot file, told and put right."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
@@ -41,8 +41,7 @@ def register_command(folders: Sequence[Path], out: Path, json_file: Path | None)
         robot = registered_robot(campaigns[0].robot, found.best.placement)
         write_robot(out, robot, comment=f"Registered by fidim register from {', '.join(map(str, folders))}.")
         console.out.print(f"Robot file  {out}", markup=False)
-    if json_file is not None:
-        json_file.write_text(json.dumps(to_json(found), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_answer(json_file, "fidim-registration/1", to_json(found))
     return 0 if good else 1
 
 
@@ -128,7 +127,6 @@ def to_json(found: Registered) -> dict[str, object]:
     """The format "fidim-registration/1", SI."""
     best, place = found.best, found.best.placement
     return {
-        "format": "fidim-registration/1",
         "free": found.free.says,
         "chi2_per_dof": best.chi2_per_dof,
         "instants": found.samples,

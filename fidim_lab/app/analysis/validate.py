@@ -1,6 +1,5 @@
 """`fidim validate`: do identified parameters predict windows that they were not found from? Fig. 3, and more."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -8,11 +7,11 @@ from time import perf_counter
 import numpy as np
 from rich.table import Table
 
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
-from fidim_lab.errors import SetupError
 from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
 from fidim_lab.identification.motion.recipe import BEST, PAPER
 from fidim_lab.identification.results.result import IdentificationResult
@@ -52,8 +51,7 @@ def validate_command(options: ValidateOptions) -> int:
     with Working("predicting each window from its initial state", windows_of(options.campaign)):
         found = run_validate(campaign, given, limit=options.limit, **how)
     console.warn(_doubts(campaign, given))
-    if options.json_file is not None:
-        _write(options.json_file, to_json(campaign, given, found, perf_counter() - begin))
+    write_answer(options.json_file, FORMAT, to_json(campaign, given, found, perf_counter() - begin))
     console.out.print(table(found, given.sigma_W))
     console.out.print(f"{found.message} Rule: {found.rule.sentence}.", markup=False)
     return 0 if found.predicts else 1
@@ -119,7 +117,6 @@ def table(found: CrossValidation, sigma_W: float | None) -> Table:
 def to_json(campaign: Campaign, given: ResultTable, found: CrossValidation, seconds: float) -> dict[str, object]:
     """What --json writes, "fidim-validation/1" (docs/validate.md)."""
     return {
-        "format": FORMAT,
         "campaign": campaign.name,
         "parameters_from": given.campaign,
         "method": given.method,
@@ -153,13 +150,6 @@ def _doubts(campaign: Campaign, given: ResultTable) -> list[str]:
         return []
     names = ", ".join(name for name, differs in zip(PARAMETER_NAMES, off, strict=True) if differs)
     return [f"the parameters were identified with other nominal values ({names}): is it the same robot?"]
-
-
-def _write(path: Path, content: dict[str, object]) -> None:
-    try:
-        path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise SetupError(f"--json {path}: cannot be written ({error.strerror}).") from error
 
 
 def _bar(window: Judged) -> str:

@@ -1,14 +1,10 @@
 """Checks of `fidim doctor`: what one is, and how they are shown to a person and to a program."""
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 from rich.table import Table
-
-from fidim_lab.errors import SetupError
 
 
 class Verdict(StrEnum):
@@ -45,17 +41,6 @@ class Check:
     wanted: str = ""
     device: str = ""
     """of a rig: which of its devices"""
-
-
-def write_checks(path: Path, checks: Sequence[Check]) -> None:
-    """Write "fidim-doctor/1". Raises SetupError where the file cannot be written."""
-    text = json.dumps({"format": "fidim-doctor/1", "checks": [asdict(c) for c in checks]}, indent=1, ensure_ascii=False)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise SetupError(
-            f"--json {path}: cannot be written ({error.strerror}).", hint="Choose another file."
-        ) from error
 
 
 def make_table(checks: Sequence[Check]) -> Table:

@@ -6,12 +6,13 @@ import socket
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 
-from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict, make_table, summary, write_checks
+from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict, make_table, summary
 from fidim_lab.app.doctor.permissions_doctor import check_permissions
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.robot_file import read_robot
@@ -64,8 +65,7 @@ def doctor_command(
     console.out.print(make_table(checks))
     if robot is not None:
         _draw(robot, picture)
-    if json_file is not None:
-        write_checks(json_file, checks)
+    write_answer(json_file, "fidim-doctor/1", {"checks": [asdict(check) for check in checks]})
     wrong = [check for check in checks if check.verdict.wrong]
     unproven = sum(check.advice == BY_TRIAL for check in checks if not check.verdict.wrong)
     console.out.print(summary(checks, wrong), markup=False)

@@ -14,7 +14,7 @@ def write_answer(path: Path | None, form: str, table: Mapping[str, object]) -> N
         return
     part = path.with_name(f"{path.name}.part")
     try:
-        part.write_text(json.dumps({"format": form, **table}, indent=1) + "\n", encoding="utf-8")
+        part.write_text(json.dumps({"format": form, **table}, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         part.replace(path)
     except OSError as error:
         what = f"--json {path}: cannot be written: {error.strerror or error}."

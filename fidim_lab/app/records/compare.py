@@ -1,6 +1,5 @@
 """`fidim compare A B`: two sessions side by side. `comparison` computes, `compare_command` prints and writes."""
 
-import json
 from pathlib import Path
 
 from rich.console import Group, RenderableType
@@ -8,13 +7,15 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.compare_sessions import read_session
 from fidim_lab.app.records.comparison import Comparison, compared
 from fidim_lab.app.report.numerals import short
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working
-from fidim_lab.errors import FileError
 from fidim_lab.units import millimetres
+
+FORMAT = "fidim-comparison/1"
 
 
 def compare_command(first: Path, second: Path, json_file: Path | None, report: Path | None) -> int:
@@ -24,8 +25,7 @@ def compare_command(first: Path, second: Path, json_file: Path | None, report: P
     """
     with Working("identifying two sessions"):
         found = compared(read_session(first), read_session(second))
-    if json_file is not None:
-        _written(json_file, json.dumps(found.table, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+    write_answer(json_file, FORMAT, found.table)
     console.out.print(summary(found))
     if report is not None:
         from fidim_lab.app.report.compare_page import write_compare_page
@@ -78,10 +78,3 @@ def window_table(found: Comparison) -> Table:
 def _columns(table: Table, *names: str) -> None:
     for index, name in enumerate(names):
         table.add_column(name, justify="left" if index == 0 else "right")
-
-
-def _written(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FileError(path, "", f"cannot be written: {error.strerror}") from None

@@ -68,9 +68,8 @@ class Comparison:
 
     @property
     def table(self) -> dict[str, object]:
-        """As "fidim-comparison/1"."""
+        """As "fidim-comparison/1", without its format."""
         return {
-            "format": "fidim-comparison/1",
             "a": _side(self.a),
             "b": _side(self.b),
             "parameters": {

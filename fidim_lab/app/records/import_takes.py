@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.import_logs import logged
 from fidim_lab.app.records.import_poses import pose_take
 from fidim_lab.app.terminal import console
@@ -52,8 +53,7 @@ def import_takes_command(groups: Sequence[Takes], out: Path, json_file: Path | N
         found = tuple(find_windows(group))
         reports.append(_write(group, found, folder))
         _print(group, found, folder)
-    if json_file is not None:
-        json_file.write_text(json.dumps({"format": FORMAT, "campaigns": reports}, indent=1) + "\n", encoding="utf-8")
+    write_answer(json_file, FORMAT, {"campaigns": reports})
     return 0 if all(report["windows"] for report in reports) else 1
 
 

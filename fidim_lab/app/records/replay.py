@@ -7,7 +7,6 @@ of a field problem have become a test.
 
 import asyncio
 import heapq
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
@@ -23,6 +22,7 @@ from drivers.mocap.packet_log import Packet, read_packets
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import MarkerFrame, WinchSample
 from drivers.recorded import RecordedBus, RecordedClock, RecordedFeed
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.formats.devices_file import DEVICES, Devices, read_devices
 from fidim_lab.app.records.replay_windows import Expected, expected_of
 from fidim_lab.app.terminal import console
@@ -60,9 +60,7 @@ class Replayed:
 def replay_command(folder: Path, speed: float, json_file: Path | None) -> int:
     """Replay and say whether it agrees; 0 or 1. Raises FileError where something that is needed is missing or wrong."""
     found = asyncio.run(replay(folder, speed))
-    if json_file is not None:
-        table = {**asdict(found), "format": FORMAT, "agrees": found.first is None, "first": found.first}
-        json_file.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    write_answer(json_file, FORMAT, {**asdict(found), "agrees": found.first is None, "first": found.first})
     console.out.print(f"replayed    {found.frames} CAN frames, {found.packets} motion-capture packets", markup=False)
     console.out.print(
         f"compared    {found.samples} winch samples, {found.markers} marker frames of {len(found.windows)} recordings",

@@ -1,9 +1,9 @@
 """`fidim verify`: is a run's folder what it was when the run ended? Every file is held against the manifest."""
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.formats.manifest import FileEntry, Manifest, Software, file_entries, read_manifest, software
 from fidim_lab.app.terminal import console
 from fidim_lab.say import printable
@@ -48,9 +48,7 @@ def verify(folder: Path) -> Verification:
 def verify_command(folder: Path, json_file: Path | None) -> int:
     """Verify and say what is wrong, file by file; 0 intact, 1 not. Raises FileError (2) where there is no manifest."""
     found = verify(folder)
-    if json_file is not None:
-        table = {"format": FORMAT, "folder": folder.name, "intact": found.intact, **asdict(found)}
-        json_file.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    write_answer(json_file, FORMAT, {"folder": folder.name, "intact": found.intact, **asdict(found)})
     for what, names in (("changed", found.changed), ("missing", found.missing), ("extra", found.extra)):
         for name in names:
             console.out.print(f"{what:8} {printable(name)}", markup=False)

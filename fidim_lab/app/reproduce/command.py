@@ -12,8 +12,9 @@ from time import perf_counter
 import numpy as np
 
 from fidim_lab.app import compose
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.reproduce import tables
-from fidim_lab.app.reproduce.file import write
+from fidim_lab.app.reproduce.file import FORMAT, to_json
 from fidim_lab.app.reproduce.words import sentences
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working
@@ -50,8 +51,7 @@ def reproduce_command(options: ReproduceOptions) -> int:
         raise SetupError(f"--seed {options.seed}: a seed is a whole number from 0 on.")
     with Working("reproducing the paper's experiment") as status:
         found = reproduce(options, status.update)
-    if options.json_file is not None:
-        write(options.json_file, found)
+    write_answer(options.json_file, FORMAT, to_json(found))
     for shown in tables.everything(found):
         console.out.print(shown)
     for sentence in sentences(found):

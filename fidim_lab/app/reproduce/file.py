@@ -1,31 +1,17 @@
 """`fidim reproduce --json`: "fidim-reproduction/1" (docs/reproduce.md)."""
 
-import json
-from pathlib import Path
-
 from fidim_lab.app.reproduce.words import sentences
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
-from fidim_lab.errors import SetupError
 from fidim_lab.identification.reproduction import Places, Reading, Reproduction, essential_difference
 
 FORMAT = "fidim-reproduction/1"
-
-
-def write(path: Path, found: Reproduction) -> None:
-    """Write the file. Raises SetupError where that is impossible."""
-    text = json.dumps(to_json(found), indent=1, allow_nan=False, ensure_ascii=False)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise SetupError(f"--json {path}: cannot be written ({error.strerror}).") from error
 
 
 def to_json(found: Reproduction) -> dict[str, object]:
     """Everything that is printed, and the noise-free identification of Table 2; what is unknown is null."""
     free = found.random.free
     return {
-        "format": FORMAT,
         "marker_noise": found.noise,
         "truth": _named(paper.FREE.values.tolist()),
         "eq46": {"paper": _published(paper.FREE), **_readings(found, 46)},

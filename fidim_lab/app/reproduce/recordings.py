@@ -7,9 +7,10 @@ from time import perf_counter
 
 import numpy as np
 
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.import_takes import find_windows
 from fidim_lab.app.reproduce import recordings_words
-from fidim_lab.app.reproduce.recordings_file import write
+from fidim_lab.app.reproduce.recordings_file import FORMAT, to_json
 from fidim_lab.app.reproduce.recordings_tables import everything
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working
@@ -90,8 +91,7 @@ def reproduce_recordings_command(folder: Path, json_file: Path | None) -> int:
     """Compute, print, write; returns the exit code. Raises FileError or SetupError for a folder of another kind."""
     with Working("reproducing from recordings") as status:
         found = reproduce_recordings(folder, status.update)
-    if json_file is not None:
-        write(json_file, found)
+    write_answer(json_file, FORMAT, to_json(found))
     for table in everything(found):
         console.out.print(table)
     for sentence in recordings_words.sentences(found):

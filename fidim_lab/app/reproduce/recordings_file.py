@@ -1,7 +1,5 @@
 """`fidim reproduce --recordings --json`: "fidim-recordings-reproduction/1" (docs/reproduce.md)."""
 
-import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +7,6 @@ import numpy as np
 from fidim_lab.app.reproduce.recordings_words import sentences
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
-from fidim_lab.errors import SetupError
 from fidim_lab.identification.papers_takes import Identified
 
 if TYPE_CHECKING:
@@ -18,19 +15,9 @@ if TYPE_CHECKING:
 FORMAT = "fidim-recordings-reproduction/1"
 
 
-def write(path: Path, found: "FromRecordings") -> None:
-    """Write the file. Raises SetupError where that is impossible."""
-    text = json.dumps(to_json(found), indent=1, allow_nan=False, ensure_ascii=False)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise SetupError(f"--json {path}: cannot be written ({error.strerror}).") from error
-
-
 def to_json(found: "FromRecordings") -> dict[str, object]:
     """Everything that is printed."""
     return {
-        "format": FORMAT,
         "eq46": {"paper": _printed(paper.FREE), "its_data": _identified(found.free, found.free.solution.percent)},
         "eq47": {"paper": _printed(paper.FULL), "its_data": _identified(found.full, found.full.printed_percent)},
         "eq49": {"paper": paper.ESSENTIAL_DIFFERENCE.tolist(), "its_data": found.difference.tolist()},

@@ -1,6 +1,5 @@
 """`fidim tension-calibrate`: gain, offset and friction band of each winch from a campaign, ready for the rig file."""
 
-import json
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import ROBOT, read_campaign
 from fidim_lab.data.robot_file import read_robot
@@ -42,9 +42,8 @@ def tension_calibrate_command(campaign: Path, json_file: Path | None) -> int:
         "1 % of mass is 1 % of gain",
         markup=False,
     )
-    if json_file is not None:
-        winches = [{k: _finite(v) for k, v in asdict(winch).items()} for winch in found]
-        json_file.write_text(json.dumps({"format": FORMAT, "winches": winches}, indent=1) + "\n", encoding="utf-8")
+    winches = [{k: _finite(v) for k, v in asdict(winch).items()} for winch in found]
+    write_answer(json_file, FORMAT, {"winches": winches})
     return 1 if any(winch.problem for winch in found) else 0
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fidim_lab.data.records import Cable, Campaign, Robot
+from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.survey import EXACT, Nuisance, nuisances, typical
 from fidim_lab.units import millimetres
@@ -163,8 +163,3 @@ def _refuse_masses(campaigns: Sequence[Campaign]) -> None:
                 f"{campaign.name}; one body has one mass.",
                 hint="Identify campaigns of other loads apart, or correct the robot file.",
             )
-
-
-def cable_name(cable: Cable, number: int) -> str:
-    """What a cable is called, for people."""
-    return cable.name or str(number)

@@ -90,5 +90,4 @@ def test_one_turn_of_the_drum() -> None:
     scale = LengthScale.of_drum(20000.0, 0.03, 1, 500, 1.5)
     assert scale.length(20500) == pytest.approx(1.5 + 2.0 * math.pi * 0.03)
     assert scale.velocity(-20000) == pytest.approx(-2.0 * math.pi * 0.03)
-    assert scale.rehomed(100, 0.7).length(100) == 0.7
     assert scale.magnitude(-1e-9) == 1
