@@ -4,6 +4,7 @@ export OPENBLAS_NUM_THREADS = 1
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
+TOOLS := .venv/.tools
 # What pip says, in few words: a name for each package that it fetches; errors go past it.
 TICKS := awk '/^Collecting/ {n++; printf "\r  %3d  %-50.50s", n, $$2; fflush()} /^Installing/ {printf "\r  installing …%-50s\n", ""; fflush()}'
 
@@ -12,26 +13,32 @@ TICKS := awk '/^Collecting/ {n++; printf "\r  %3d  %-50.50s", n, $$2; fflush()} 
 install: $(STAMP)
 
 $(STAMP): requirements.lock pyproject.toml
-	@echo "Setting up .venv with $$(grep -c == requirements.lock) packages, some 400 MB: one to five minutes, once."
+	@echo "Setting up .venv with $$(grep -c == requirements.lock) packages, 230 MB to fetch: one to five minutes, once."
 	@$(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements.lock | $(TICKS)
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	@$(BIN)/python -m pip check --quiet && touch $(STAMP) && echo "Installed: $$($(BIN)/fidim --version). Next: $(BIN)/fidim --help"
 
+# What tests, types and lint need beside it; the lock of both, so that what is installed stays as it is.
+$(TOOLS): tests/requirements.lock $(STAMP)
+	@echo "Adding the tools of make test and make check, of $$(grep -c == tests/requirements.lock) packages in all."
+	@$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r tests/requirements.lock | $(TICKS)
+	@$(BIN)/python -m pip check --quiet && touch $(TOOLS)
+
 dry-run: install
 	$(BIN)/fidim dry-run
 
-test: install check
+test: check
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
-check: install
+check: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/basedpyright
 
 # Against what others wrote: what does not install here is skipped, with the reason.
-peers: install
+peers: $(TOOLS)
 	test -x build/peers/python/bin/python || $(PYTHON) -m venv build/peers/python
 	-for peer in numpy motioncapture==1.1 qtm-rt==3.1.0 natnet==0.3.0; do \
 	    build/peers/python/bin/python -m pip install --quiet $$peer; done
@@ -41,18 +48,18 @@ peers: install
 	$(BIN)/python -m pytest -m peer -rs
 
 # The long ones: whole campaigns, real processes, Monte Carlo.
-bench: install
+bench: $(TOOLS)
 	$(BIN)/python -m pytest -m slow --durations=0
 	$(BIN)/python -m benchmarks.safety --runs 1000
 	rm -rf build/sealed
 	$(BIN)/fidim benchmark explain --campaigns 6 --equilibria 6 --validate 3 --out build/sealed
 
-# The lock names versions and hashes, never an index; needs uv (pip install uv).
+# The locks name versions and hashes, never an index; needs uv (pip install uv). Tests run on what users run.
+LOCK := uv pip compile --universal --generate-hashes --no-annotate --no-header --no-emit-index-url --no-emit-find-links
 lock:
-	uv pip compile pyproject.toml --group dev --universal --generate-hashes --no-annotate --no-header \
-	    --no-emit-index-url --no-emit-find-links -o requirements.lock
-	uv pip compile --group pyproject.toml:docs --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-	    --no-emit-index-url --no-emit-find-links -o docs/requirements.lock
+	$(LOCK) pyproject.toml --group build -o requirements.lock
+	$(LOCK) pyproject.toml --group dev -c requirements.lock -o tests/requirements.lock
+	$(LOCK) --group pyproject.toml:docs --python-version 3.11 -o docs/requirements.lock
 
 outputs: install
 	$(BIN)/python docs/outputs.py
