@@ -14,8 +14,8 @@ import fidim_lab.data.robots as robots
 from benchmarks.page import meanwhile as told_meanwhile
 from benchmarks.page import spent, table, write_section
 from benchmarks.rehearsal import Rehearsal
-from drivers.cia402.machine import Command
-from drivers.cia402.words import controlword
+from drivers.cia402.profile.machine import Command
+from drivers.cia402.profile.words import controlword
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import read_robot
 

@@ -12,10 +12,9 @@ import numpy as np
 
 from benchmarks.bus.devices import MARKERS, simulated_drives, winch_config
 from benchmarks.page import table
-from drivers.cia402.cyclic import make_winch
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
-from drivers.cia402.words import Mode
+from drivers.cia402.motion import Cia402Winch, make_winch
+from drivers.cia402.profile import Mode
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.mocap.clock_fit import ClockFit, fit_clock
 from drivers.mocap.source import StreamMarkerSource

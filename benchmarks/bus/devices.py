@@ -21,8 +21,8 @@ import can
 import numpy as np
 
 from drivers.canbus.transport import CanFrame
-from drivers.cia402.config import GENERIC_EDS, WinchConfig
-from drivers.cia402.words import Mode
+from drivers.cia402.dictionary import GENERIC_EDS, WinchConfig
+from drivers.cia402.profile import Mode
 from drivers.clock import LoopClock, precise_loop
 from sim_backends.can_node import Outgoing
 from sim_backends.drive.eds import read_eds

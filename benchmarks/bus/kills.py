@@ -23,9 +23,9 @@ import numpy as np
 from benchmarks.bus.devices import NODES, Witness, simulated_drives, winch_config
 from benchmarks.page import table
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.cyclic import make_winch
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.words import Mode
+from drivers.cia402.motion import make_winch
+from drivers.cia402.profile import Mode
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock, precise_loop
 from fidim_lab.errors import DeviceError
 from sim_backends.drive.machine import State

@@ -23,8 +23,8 @@ from benchmarks.rig_processes import free_port
 from drivers.canbus.candump import CandumpLog
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame, CanTransport
-from drivers.cia402.cyclic import CyclicWinch
-from drivers.cia402.master import CanopenMaster
+from drivers.cia402.motion.cyclic import CyclicWinch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock, precise_loop
 from drivers.mocap.feeds import UdpFeed
 from drivers.mocap.source import StreamMarkerSource

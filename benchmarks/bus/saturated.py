@@ -17,7 +17,7 @@ from benchmarks.page import table
 from drivers.canbus.candump import CandumpLog, read_candump
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
-from drivers.cia402.master import CanopenMaster
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock, precise_loop
 
 SYNC = 250.0

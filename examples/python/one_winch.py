@@ -9,9 +9,9 @@ import sys
 
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanTransport
-from drivers.cia402.config import WinchConfig
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 
 WINCH = WinchConfig(

@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.cia402.config import GENERIC_EDS, WinchConfig
-from drivers.cia402.family import DriveFamily
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.trials import WinchTrials
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import GENERIC_EDS, DriveFamily, WinchConfig
+from drivers.cia402.motion import Cia402Winch, WinchTrials
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState, MarkerFrame, Rig, Trial
 from fidim_lab.data.records import Plan, PlannedWindow, Role

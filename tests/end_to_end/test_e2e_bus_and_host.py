@@ -5,8 +5,8 @@ import threading
 
 import pytest
 
-from drivers.cia402.machine import Command
-from drivers.cia402.words import controlword
+from drivers.cia402.profile.machine import Command
+from drivers.cia402.profile.words import controlword
 from sim_backends.bus_faults import FrameRule
 from sim_backends.drive.machine import State
 

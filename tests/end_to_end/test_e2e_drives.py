@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.cia402.machine import Command
-from drivers.cia402.words import controlword
+from drivers.cia402.profile.machine import Command
+from drivers.cia402.profile.words import controlword
 from fidim_lab.app.compose import simulated
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Kind

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drivers.canbus.transport import CanFrame
-from drivers.cia402.nmt import NmtCommand
+from drivers.cia402.wire.nmt import NmtCommand
 from procedures.events import RunFinished
 from procedures.guards.held_watch import watch_held
 from procedures.recording.journal import Kind

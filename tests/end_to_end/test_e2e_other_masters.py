@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from drivers.cia402.config import GENERIC_EDS
+from drivers.cia402.dictionary import GENERIC_EDS
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.machine import State
 from sim_backends.drive.node import SimulatedDrive

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drivers.canbus.candump import read_candump
-from drivers.cia402.family import read_family
+from drivers.cia402.dictionary import read_family
 from drivers.mocap.packet_log import read_packets
 from fidim_lab.app.formats.devices_file import read_devices
 from fidim_lab.app.formats.manifest import read_manifest

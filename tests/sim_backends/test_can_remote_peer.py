@@ -18,9 +18,9 @@ import can
 import pytest
 
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import GENERIC_EDS, WinchConfig
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import GENERIC_EDS, WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState, WinchSample
 from sim_backends.drive.eds import read_eds

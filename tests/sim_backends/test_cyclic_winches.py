@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cia402.config import WinchConfig
-from drivers.cia402.cyclic import CyclicWinch, make_winch
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.modes import home_here, jog, switch_mode
-from drivers.cia402.scale import wrap32
-from drivers.cia402.winch import Cia402Winch
-from drivers.cia402.words import Mode
+from drivers.cia402.dictionary import WinchConfig
+from drivers.cia402.motion import Cia402Winch, make_winch
+from drivers.cia402.motion.cyclic import CyclicWinch
+from drivers.cia402.motion.modes import home_here, jog, switch_mode
+from drivers.cia402.profile import Mode
+from drivers.cia402.profile.scale import wrap32
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError, RefusedError, SetupError
@@ -23,7 +23,7 @@ from sim_backends.drive.shaft import DrumShaft
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
 
-EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "eds" / "generic_cia402.eds"
+EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"
 COUNTS = 40_000 / (2 * np.pi * 0.03)
 """a metre"""
 clock = LoopClock()

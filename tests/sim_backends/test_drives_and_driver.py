@@ -8,9 +8,9 @@ import can
 import pytest
 
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import WinchConfig
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
@@ -21,7 +21,7 @@ from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
 from sim_backends.served_bus import ServedBus
 
-EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "eds" / "generic_cia402.eds"
+EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"
 clock = LoopClock()
 
 

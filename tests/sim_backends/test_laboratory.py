@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cia402.config import GENERIC_EDS
+from drivers.cia402.dictionary import GENERIC_EDS
 from fidim_lab.data.records import Robot
 from sim_backends.drive.profile import ShaftMotion, standing
 from sim_backends.laboratory import DrumGeometry, Laboratory

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.cia402.config import Load, WinchConfig
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import Load, WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from fidim_lab.errors import SetupError
 from sim_backends.drive.eds import read_eds
@@ -17,7 +17,7 @@ from sim_backends.drive.shaft import DrumShaft
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
 
-EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "eds" / "generic_cia402.eds"
+EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"
 clock = LoopClock()
 
 

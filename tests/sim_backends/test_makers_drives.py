@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from drivers.cia402.config import Load, WinchConfig
-from drivers.cia402.cyclic import make_winch
-from drivers.cia402.family import FOLDER, read_family
-from drivers.cia402.fitted import by_file, fitted
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.requirements import REQUIREMENTS, Met, Proof, Trial
-from drivers.cia402.words import Mode
+from drivers.cia402.dictionary import Load, Met, Proof, WinchConfig, read_family
+from drivers.cia402.dictionary.family import FOLDER
+from drivers.cia402.dictionary.fitted import by_file, fitted
+from drivers.cia402.dictionary.requirements import REQUIREMENTS, Trial
+from drivers.cia402.motion import make_winch
+from drivers.cia402.profile import Mode
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.app.compose.simulators import make_of

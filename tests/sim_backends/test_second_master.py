@@ -19,7 +19,7 @@ from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.shaft import DrumShaft
 from sim_backends.served_bus import ServedBus
 
-EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "eds" / "generic_cia402.eds"
+EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"
 NODE = 5
 PATIENCE = 10.0
 """s: both ends are threads of one busy process"""

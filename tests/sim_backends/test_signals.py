@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.cia402.brake import brake_applied, set_brake
-from drivers.cia402.config import GENERIC_EDS, WinchConfig
-from drivers.cia402.inspection import Standing, inspect
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.modes import pull_taut
-from drivers.cia402.signals import Signal
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.bring_up import Standing, inspect
+from drivers.cia402.dictionary import GENERIC_EDS, WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.motion.modes import pull_taut
+from drivers.cia402.profile import Signal
+from drivers.cia402.watch import CanopenMaster, set_brake
+from drivers.cia402.watch.brake import brake_applied
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError, RefusedError

@@ -1,7 +1,7 @@
 """Somebody else on the bus: a second program, a vendor's tool, a drive of the same id."""
 
 from benchmarks.safety.kinds import ANY, POWERED, RESTING, Draw, Fault, When, kind, mm
-from drivers.cia402.config import GENERIC_EDS
+from drivers.cia402.dictionary import GENERIC_EDS
 from sim_backends.drive.eds import read_eds
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.shaft import DrumShaft

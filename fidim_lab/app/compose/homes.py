@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
-from drivers.cia402.winch import Cia402Winch
-from drivers.cia402.zero import Zeroed
+from drivers.cia402.bring_up import Zeroed
+from drivers.cia402.motion import Cia402Winch
 from drivers.ports import Clock
 from fidim_lab.data.rigs.home_file import write_homes
 from fidim_lab.data.rigs.rig import RigFile, WinchHome

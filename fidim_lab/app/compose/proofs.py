@@ -5,9 +5,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from drivers.cia402.config import WinchConfig
-from drivers.cia402.requirements import Proof
-from drivers.cia402.settings import stop_settings
+from drivers.cia402.dictionary import Proof, WinchConfig, stop_settings
 from drivers.ports import Disk, Trial
 from fidim_lab.data.rigs.proof_file import NAME, KeptProof, proofs_path, read_proofs, with_newer, write_proofs
 from fidim_lab.data.rigs.rig import RigFile

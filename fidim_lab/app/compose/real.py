@@ -9,12 +9,10 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import WinchConfig
-from drivers.cia402.cyclic import make_winch
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.takeover import refuse_other_master
-from drivers.cia402.trials import WinchTrials
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.bring_up import refuse_other_master
+from drivers.cia402.dictionary import WinchConfig
+from drivers.cia402.motion import Cia402Winch, WinchTrials, make_winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import Clock, Operator, Rig

@@ -12,9 +12,9 @@ import numpy as np
 
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanTransport
-from drivers.cia402.config import TemperatureObject, WinchConfig
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import TemperatureObject, WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.mocap.feeds import ByteFeed, UdpFeed
 from drivers.mocap.source import StreamMarkerSource

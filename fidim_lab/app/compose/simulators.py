@@ -14,8 +14,7 @@ import can
 import numpy as np
 
 from drivers.canbus.transport import CanFrame
-from drivers.cia402.config import GENERIC_EDS, WinchConfig
-from drivers.cia402.family import AmpereObject
+from drivers.cia402.dictionary import GENERIC_EDS, AmpereObject, WinchConfig
 from drivers.clock import LoopClock
 from fidim_lab.app.compose.simulated import GRAIN, simulated_world
 from fidim_lab.app.compose.simulated_motion_capture import MocapSender, as_cameras_see, mocap_sender

@@ -4,11 +4,18 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from drivers.cia402.config import GENERIC_EDS, Load, StopReactions, StoredZero, TemperatureObject, WinchConfig
-from drivers.cia402.family import DriveFamily, family_path, read_family
-from drivers.cia402.fitted import fitted
-from drivers.cia402.signals import Signal
-from drivers.cia402.words import Mode
+from drivers.cia402.dictionary import (
+    GENERIC_EDS,
+    DriveFamily,
+    Load,
+    TemperatureObject,
+    WinchConfig,
+    family_path,
+    read_family,
+)
+from drivers.cia402.dictionary.config import StopReactions, StoredZero
+from drivers.cia402.dictionary.fitted import fitted
+from drivers.cia402.profile import Mode, Signal
 from fidim_lab.app.compose.proofs import held_proofs
 from fidim_lab.data.rigs.rig import RigFile, WinchEntry
 from fidim_lab.errors import SetupError

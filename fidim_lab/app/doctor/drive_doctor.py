@@ -7,10 +7,9 @@ which its EDS file could not have been read.
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from drivers.cia402.config import Load, WinchConfig
-from drivers.cia402.family import GENERIC_FAMILY, DriveFamily, family_path, read_family
-from drivers.cia402.fitted import by_file
-from drivers.cia402.requirements import Graded, Met
+from drivers.cia402.dictionary import DriveFamily, Graded, Load, Met, WinchConfig, family_path, read_family
+from drivers.cia402.dictionary.family import GENERIC_FAMILY
+from drivers.cia402.dictionary.fitted import by_file
 from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict
 from fidim_lab.data.eds import EdsFile, Repair, read_dictionary
 

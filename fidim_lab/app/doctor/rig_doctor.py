@@ -11,12 +11,11 @@ from collections import Counter
 from drivers.canbus.load import MAX_LOAD
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
-from drivers.cia402 import zero
-from drivers.cia402.bringup import graded
-from drivers.cia402.inspection import Inspected, Standing, inspect
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.strangers import Strangers
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.bring_up import MEANING as ZERO
+from drivers.cia402.bring_up import Inspected, Standing, graded, inspect
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
+from drivers.cia402.wire import Strangers
 from drivers.clock import LoopClock
 from drivers.ports import Clock
 from fidim_lab.app import compose
@@ -36,7 +35,6 @@ from .place_doctor import check_place
 LISTEN = 1.0
 """s; ten heartbeats of a drive that another master has set up"""
 HEARTBEAT = 0x700
-ZERO = zero.MEANING
 STANDINGS = {
     Standing.HOLDS: Verdict.OK,
     Standing.TO_BE_WRITTEN: Verdict.WRITTEN,

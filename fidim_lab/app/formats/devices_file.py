@@ -13,9 +13,8 @@ from typing import Literal
 
 from pydantic import TypeAdapter
 
-from drivers.cia402.config import GENERIC_EDS, WinchConfig
-from drivers.cia402.requirements import Graded, Met
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import GENERIC_EDS, Graded, Met, WinchConfig
+from drivers.cia402.motion import Cia402Winch
 from drivers.mocap.description import DecoderDescription, describe
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import DriveState, Rig

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from drivers.canbus.candump import read_candump
 from drivers.canbus.transport import CanFrame
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
-from drivers.cia402.words import Mode
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.profile import Mode
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.mocap.packet_log import Packet, read_packets
 from drivers.mocap.source import StreamMarkerSource

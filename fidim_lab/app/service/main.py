@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from drivers.cia402.config import WinchConfig
+from drivers.cia402.dictionary import WinchConfig
 from drivers.disk import DiskThreads
 from drivers.ports import Disk
 from fidim_lab.app import compose

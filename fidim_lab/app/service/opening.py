@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.canbus.transport import CanFrame
-from drivers.cia402.config import WinchConfig
+from drivers.cia402.dictionary import WinchConfig
 from drivers.ports import Operator, Prompt, Rig
 from drivers.remote_operator import RemoteOperator
 from fidim_lab.app import compose

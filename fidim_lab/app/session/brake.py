@@ -5,9 +5,9 @@ from pathlib import Path
 
 import click
 
-from drivers.cia402.brake import set_brake
-from drivers.cia402.takeover import refuse_other_master
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.bring_up import refuse_other_master
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import set_brake
 from drivers.clock import LoopClock
 from fidim_lab.app import compose
 from fidim_lab.app.compose.real import listening_time, make_master, open_bus

@@ -7,7 +7,7 @@ may be another program's. A person decides, between going on with the old run an
 import shlex
 from pathlib import Path
 
-from drivers.cia402.bringup import HAS_POWER
+from drivers.cia402.bring_up import HAS_POWER
 from fidim_lab.app.service.lock import left_behind
 from fidim_lab.app.service.place import Place
 from fidim_lab.app.service.spec import read_summary

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import click
 
-from drivers.cia402.takeover import refuse_other_master
-from drivers.cia402.winch import Cia402Winch
-from drivers.cia402.without_power import acknowledge_fault, read_state, take_power
+from drivers.cia402.bring_up import refuse_other_master
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import acknowledge_fault, read_state, take_power
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.app import compose

@@ -78,7 +78,7 @@ def trusted(spec: RunSpec) -> RunSpec:
 
 def power_hint(reason: str, rig: Path, folder: Path) -> tuple[str, ...]:
     """What to type where drives could not be taken over; a person decides to let go of the load."""
-    from drivers.cia402.takeover import NOT_TAKEN_OVER
+    from drivers.cia402.bring_up import NOT_TAKEN_OVER
 
     if NOT_TAKEN_OVER in reason:
         says, more = "A drive holds the load, but would have to be set anew.", ""

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from drivers.cia402.family import DriveFamily
-from drivers.cia402.requirements import Met, Proof, Trial
+from drivers.cia402.dictionary import DriveFamily, Met, Proof
+from drivers.cia402.dictionary.requirements import Trial
 from fidim_lab.errors import DeviceError
 
 OnBench = Callable[..., None]

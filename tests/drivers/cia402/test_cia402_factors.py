@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.cia402.factors import factor_checks
+from drivers.cia402.bring_up.factors import factor_checks
 from fidim_lab.errors import DeviceError
 
 MOTOR, GEAR = 4096.0, 5.0

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from drivers.canbus.load import bus_load, frame_bits
-from drivers.cia402.config import WinchConfig
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from fidim_lab.errors import BusError, SetupError
 

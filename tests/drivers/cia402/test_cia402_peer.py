@@ -16,11 +16,11 @@ import canopen
 import pytest
 
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import GENERIC_EDS
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.nmt import NmtCommand, NmtState
-from drivers.cia402.sdo import SdoRefusedError
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import GENERIC_EDS
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
+from drivers.cia402.wire.nmt import NmtCommand, NmtState
+from drivers.cia402.wire.sdo import SdoRefusedError
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 

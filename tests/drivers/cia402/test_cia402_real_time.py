@@ -14,9 +14,9 @@ import pytest
 
 from drivers.canbus.candump import CandumpLog, read_candump
 from drivers.canbus.python_can import PythonCanTransport
-from drivers.cia402.config import WinchConfig
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.dictionary import WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.errors import BusError

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.takeover import refuse_other_master
-from drivers.cia402.winch import Cia402Winch
+from drivers.cia402.bring_up import refuse_other_master
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.errors import BusError, DeviceError

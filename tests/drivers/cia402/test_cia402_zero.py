@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.cia402.scale import wrap32
-from drivers.cia402.zero import StoredZero, zero_check
+from drivers.cia402.bring_up.zero import StoredZero, zero_check
+from drivers.cia402.profile.scale import wrap32
 
 TOP = 2**31 - 1
 CASES = {

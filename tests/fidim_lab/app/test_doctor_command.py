@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from drivers.cia402.config import GENERIC_EDS
-from drivers.cia402.requirements import REQUIREMENTS
+from drivers.cia402.dictionary import GENERIC_EDS
+from drivers.cia402.dictionary.requirements import REQUIREMENTS
 from fidim_lab.app import cli
 from fidim_lab.app.doctor import command as doctor
 from fidim_lab.app.doctor import permissions_doctor

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from drivers.cia402.bringup import HAS_POWER
+from drivers.cia402.bring_up import HAS_POWER
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.place import Place
 from fidim_lab.app.session.left_holding import left_by, power_advice

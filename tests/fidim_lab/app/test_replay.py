@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from drivers.cia402.config import GENERIC_EDS, WinchConfig
+from drivers.cia402.dictionary import GENERIC_EDS, WinchConfig
 from drivers.mocap.description import describe
 from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.packet_log import PacketLog, read_packets

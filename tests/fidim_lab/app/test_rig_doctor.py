@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cia402.bringup import bring_up
-from drivers.cia402.config import GENERIC_EDS, WinchConfig
-from drivers.cia402.inspection import Standing, inspect
-from drivers.cia402.master import CanopenMaster
-from drivers.cia402.winch import Cia402Winch
-from drivers.cia402.without_power import acknowledge_fault, read_state, take_power
+from drivers.cia402.bring_up import Standing, inspect
+from drivers.cia402.bring_up.bringup import bring_up
+from drivers.cia402.dictionary import GENERIC_EDS, WinchConfig
+from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.watch import CanopenMaster, acknowledge_fault, read_state, take_power
 from drivers.clock import LoopClock
 from drivers.ports import DriveState, MarkerFrame
 from fidim_lab.app.compose import rig_settings

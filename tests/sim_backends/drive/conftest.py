@@ -11,7 +11,7 @@ from sim_backends.drive.eds import read_eds
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.shaft import DrumShaft
 
-EDS = Path(__file__).parents[3] / "drivers" / "cia402" / "eds" / "generic_cia402.eds"
+EDS = Path(__file__).parents[3] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"
 NODE = 3
 FORMATS = {"u8": "B", "u16": "H", "u32": "I", "i8": "b", "i16": "h", "i32": "i"}
 

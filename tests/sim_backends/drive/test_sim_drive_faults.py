@@ -15,7 +15,7 @@ from sim_backends.drive.eds import read_eds
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.shaft import DrumShaft
 
-EDS = Path(__file__).parents[3] / "drivers" / "cia402" / "eds" / "generic_cia402.eds"
+EDS = Path(__file__).parents[3] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"
 READ_TYPE = "40 00 10 00 00 00 00 00"
 TYPE = "43 00 10 00 92 01 02 00"
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.cia402.config import GENERIC_EDS
-from drivers.cia402.grading import refusals
-from drivers.cia402.requirements import Grade, Graded, Met, Requirement, met_by_trial
+from drivers.cia402.dictionary import GENERIC_EDS, Graded, Met
+from drivers.cia402.dictionary.grading import refusals
+from drivers.cia402.dictionary.requirements import Grade, Requirement, met_by_trial
 from drivers.disk import InlineDisk
 from drivers.ports import Trial
 from fidim_lab.app import compose

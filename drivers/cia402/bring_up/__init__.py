@@ -1,0 +1,21 @@
+"""From a silent bus to drives that may have power: who is it, read back all that is written, take over, the zero.
+
+In: a master and configs. Out: drives as they were found, or a DeviceError.
+"""
+
+from drivers.cia402.bring_up.bringup import HAS_POWER, graded
+from drivers.cia402.bring_up.inspection import Inspected, Standing, inspect
+from drivers.cia402.bring_up.takeover import NOT_TAKEN_OVER, refuse_other_master
+from drivers.cia402.bring_up.zero import MEANING, Zeroed
+
+__all__ = [
+    "HAS_POWER",
+    "MEANING",
+    "NOT_TAKEN_OVER",
+    "Inspected",
+    "Standing",
+    "Zeroed",
+    "graded",
+    "inspect",
+    "refuse_other_master",
+]

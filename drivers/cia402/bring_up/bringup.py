@@ -1,0 +1,254 @@
+"""Bring-up of one drive: who is it, write limits and stop reactions, map PDOs; everything read back.
+
+The result is a list of checks (a table for a person); the drive stays without power, and one that fails a check is left
+in PRE-OPERATIONAL, where it takes no controlword by PDO.
+"""
+
+import contextlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from drivers.cia402.bring_up.factors import check_factors
+from drivers.cia402.bring_up.zero import check_zero
+from drivers.cia402.dictionary.abilities import used_pdos as used_pdos
+from drivers.cia402.dictionary.config import WinchConfig
+from drivers.cia402.dictionary.grading import grade, refusals
+from drivers.cia402.dictionary.requirements import Graded
+from drivers.cia402.dictionary.settings import Check, Setting, identity, interpolation, limits
+from drivers.cia402.profile.machine import state_of
+from drivers.cia402.profile.words import Mode, mode_name
+from drivers.cia402.watch.master import CanopenMaster
+from drivers.cia402.watch.node import HEARTBEAT, NodeLink
+from drivers.cia402.watch.waiting import wait_until
+from drivers.cia402.wire.nmt import NmtCommand, NmtState
+from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, ObjectValue, PdoMap, mapping_expected, mapping_writes
+from drivers.cia402.wire.sdo import SdoRefusedError
+from drivers.ports import DriveState
+from fidim_lab.errors import DeviceError
+
+_POWERED = (
+    DriveState.SWITCHED_ON,
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+    DriveState.FAULT_REACTION,
+)
+HAS_POWER = "the drive has power already"
+OF_A_MOVE = ("6083:0", "6084:0")
+"""ramps that each move sets anew"""
+_COMMUNICATION = tuple(range(0x1400, 0x1404)) + tuple(range(0x1800, 0x1804))
+
+
+@dataclass(frozen=True)
+class BroughtUp:
+    """What a bring-up found."""
+
+    checks: tuple[Check, ...]
+    grades: tuple[Graded, ...]
+
+
+async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> BroughtUp:
+    """All checks and grades, once all of them hold. `master.run()` must be running.
+
+    Raises DeviceError naming every object that does not hold, every requirement that is not met, a drive that has
+    power, or one that does not answer.
+    """
+    link.forget()
+    checks = [await _apply(link, setting) for setting in link.able.fitting(identity(config, _eds_identity(link)))]
+    checks += await check_factors(link.sdo, config)
+    checks += await check_zero(link.sdo, config)
+    _refuse(config, checks)
+    grades = await graded(link, config)
+    refuse_grades(config, grades)
+    await _refuse_power(link, config)
+    asked = master.clock.now()
+    link.send_nmt(NmtCommand.PRE_OPERATIONAL)
+    written = (*limits(config, master.host_id), *interpolation(config, master.period))
+    checks += [await _apply(link, setting) for setting in link.able.fitting(written)]
+    _refuse(config, checks)
+    await _await_nmt(master, link, config, NmtState.PRE_OPERATIONAL, asked)
+    checks += await _map_pdos(link, link.layout.pdos)
+    checks.append(await _choose_mode(master, link, config))
+    _refuse(config, checks)
+    await start_sampling(master, link, config)
+    return BroughtUp(tuple(checks), grades)
+
+
+async def graded(link: NodeLink, config: WinchConfig) -> tuple[Graded, ...]:
+    """The grade table of a drive: only read, so that it can be asked for at any time. Raises DeviceError."""
+    told: dict[str, int] = {}
+    for setting in link.able.kept(limits(config, 0)):
+        with contextlib.suppress(SdoRefusedError):
+            told[setting.object] = await link.sdo.read(setting.index, setting.sub)
+    serial_number = 0
+    if link.able.has(0x1018, 4):
+        with contextlib.suppress(SdoRefusedError):
+            serial_number = await link.sdo.read(0x1018, 4)
+    return grade(link.able, config, told, serial_number)
+
+
+def refuse_grades(config: WinchConfig, grades: tuple[Graded, ...]) -> None:
+    """Raise DeviceError naming what this drive must have and has not, unless it is on trial for it."""
+    if wrong := refusals(grades, on_trial=config.on_trial):
+        raise DeviceError(
+            config.device,
+            "refused, it may not have power: " + "; ".join(wrong) + ".",
+            hint="Use the EDS file of this drive and its firmware; docs/rig.md, Bring your drive, says what each is.",
+        )
+
+
+async def forgotten(link: NodeLink, config: WinchConfig, host_id: int) -> list[str]:
+    """What bring-up has written and the drive no longer holds, in sentences: it has restarted unheard.
+
+    Ramps are left out, which each move sets anew. Raises DeviceError where the drive does not answer.
+    """
+    written = [s for s in link.able.fitting(limits(config, host_id)) if s.write and s.object not in OF_A_MOVE]
+    found = [(setting, await link.sdo.read(setting.index, setting.sub)) for setting in written]
+    return [f"{s.object} {s.meaning}: {value} found, {s.words} written" for s, value in found if not s.holds(value)]
+
+
+def _eds_identity(link: NodeLink) -> tuple[int, int]:
+    return link.sdo.default(0x1018, 1), link.sdo.default(0x1018, 2)
+
+
+def _refuse(config: WinchConfig, checks: Iterable[Check]) -> None:
+    wrong = [str(check) for check in checks if not check.ok]
+    if wrong:
+        raise DeviceError(
+            config.device,
+            "refused, it may not have power: " + "; ".join(wrong) + ".",
+            hint="Correct the rig file, or choose what this drive supports.",
+        )
+
+
+async def _apply(link: NodeLink, setting: Setting) -> Check:
+    """Write where asked, read back, compare. A refusal by the drive is a failed check, no answer is an error."""
+    try:
+        if setting.write:
+            await link.sdo.write(setting.index, setting.sub, setting.wanted)
+        found = await link.sdo.read(setting.index, setting.sub)
+    except SdoRefusedError as error:
+        return Check(setting.object, setting.meaning, setting.words, error.reason, ok=False)
+    return Check(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found))
+
+
+async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
+    state = state_of(await link.sdo.read(0x6041))
+    if state in _POWERED:
+        raise DeviceError(
+            config.device,
+            f"{HAS_POWER} ({state}).",
+            hint="Left by a run? fidim resume DIR keeps the load held. Otherwise secure it, then: fidim power-off RIG.",
+        )
+
+
+async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig, state: NmtState, asked: float) -> None:
+    """By its heartbeat; a drive without has its samples to show that it is operational."""
+    if not link.able.can_write(*HEARTBEAT):
+        return
+
+    def there() -> bool:
+        heartbeat = link.heartbeat
+        return heartbeat is not None and heartbeat.t >= asked and heartbeat.state is state
+
+    timeout = config.step_timeout + 2.0 * config.heartbeat
+    if not await wait_until(master.clock, there, timeout=timeout, period=master.period):
+        last = link.heartbeat
+        found = (
+            "no heartbeat"
+            if last is None
+            else f"{last.state.words} by its last heartbeat, {master.clock.now() - last.t:.2f} s ago"
+        )
+        raise DeviceError(config.device, f"{state.words} expected within {timeout:g} s, {found}.")
+
+
+async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[Check]:
+    used = {pdo.communication_index for pdo in pdos}
+    checks = [
+        await _switch_off(link, index) for index in _COMMUNICATION if index not in used and link.sdo.knows(index, 1)
+    ]
+    for pdo in pdos:
+        try:
+            for entry in mapping_writes(pdo, link.node_id):
+                await link.sdo.write(entry.index, entry.sub, entry.value)
+        except SdoRefusedError as error:
+            wanted = " + ".join(e.name for e in pdo.entries)
+            checks.append(Check(f"{pdo.mapping_index:04X}:0", "PDO mapping", wanted, error.reason, ok=False))
+            continue
+        checks += [await _compare(link, entry) for entry in mapping_expected(pdo, link.node_id)]
+    return checks
+
+
+async def _switch_off(link: NodeLink, index: int) -> Check:
+    """A PDO that we do not use must not talk, nor take controlwords."""
+    try:
+        cob = await link.sdo.read(index, 1)
+        if not cob & COB_OFF:
+            await link.sdo.write(index, 1, cob | COB_OFF)
+            cob = await link.sdo.read(index, 1)
+    except SdoRefusedError as error:
+        return Check(f"{index:04X}:1", "unused PDO", "off", error.reason, ok=False)
+    return Check(f"{index:04X}:1", "unused PDO", "off", "off" if cob & COB_OFF else "on", ok=bool(cob & COB_OFF))
+
+
+async def _compare(link: NodeLink, entry: ObjectValue) -> Check:
+    found = await link.sdo.read(entry.index, entry.sub)
+    is_cob = entry.sub == 1 and entry.index in _COMMUNICATION
+    compared = found & (COB_OFF | COB_MASK) if is_cob else found
+    return Check(
+        f"{entry.index:04X}:{entry.sub:X}",
+        "PDO mapping",
+        f"0x{entry.value:X}",
+        f"0x{compared:X}",
+        ok=compared == entry.value,
+    )
+
+
+async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> Check:
+    """Write 6060 and look at 6061: a drive may keep its old mode without a word.
+
+    Some families display no mode (0) before they are enabled, and hold what they were told in 6060 until then:
+    enabling looks again, and takes the power away at once where the mode is not displayed.
+    """
+    wanted = link.mode = config.mode
+    deadline = master.clock.now() + config.step_timeout
+    await link.sdo.write(0x6060, 0, wanted)
+    found = await link.sdo.read(0x6061)
+    while found != wanted and master.clock.now() < deadline:
+        await master.clock.sleep(master.period)
+        found = await link.sdo.read(0x6061)
+    link.decoder.displayed = found
+    name, ok = mode_name(found), found == wanted
+    if found == Mode.NONE and config.family.mode_shown == "enabled":
+        ok = await link.sdo.read(0x6060) == wanted
+        name += " until it is enabled"
+    elif found == Mode.NONE:
+        name += ", of a drive that its family does not say to show it only when enabled (mode_shown)"
+    return Check("6061:0", "mode of operation", mode_name(wanted), name, ok=ok)
+
+
+async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> None:
+    """Have the node operational, and its first whole sample; power is not touched. Raises DeviceError."""
+    asked = master.clock.now()
+    link.answers.restart()  # what an earlier host had it send up to now answered other SYNCs
+    link.send_nmt(NmtCommand.START)
+    # A node that an earlier host has left operational has said so by its last heartbeat: its next is not waited for.
+    await _await_nmt(master, link, config, NmtState.OPERATIONAL, asked - config.heartbeat)
+
+    def sampled() -> bool:
+        return link.values is not None and link.values.t >= asked
+
+    if not await wait_until(master.clock, sampled, timeout=config.step_timeout, period=master.period):
+        decoder = link.decoder
+        raise DeviceError(
+            config.device,
+            f"no sample within {config.step_timeout:g} s of NMT start ({decoder.incomplete} incomplete, "
+            f"{decoder.malformed} of a wrong length).",
+            hint="Is SYNC running (CanopenMaster.run), and does the drive send its TPDOs on SYNC?",
+        )
+    if link.twins.says:
+        raise DeviceError(
+            config.device,
+            f"two nodes answer with id {config.node_id} ({link.twins.says}); neither may have power.",
+            hint="Unplug one, or give it an id of its own (its DIP switches, LSS or the vendor's tool).",
+        )
+    link.brought_up = True

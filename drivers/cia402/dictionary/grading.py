@@ -1,0 +1,119 @@
+"""The grade table of one drive: how it meets each requirement, by its abilities, its values and its trials. Pure."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.cia402.dictionary.abilities import Abilities, Access
+from drivers.cia402.dictionary.config import Load, WinchConfig
+from drivers.cia402.dictionary.requirements import REQUIREMENTS, Graded, Met, Requirement, Trial, met_by_trial
+from drivers.cia402.dictionary.settings import Setting, limits
+from drivers.cia402.profile.words import Mode
+
+_STOPS = {"605D:0": range(1, 5), "605E:0": range(1, 5)}
+"""values that stop: any of them will do where the drive does not let it be written"""
+_HOST = 127
+"""stands in for the host's node; only whether 1016 can be written counts here"""
+
+
+def grade(able: Abilities, config: WinchConfig, told: Mapping[str, int], serial_number: int) -> tuple[Graded, ...]:
+    """The whole table. told: values of objects that the drive shows and does not let be written (`Abilities.kept`)."""
+    wanted = {setting.object: setting for setting in limits(config, _HOST)}
+    return tuple(
+        _grade(_as_configured(requirement, config), able, config, wanted, told, serial_number)
+        for requirement in REQUIREMENTS
+    )
+
+
+def refusals(table: tuple[Graded, ...], *, on_trial: bool) -> list[str]:
+    """Why no winch may be entrusted to it, in sentences; on trial, what is to be proven is not asked for."""
+    refused = [line for line in table if line.refused]
+    lacks = [f"{line.requirement.key}: {line.found}" for line in refused if not line.requirement.trials]
+    unproven = [f"{line.requirement.key} ({line.found})" for line in refused if line.requirement.trials]
+    if unproven and not on_trial:
+        lacks.append(f"neither configured nor proven by trial (fidim commission RIG): {', '.join(unproven)}")
+    return lacks
+
+
+def narrowed(config: WinchConfig, table: tuple[Graded, ...]) -> WinchConfig:
+    """The winch with what takes the place of what its drive lacks: a smaller area, a lower speed.
+
+    Without limits in the drive a runaway ends where a stop ends that begins at the limit: the area is smaller by the
+    way of a quick stop from the highest speed. A stop that was proven by trial may be weaker than the one that could
+    not be configured: the speed is lowered until its way is no longer than that one's.
+    """
+    stops = [p for line in table if (p := line.proof) is not None and p.trial is Trial.QUICK_STOP and p.distance > 0.0]
+    deceleration = min((0.5 * p.speed**2 / p.distance for p in stops), default=config.quick_stop_deceleration)
+    weaker = min(1.0, deceleration / config.quick_stop_deceleration)
+    changed = replace(config, max_speed=config.max_speed * weaker**0.5)
+    if any(line.requirement.key == "position limits" and line.met is Met.HOST for line in table):
+        low, high = config.length_limits
+        way = min(0.5 * changed.max_speed**2 / deceleration, 0.4 * (high - low))
+        changed = replace(changed, length_limits=(low + way, high - way))
+    return changed
+
+
+def _as_configured(requirement: Requirement, config: WinchConfig) -> Requirement:
+    """Where the winch's mode or the family puts an object in the place of another."""
+    own = {"current limit": config.family.current_limit, "rated current": config.family.rated_current}
+    vendor = own.get(requirement.key)
+    if vendor is not None:
+        return replace(requirement, objects=((f"{vendor.index:04X}:{vendor.sub:X}",), *requirement.objects))
+    if requirement.key == "position command":
+        ramps = ("6081:0", "6083:0") if config.mode is Mode.PROFILE_POSITION else ("60C2:1", "60C2:2")
+        return replace(requirement, objects=((*requirement.objects[0], *ramps),))
+    return requirement
+
+
+def _grade(
+    requirement: Requirement,
+    able: Abilities,
+    config: WinchConfig,
+    wanted: Mapping[str, Setting],
+    told: Mapping[str, int],
+    serial_number: int,
+) -> Graded:
+    if requirement.key == "samples at each SYNC":
+        return Graded(requirement, Met.ABSENT if able.layout.problem else Met.CONFIGURED, able.layout.problem or "PDOs")
+    if requirement.key == "load told":
+        return _load(requirement, able, config)
+    lacks: list[str] = []
+    for alternative in requirement.objects:
+        problems = [says for name in alternative if (says := _problem(name, able, wanted.get(name), told))]
+        if not problems:
+            return Graded(requirement, Met.CONFIGURED, " + ".join(alternative))
+        lacks.append(" and ".join(problems))
+    found = "; ".join(lacks)
+    if (proof := met_by_trial(requirement, config.proofs, serial_number)) is not None:
+        shown = f"{proof.trial}: {1e3 * proof.distance:.1f} mm in {proof.time:.2f} s from {proof.speed:g} m/s"
+        return Graded(requirement, Met.TRIAL, f"{found}; {shown}", proof)
+    if requirement.instead:
+        return Graded(requirement, Met.HOST, found)
+    return Graded(requirement, Met.ABSENT, found)
+
+
+def _problem(name: str, able: Abilities, wanted: Setting | None, told: Mapping[str, int]) -> str:
+    """Why this object does not meet what is required of it; empty where it does."""
+    index, sub = (int(part, 16) for part in name.split(":"))
+    access = able.access(index, sub)
+    if access is Access.ABSENT:
+        return f"no {name}"
+    if access is Access.WRITE or wanted is None:
+        return ""
+    value = told.get(name)
+    if value is not None and (wanted.holds(value) or value in _STOPS.get(name, ())):
+        return ""
+    return f"{name} is read only{'' if value is None else f' and {value}'}"
+
+
+def _load(requirement: Requirement, able: Abilities, config: WinchConfig) -> Graded:
+    tells = next((e for pdo in able.layout.tpdos for e in pdo.entries if e.name not in _NO_LOAD), None)
+    if tells is None:
+        own = config.family.load_object
+        asked = {Load.CURRENT: "6078:0", Load.TORQUE: "6077:0"}.get(config.load, "")
+        name = asked or (f"{own.index:04X}:{own.sub:X}" if own else "")
+        return Graded(requirement, Met.HOST, f"no TPDO carries {name}")
+    index, sub, _ = tells.value
+    return Graded(requirement, Met.CONFIGURED, f"{index:04X}:{sub:X}")
+
+
+_NO_LOAD = ("STATUSWORD", "POSITION", "MODE_DISPLAY", "VELOCITY")

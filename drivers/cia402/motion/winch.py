@@ -1,0 +1,307 @@
+"""`Cia402Winch`: the Winch port on one CANopen drive in profile position mode.
+
+Cable lengths and sentences outside, encoder counts and controlwords inside. Stops are one frame each, never wait, and
+overtake whatever is in progress: a move that was waiting ends with an error and sends nothing more.
+"""
+
+from dataclasses import replace
+
+from drivers.cia402.bring_up.bringup import bring_up, forgotten
+from drivers.cia402.bring_up.takeover import take_over
+from drivers.cia402.bring_up.zero import Zeroed, read_zero
+from drivers.cia402.dictionary.config import WinchConfig
+from drivers.cia402.dictionary.requirements import Graded
+from drivers.cia402.dictionary.settings import Check
+from drivers.cia402.motion.drive import Drive
+from drivers.cia402.motion.moves import Beside, make_sample, profile, refuse_beyond_limits
+from drivers.cia402.profile.last_motion import LastMotion
+from drivers.cia402.profile.machine import Command, state_of
+from drivers.cia402.profile.scale import LengthScale
+from drivers.cia402.profile.signals import INPUTS, STO_HINT, STO_SAYS
+from drivers.cia402.profile.words import controlword
+from drivers.cia402.watch.health import DEAF_SAYS, HealthPoll
+from drivers.cia402.watch.master import CanopenMaster
+from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.wire.nmt import NmtCommand
+from drivers.cia402.wire.pdo import DriveValues
+from drivers.ports import Clock, DriveState, WinchSample
+from drivers.trajectory import Trajectory
+from fidim_lab.errors import DeviceError, RefusedError
+
+_TRAVEL = 2e-3
+"""m of cable that a winch must go one way for friction to have turned"""
+STANDSTILL = 0.005
+"""of the highest speed"""
+
+
+class Cia402Winch:
+    """One winch. Make it before `CanopenMaster.run()` starts; configure, enable and move while that runs."""
+
+    def __init__(self, config: WinchConfig, master: CanopenMaster, *, takes_over: bool = False) -> None:
+        """Registers the node with the master. Raises SetupError (see `CanopenMaster.add_node`).
+
+        takes_over: a drive that an earlier host has left holding its load is not refused, and keeps holding it.
+        """
+        self.config = config
+        self.checks: tuple[Check, ...] = ()
+        """of the last bring-up that succeeded: wanted and found"""
+        self.grades: tuple[Graded, ...] = ()
+        """likewise: how the drive meets each requirement"""
+        self._master = master
+        self._configure = take_over if takes_over else bring_up
+        self._scale: LengthScale = config.scale
+        self._drive = Drive(config, master)
+        self._ramp = config.max_acceleration
+        self._prepared: tuple[float, float] | None = None
+        self.zeroed: Zeroed | None = None
+        """what `set_length` found"""
+        self.link.motion = LastMotion(self._scale.magnitude(_TRAVEL))
+        self._health = HealthPoll(self.link, master.clock, config.temperature, config.sto)
+        self._commanded: Trajectory | None = None
+        self._forced = False
+        """stopped by NMT: PDOs are off"""
+        self.on_trial = False
+        """its stops are being tried (`trials`), which looks at it itself"""
+
+    @property
+    def name(self) -> str:
+        """As in the rig file."""
+        return self.config.name
+
+    @property
+    def link(self) -> NodeLink:
+        """The bus side: counters, emergencies, heartbeat."""
+        return self._drive.link
+
+    @property
+    def drive(self) -> Drive:
+        """The dialogue with the drive, for `modes`."""
+        return self._drive
+
+    @property
+    def clock(self) -> Clock:
+        """The master's."""
+        return self._master.clock
+
+    @property
+    def master(self) -> CanopenMaster:
+        """Of its bus."""
+        return self._master
+
+    async def configure(self) -> None:
+        """Identity, limits, stop reactions, PDO mapping: written, read back; power is never given.
+
+        `CanopenMaster.run()` must be running. Raises DeviceError naming every object that does not hold, or where the
+        drive has power (unless this winch takes over).
+        """
+        self._drive.begin()
+        self._prepared = self._commanded = None
+        self._forced = False
+        found = await self._configure(self._master, self.link, self.config)
+        self.checks, self.grades = found.checks, found.grades
+
+    async def set_length(self, length: float) -> None:
+        """The cable is `length` (m) long where the encoder stands now. Configure anew before power: limits go by it.
+
+        Raises RefusedError outside the length limits, DeviceError while the drum turns or the drive does not answer.
+        """
+        zeroed = await read_zero(self.link.sdo, self.config, self._drive.believed(), length)
+        self.config = replace(self.config, home_count=zeroed.count, home_length=length, zero=None)
+        self._scale, self._prepared, self._commanded, self.zeroed = self.config.scale, None, None, zeroed
+
+    async def enable(self) -> None:
+        """Power on, standing: the drive is enabled halted, then takes the present position as its set-point.
+
+        Raises DeviceError where there is a fault (it is never reset here) or a step is not confirmed in time.
+        """
+        if state_of(self._drive.healthy().statusword) is DriveState.OPERATION_ENABLED:
+            await self.hold()
+            return
+        order = self._drive.begin()
+        if self.config.sto is not None and self.config.sto.is_active(await self.link.sdo.read(INPUTS)):
+            raise DeviceError(self.config.device, f"cannot be enabled: {STO_SAYS}.", hint=STO_HINT)
+        if lost := await forgotten(self.link, self.config, self._master.host_id):
+            raise DeviceError(
+                self.config.device,
+                f"has forgotten its settings, so that it must have restarted: {'; '.join(lost)}.",
+                hint="Configure it again.",
+            )
+        self.stands()
+        await self._drive.walk_to_operation(order)
+        await self._take_over(order)
+
+    async def _take_over(self, order: int) -> None:
+        """Enabled and halted: from now on the drive stands by a set-point of ours."""
+        await self._drive.clear_acknowledgement(order)
+        await self._drive.take_set_point(order, self._drive.healthy().position, self.stands)
+
+    async def prepare(self, speed: float, acceleration: float) -> None:
+        """Write and read back speed (m/s) and acceleration (m/s²) of the next move; nothing moves.
+
+        Raises RefusedError beyond the winch's limits (then nothing is sent), DeviceError where the drive does not keep
+        them.
+        """
+        refuse_beyond_limits(self.config, self.config.length_limits[0], speed, acceleration)
+        self._prepared = None
+        for setting in self.link.able.fitting(profile(self.config, speed, acceleration)):
+            await self.link.sdo.write_verified(setting.index, setting.sub, setting.wanted)
+        self._ramp = acceleration
+        self._prepared = (speed, acceleration)
+
+    async def move_to(self, length: float, speed: float, acceleration: float) -> None:
+        """Start a move to a cable length (m), at most at `speed` (m/s); returns once the drive has the set-point.
+
+        What `prepare` has set is not written again. Raises RefusedError for a length, speed or acceleration (m/s²)
+        beyond the winch's limits (then nothing is sent), DeviceError where the drive has no power, does not take the
+        set-point, or a stop overtook the move.
+        """
+        refuse_beyond_limits(self.config, length, speed, acceleration)
+        order = begin_move(self._drive, self.config.device)
+        if self._prepared != (speed, acceleration):
+            await self.prepare(speed, acceleration)
+
+        def begins() -> None:
+            now = self._master.clock.now()
+            place, velocity = (self._commanded or Trajectory.standing(now, length)).at(now)
+            self._commanded = Trajectory(now, place, length, speed, acceleration, velocity)
+
+        await self._drive.take_set_point(order, self._scale.count(length), begins)
+
+    async def hold(self) -> None:
+        """Stop on the ramp and stand with power on; returns at standstill.
+
+        Raises DeviceError where the drive has no power. Where its state is unknown, a quick stop is sent instead.
+        """
+        order, values = begin_hold(self._drive, self.config.device)
+        if state_of(values.statusword) is DriveState.OPERATION_ENABLED:
+            self._drive.send(order, controlword(Command.ENABLE_OPERATION, halt=True))
+            self._stops(self._ramp)
+        speed = abs(self.config.cable_speed(values.velocity))
+        slowest = self.config.drive_velocity(STANDSTILL * self.config.max_speed)
+        await self._drive.stand_still(order, slowest, self.config.step_timeout + speed / self._ramp)
+        self.stands()
+
+    def quick_stop(self) -> None:
+        """Stop on the quick-stop ramp: one frame, never waits."""
+        self._stops(self.config.quick_stop_deceleration)
+        quick_stop(self._drive)
+
+    def force_stop(self) -> None:
+        """NMT stop, at which the drive does what 6007 says: one frame, never waits."""
+        self._drive.begin()
+        self._forced = True
+        self.link.send_nmt(NmtCommand.STOP)
+
+    def fall_silent(self) -> float:
+        """No host's heartbeat and no SYNC from now on, to any drive of the bus: each does what 6007 says."""
+        self._master.silent = True
+        return self.config.host_timeout + self.config.max_speed / self.config.quick_stop_deceleration
+
+    async def ask_length(self) -> float:
+        """By SDO. A node that NMT has stopped is made pre-operational for it: PDOs stay off. Raises DeviceError."""
+        if self._forced:
+            self.link.send_nmt(NmtCommand.PRE_OPERATIONAL)
+        return self._scale.length(await self.link.sdo.read(0x6064))
+
+    def power_off(self) -> None:
+        """Take the power away: one frame, never waits."""
+        self._commanded = None
+        self._drive.send(self._drive.begin(), controlword(Command.DISABLE_VOLTAGE))
+
+    async def reset_fault(self, acknowledged_by: str) -> None:
+        """Leave the fault state, without power; `acknowledged_by` names the person who looked at the cause.
+
+        Never enables. Raises RefusedError without a name, DeviceError where the drive stays in fault.
+        """
+        if not acknowledged_by.strip():
+            raise RefusedError(f"{self.config.device}: a fault is reset only when somebody acknowledges it by name.")
+        order = self._drive.begin()
+        state = state_of(self._drive.believed().statusword)
+        self.link.latched = None
+        if state is not DriveState.FAULT:
+            return
+        self._drive.send(order, controlword(Command.DISABLE_VOLTAGE))  # bit 7 low first: a reset is its rising edge
+        await self._master.clock.sleep(2.0 * self._master.period)
+        self._drive.send(order, controlword(Command.FAULT_RESET))
+        await self._drive.reach(order, DriveState.SWITCH_ON_DISABLED, after=Command.FAULT_RESET)
+        self._drive.send(order, controlword(Command.DISABLE_VOLTAGE))
+
+    @property
+    def commanded(self) -> Trajectory | None:
+        """Where the cable (m) was told to be; None before power, and while something else than a winch uses it."""
+        return None if self.on_trial else self._commanded
+
+    def stands(self) -> None:
+        """From now on the cable is to be where it is now."""
+        if (sample := self.latest()) is not None:
+            self._commanded = Trajectory.standing(self._master.clock.now(), sample.length)
+
+    def free(self) -> None:
+        """Nothing is commanded for the time being: modes for commissioning move the drive in their own way."""
+        self._commanded = None
+
+    def _stops(self, deceleration: float) -> None:
+        """From what the encoder tells, or from where it was told to be where that is too old."""
+        now, sample = self._master.clock.now(), self.latest()
+        if self._commanded is None or sample is None:
+            return
+        known = sample.state is not DriveState.UNKNOWN
+        place, velocity = (sample.length, sample.velocity) if known else self._commanded.at(now)
+        if known:
+            place += velocity * (now - sample.t)
+        self._commanded = Trajectory.stopping(now, place, velocity, deceleration)
+
+    def latest(self) -> WinchSample | None:
+        """The newest sample, None before the first. One that is too old to be believed has the state UNKNOWN."""
+        values = self.link.values
+        if values is None:
+            return None
+        state = DriveState.UNKNOWN if self._drive.stale(values) else state_of(values.statusword)
+        heartbeat, counters = self.link.heartbeat, self.link.counters
+        health = self._health.believed()
+        deaf = DEAF_SAYS if self._health.deaf and state is not DriveState.UNKNOWN else ""
+        faults = filter(None, (STO_SAYS if health.sto else "", self._drive.fault(), deaf))
+        beside = Beside(
+            "; ".join(faults),
+            health,
+            None if heartbeat is None else max(self._master.clock.now() - heartbeat.t, 0.0),
+            counters.emergencies,
+            counters.lost,
+            0 if self.link.motion is None else self.config.direction * self.link.motion.direction,
+        )
+        return make_sample(values, self.config, self._scale, state, beside)
+
+    async def watch_health(self) -> None:
+        """Ask the drive what its PDOs do not carry, for ever: a task beside `CanopenMaster.run()`."""
+        await self._health.run()
+
+
+def begin_move(drive: Drive, device: str) -> int:
+    """The order of a move. Raises DeviceError where there is a fault or no power."""
+    order = drive.begin()
+    state = state_of(drive.healthy().statusword)
+    if state is not DriveState.OPERATION_ENABLED:
+        raise DeviceError(device, f"cannot move: {state}.", hint="Enable it first.")
+    return order
+
+
+def begin_hold(drive: Drive, device: str) -> tuple[int, DriveValues]:
+    """The order of a hold, and what the drive told last: it is enabled, or already in its quick stop.
+
+    Raises DeviceError where it has no power, and where its state is unknown: then a quick stop has been sent.
+    """
+    order = drive.begin()
+    try:
+        values = drive.believed()
+    except DeviceError:
+        quick_stop(drive)
+        raise
+    state = state_of(values.statusword)
+    if state not in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
+        raise DeviceError(device, f"cannot hold, it has no power: {state}.")
+    return order, values
+
+
+def quick_stop(drive: Drive) -> None:
+    """Stop on the quick-stop ramp: one frame, never waits."""
+    drive.send(drive.begin(), controlword(Command.QUICK_STOP))
