@@ -17,10 +17,9 @@ from drivers.ports import Clock
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import SetupError
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft, Profile, ShaftMotion
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.profile import Profile, ShaftMotion
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 from sim_backends.hand import SimulatedHand
 from sim_backends.magnet import SimulatedMagnet
 from sim_backends.mocap.encoders import Encoder

@@ -20,7 +20,7 @@ from drivers.mocap.clock_fit import ClockFit, fit_clock
 from drivers.mocap.source import StreamMarkerSource
 from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from fidim_lab.data.alignment import ClockOffset, align_clocks
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import ViconEncoder

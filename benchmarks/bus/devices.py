@@ -25,9 +25,9 @@ from drivers.cia402.dictionary import GENERIC_EDS, WinchConfig
 from drivers.cia402.profile import Mode
 from drivers.clock import LoopClock, precise_loop
 from sim_backends.can_node import Outgoing
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 from sim_backends.mocap.encoders import ViconEncoder
 from sim_backends.mocap.server import MocapServer, Timing
 from sim_backends.mocap.sockets import UdpSender

@@ -28,10 +28,9 @@ from drivers.cia402.profile import Mode
 from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock, precise_loop
 from fidim_lab.errors import DeviceError
-from sim_backends.drive.machine import State
+from sim_backends.drive.axis import DrumShaft, Profile
+from sim_backends.drive.axis.machine import State
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.profile import Profile
-from sim_backends.drive.shaft import DrumShaft
 from sim_backends.served_bus import ServedBus
 from sim_backends.slcan_server import SlcanServerBus
 

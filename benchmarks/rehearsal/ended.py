@@ -21,7 +21,7 @@ from procedures.guards.guard import Trip
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Entry, Kind, read_journal
 from procedures.report import RunReport
-from sim_backends.drive.machine import State
+from sim_backends.drive.axis.machine import State
 from sim_backends.drive.node import SimulatedDrive
 
 ROUNDING = 1e-5

@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.rehearsal import Stage
 from fidim_lab.errors import InfeasibleError
-from sim_backends.drive.machine import State
+from sim_backends.drive.axis.machine import State
 
 POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION)
 TURNS = 1e-3

@@ -1,1 +1,1 @@
-"""Simulated CANopen servo drives: `node.SimulatedDrive`, on a dictionary from `eds.read_eds`, moving a `shaft`."""
+"""Simulated CANopen servo drives: `node.SimulatedDrive`, on a dictionary of `objects`, moving a shaft of `axis`."""

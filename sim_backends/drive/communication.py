@@ -5,14 +5,14 @@ from collections.abc import Callable
 
 from drivers.canbus.transport import CanFrame
 from sim_backends.can_node import Outgoing
-from sim_backends.drive.axis import Axis
-from sim_backends.drive.defects import Defects
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.emergency import HEARTBEAT_LOST, ErrorLog
+from sim_backends.drive.axis.axis import Axis
+from sim_backends.drive.axis.defects import Defects
 from sim_backends.drive.faults import DriveFaults
-from sim_backends.drive.nmt import HeartbeatProducer, HeartbeatWatch, NmtCommand, NmtState, nmt_command
-from sim_backends.drive.pdo_unit import PdoUnit
-from sim_backends.drive.sdo_server import SdoServer
+from sim_backends.drive.objects.dictionary import Dictionary
+from sim_backends.drive.objects.emergency import HEARTBEAT_LOST, ErrorLog
+from sim_backends.drive.objects.nmt import HeartbeatProducer, HeartbeatWatch, NmtCommand, NmtState, nmt_command
+from sim_backends.drive.objects.pdo_unit import PdoUnit
+from sim_backends.drive.objects.sdo_server import SdoServer
 
 SYNC_LOST = 0x8700
 """emergency code"""

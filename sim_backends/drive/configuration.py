@@ -1,11 +1,11 @@
 """Ties a drive's object dictionary to its parts: live values, option codes it supports, entries that it keeps."""
 
-from sim_backends.drive.abort import Abort
-from sim_backends.drive.axis import MODES, Axis
-from sim_backends.drive.dictionary import Dictionary, Guard
-from sim_backends.drive.emergency import ErrorLog
-from sim_backends.drive.make import PROFILE, Make
-from sim_backends.drive.other_modes import HOME_HERE
+from sim_backends.drive.axis.axis import MODES, Axis
+from sim_backends.drive.axis.make import PROFILE, Make
+from sim_backends.drive.axis.other_modes import HOME_HERE
+from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.dictionary import Dictionary, Guard
+from sim_backends.drive.objects.emergency import ErrorLog
 
 _OPTIONS = {
     0x6007: (0, 1, 2, 3),

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from sim_backends.drive.axis import Axis
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.emergency import HEARTBEAT_LOST, ErrorLog
+from sim_backends.drive.axis.axis import Axis
+from sim_backends.drive.objects.dictionary import Dictionary
+from sim_backends.drive.objects.emergency import HEARTBEAT_LOST, ErrorLog
 
 
 class DriveFaults:

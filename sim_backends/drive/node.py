@@ -6,17 +6,17 @@ from collections.abc import KeysView
 from drivers.canbus.transport import CanFrame
 from fidim_lab.errors import OurBugError
 from sim_backends.can_node import Outgoing
-from sim_backends.drive.axis import Axis
+from sim_backends.drive.axis.axis import Axis
+from sim_backends.drive.axis.defects import Defects
+from sim_backends.drive.axis.machine import State
+from sim_backends.drive.axis.make import PROFILE, Make
+from sim_backends.drive.axis.shaft import Shaft
 from sim_backends.drive.communication import Communication
 from sim_backends.drive.configuration import connect
-from sim_backends.drive.defects import Defects
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.emergency import ErrorLog
 from sim_backends.drive.faults import DriveFaults
-from sim_backends.drive.machine import State
-from sim_backends.drive.make import PROFILE, Make
-from sim_backends.drive.nmt import NmtState
-from sim_backends.drive.shaft import Shaft
+from sim_backends.drive.objects.dictionary import Dictionary
+from sim_backends.drive.objects.emergency import ErrorLog
+from sim_backends.drive.objects.nmt import NmtState
 
 CYCLE = 0.005
 """s of the drive's own cycle; it runs only while something moves"""

@@ -20,9 +20,9 @@ from procedures.protocols.catalogue import experiment
 from procedures.run import run_procedure
 from procedures.settings import CommissionSettings, Settings
 from procedures.steps.commission import ProveStop
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
 

@@ -8,7 +8,7 @@ import pytest
 from drivers.cia402.profile.machine import Command
 from drivers.cia402.profile.words import controlword
 from sim_backends.bus_faults import FrameRule
-from sim_backends.drive.machine import State
+from sim_backends.drive.axis.machine import State
 
 STEPS = {"MoveTo": 0.4, "Settle": 0.1, "Ask": 1.0, "Record": 0.5}
 HOST_TIMEOUT, SPEED, RAMP = 0.25, 0.1, 5.0

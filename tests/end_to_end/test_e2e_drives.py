@@ -10,7 +10,7 @@ from fidim_lab.app.compose import simulated
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Kind
 from sim_backends.bus_faults import FrameRule
-from sim_backends.drive.machine import State
+from sim_backends.drive.axis.machine import State
 
 QUICK_STOP = controlword(Command.QUICK_STOP)
 STEPS = {"MoveTo": 0.4, "Settle": 0.1, "Ask": 1.0, "Record": 0.5}

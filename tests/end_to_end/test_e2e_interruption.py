@@ -16,7 +16,7 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import HardwareError
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Kind, read_journal
-from sim_backends.drive.machine import State
+from sim_backends.drive.axis.machine import State
 
 STEPS = ("Enable", "MoveTo", "Settle", "Hold", "ReadEncoders", "CheckTension", "Ask", "AwaitHandsOff", "Record")
 SECONDS_LEFT = 120.0

@@ -6,10 +6,10 @@ import struct
 import pytest
 
 from drivers.cia402.dictionary import GENERIC_EDS
-from sim_backends.drive.eds import read_eds
-from sim_backends.drive.machine import State
+from sim_backends.drive.axis import DrumShaft
+from sim_backends.drive.axis.machine import State
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 
 READ_STATUS = struct.pack("<BHB4x", 0x40, 0x6041, 0)
 COMMAND = struct.pack("<Hbi", 0x0F, 1, 1000)

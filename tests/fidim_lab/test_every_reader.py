@@ -35,7 +35,7 @@ from fidim_lab.data.window_mcap import read_window_mcap
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.results.result_file import read_result
 from procedures.recording.journal import read_journal
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.objects import read_eds
 
 READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "campaign": ("campaign.toml", lambda path: read_campaign(path.parent)),

@@ -23,9 +23,9 @@ from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState, WinchSample
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 from sim_backends.served_bus import ServedBus
 
 pytestmark = pytest.mark.peer

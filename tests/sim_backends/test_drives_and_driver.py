@@ -14,9 +14,9 @@ from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
 from sim_backends.served_bus import ServedBus

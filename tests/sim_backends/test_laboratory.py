@@ -7,7 +7,8 @@ import pytest
 
 from drivers.cia402.dictionary import GENERIC_EDS
 from fidim_lab.data.records import Robot
-from sim_backends.drive.profile import ShaftMotion, standing
+from sim_backends.drive.axis import ShaftMotion
+from sim_backends.drive.axis.profile import standing
 from sim_backends.laboratory import DrumGeometry, Laboratory
 from sim_backends.mocap.encoders import TextEncoder
 from sim_backends.plant.world import make_world

@@ -23,10 +23,10 @@ from drivers.ports import DriveState
 from fidim_lab.app.compose.simulators import make_of
 from fidim_lab.data.eds import read_dictionary
 from fidim_lab.errors import DeviceError
-from sim_backends.drive.abort import Abort
-from sim_backends.drive.eds import make_dictionary, read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import Abort, read_eds
+from sim_backends.drive.objects.eds import make_dictionary
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
 

@@ -14,9 +14,9 @@ import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402  # noqa: TID251  banned in the product: here it is the other opinion
 
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 from sim_backends.served_bus import ServedBus
 
 EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"

@@ -8,9 +8,9 @@ from pathlib import Path
 import can
 import pytest
 
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 from sim_backends.served_bus import ServedBus
 
 EDS = Path(__file__).parents[2] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"

@@ -2,9 +2,9 @@
 
 from benchmarks.safety.kinds import ANY, POWERED, RESTING, Draw, Fault, When, kind, mm
 from drivers.cia402.dictionary import GENERIC_EDS
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 
 START, TAKE = 0x2F, 0x3F
 """controlwords of profile position: at once; bit 4 rises"""

@@ -30,12 +30,9 @@ from fidim_lab.data.records import Plan
 from fidim_lab.data.rigs.rig import BusEntry, RigFile
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.random_plan import random_plan
-from sim_backends.drive.abort import Abort
-from sim_backends.drive.defects import Defects
-from sim_backends.drive.eds import read_eds
-from sim_backends.drive.make import Ampere, Make
+from sim_backends.drive.axis import Ampere, Defects, DrumShaft, Make
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import Abort, read_eds
 from sim_backends.hand_server import HandServer
 from sim_backends.laboratory import DrumGeometry, Laboratory
 from sim_backends.served_bus import ServedBus

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from procedures.recording.journal import Kind
-from sim_backends.drive.machine import State
+from sim_backends.drive.axis.machine import State
 
 QUICK_STOP, HALTED = 0x02, 0x10F
 NODES = {1, 2, 3, 4}

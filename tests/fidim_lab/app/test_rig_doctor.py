@@ -20,9 +20,9 @@ from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.errors import DeviceError, RefusedError
 from procedures.guards.robot_guards import standard_guards
 from procedures.settings import Reaction
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run as run_jumping
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from drivers.canbus.transport import CanFrame
 from fidim_lab.errors import FileError, OurBugError
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.objects import read_eds
+from sim_backends.drive.objects.dictionary import Dictionary
 
 EDS = Path(__file__).parents[3] / "drivers" / "cia402" / "dictionary" / "eds" / "generic_cia402.eds"
 READ_TYPE = "40 00 10 00 00 00 00 00"

@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
-from sim_backends.drive.dictionary import Dictionary, ObjectSpec
-from sim_backends.drive.sdo_server import SdoServer
+from sim_backends.drive.objects.dictionary import Dictionary, ObjectSpec
+from sim_backends.drive.objects.sdo_server import SdoServer
 
 TRANSCRIPTS = {  # request -> response, in order; "" is silence
     "expedited upload of 1, 2 and 4 bytes": [

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_backends.drive.profile import ShaftMotion, standing, stop, trapezoid
-from sim_backends.drive.shaft import DrumShaft
+from sim_backends.drive.axis import DrumShaft, ShaftMotion
+from sim_backends.drive.axis.profile import standing, stop, trapezoid
 
 
 def test_from_rest_with_cruise():

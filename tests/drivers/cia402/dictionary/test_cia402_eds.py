@@ -10,7 +10,7 @@ from drivers.cia402.dictionary import GENERIC_EDS
 from drivers.cia402.wire.sdo import SdoChannel
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError, SetupError
-from sim_backends.drive.eds import read_eds
+from sim_backends.drive.objects import read_eds
 
 GENERATED = """\
 [DeviceInfo]

@@ -9,7 +9,7 @@ import struct
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from sim_backends.drive.abort import Abort
+from sim_backends.drive.objects.abort import Abort
 
 Value = int | float | bytes
 Guard = Callable[[int, int], Abort | None]

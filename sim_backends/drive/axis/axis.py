@@ -3,14 +3,11 @@
 The node gives it the time (`feedback.sample`), its 5 ms cycle (`tick`), controlword and mode; it gives the statusword.
 """
 
-from sim_backends.drive.abort import Abort
-from sim_backends.drive.defects import Defects
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.emergency import FOLLOWING_ERROR, HEARTBEAT_LOST, ErrorLog
-from sim_backends.drive.feedback import Feedback
-from sim_backends.drive.machine import State, commanded
-from sim_backends.drive.make import PROFILE, Make
-from sim_backends.drive.other_modes import (
+from sim_backends.drive.axis.defects import Defects
+from sim_backends.drive.axis.feedback import Feedback
+from sim_backends.drive.axis.machine import State, commanded
+from sim_backends.drive.axis.make import PROFILE, Make
+from sim_backends.drive.axis.other_modes import (
     CYCLIC_POSITION,
     HOMING,
     PROFILE_TORQUE,
@@ -21,9 +18,12 @@ from sim_backends.drive.other_modes import (
     ProfileTorque,
     ProfileVelocity,
 )
-from sim_backends.drive.positioner import Positioner
-from sim_backends.drive.set_points import SetPoints
-from sim_backends.drive.shaft import Shaft
+from sim_backends.drive.axis.positioner import Positioner
+from sim_backends.drive.axis.set_points import SetPoints
+from sim_backends.drive.axis.shaft import Shaft
+from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.dictionary import Dictionary
+from sim_backends.drive.objects.emergency import FOLLOWING_ERROR, HEARTBEAT_LOST, ErrorLog
 
 PROFILE_POSITION = 1
 MODES = (PROFILE_POSITION, PROFILE_VELOCITY, PROFILE_TORQUE, HOMING, CYCLIC_POSITION)

@@ -1,6 +1,6 @@
 """The factor group of a simulated drive: its shaft is counted as it is, so polarity, gear and feed say that."""
 
-from sim_backends.drive.dictionary import Dictionary
+from sim_backends.drive.objects.dictionary import Dictionary
 
 _RATIOS = (0x608F, 0x6091, 0x6092, 0x6093)
 

@@ -3,8 +3,8 @@
 import math
 from enum import IntEnum
 
-from sim_backends.drive.abort import Abort
-from sim_backends.drive.dictionary import Dictionary
+from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.dictionary import Dictionary
 
 
 class NmtState(IntEnum):

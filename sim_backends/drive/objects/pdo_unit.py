@@ -3,9 +3,9 @@
 import math
 
 from sim_backends.can_node import Outgoing
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.emergency import PDO_TOO_LONG, PDO_TOO_SHORT, ErrorLog
-from sim_backends.drive.pdo_mapping import ReceivePdo, TransmitPdo, guard_pdos, receive_pdos, transmit_pdos
+from sim_backends.drive.objects.dictionary import Dictionary
+from sim_backends.drive.objects.emergency import PDO_TOO_LONG, PDO_TOO_SHORT, ErrorLog
+from sim_backends.drive.objects.pdo_mapping import ReceivePdo, TransmitPdo, guard_pdos, receive_pdos, transmit_pdos
 
 _LAST_CYCLIC = 240
 

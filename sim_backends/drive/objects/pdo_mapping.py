@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from sim_backends.drive.abort import Abort
-from sim_backends.drive.dictionary import Dictionary, ObjectSpec, Value
+from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.dictionary import Dictionary, ObjectSpec, Value
 
 _OFF = 1 << 31
 _EXTENDED = 1 << 29

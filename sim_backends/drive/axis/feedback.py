@@ -2,12 +2,12 @@
 
 import math
 
-from sim_backends.drive.defects import Defects
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.make import PROFILE, Make
-from sim_backends.drive.positioner import Positioner
-from sim_backends.drive.profile import ShaftMotion
-from sim_backends.drive.shaft import Shaft
+from sim_backends.drive.axis.defects import Defects
+from sim_backends.drive.axis.make import PROFILE, Make
+from sim_backends.drive.axis.positioner import Positioner
+from sim_backends.drive.axis.profile import ShaftMotion
+from sim_backends.drive.axis.shaft import Shaft
+from sim_backends.drive.objects.dictionary import Dictionary
 
 _WINDOW_OFF = 0xFFFFFFFF
 

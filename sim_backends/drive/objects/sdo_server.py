@@ -3,8 +3,8 @@
 import struct
 from dataclasses import dataclass
 
-from sim_backends.drive.abort import Abort
-from sim_backends.drive.dictionary import Dictionary
+from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.dictionary import Dictionary
 
 _LONGEST = 4096
 """bytes that a segmented download may have"""

@@ -2,7 +2,7 @@
 
 import struct
 
-from sim_backends.drive.dictionary import Dictionary
+from sim_backends.drive.objects.dictionary import Dictionary
 
 HEARTBEAT_LOST, FOLLOWING_ERROR, PDO_TOO_SHORT, PDO_TOO_LONG = 0x8130, 0x8611, 0x8210, 0x8220
 """emergency codes that the drive finds by itself"""

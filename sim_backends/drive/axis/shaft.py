@@ -4,7 +4,7 @@ import math
 from collections import deque
 from typing import Protocol
 
-from sim_backends.drive.profile import Profile, ShaftMotion, standing
+from sim_backends.drive.axis.profile import Profile, ShaftMotion, standing
 
 _REMEMBERED = 16
 """commands; what a plant may ask about lies at most a few cycles back"""

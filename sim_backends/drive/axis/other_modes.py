@@ -5,10 +5,10 @@ Each obeys the controlword's mode-specific bits and tells the statusword's. Writ
 
 from typing import Protocol
 
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.feedback import Feedback
-from sim_backends.drive.make import PROFILE, Make
-from sim_backends.drive.positioner import Positioner
+from sim_backends.drive.axis.feedback import Feedback
+from sim_backends.drive.axis.make import PROFILE, Make
+from sim_backends.drive.axis.positioner import Positioner
+from sim_backends.drive.objects.dictionary import Dictionary
 
 PROFILE_VELOCITY, PROFILE_TORQUE, HOMING, CYCLIC_POSITION = 3, 4, 6, 8
 HOME_HERE = (35, 37)

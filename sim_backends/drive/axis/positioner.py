@@ -5,11 +5,11 @@ Positions here are those of the shaft (counts, unquantised); `Feedback` turns th
 
 import math
 
-from sim_backends.drive.defects import Defects
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.make import PROFILE, Make
-from sim_backends.drive.profile import Profile, ShaftMotion, glide, standing, stop, trapezoid
-from sim_backends.drive.shaft import Shaft
+from sim_backends.drive.axis.defects import Defects
+from sim_backends.drive.axis.make import PROFILE, Make
+from sim_backends.drive.axis.profile import Profile, ShaftMotion, glide, standing, stop, trapezoid
+from sim_backends.drive.axis.shaft import Shaft
+from sim_backends.drive.objects.dictionary import Dictionary
 
 QUICK_RAMP = 0x6085
 """quick stop deceleration"""

@@ -1,9 +1,9 @@
 """Profile position mode on the wire: the set-point handshake (bits 4, 5, 6, 12), halt (bit 8), position limits 607D."""
 
-from sim_backends.drive.defects import Defects
-from sim_backends.drive.dictionary import Dictionary
-from sim_backends.drive.feedback import Feedback
-from sim_backends.drive.positioner import Positioner
+from sim_backends.drive.axis.defects import Defects
+from sim_backends.drive.axis.feedback import Feedback
+from sim_backends.drive.axis.positioner import Positioner
+from sim_backends.drive.objects.dictionary import Dictionary
 
 _NEW_SET_POINT, _AT_ONCE, _RELATIVE, _HALT = 0x10, 0x20, 0x40, 0x100
 _HALT_RAMPS = {1: 0x6084, 2: 0x6085}

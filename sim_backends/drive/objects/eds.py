@@ -7,8 +7,8 @@ from typing import Any
 
 from fidim_lab.data.eds import EdsFile, read_dictionary
 from fidim_lab.errors import FileError
-from sim_backends.drive.dictionary import Dictionary, ObjectSpec, Value
-from sim_backends.drive.factors import counted_as_it_is
+from sim_backends.drive.objects.dictionary import Dictionary, ObjectSpec, Value
+from sim_backends.drive.objects.factors import counted_as_it_is
 
 _CODES = {1: "?", 2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I", 8: "f", 0x11: "d", 0x15: "q", 0x1B: "Q"}
 """CiA 301 data types; every other type is kept as bytes"""
