@@ -9,11 +9,11 @@ import numpy as np
 from fidim_lab.arrays import PerCable
 from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Pose, Robot, Window
 from fidim_lab.errors import InfeasibleError
+from sim_backends.plant.mechanics import Rest
 from sim_backends.plant.motion import SlackInterval
 from sim_backends.plant.own_sensors import OwnNoise, OwnPoseSensors
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Cameras, CurrentSensors, Encoders, Noise, sensor_streams
-from sim_backends.plant.statics import Rest
 from sim_backends.plant.world import World
 
 BETWEEN = 60.0

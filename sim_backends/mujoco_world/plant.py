@@ -14,9 +14,9 @@ from fidim_lab.errors import InfeasibleError, OurBugError
 from sim_backends.mujoco_world.engine import engine
 from sim_backends.mujoco_world.forces import FORCES, Moment, load, refuse_unsupported
 from sim_backends.mujoco_world.multibody import BEFORE_ENTRY, STEP, multibody_xml
+from sim_backends.plant.mechanics import Rest, Statics
 from sim_backends.plant.motion import SlackInterval
 from sim_backends.plant.paid_out import PaidOut
-from sim_backends.plant.statics import Rest, Statics
 from sim_backends.plant.world import World
 
 LENGTHS_AGREE = 1e-6

@@ -13,9 +13,9 @@ import numpy as np
 
 from fidim_lab.arrays import PerCable
 from fidim_lab.errors import InfeasibleError
-from sim_backends.plant.dynamics import rigid_cables
-from sim_backends.plant.kinematics import HAND_SIZE, TWIST
-from sim_backends.plant.stepper import (
+from sim_backends.plant.mechanics.dynamics import rigid_cables
+from sim_backends.plant.mechanics.kinematics import HAND_SIZE, TWIST
+from sim_backends.plant.mechanics.stepper import (
     Buffered,
     compile_contact,
     compile_derivative,
@@ -23,7 +23,7 @@ from sim_backends.plant.stepper import (
     compile_step,
     longest_step,
 )
-from sim_backends.plant.unilateral import SLACKENING, STICKING, impact, taut
+from sim_backends.plant.mechanics.unilateral import SLACKENING, STICKING, impact, taut
 from sim_backends.plant.world import World
 
 BISECTIONS = 12

@@ -12,11 +12,11 @@ import numpy as np
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Pose
 from fidim_lab.errors import OurBugError
-from sim_backends.plant.kinematics import HAND_SIZE, LOOSE, POSE, TWIST, matrix_of, oscillation, pose_of, size
+from sim_backends.plant.mechanics.kinematics import HAND_SIZE, LOOSE, POSE, TWIST, matrix_of, oscillation, pose_of, size
+from sim_backends.plant.mechanics.statics import Rest, Statics
 from sim_backends.plant.motion import NO_HAND, Drive, Motion, SlackInterval
 from sim_backends.plant.paid_out import PaidOut
 from sim_backends.plant.seen import markers_at
-from sim_backends.plant.statics import Rest, Statics
 from sim_backends.plant.world import World
 
 

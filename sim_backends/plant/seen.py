@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fidim_lab.errors import OurBugError
-from sim_backends.plant.kinematics import matrix_of
+from sim_backends.plant.mechanics.kinematics import matrix_of
 from sim_backends.plant.world import World
 
 

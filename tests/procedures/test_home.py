@@ -18,7 +18,7 @@ from procedures.protocols.home import known_lengths
 from procedures.protocols.listing import Outline
 from procedures.run import run_procedure
 from sim_backends.jumping_loop import run
-from sim_backends.plant.pulley import tangent
+from sim_backends.plant.mechanics.pulley import tangent
 
 POSE = Pose(np.array([1.27, -0.17, -0.32]), Rotation.from_rotvec([0.05, -0.03, 0.1]).as_matrix())
 

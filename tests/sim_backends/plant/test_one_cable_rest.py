@@ -5,7 +5,7 @@ import pytest
 
 from fidim_lab.app import compose
 from fidim_lab.data.records import Body, Cable, Pose, Robot
-from sim_backends.plant.statics import Statics
+from sim_backends.plant.mechanics import Statics
 
 
 @pytest.fixture(scope="module")

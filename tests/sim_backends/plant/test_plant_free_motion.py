@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Body, Cable, Pose, Robot
-from sim_backends.plant.kinematics import matrix_of, quaternion_of
+from sim_backends.plant.mechanics import Rest
+from sim_backends.plant.mechanics.kinematics import matrix_of, quaternion_of
 from sim_backends.plant.plant import Plant
-from sim_backends.plant.statics import Rest
 from sim_backends.plant.world import World
 
 LENGTHS = np.array([1.42, 1.40, 1.45, 1.47])

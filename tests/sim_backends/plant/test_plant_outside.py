@@ -6,9 +6,9 @@ import pytest
 
 from fidim_lab.data.robot_file import read_robot
 from sim_backends.plant.hidden import KNOWN, parse_effect
-from sim_backends.plant.kinematics import matrix_of, platform
+from sim_backends.plant.mechanics.kinematics import matrix_of, platform
+from sim_backends.plant.mechanics.outside_terms import OUTSIDE_TERMS
 from sim_backends.plant.outside import OUTSIDE
-from sim_backends.plant.outside_terms import OUTSIDE_TERMS
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import truth_of
 

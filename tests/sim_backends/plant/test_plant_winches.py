@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fidim_lab.errors import InfeasibleError, OurBugError
+from sim_backends.plant.mechanics.unilateral import impact, pushes, taut
 from sim_backends.plant.plant import HandLaw, Plant
-from sim_backends.plant.unilateral import impact, pushes, taut
 from sim_backends.plant.world import make_world
 
 LENGTHS = np.array([1.42, 1.40, 1.45, 1.47])

@@ -1,7 +1,7 @@
 """The unknown modelled: forces that no catalogue has, hidden by the simulator's own equations, are typed and fitted.
 
-`HIDDEN` are terms for the plant (wrench about G, as `sim_backends.plant.terms`), made for these tests alone: they share
-nothing with the families that find them.
+`HIDDEN` are terms for the plant (wrench about G, as `sim_backends.plant.mechanics.terms`), made for these tests alone:
+they share nothing with the families that find them.
 """
 
 import json
@@ -19,10 +19,10 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.unknown import Unknown, model_unknown
 from fidim_lab.model.mechanism import Mechanism
-from sim_backends.plant import terms
 from sim_backends.plant.hidden import HiddenEffect, parse_effect
-from sim_backends.plant.kinematics import Platform
-from sim_backends.plant.terms import Wrench
+from sim_backends.plant.mechanics import terms
+from sim_backends.plant.mechanics.kinematics import Platform
+from sim_backends.plant.mechanics.terms import Wrench
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Recording, simulate_campaign
 

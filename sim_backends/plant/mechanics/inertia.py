@@ -7,7 +7,7 @@ force at A that it takes: m Ä + ṁ Ȧ − ½ ∂(Ȧᵀ m Ȧ)/∂A, and the cab
 import casadi as ca
 
 from fidim_lab.data.records import Cable
-from sim_backends.plant.pulley import tangent
+from sim_backends.plant.mechanics.pulley import tangent
 from sim_backends.plant.world import World
 
 

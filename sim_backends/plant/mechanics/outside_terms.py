@@ -9,8 +9,8 @@ import casadi as ca
 
 from fidim_lab.arrays import Vector3
 from sim_backends.plant.hidden import HiddenEffect
-from sim_backends.plant.kinematics import Platform
-from sim_backends.plant.wrench import Term, Wrench
+from sim_backends.plant.mechanics.kinematics import Platform
+from sim_backends.plant.mechanics.wrench import Term, Wrench
 
 
 def _at_centre(force: ca.SX) -> Wrench:

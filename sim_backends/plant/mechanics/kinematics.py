@@ -12,7 +12,7 @@ import numpy as np
 
 from fidim_lab.data.records import Pose
 from sim_backends.plant.hidden import HiddenEffect
-from sim_backends.plant.pulley import Tangent, tangent
+from sim_backends.plant.mechanics.pulley import Tangent, tangent
 from sim_backends.plant.world import World
 
 POSE = slice(0, 7)

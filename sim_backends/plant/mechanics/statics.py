@@ -14,9 +14,9 @@ from scipy.optimize import least_squares, minimize
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Pose
 from fidim_lab.errors import InfeasibleError
-from sim_backends.plant.dynamics import generalised, gripped, inverse_of, mass_and_force, row_of, stretch_of
-from sim_backends.plant.kinematics import HAND_SIZE, coordinates_of, platform, pose_of, size
-from sim_backends.plant.terms import hand_push
+from sim_backends.plant.mechanics.dynamics import generalised, gripped, inverse_of, mass_and_force, row_of, stretch_of
+from sim_backends.plant.mechanics.kinematics import HAND_SIZE, coordinates_of, platform, pose_of, size
+from sim_backends.plant.mechanics.terms import hand_push
 from sim_backends.plant.world import World
 
 SOFT = (3e3, 3e4, 3e5)

@@ -10,9 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from sim_backends.plant.dynamics import Inputs, contact, derivative, energy
-from sim_backends.plant.kinematics import HAND_SIZE
-from sim_backends.plant.terms import DRY_RATE
+from sim_backends.plant.mechanics.dynamics import Inputs, contact, derivative, energy
+from sim_backends.plant.mechanics.kinematics import HAND_SIZE
+from sim_backends.plant.mechanics.terms import DRY_RATE
 from sim_backends.plant.world import World
 
 NODES = (0.0, 1 / 3, 2 / 3, 1 / 3, 1 / 2, 1 / 2, 1.0)

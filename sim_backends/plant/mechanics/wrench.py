@@ -6,7 +6,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from sim_backends.plant.hidden import HiddenEffect
-from sim_backends.plant.kinematics import Platform
+from sim_backends.plant.mechanics.kinematics import Platform
 
 
 class Wrench(NamedTuple):

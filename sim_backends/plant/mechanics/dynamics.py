@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from sim_backends.plant.inertia import attached_function, needs_attached
-from sim_backends.plant.kinematics import HAND_SIZE, Platform, platform, quaternion_rate, size
-from sim_backends.plant.terms import applied, hand_push, loose_acceleration
+from sim_backends.plant.mechanics.inertia import attached_function, needs_attached
+from sim_backends.plant.mechanics.kinematics import HAND_SIZE, Platform, platform, quaternion_rate, size
+from sim_backends.plant.mechanics.terms import applied, hand_push, loose_acceleration
+from sim_backends.plant.mechanics.wrench import Wrench
 from sim_backends.plant.world import World
-from sim_backends.plant.wrench import Wrench
 
 BAUMGARTE = 25.0
 """1/s: rate at which an error of length dies out; with it the drift over 10 s stays under 1e-8 m"""

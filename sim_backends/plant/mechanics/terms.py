@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 
 from sim_backends.plant.hidden import HiddenEffect
-from sim_backends.plant.kinematics import CableEnd, Platform, Point, oscillation
-from sim_backends.plant.outside_terms import OUTSIDE_TERMS
-from sim_backends.plant.wrench import Term, Wrench
+from sim_backends.plant.mechanics.kinematics import CableEnd, Platform, Point, oscillation
+from sim_backends.plant.mechanics.outside_terms import OUTSIDE_TERMS
+from sim_backends.plant.mechanics.wrench import Term, Wrench
 
 DRY_RATE = 0.01
 """rad/s within which a dry torque builds up: small against 1 rad/s, the rate of a swinging platform's joints"""
