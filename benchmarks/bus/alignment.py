@@ -17,8 +17,8 @@ from drivers.cia402.profile import Mode
 from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.mocap.clock_fit import ClockFit, fit_clock
+from drivers.mocap.decoders import MarkerObjects, ViconUdpDecoder
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from fidim_lab.data.alignment import ClockOffset, align_clocks
 from sim_backends.drive.axis import DrumShaft
 from sim_backends.in_process_bus import InProcessBus

@@ -26,9 +26,9 @@ from drivers.canbus.transport import CanFrame, CanTransport
 from drivers.cia402.motion.cyclic import CyclicWinch
 from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock, precise_loop
+from drivers.mocap.decoders import MarkerObjects, ViconUdpDecoder
 from drivers.mocap.feeds import UdpFeed
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from fidim_lab.errors import DeviceError
 from sim_backends.in_process_bus import InProcessBus
 

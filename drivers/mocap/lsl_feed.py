@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.mocap.marker_text import marker_line
+from drivers.mocap.decoders.marker_text import marker_line
 from drivers.ports import Clock
 from fidim_lab.errors import DeviceError, SetupError
 

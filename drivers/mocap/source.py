@@ -14,7 +14,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 
 from drivers.mocap.clock_fit import FrameClock
-from drivers.mocap.decoder import Decoder, Malformed
+from drivers.mocap.decoders.decoder import Decoder, Malformed
 from drivers.mocap.feeds import ByteFeed
 from drivers.mocap.sequence import Sequencer
 from drivers.mocap.subscription import Broadcast

@@ -10,9 +10,9 @@ import sys
 import numpy as np
 
 from drivers.clock import LoopClock
+from drivers.mocap.decoders import MarkerObjects, ViconUdpDecoder
 from drivers.mocap.feeds import ByteFeed, UdpFeed
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 
 
 async def watch(feed: ByteFeed, marker: str, rate: float = 100.0, frames: int = 100) -> np.ndarray:

@@ -3,17 +3,25 @@
 from collections.abc import Callable, Mapping
 
 from drivers.mocap.asked_udp import AskedUdpFeed, Greeting
-from drivers.mocap.decoder import Decoder
+from drivers.mocap.decoders import (
+    Decoder,
+    MarkerObjects,
+    MarkerTextDecoder,
+    NatNetDecoder,
+    OscDecoder,
+    QtmDecoder,
+    Upright,
+    ViconDataStreamDecoder,
+    ViconUdpDecoder,
+    address_of,
+)
+from drivers.mocap.decoders.natnet import hello, invitation, keep_alive
+from drivers.mocap.decoders.qtm import QtmRequests
+from drivers.mocap.decoders.vicon_datastream import DataStreamWishes
+from drivers.mocap.decoders.vicon_udp import SubjectPoints
 from drivers.mocap.feeds import ByteFeed, Conversation, TcpFeed, UdpFeed
 from drivers.mocap.lsl_feed import LslFeed
-from drivers.mocap.marker_text import MarkerTextDecoder
-from drivers.mocap.natnet import NatNetDecoder, hello, invitation, keep_alive
-from drivers.mocap.osc import OscDecoder, address_of
-from drivers.mocap.qtm import QtmDecoder, QtmRequests
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.upright import Upright
-from drivers.mocap.vicon_datastream import DataStreamWishes, ViconDataStreamDecoder
-from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from drivers.ports import Clock
 from fidim_lab.data.rigs.rig import MocapEntry, MocapKind, RigFile
 

@@ -16,9 +16,9 @@ from drivers.cia402.dictionary import TemperatureObject, WinchConfig
 from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
+from drivers.mocap.decoders import MarkerObjects, ViconUdpDecoder
 from drivers.mocap.feeds import ByteFeed, UdpFeed
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import Operator, Rig
 from fidim_lab.app.compose.loop import running
 from fidim_lab.data.records import Body, Campaign, Plan, Robot

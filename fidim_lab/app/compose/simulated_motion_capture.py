@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from drivers.mocap.decoder import UNLABELLED
-from drivers.mocap.osc import address_of
+from drivers.mocap.decoders import address_of
+from drivers.mocap.decoders.decoder import UNLABELLED
 from drivers.ports import Clock
 from fidim_lab.data.records import Robot
 from fidim_lab.data.rigs.rig import MocapEntry, MocapKind, RigFile

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.mocap.clock_fit import fit_clock
+from drivers.mocap.decoders import Upright, ViconDataStreamDecoder
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.upright import Upright
-from drivers.mocap.vicon_datastream import ViconDataStreamDecoder
 from drivers.ports import Clock, MarkerFrame
 from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.app.doctor.checks import Check, Verdict

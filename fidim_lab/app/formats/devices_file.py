@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from drivers.cia402.dictionary import GENERIC_EDS, Graded, Met, WinchConfig
 from drivers.cia402.motion import Cia402Winch
-from drivers.mocap.description import DecoderDescription, describe
+from drivers.mocap.decoders import DecoderDescription, describe
 from drivers.mocap.source import StreamMarkerSource
 from drivers.ports import DriveState, Rig
 from fidim_lab.data.files.json_file import read_json_as

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
+from drivers.mocap.decoders import MarkerTextDecoder
 from drivers.mocap.lsl_feed import Channels, LslFeed, SampleCount, assign_channels
-from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.source import StreamMarkerSource
 from fidim_lab.errors import DeviceError, SetupError
 from sim_backends.mocap.encoders import TextEncoder

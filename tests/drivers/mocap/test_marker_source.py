@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.mocap.decoder import Decoder
-from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.decoders import Decoder, MarkerObjects, MarkerTextDecoder, ViconUdpDecoder
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import MarkerFrame, MarkerSource
 from fidim_lab.errors import DeviceError, OurBugError
 from sim_backends.jumping_loop import run

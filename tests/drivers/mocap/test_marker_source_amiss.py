@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.mocap.decoder import Decoder, Event
-from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.decoders import Decoder, MarkerObjects, MarkerTextDecoder, ViconUdpDecoder
+from drivers.mocap.decoders.decoder import Event
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from fidim_lab.errors import DeviceError, OurBugError
 from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import Encoder, Occluded, TextEncoder, ViconEncoder

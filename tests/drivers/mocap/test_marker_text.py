@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.mocap.decoder import DecodedFrame, Malformed
-from drivers.mocap.marker_text import LONGEST_LINE, MarkerTextDecoder
+from drivers.mocap.decoders import MarkerTextDecoder
+from drivers.mocap.decoders.decoder import DecodedFrame, Malformed
+from drivers.mocap.decoders.marker_text import LONGEST_LINE
 from sim_backends.mocap.encoders import TextEncoder
 
 HERE = (1.0, -2.5, 0.003)

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
+from drivers.mocap.decoders import MarkerObjects, MarkerTextDecoder, ViconUdpDecoder
 from drivers.mocap.feeds import TcpFeed, UdpFeed
-from drivers.mocap.marker_text import MarkerTextDecoder
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from drivers.ports import MarkerFrame
 from fidim_lab.errors import DeviceError, SetupError
 from sim_backends.mocap.encoders import TextEncoder, ViconEncoder

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
+from drivers.mocap.decoders import MarkerObjects, ViconUdpDecoder
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
 from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import ViconEncoder
 from sim_backends.mocap.server import MocapServer, ServerFeed, Timing

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from drivers.clock import LoopClock
 from drivers.mocap.asked_udp import AskedUdpFeed, Greeting
-from drivers.mocap.decoder import DecodedFrame, Malformed
-from drivers.mocap.description import describe
-from drivers.mocap.natnet import NatNetDecoder, hello, invitation, keep_alive, marker_id
+from drivers.mocap.decoders import NatNetDecoder, describe
+from drivers.mocap.decoders.decoder import DecodedFrame, Malformed
+from drivers.mocap.decoders.natnet import hello, invitation, keep_alive, marker_id
 from drivers.mocap.source import StreamMarkerSource
 from sim_backends.mocap.natnet import NatNetEncoder, NatNetServer
 from sim_backends.mocap.server import MocapServer, Timing

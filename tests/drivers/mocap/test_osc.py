@@ -9,8 +9,9 @@ from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
-from drivers.mocap.decoder import DecodedFrame, Malformed
-from drivers.mocap.osc import OscDecoder, address_of, parse_osc
+from drivers.mocap.decoders import OscDecoder, address_of
+from drivers.mocap.decoders.decoder import DecodedFrame, Malformed
+from drivers.mocap.decoders.osc import parse_osc
 from sim_backends.mocap.encoders import OscEncoder
 
 ADDRESSES = ("/marker/main", "/marker/second")

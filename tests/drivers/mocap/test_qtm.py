@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.mocap.decoder import DecodedFrame, Malformed
-from drivers.mocap.qtm import NAMES, REQUESTS, QtmDecoder, QtmRequests, command
+from drivers.mocap.decoders import QtmDecoder
+from drivers.mocap.decoders.decoder import DecodedFrame, Malformed
+from drivers.mocap.decoders.qtm import NAMES, REQUESTS, QtmRequests, command
 from sim_backends.mocap.qtm import QtmEncoder, QtmSession
 
 XML = b"<QTM_Parameters_Ver_1.19><The_3D><Label><Name>a</Name></Label><Label>\n <Name>b</Name></Label></The_3D>\0"

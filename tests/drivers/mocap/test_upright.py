@@ -4,9 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.mocap.decoder import DecodedFrame, Malformed
-from drivers.mocap.marker_text import MarkerTextDecoder
-from drivers.mocap.upright import Upright
+from drivers.mocap.decoders import MarkerTextDecoder, Upright
+from drivers.mocap.decoders.decoder import DecodedFrame, Malformed
 from sim_backends.mocap.encoders import TextEncoder, TurnedEncoder
 
 QUARTER_TURN_ABOUT_X = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])

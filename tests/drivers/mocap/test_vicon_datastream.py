@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.clock import LoopClock
-from drivers.mocap.decoder import DecodedFrame, Malformed
+from drivers.mocap.decoders import ViconDataStreamDecoder
+from drivers.mocap.decoders.decoder import DecodedFrame, Malformed
+from drivers.mocap.decoders.vicon_datastream import DataStreamWishes, wish
+from drivers.mocap.decoders.vicon_packets import PacketSplitter, StreamPacket
 from drivers.mocap.feeds import TcpFeed
 from drivers.mocap.source import StreamMarkerSource
-from drivers.mocap.vicon_datastream import DataStreamWishes, ViconDataStreamDecoder, wish
-from drivers.mocap.vicon_packets import PacketSplitter, StreamPacket
 from fidim_lab.errors import DeviceError
 from sim_backends.jumping_loop import run as run_jumping
 from sim_backends.mocap.datastream import OFFERED, DataStreamEncoder, DataStreamSession

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from drivers.mocap.decoder import DecodedFrame, Malformed
-from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconBlock, ViconUdpDecoder, parse_block
+from drivers.mocap.decoders import MarkerObjects, ViconUdpDecoder
+from drivers.mocap.decoders.decoder import DecodedFrame, Malformed
+from drivers.mocap.decoders.vicon_udp import SubjectPoints, ViconBlock, parse_block
 from sim_backends.mocap.encoders import Occluded, ViconEncoder
 
 # Written out byte by byte from the layout in the protocol's layout.

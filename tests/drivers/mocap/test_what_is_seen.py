@@ -5,12 +5,9 @@ import struct
 
 import pytest
 
-from drivers.mocap.decoder import DecodedFrame, Malformed, frame_of, is_place
-from drivers.mocap.marker_text import MarkerTextDecoder
-from drivers.mocap.osc import OscDecoder
-from drivers.mocap.vicon_datastream import ViconDataStreamDecoder
-from drivers.mocap.vicon_packets import frame_rate
-from drivers.mocap.vicon_udp import MarkerObjects, ViconUdpDecoder
+from drivers.mocap.decoders import MarkerObjects, MarkerTextDecoder, OscDecoder, ViconDataStreamDecoder, ViconUdpDecoder
+from drivers.mocap.decoders.decoder import DecodedFrame, Malformed, frame_of, is_place
+from drivers.mocap.decoders.vicon_packets import frame_rate
 from sim_backends.mocap.datastream import DataStreamEncoder
 from sim_backends.mocap.encoders import OscEncoder, ViconEncoder
 

@@ -11,11 +11,9 @@ from typing import Any
 import pytest
 
 from drivers.cia402.dictionary import GENERIC_EDS, WinchConfig
-from drivers.mocap.description import describe
-from drivers.mocap.marker_text import MarkerTextDecoder
+from drivers.mocap.decoders import MarkerObjects, MarkerTextDecoder, Upright, ViconUdpDecoder, describe
+from drivers.mocap.decoders.vicon_udp import SubjectPoints
 from drivers.mocap.packet_log import PacketLog, read_packets
-from drivers.mocap.upright import Upright
-from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from drivers.ports import DriveState, MarkerFrame, WinchSample
 from fidim_lab.app.cli import run
 from fidim_lab.app.formats.devices_file import (

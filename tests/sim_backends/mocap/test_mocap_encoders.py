@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from drivers.mocap.vicon_udp import SubjectPoints, ViconUdpDecoder
+from drivers.mocap.decoders import ViconUdpDecoder
+from drivers.mocap.decoders.vicon_udp import SubjectPoints
 from sim_backends.mocap.encoders import Occluded, TextEncoder, ViconEncoder, ViconSubjectEncoder
 
 ROTATION = np.full(3, np.radians(0.1)).tobytes()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.mocap.description import describe
+from drivers.mocap.decoders import describe
 from fidim_lab.app.compose.motion_capture import marker_source
 from fidim_lab.app.compose.simulated_motion_capture import mocap_sender
 from fidim_lab.app.doctor.checks import Verdict

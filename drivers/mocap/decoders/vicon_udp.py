@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, is_place, plausible
+from drivers.mocap.decoders.decoder import DecodedFrame, Event, Malformed, Position, is_place, plausible
 
 DEFAULT_PORT = 51001
 OBJECT = 0

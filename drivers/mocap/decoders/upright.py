@@ -1,6 +1,6 @@
 """A motion-capture frame whose y axis points up, turned so that z does: (x, y, z) → (x, −z, y)."""
 
-from drivers.mocap.decoder import DecodedFrame, Decoder, Event, Position
+from drivers.mocap.decoders.decoder import DecodedFrame, Decoder, Event, Position
 
 
 class Upright:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from functools import reduce
 from operator import xor
 
-from drivers.mocap.decoder import HIGHEST, DecodedFrame, Event, Malformed, Position, is_place, plausible
+from drivers.mocap.decoders.decoder import HIGHEST, DecodedFrame, Event, Malformed, Position, is_place, plausible
 
 LONGEST_LINE = 4096
 _LEGAL = b"0123456789+-.eE,nNaA \t"

@@ -16,7 +16,7 @@ import re
 import struct
 from html import unescape
 
-from drivers.mocap.decoder import UNLABELLED, Event, Malformed, Position, frame_of
+from drivers.mocap.decoders.decoder import UNLABELLED, Event, Malformed, Position, frame_of
 
 DEFAULT_PORT = 22223
 ERROR, COMMAND, XML, DATA, EVENT = 0, 1, 2, 3, 6

@@ -6,8 +6,8 @@ The server speaks first and tells what it can send; the client wishes for a part
 
 import struct
 
-from drivers.mocap.decoder import UNLABELLED, Event, Malformed, Position, frame_of
-from drivers.mocap.vicon_packets import Block, Fields, PacketSplitter, StreamPacket, enums, frame_rate, packet
+from drivers.mocap.decoders.decoder import UNLABELLED, Event, Malformed, Position, frame_of
+from drivers.mocap.decoders.vicon_packets import Block, Fields, PacketSplitter, StreamPacket, enums, frame_rate, packet
 
 DEFAULT_PORT = 801
 WISHES = (

@@ -10,7 +10,7 @@ x, y, z as its first three. A marker without a message, at NaN or at 0, 0, 0 is 
 import struct
 from dataclasses import dataclass
 
-from drivers.mocap.decoder import DecodedFrame, Event, Malformed, Position, is_place, plausible
+from drivers.mocap.decoders.decoder import DecodedFrame, Event, Malformed, Position, is_place, plausible
 
 DEFAULT_PORT = 51200
 FRAME_ADDRESS = "/frame"

@@ -15,7 +15,7 @@ people's clients; checked by PyPI's `natnet`, which reads our simulated server.
 import socket
 import struct
 
-from drivers.mocap.decoder import UNLABELLED, DecodedFrame, Event, Malformed, Position, frame_of
+from drivers.mocap.decoders.decoder import UNLABELLED, DecodedFrame, Event, Malformed, Position, frame_of
 
 COMMAND_PORT = 1510
 CONNECT, SERVER_INFO, FRAME, KEEP_ALIVE = 0, 1, 7, 10

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from drivers.mocap.decoder import Decoder, Position
-from drivers.mocap.marker_text import MarkerTextDecoder
-from drivers.mocap.natnet import NatNetDecoder
-from drivers.mocap.osc import OscDecoder
-from drivers.mocap.qtm import QtmDecoder
-from drivers.mocap.upright import Upright
-from drivers.mocap.vicon_datastream import ViconDataStreamDecoder
-from drivers.mocap.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
+from drivers.mocap.decoders.decoder import Decoder, Position
+from drivers.mocap.decoders.marker_text import MarkerTextDecoder
+from drivers.mocap.decoders.natnet import NatNetDecoder
+from drivers.mocap.decoders.osc import OscDecoder
+from drivers.mocap.decoders.qtm import QtmDecoder
+from drivers.mocap.decoders.upright import Upright
+from drivers.mocap.decoders.vicon_datastream import ViconDataStreamDecoder
+from drivers.mocap.decoders.vicon_udp import MarkerObjects, SubjectPoints, ViconUdpDecoder
 from fidim_lab.errors import OurBugError
 
 
@@ -80,5 +80,5 @@ def describe(decoder: Decoder) -> DecoderDescription:
             return DecoderDescription("vicon-udp", len(layout.points), layout.objects, layout.points, upright)
         return DecoderDescription("vicon-udp", len(layout.objects), layout.objects, upright=upright)
     raise OurBugError(
-        f"The decoder {type(inner).__name__} cannot be described.", hint="Add it to drivers.mocap.description."
+        f"The decoder {type(inner).__name__} cannot be described.", hint="Add it to drivers.mocap.decoders.description."
     )

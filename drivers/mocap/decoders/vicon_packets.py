@@ -11,7 +11,7 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 
-from drivers.mocap.decoder import Malformed
+from drivers.mocap.decoders.decoder import Malformed
 
 MAGIC = 0x1A2B0001
 LONGEST_PACKET = 1 << 24
