@@ -25,7 +25,7 @@ from fidim_lab.identification.design import information, pool
 from fidim_lab.identification.design.limits import KINDS, worst_of_kinds
 from fidim_lab.identification.design.search import Design, Found, Start, begin_at, design
 from fidim_lab.identification.design.task import Criterion, DesignTask
-from fidim_lab.model.free_motion import conditioning, marker_selector
+from fidim_lab.model.motion import conditioning, marker_selector
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.world import make_world
 

@@ -21,10 +21,10 @@ from fidim_lab.identification.excitation.place import Place, inside, wanted_ampl
 from fidim_lab.identification.excitation.plan import Excitation, planned
 from fidim_lab.identification.excitation.seen import Seen, seen_swing, taught
 from fidim_lab.identification.excitation.strokes import COARSE
-from fidim_lab.model.driven import driven_motions
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.kinematics import dependent_pose
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import driven_motions
 from fidim_lab.model.swing import Swing
 from procedures.protocols.excite import TELLING
 from sim_backends.excited import Swung, carry_out

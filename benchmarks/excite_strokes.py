@@ -18,9 +18,9 @@ from fidim_lab.identification.excitation.knowledge import Knowledge
 from fidim_lab.identification.excitation.motion import line_of
 from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
 from fidim_lab.identification.excitation.plan import Excitation, planned
-from fidim_lab.model.driven import driven_motions
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import driven_motions
 
 LIMITS = WinchLimits(speed=0.5, acceleration=4.0)
 STEP_OF = 1e-5

@@ -14,9 +14,9 @@ from fidim_lab.data.importers.grab_results import Processed
 from fidim_lab.data.records import Body, Pose, Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.equations import tls
-from fidim_lab.model.free_motion import conditioning, free_twist_basis, marker_selector, motion_from_free
 from fidim_lab.model.kinematics import dependent_pose
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import conditioning, free_twist_basis, marker_selector, motion_from_free
 from fidim_lab.model.regressor import free_regressor, parameter_vector
 
 AXES = (0, 1)

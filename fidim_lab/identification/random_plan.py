@@ -19,10 +19,9 @@ from fidim_lab.arrays import PerCable, Positions, Rotations, Vector3
 from fidim_lab.data.records import Plan, PlannedWindow, Pose, Robot, Role
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.workspace import Workspace, displaced, rest_near
-from fidim_lab.model.dynamics import FreeMotion, simulate_free_motion
-from fidim_lab.model.free_motion import conditioning, marker_selector
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import scaled_singular_values
+from fidim_lab.model.motion import FreeMotion, conditioning, marker_selector, simulate_free_motion
 from fidim_lab.model.statics import Equilibrium
 
 DRAWS_FOR_EACH = 60

@@ -18,10 +18,9 @@ from fidim_lab.identification.motion.filters import LOW_PASS
 from fidim_lab.identification.motion.recipe import BEST, PAPER, Recipe, Variant
 from fidim_lab.identification.results.validation import residual, sigma_perp
 from fidim_lab.identification.workspace import displaced
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths
-from fidim_lab.model.free_motion import conditioning, free_twist_basis, marker_selector
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import conditioning, free_twist_basis, marker_selector, simulate_free_motion
 from fidim_lab.model.regressor import free_regressor
 
 FREE = PAPER

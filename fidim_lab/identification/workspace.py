@@ -10,9 +10,9 @@ from fidim_lab.arrays import Vector3
 from fidim_lab.data.records import Pose, Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.model.equilibria import equilibrium_at, pose_from_lengths
-from fidim_lab.model.free_motion import marker_selector
 from fidim_lab.model.geometry import rotation_matrix
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import marker_selector
 from fidim_lab.model.statics import Equilibrium, balance
 
 STRETCH = 1e-6

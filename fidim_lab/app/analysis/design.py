@@ -21,7 +21,7 @@ from fidim_lab.identification.design.limits import KINDS, worst_of_kinds
 from fidim_lab.identification.design.search import Design, design
 from fidim_lab.identification.design.task import ByWinches, Criterion, DesignTask
 from fidim_lab.identification.excitation.place import WinchLimits
-from fidim_lab.model.free_motion import conditioning, marker_selector
+from fidim_lab.model.motion import conditioning, marker_selector
 
 WRONG = 0.05
 """relative size of the wrong CAD values against which --robust designs"""

@@ -24,9 +24,9 @@ from fidim_lab.identification.motion.measured import measure
 from fidim_lab.identification.motion.recipe import Recipe
 from fidim_lab.identification.motion.trajectory import predict
 from fidim_lab.identification.results.result_file import read_result
-from fidim_lab.model.dynamics import consistent_twist, simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import consistent_twist, simulate_free_motion
 
 REACH = 30.0
 """s that are predicted, from the window's beginning: always as many, so that the functions for it are made once"""

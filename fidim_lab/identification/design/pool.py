@@ -15,8 +15,8 @@ from fidim_lab.identification.design.motions import Motions, simulate
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.identification.design.windows import Neighbour, Placed, place, rest_beside
 from fidim_lab.identification.workspace import Workspace, rest_near
-from fidim_lab.model.free_motion import conditioning, marker_selector
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import conditioning, marker_selector
 
 LEAST = 0.028
 """m: a place that does not allow a displacement of so much is of no use"""

@@ -14,9 +14,9 @@ from fidim_lab.data.records import Pose
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.model.equilibria import pose_from_lengths
-from fidim_lab.model.free_motion import marker_selector
 from fidim_lab.model.kinematics import dependent_pose
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import marker_selector
 from fidim_lab.model.statics import balance
 
 NEWTON = 12

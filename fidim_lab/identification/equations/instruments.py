@@ -18,8 +18,8 @@ from fidim_lab.identification.motion.measured import MeasuredMotion
 from fidim_lab.identification.motion.recipe import Variant
 from fidim_lab.identification.motion.surface import marker_jacobian
 from fidim_lab.identification.motion.trajectory import predict
-from fidim_lab.model.free_motion import marker_selector
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import marker_selector
 
 PIECE = 2.5
 """s"""

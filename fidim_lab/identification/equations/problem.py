@@ -18,8 +18,8 @@ from fidim_lab.identification.motion.filters import FilterDesign, Kernels, convo
 from fidim_lab.identification.motion.measured import MeasuredMotion, measure
 from fidim_lab.identification.motion.recipe import Recipe, Rows
 from fidim_lab.identification.motion.surface import free_directions
-from fidim_lab.model.free_motion import free_twist_basis, marker_selector
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import free_twist_basis, marker_selector
 from fidim_lab.model.regressor import platform_regressor
 
 Regressor = Float[np.ndarray, "N K 10"]

@@ -18,8 +18,8 @@ from fidim_lab.identification.excitation.candidates import DUTY, SPARE
 from fidim_lab.identification.excitation.motion import at_rest, line_of, wider
 from fidim_lab.identification.excitation.place import MASS_OFF, Place, WinchLimits, inside
 from fidim_lab.identification.excitation.strokes import COARSE, Chain, Pattern
-from fidim_lab.model.driven import driven_motions
 from fidim_lab.model.geometry import rotation_matrix
+from fidim_lab.model.motion import driven_motions
 from fidim_lab.model.statics import balance
 from fidim_lab.model.swing import Swing
 

@@ -12,8 +12,8 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.candidates import SPARE, begins_of
 from fidim_lab.identification.excitation.place import Place
 from fidim_lab.identification.excitation.strokes import COARSE, FINEST, Chain, Timeline, timeline
-from fidim_lab.model.driven import driven_derivative, driven_motions
 from fidim_lab.model.equilibria import pose_from_lengths
+from fidim_lab.model.motion import driven_derivative, driven_motions
 
 LOOK = 10.0
 """s of free motion after the last stroke whose tensions are looked at: modes near 1 : 2 pass their energy to and fro"""

@@ -14,7 +14,7 @@ from fidim_lab.arrays import PerCable
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.place import Place
 from fidim_lab.identification.excitation.strokes import COARSE, timeline
-from fidim_lab.model.driven import driven_derivative, driven_motions
+from fidim_lab.model.motion import driven_derivative, driven_motions
 from fidim_lab.model.swing import Swing
 
 SPEEDS = (1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2, 0.1)

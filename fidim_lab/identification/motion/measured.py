@@ -15,9 +15,9 @@ from fidim_lab.identification.motion import rigid, surface
 from fidim_lab.identification.motion.recipe import Recipe, Variant
 from fidim_lab.identification.motion.signals import Smooth, Track, smooth, uniform
 from fidim_lab.model.equilibria import pose_from_lengths
-from fidim_lab.model.free_motion import AXIS_NAMES, best_axes, conditioning, marker_selector, motion_from_free
 from fidim_lab.model.kinematics import dependent_pose
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import AXIS_NAMES, best_axes, conditioning, marker_selector, motion_from_free
 
 NOISY_CONDITION = 10.0
 """conditioning from which a window's equations are worth a note"""

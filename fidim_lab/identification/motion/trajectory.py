@@ -14,8 +14,9 @@ from fidim_lab.data.records import Body, Motion, Pose, Robot
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.identification.motion.measured import MeasuredMotion, held_lengths
 from fidim_lab.identification.motion.surface import ARM, free_directions, marker_jacobian, tied_least_squares
-from fidim_lab.model.dynamics import STEP, simulate_free_motion
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
+from fidim_lab.model.motion.dynamics import STEP
 
 HORIZONS = ((1.0, np.inf), (0.5, 1.5, 4.0, np.inf))
 """s; the initial state is fitted on ever longer stretches: in two strides, and where that loses the phase in four"""

@@ -18,8 +18,8 @@ from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.mismatch.linearised.thresholds import LINEARISED
 from fidim_lab.mismatch.residuals.residual import Leftover, of_remainder
 from fidim_lab.mismatch.residuals.whiteness import whiteness
-from fidim_lab.model.contributions import extra_count
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import extra_count
 from fidim_lab.model.sensitivity.equations import BODY, sprung
 from fidim_lab.model.sensitivity.starts import tied
 

@@ -9,7 +9,7 @@ grown        from the first 0.3 s on and from several stiffnesses (`identificati
              without springs follows.
 
 Stiff springs are quiet (`model.sensitivity.stiff`): what they stretch is seen in the markers, how they ring is not.
-Stretch to first order (`model.equations`) would be cheaper, but what it leaves out, the square of (motion/stretch)²,
+Stretch to first order (`motion.equations`) would be cheaper, but what it leaves out, the square of (motion/stretch)²,
 is small at any moment, adds up in phase, and hides the effect after 10 s wherever it can be seen at all.
 """
 

@@ -1,7 +1,7 @@
 """How every hypothesis would move what was recorded, to first order: columns beside those of a fit.
 
 All hypotheses ride on one motion. The variational equation of the fitted model is solved once more with a forcing
-column for each scored parameter (`model.forcing`); what acts on the cameras is added directly. Compliant cables,
+column for each scored parameter (`model.motion.forcing`); what acts on the cameras is added directly. Compliant cables,
 loose masses and periodic forces are not differentiated but composed: the influence of a unit of cable acceleration
 times the second derivative of κ τ along the motion (`stretch`), that of a unit of force and torque times what a mass
 that swings along pulls (`resonance`), that of a unit of force times sin and cos.
@@ -24,8 +24,8 @@ from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis
 from fidim_lab.mismatch.linearised.resonance import UnitTorque, pull_of, swings
 from fidim_lab.mismatch.linearised.stretch import stretch_of
 from fidim_lab.model.batch import evaluate
-from fidim_lab.model.forcing import forcing, sightings, start_gaps
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.forcing import forcing, sightings, start_gaps
 from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY

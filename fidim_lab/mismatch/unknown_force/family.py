@@ -15,9 +15,9 @@ from jaxtyping import Float
 
 from fidim_lab.mismatch.unknown_force.points import Point
 from fidim_lab.model.batch import evaluate, function, rows
-from fidim_lab.model.equations import Symbols
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.rigid_body import BodyExpressions
+from fidim_lab.model.motion.equations import Symbols
+from fidim_lab.model.motion.rigid_body import BodyExpressions
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.slots import PlatformState
 

@@ -17,8 +17,8 @@ from fidim_lab.errors import OurBugError
 from fidim_lab.identification.mle.trajectories.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
 from fidim_lab.mismatch.unknown_force.thresholds import UNKNOWN_FORCE
 from fidim_lab.model.batch import over_samples
-from fidim_lab.model.forcing import forcing
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.forcing import forcing
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.integrate import Trajectories

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from fidim_lab.model.geometry import skew
-from fidim_lab.model.rigid_body import BodyExpressions
+from fidim_lab.model.motion.rigid_body import BodyExpressions
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ E: the twist and the E states that effects have of their own), constants ([unstr
 θ], the last two being `shared`).
 
 Effects may use the slots for geometry, lengths, drift, wrench, kinetic energy and compliance. Stretch is of first order
-(`model.equations`): exact in the motion and in its derivatives by θ, while its share of the derivatives by the state,
+(`motion.equations`): exact in the motion and in its derivatives by θ, while its share of the derivatives by the state,
 (frequency of motion / frequency of stretch)² of the rest, is left out: a Gauss–Newton step is a little off, its optimum
-is not. Mechanism(…, springs=True) makes the stretched cables springs instead (`model.elastic`): all exact, more
+is not. Mechanism(…, springs=True) makes the stretched cables springs instead (`model.motion.elastic`): all exact, more
 freedoms, nodes as near to each other as the stiffest cable asks for, or quiet ones (`stiff`). What cameras see
 is `measurement`'s.
 """
@@ -22,10 +22,10 @@ import casadi as ca
 
 from fidim_lab.errors import OurBugError
 from fidim_lab.model.batch import from_rows, function, rows
-from fidim_lab.model.elastic import compliant_cables, spring_tensions
-from fidim_lab.model.equations import MotionEquations, Solver, Symbols, motion_equations
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.elastic import compliant_cables, spring_tensions
+from fidim_lab.model.motion.equations import MotionEquations, Solver, Symbols, motion_equations
 from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.elimination import Elimination
 from fidim_lab.model.slots import Effect
@@ -172,7 +172,7 @@ def refuse_unknown(mechanism: Mechanism) -> None:
         if effect.extra_states and made.seen is not Effect.seen and made.extra_rates is not Effect.extra_rates:
             raise OurBugError(
                 f"{made.__name__}: trajectories with derivatives do not show changing extra states to the cameras.",
-                hint="Simulate it with model.dynamics, or score it with model.forcing.",
+                hint="Simulate it with model.motion.dynamics, or score it with model.motion.forcing.",
             )
 
 

@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from fidim_lab.arrays import Series
 from fidim_lab.model.batch import function, over_samples, rows
-from fidim_lab.model.contributions import extra_count, marker_at, seen_at, true_time_at
-from fidim_lab.model.equations import Symbols
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.contributions import extra_count, marker_at, seen_at, true_time_at
+from fidim_lab.model.motion.equations import Symbols
 from fidim_lab.model.sensitivity.integrate import Trajectories
 from fidim_lab.model.sensitivity.markers import at_nodes, between, hermite
 from fidim_lab.model.slots import Effect, PlatformState

@@ -15,9 +15,9 @@ from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.model.batch import evaluate, function, over_samples, rows
-from fidim_lab.model.contributions import extra_count, extra_start_at, seen_compliances_at
-from fidim_lab.model.equations import Symbols
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.contributions import extra_count, extra_start_at, seen_compliances_at
+from fidim_lab.model.motion.equations import Symbols
 from fidim_lab.model.sensitivity.equations import Sample, entries, sprung, turned
 from fidim_lab.model.sensitivity.integrate import States
 

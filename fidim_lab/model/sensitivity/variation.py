@@ -55,7 +55,7 @@ def variations(
     """Carry the derivatives of the initial states, [δp; δφ; δv; δω; δξ] by P columns, along the trajectories.
 
     The last columns of the P are the shared parameters, and get their part of the motion here. `further`: what Q more
-    parameters, whose columns follow those, add to v̇ at the nodes (`model.forcing`). unstretched: derivatives of the
+    parameters, whose columns follow those, add to v̇ at the nodes (`motion.forcing`). unstretched: derivatives of the
     springs' lengths by the same columns as `starts`. NaN where the trajectories are.
     """
     linear = _linearised(mechanism, trajectories, shared, unstretched)

@@ -16,9 +16,9 @@ from fidim_lab.data.records import PARAMETER_NAMES, Body, Campaign, Motion
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.model.dynamics import accelerations
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.dynamics import accelerations
 
 OFF = {"dx": 0.006, "dy": -0.003, "dz": 0.002}
 HIDDEN = "anchor-offset:cable=2," + ",".join(f"{name}={value}" for name, value in OFF.items())

@@ -12,9 +12,9 @@ from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.records import Body, Campaign, Robot, Role, Survey, Window
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.results.result_file import read_result
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 
 Capsys = pytest.CaptureFixture[str]
 EXTRA = (np.array([0.15, 0.1, 0.1]), np.array([-0.1, 0.14, 0.12]))

@@ -40,9 +40,9 @@ def test_table_2_is_as_model_md_says(optimised):
 def test_the_printed_y_of_k_12_lets_a_cable_go_slack():
     """Why 9.97 mm is taken: 99.7 mm contradicts the paper's own tension limits."""
     from fidim_lab.identification.workspace import displaced
-    from fidim_lab.model.dynamics import simulate_free_motion
     from fidim_lab.model.equilibria import pose_from_lengths
     from fidim_lab.model.mechanism import Mechanism
+    from fidim_lab.model.motion import simulate_free_motion
 
     robot = papers_robot(1e-4)
     mechanism = Mechanism(robot)

@@ -20,8 +20,8 @@ from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFrictionGivingWay
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.model.equations import MotionEquations, Symbols, motion_equations
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.equations import MotionEquations, Symbols, motion_equations
 
 ROBOT = Path(__file__).parents[3] / "fidim_lab" / "data" / "robots" / "irma4.toml"
 

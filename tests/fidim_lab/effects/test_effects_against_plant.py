@@ -13,11 +13,12 @@ import pytest
 from fidim_lab.data.records import Pose, Robot
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.model.contributions import seen_compliances_at
-from fidim_lab.model.dynamics import consistent_twist, default_extra, simulate_free_motion
-from fidim_lab.model.elastic import simulate_elastic_motion
-from fidim_lab.model.forcing import sightings, start_gaps
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import consistent_twist, simulate_free_motion
+from fidim_lab.model.motion.contributions import seen_compliances_at
+from fidim_lab.model.motion.dynamics import default_extra
+from fidim_lab.model.motion.elastic import simulate_elastic_motion
+from fidim_lab.model.motion.forcing import sightings, start_gaps
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Cameras

@@ -6,9 +6,9 @@ import pytest
 
 from fidim_lab.data.records import Motion
 from fidim_lab.effects.catalogue import catalogue
-from fidim_lab.model.dynamics import accelerations
-from fidim_lab.model.forcing import forcing, sightings, start_gaps
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.dynamics import accelerations
+from fidim_lab.model.motion.forcing import forcing, sightings, start_gaps
 
 
 def differences(function, theta, steps) -> np.ndarray:

@@ -13,12 +13,12 @@ from fidim_lab.effects.geometry.cable_creep import CableCreep
 from fidim_lab.effects.loads.forces import at_arm
 from fidim_lab.effects.loads.loose_mass import LooseMass
 from fidim_lab.errors import InfeasibleError, OurBugError, SetupError
-from fidim_lab.model.dynamics import consistent_twist, simulate_free_motion
-from fidim_lab.model.elastic import simulate_elastic_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
-from fidim_lab.model.rigid_body import energy
+from fidim_lab.model.motion import consistent_twist, simulate_free_motion
+from fidim_lab.model.motion.elastic import simulate_elastic_motion
+from fidim_lab.model.motion.rigid_body import energy
 from fidim_lab.model.slots import PlatformState
 
 LENGTHS = np.array([1.38, 1.39, 1.36, 1.32])

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.model.contributions import inertia_at
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
-from fidim_lab.model.rigid_body import energy
+from fidim_lab.model.motion import simulate_free_motion
+from fidim_lab.model.motion.contributions import inertia_at
+from fidim_lab.model.motion.rigid_body import energy
 
 DISSIPATIVE = [
     "air-drag-linear",

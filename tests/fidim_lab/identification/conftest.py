@@ -8,10 +8,9 @@ import pytest
 
 from fidim_lab.data.records import Body, Campaign, Motion, Robot, Role, Window
 from fidim_lab.identification.motion.trajectory import to_surface
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import equilibrium_at
-from fidim_lab.model.free_motion import free_twist_basis, marker_selector
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import free_twist_basis, marker_selector, simulate_free_motion
 
 TRUE_BODY = Body(com=np.array([0.004, -0.003, 0.196]), inertia=np.array([0.058, 0.064, 0.033, 4e-4, -5e-4, 3e-4]))
 PLACES = ((1.25, -0.15, -0.2), (1.1, 0.1, -0.35), (1.35, -0.35, -0.3), (1.2, -0.3, -0.1), (1.4, 0.05, -0.25))

@@ -18,9 +18,9 @@ from fidim_lab.identification.papers_takes import (
     cross_validated,
     difference_percent,
 )
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 
 
 def test_rates_of_angles_become_spins() -> None:

@@ -11,9 +11,9 @@ from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.random_plan import WITHIN_LIMITS, Taste, random_plan
 from fidim_lab.identification.workspace import Workspace, displaced, rest_near
 from fidim_lab.model import native
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 
 
 @pytest.fixture(scope="module")

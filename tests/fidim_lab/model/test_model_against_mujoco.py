@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Pose, Robot
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import dependent_pose, pose_from_lengths
+from fidim_lab.model.motion import simulate_free_motion
 from sim_backends.mujoco_world.multibody import STEP, multibody_xml
 from sim_backends.plant.world import World
 

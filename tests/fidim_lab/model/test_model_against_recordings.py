@@ -9,10 +9,9 @@ from scipy.optimize import least_squares
 
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.model.dynamics import simulate_free_motion
-from fidim_lab.model.free_motion import best_axes, free_twist_basis, marker_selector
 from fidim_lab.model.geometry import rotation_matrix
 from fidim_lab.model.kinematics import dependent_pose, pose_from_lengths
+from fidim_lab.model.motion import best_axes, free_twist_basis, marker_selector, simulate_free_motion
 
 MARKER_NOISE, LENGTH_NOISE = 1e-4, 2e-5
 

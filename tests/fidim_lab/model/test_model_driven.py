@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Robot
-from fidim_lab.model.driven import STEP, driven_motions
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import driven_motions
+from fidim_lab.model.motion.driven import STEP
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,13 @@ import pytest
 
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import InfeasibleError, SetupError
-from fidim_lab.model.dynamics import accelerations, simulate_free_motion
-from fidim_lab.model.free_motion import free_twist_basis, marker_selector
 from fidim_lab.model.kinematics import dependent_pose, equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
+from fidim_lab.model.motion import free_twist_basis, marker_selector, simulate_free_motion
+from fidim_lab.model.motion.dynamics import accelerations
+from fidim_lab.model.motion.rigid_body import energy
 from fidim_lab.model.regressor import free_regressor, parameter_vector, platform_regressor
-from fidim_lab.model.rigid_body import energy
 from fidim_lab.model.slots import Effect
 from fidim_lab.model.statics import tensions
 

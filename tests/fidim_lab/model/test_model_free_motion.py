@@ -6,17 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Pose
 from fidim_lab.errors import InfeasibleError, SetupError
-from fidim_lab.model.free_motion import (
-    acceleration_from_free,
-    best_axes,
-    conditioning,
-    free_twist_basis,
-    free_twist_basis_rate,
-    marker_selector,
-    marker_selector_rate,
-    motion_from_free,
-)
 from fidim_lab.model.kinematics import dependent_pose
+from fidim_lab.model.motion import best_axes, conditioning, free_twist_basis, marker_selector, motion_from_free
+from fidim_lab.model.motion.free_motion import acceleration_from_free, free_twist_basis_rate, marker_selector_rate
 
 RNG = np.random.default_rng(5)
 

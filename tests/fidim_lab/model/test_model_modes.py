@@ -5,11 +5,10 @@ import pytest
 
 from fidim_lab.data.records import Body, Cable, Robot
 from fidim_lab.errors import SetupError
-from fidim_lab.model.dynamics import simulate_free_motion
-from fidim_lab.model.free_motion import free_twist_basis, marker_selector
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import mass_matrix, modes, scaled_singular_values
+from fidim_lab.model.motion import free_twist_basis, marker_selector, simulate_free_motion
 
 ENDS = {1: [1.66, 1.86, 1.68, 1.41], 2: [1.32, 1.58, 1.99, 1.76], 12: [1.52, 1.12, 1.17, 1.54]}  # Table 2
 IDENTIFIED = Body(  # Eq. 46

@@ -7,10 +7,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
+from fidim_lab.model.motion import simulate_free_motion
 from fidim_lab.model.native import Kernel, built, cache_folder, compiler
 from fidim_lab.model.sensitivity.equations import derivatives
 from fidim_lab.model.sensitivity.grid import QUICK, Grid

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Pose
-from fidim_lab.model.driven import driven_derivative, driven_motions
 from fidim_lab.model.equilibria import equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
+from fidim_lab.model.motion import driven_derivative, driven_motions
 from fidim_lab.model.swing import swing_about
 
 

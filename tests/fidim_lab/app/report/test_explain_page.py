@@ -35,9 +35,9 @@ from fidim_lab.mismatch.fitting.holdout import HeldOut
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from fidim_lab.mismatch.unknown_force.field import Field
 from fidim_lab.mismatch.unknown_force.unknown import FamilyTried, Term, Unknown
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 
 DRAG = 6.0
 """N s/m: what is hidden"""

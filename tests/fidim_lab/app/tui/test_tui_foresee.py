@@ -13,9 +13,9 @@ from fidim_lab.app.tui.view import Trace
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Body, Plan, PlannedWindow, Role
 from fidim_lab.data.robot_file import write_robot
-from fidim_lab.model.dynamics import consistent_twist, simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import consistent_twist, simulate_free_motion
 
 SEEN, WHOLE = 2.5, 6.0
 """s"""

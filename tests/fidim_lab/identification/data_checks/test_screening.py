@@ -14,9 +14,9 @@ from fidim_lab.identification.data_checks.screening import screen
 from fidim_lab.identification.markers.displaced import Limits
 from fidim_lab.identification.markers.finding import Kind
 from fidim_lab.identification.markers.samples import inspect
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 
 SHARED = Path(__file__).parents[5] / "shared" / "campaigns"
 NOISE = 1e-4

@@ -14,8 +14,8 @@ from fidim_lab.identification.design.motions import Motions, Sensitive, simulate
 from fidim_lab.identification.design.task import DesignTask
 from fidim_lab.identification.design.windows import Placed, place
 from fidim_lab.model.equilibria import equilibrium_at
-from fidim_lab.model.free_motion import conditioning, free_twist_basis, marker_selector
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import conditioning, free_twist_basis, marker_selector
 from fidim_lab.model.regressor import platform_regressor
 from fidim_lab.model.sensitivity.grid import FINE
 

@@ -13,8 +13,8 @@ from fidim_lab.identification.equations.problem import WindowEquations, build, m
 from fidim_lab.identification.motion.measured import measure
 from fidim_lab.identification.motion.recipe import BEST, PAPER, Rows, Variant
 from fidim_lab.identification.motion.surface import free_directions
-from fidim_lab.model.free_motion import free_twist_basis, marker_selector
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import free_twist_basis, marker_selector
 from fidim_lab.model.regressor import free_regressor
 
 

@@ -10,9 +10,9 @@ from fidim_lab.identification.excitation.candidates import Candidate, Hanging, b
 from fidim_lab.identification.excitation.motion import line_of
 from fidim_lab.identification.excitation.place import Place, WinchLimits, wanted_amplitudes
 from fidim_lab.identification.excitation.strokes import Chain
-from fidim_lab.model.driven import driven_motions
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import driven_motions
 
 LIMITS = WinchLimits(speed=0.5, acceleration=3.0)
 ONES = np.ones(2)

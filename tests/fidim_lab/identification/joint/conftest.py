@@ -8,9 +8,9 @@ import pytest
 
 from fidim_lab.data.records import Body, Campaign, Motion, Robot, Role, Sensors, Survey, Window
 from fidim_lab.errors import InfeasibleError
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 
 EXTRA = (np.array([0.15, 0.1, 0.1]), np.array([-0.1, 0.14, 0.12]))
 ANCHOR, ATTACHMENT = 1e-3, 0.5e-3

@@ -14,8 +14,8 @@ from fidim_lab.identification.joint.fit import JointFit, alone, fit_jointly, fit
 from fidim_lab.identification.joint.identify import JointResult, identify_jointly
 from fidim_lab.identification.joint.sharing import in_common
 from fidim_lab.identification.results.result import Outcome
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 
 from .conftest import Surveyed, only
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Body, Cable, Motion, Robot, Role, Sensors, Window
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 from fidim_lab.model.slots import Effect
 
 SENSORS = Sensors(marker_noise=1e-4, encoder_resolution=2e-5)

@@ -16,10 +16,10 @@ from fidim_lab.identification.mle.trajectories import stages
 from fidim_lab.identification.mle.trajectories.likelihood import Point, linearised
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, FORETELLING, PATIENCE, Ending, carry_on, optimise
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
+from fidim_lab.model.motion import simulate_free_motion
 from fidim_lab.model.native import compiler
 from fidim_lab.model.slots import Effect
 

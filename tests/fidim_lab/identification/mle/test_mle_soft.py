@@ -20,9 +20,9 @@ from fidim_lab.identification.mle.touched import untouched
 from fidim_lab.identification.mle.trajectories.optimise import Ending
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
-from fidim_lab.model.elastic import simulate_elastic_motion
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.elastic import simulate_elastic_motion
 
 SHAPE = tuple(np.array(m) for m in ([0.1, 0.0, 0.3], [-0.1, 0.1, 0.25], [0.0, -0.2, 0.2]))
 SOFT, DRAG = 2.4e-5, (0.02, 0.03, 0.04)

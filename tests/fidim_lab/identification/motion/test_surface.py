@@ -7,9 +7,9 @@ from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.mle.starts.start import first_guess
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.motion import surface
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 
 LENGTHS = np.array([1.90395, 1.92609, 1.76089, 1.69871])
 PLACE = (1.18648, 0.01361, -0.95871)

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import OurBugError
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import equilibrium_at, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import modes
+from fidim_lab.model.motion import simulate_free_motion
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.grid import FINE, QUICK, Grid
 from fidim_lab.model.sensitivity.integrate import States, integrate

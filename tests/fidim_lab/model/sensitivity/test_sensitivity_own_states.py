@@ -7,9 +7,9 @@ import pytest
 
 from fidim_lab.data.records import Pose
 from fidim_lab.effects.loads.loose_mass import LooseMass
-from fidim_lab.model.dynamics import simulate_free_motion
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
 from fidim_lab.model.sensitivity import markers
 from fidim_lab.model.sensitivity.grid import FINE, Grid
 from fidim_lab.model.sensitivity.integrate import States, integrate

@@ -14,10 +14,10 @@ from fidim_lab.identification.mle.fit import fit
 from fidim_lab.identification.mle.starts.springs import with_springs
 from fidim_lab.identification.mle.trajectories.optimise import Ending
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.model.dynamics import simulate_free_motion
-from fidim_lab.model.elastic import simulate_elastic_motion
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion import simulate_free_motion
+from fidim_lab.model.motion.elastic import simulate_elastic_motion
 
 PLACES = [(1.25, -0.15, -0.2), (1.1, 0.1, -0.35), (1.35, -0.35, -0.3)]
 

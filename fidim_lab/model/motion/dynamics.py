@@ -20,10 +20,10 @@ from fidim_lab.arrays import CableSeries, Series
 from fidim_lab.data.records import Body, Motion, Pose
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.model.batch import evaluate, from_rows, function, over_samples, rows
-from fidim_lab.model.contributions import extra_count, extra_start_at
-from fidim_lab.model.equations import Symbols, motion_equations
 from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.contributions import extra_count, extra_start_at
+from fidim_lab.model.motion.equations import Symbols, motion_equations
 from fidim_lab.model.native import built
 from fidim_lab.model.slots import PlatformState
 

@@ -15,10 +15,10 @@ from fidim_lab.arrays import PerCable, Series
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.errors import SetupError
 from fidim_lab.model.batch import function
-from fidim_lab.model.contributions import stretch_dampings
-from fidim_lab.model.dynamics import FreeMotion, default_extra, native_or_not, simulated, stepping
-from fidim_lab.model.equations import MotionEquations, Symbols, motion_equations
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.contributions import stretch_dampings
+from fidim_lab.model.motion.dynamics import FreeMotion, default_extra, native_or_not, simulated, stepping
+from fidim_lab.model.motion.equations import MotionEquations, Symbols, motion_equations
 
 STEP = 1e-3
 """s; enough for 10 kg on cables of 1e6 N/m"""

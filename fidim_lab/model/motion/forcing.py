@@ -19,10 +19,10 @@ from dataclasses import replace
 import casadi as ca
 
 from fidim_lab.model.batch import function, rows
-from fidim_lab.model.contributions import marker_at, seen_at, true_time_at
-from fidim_lab.model.equations import MotionEquations, Symbols, motion_equations
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.contributions import marker_at, seen_at, true_time_at
+from fidim_lab.model.motion.equations import MotionEquations, Symbols, motion_equations
 from fidim_lab.model.slots import PlatformState
 
 

@@ -22,7 +22,9 @@ from dataclasses import dataclass
 import casadi as ca
 
 from fidim_lab.model.batch import from_rows, rows
-from fidim_lab.model.contributions import (
+from fidim_lab.model.geometry import skew
+from fidim_lab.model.mechanism import Mechanism, structure_expression, structure_rate_expression
+from fidim_lab.model.motion.contributions import (
     compliances_at,
     extra_count,
     extra_rates_at,
@@ -30,9 +32,7 @@ from fidim_lab.model.contributions import (
     length_drifts_at,
     tension_wrenches_at,
 )
-from fidim_lab.model.geometry import skew
-from fidim_lab.model.mechanism import Mechanism, structure_expression, structure_rate_expression
-from fidim_lab.model.rigid_body import BodyExpressions
+from fidim_lab.model.motion.rigid_body import BodyExpressions
 from fidim_lab.model.slots import PlatformState
 
 Solver = Callable[[ca.SX, ca.SX], ca.SX]

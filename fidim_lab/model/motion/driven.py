@@ -17,9 +17,9 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import Body, Pose
 from fidim_lab.model.batch import evaluate, from_rows, function, rows
-from fidim_lab.model.equations import Symbols, motion_equations
 from fidim_lab.model.geometry import gibbs_rate, rotation_from_gibbs
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.model.motion.equations import Symbols, motion_equations
 from fidim_lab.model.native import built
 
 STEP = 5e-3
