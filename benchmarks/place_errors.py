@@ -14,7 +14,7 @@ import fidim_lab.data.robots as robots
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import InfeasibleError
-from procedures.nominal_rest import NominalRest
+from procedures.expected import NominalRest
 
 START, END = (1.34283, 1.43119, 1.56772, 1.45231), (1.30283, 1.39119, 1.52772, 1.41231)
 """m: where the simulated robot rests, and 90 mm of the marker higher"""

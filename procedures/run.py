@@ -18,11 +18,11 @@ from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
 from procedures.control import Control
 from procedures.engine import Ending, Engine
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
+from procedures.expected.limits import check_moves
 from procedures.guards.device_guards import device_guards
 from procedures.guards.guard import Guard, Reaction
 from procedures.guards.robot_guards import LogGuard, standard_guards
 from procedures.handlers import HANDLERS, Handler
-from procedures.limits import check_moves
 from procedures.outcomes import Outcome
 from procedures.protocols.experiment import Experiment
 from procedures.protocols.listing import Outline

@@ -7,9 +7,9 @@ from drivers.disk import InlineDisk
 from drivers.ports import Disk, Prompt, Rig, WinchSample
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import DeviceError
-from procedures.limits import Workspace
-from procedures.nominal_rest import NominalRest
-from procedures.place_check import PlaceHistory
+from procedures.expected.limits import Workspace
+from procedures.expected.nominal_rest import NominalRest
+from procedures.expected.place_check import PlaceHistory
 from procedures.recording.recorder import Recorder
 from procedures.recording.resumption import LastPlace
 from procedures.recording.run_folder import RunFolder

@@ -7,11 +7,8 @@ import numpy as np
 
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.errors import InfeasibleError
-from procedures.handlers.motion import move_to
-from procedures.handlers.trace import MarkerTrace
-from procedures.nominal_rest import NominalRest
-from procedures.outcomes import Measurement, Outcome, judge
-from procedures.place_check import (
+from procedures.expected.nominal_rest import NominalRest
+from procedures.expected.place_check import (
     Response,
     Seen,
     common_factor,
@@ -19,6 +16,9 @@ from procedures.place_check import (
     response_cause,
     response_measurements,
 )
+from procedures.handlers.motion import move_to
+from procedures.handlers.trace import MarkerTrace
+from procedures.outcomes import Measurement, Outcome, judge
 from procedures.stand import Stand
 from procedures.steps import Lengths, MoveTo, Result
 from procedures.steps.placing import SWINGS, ComparePlace, TryWinches

@@ -4,11 +4,11 @@ import asyncio
 
 import numpy as np
 
+from procedures.expected.tensions import known_tensions, measured
 from procedures.handlers.trace import MarkerTrace, load_cell_means, winch_means
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.stand import Stand
 from procedures.steps import CheckTension, ReadEncoders, Result, Settle
-from procedures.tensions import known_tensions, measured
 from procedures.timing import POLL
 
 

@@ -5,7 +5,7 @@ import asyncio
 import numpy as np
 
 from fidim_lab.errors import FidimError
-from procedures.nominal_rest import NominalRest
+from procedures.expected.nominal_rest import NominalRest
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.recording.recorder import Recording
 from procedures.recording.window_check import window_measurements

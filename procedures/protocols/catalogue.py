@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from fidim_lab.data.records import Plan, Robot, Role
 from fidim_lab.errors import SetupError
-from procedures.limits import Statics
+from procedures.expected.limits import Statics
 from procedures.protocols.commission import commission
 from procedures.protocols.compare import compare, compare_by_winches
 from procedures.protocols.experiment import Experiment, Lab, Make, checked_experiment

@@ -24,7 +24,7 @@ from fidim_lab.identification.excitation.seen import taught
 from fidim_lab.identification.excitation.travel import travel
 from fidim_lab.model.mechanism import Mechanism
 from procedures.control import Retried
-from procedures.limits import check_displacements
+from procedures.expected.limits import check_displacements
 from procedures.outcomes import Outcome
 from procedures.protocols.beginning import begin
 from procedures.protocols.calming import Calmer, lengths_of, stroke_chain

@@ -6,8 +6,8 @@ from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 from fidim_lab.data.records import Plan, Robot, Role
-from procedures.limits import Statics, Workspace, check_moves, find_route, way_points
-from procedures.nominal_rest import NominalRest
+from procedures.expected.limits import Statics, Workspace, check_moves, find_route, way_points
+from procedures.expected.nominal_rest import NominalRest
 from procedures.protocols.identify import Route
 from procedures.protocols.listing import Outline
 from procedures.recording.resumption import Resumption

@@ -7,8 +7,8 @@ import pytest
 
 from fidim_lab.data.records import Plan
 from fidim_lab.errors import InfeasibleError
-from procedures.limits import Workspace
-from procedures.nominal_rest import NominalRest
+from procedures.expected import NominalRest
+from procedures.expected.limits import Workspace
 from procedures.protocols import catalogue
 from procedures.settings import MotionSettings
 

@@ -10,8 +10,8 @@ from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.model.kinematics import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
-from procedures.limits import Workspace, check_moves, find_route
-from procedures.nominal_rest import NominalRest
+from procedures.expected import NominalRest
+from procedures.expected.limits import Workspace, check_moves, find_route
 from procedures.protocols import catalogue
 from procedures.protocols.identify import identify
 from procedures.protocols.listing import Outline

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drivers.ports import GaugeReading
+from procedures.expected.tensions import by_current, by_load_cell, known_tensions, measured
 from procedures.outcomes import Outcome
 from procedures.recording.journal import read_journal
 from procedures.settings import TensionBand
-from procedures.tensions import by_current, by_load_cell, known_tensions, measured
 
 DIRECTED = TensionBand(friction=3.0, load_friction=0.1, scatter=1.0)
 LIMITS = (20.0, 200.0)

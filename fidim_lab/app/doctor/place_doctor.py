@@ -7,8 +7,7 @@ from fidim_lab.app.doctor.checks import Check, Verdict
 from fidim_lab.app.doctor.mocap_doctor import Watched
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import InfeasibleError
-from procedures.nominal_rest import NominalRest
-from procedures.place_check import PlaceHistory, Seen, place_measurements
+from procedures.expected import NominalRest, PlaceHistory, Seen, place_measurements
 from procedures.steps import Lengths
 
 NAME = "marker against the lengths"

@@ -12,7 +12,7 @@ import numpy as np
 
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.errors import InfeasibleError
-from procedures.nominal_rest import NominalRest, Rest
+from procedures.expected.nominal_rest import NominalRest, Rest
 from procedures.outcomes import Measurement
 from procedures.settings import PlaceSettings
 from procedures.steps import Lengths, longest_way

@@ -1,0 +1,9 @@
+"""What is expected before a step and at rest, by the robot file: limits on the way, places, tensions.
+
+In: a robot, settings, cable lengths (m). Out: violations, markers at rest (m), tensions (N) with their bands.
+"""
+
+from procedures.expected.nominal_rest import NominalRest
+from procedures.expected.place_check import PlaceHistory, Seen, place_measurements
+
+__all__ = ["NominalRest", "PlaceHistory", "Seen", "place_measurements"]
