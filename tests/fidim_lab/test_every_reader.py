@@ -20,9 +20,9 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.design_file import read_design
 from fidim_lab.data.importers.grab import read_config, read_log
 from fidim_lab.data.importers.mapped_csv import read_mapped
-from fidim_lab.data.importers.matlab import load_struct
 from fidim_lab.data.importers.motive_csv import read_motive
 from fidim_lab.data.importers.qtm_tsv import read_qtm
+from fidim_lab.data.importers.reading.matlab import load_struct
 from fidim_lab.data.importers.trc import read_trc
 from fidim_lab.data.importers.vicon_text import read_trajectories
 from fidim_lab.data.plan_file import read_plan

@@ -8,7 +8,7 @@ import numpy as np
 
 from fidim_lab.app.records.import_poses import PosedTake
 from fidim_lab.data.alignment import align_clocks
-from fidim_lab.data.importers.cells import EPOCH
+from fidim_lab.data.importers.reading import EPOCH
 from fidim_lab.data.importers.takes import EncoderLog, Take
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.model.mechanism import Mechanism

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fidim_lab.arrays import Positions, Rotations, Series
-from fidim_lab.data.importers.cells import LENGTH_UNITS
+from fidim_lab.data.importers.reading import LENGTH_UNITS
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.data.importers.takes import Asked
 from fidim_lab.data.marker_order import order_of

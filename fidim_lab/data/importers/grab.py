@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from fidim_lab.data.files.input_file import read_bytes, read_json
-from fidim_lab.data.importers.matlab import load_structs
+from fidim_lab.data.importers.reading.matlab import load_structs
 from fidim_lab.data.importers.takes import EncoderLog, Take, Takes
 from fidim_lab.data.importers.vicon_text import read_trajectories
 from fidim_lab.data.records import Body, Cable, Robot, Role

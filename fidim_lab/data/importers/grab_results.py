@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.importers.grab import GROUPS
-from fidim_lab.data.importers.matlab import load_array, variables
+from fidim_lab.data.importers.reading.matlab import load_array, variables
 from fidim_lab.data.records import Body, Motion
 from fidim_lab.errors import FileError
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.data.files.input_file import TEXT_LIMIT, open_input
-from fidim_lab.data.importers.matlab import MatStruct, load_struct, variables
+from fidim_lab.data.importers.reading.matlab import MatStruct, load_struct, variables
 from fidim_lab.data.importers.recording import Recording, RobotLog
 from fidim_lab.data.importers.vicon_text import read_trajectories
 from fidim_lab.data.records import Body, Cable, Robot

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.cells import MIN_FRAMES, check_near, check_rate
-from fidim_lab.data.importers.matlab import MatStruct, load_struct, variables
-from fidim_lab.data.importers.poses import by_matrices
+from fidim_lab.data.importers.reading.cells import MIN_FRAMES, check_near, check_rate
+from fidim_lab.data.importers.reading.matlab import MatStruct, load_struct, variables
+from fidim_lab.data.importers.reading.poses import by_matrices
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
 

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.cells import check_near, decimal_of, number, read_export, table, times
-from fidim_lab.data.importers.poses import by_matrices
+from fidim_lab.data.importers.reading.cells import check_near, decimal_of, number, read_export, table, times
+from fidim_lab.data.importers.reading.poses import by_matrices
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from fidim_lab.data.files.input_file import MIB, open_input
 from fidim_lab.data.files.mcap_file import read_mcap
-from fidim_lab.data.importers.cells import EPOCH, MIN_FRAMES, check_near, even_times
-from fidim_lab.data.importers.decoding import LONGEST_MESSAGE, Decoder
-from fidim_lab.data.importers.labels import apart
-from fidim_lab.data.importers.messages import Sighting, sightings
-from fidim_lab.data.importers.poses import by_quaternions
+from fidim_lab.data.importers.reading.cells import EPOCH, MIN_FRAMES, check_near, even_times
+from fidim_lab.data.importers.reading.decoding import LONGEST_MESSAGE, Decoder
+from fidim_lab.data.importers.reading.labels import apart
+from fidim_lab.data.importers.reading.messages import Sighting, sightings
+from fidim_lab.data.importers.reading.poses import by_quaternions
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FidimError, FileError
 

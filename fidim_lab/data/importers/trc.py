@@ -11,7 +11,7 @@ Every mistake is a FileError with the line it is in.
 
 from pathlib import Path
 
-from fidim_lab.data.importers.cells import check_near, length_scale, number, read_export, table, times
+from fidim_lab.data.importers.reading.cells import check_near, length_scale, number, read_export, table, times
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FileError
 

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.cells import FARTHEST, MIN_FRAMES, decimal_of, delimiter_of, number, read_export
-from fidim_lab.data.importers.labels import apart
-from fidim_lab.data.importers.poses import by_quaternions
+from fidim_lab.data.importers.reading.cells import FARTHEST, MIN_FRAMES, decimal_of, delimiter_of, number, read_export
+from fidim_lab.data.importers.reading.labels import apart
+from fidim_lab.data.importers.reading.poses import by_quaternions
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
 

@@ -10,8 +10,8 @@ import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fidim_lab.data.importers.mat5 import DamagedError, read_variables
-from fidim_lab.data.importers.matlab import load_struct, variables
+from fidim_lab.data.importers.reading.mat5 import DamagedError, read_variables
+from fidim_lab.data.importers.reading.matlab import load_struct, variables
 from fidim_lab.errors import FileError
 
 

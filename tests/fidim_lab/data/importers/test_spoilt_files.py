@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from mcap.writer import Writer
 
 from fidim_lab.data.importers.c3d_file import read_c3d
-from fidim_lab.data.importers.messages import sightings
 from fidim_lab.data.importers.qtm_mat import read_qtm_mat
+from fidim_lab.data.importers.reading.messages import sightings
 from fidim_lab.data.importers.ros_bag import read_bag
 from fidim_lab.errors import FileError
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table
-from fidim_lab.data.importers.cells import MIN_FRAMES, decimal_of, delimiter_of, number, read_export
+from fidim_lab.data.importers.reading.cells import MIN_FRAMES, decimal_of, delimiter_of, number, read_export
 from fidim_lab.errors import FileError
 
 Column = str | Annotated[int, Field(ge=1)]

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fidim_lab.data.files.input_file import MIB, read_bytes
-from fidim_lab.data.importers.mat5 import DamagedError, read_names, read_variables
+from fidim_lab.data.importers.reading.mat5 import DamagedError, read_names, read_variables
 from fidim_lab.errors import FileError
 
 LIMIT = 256 * MIB
