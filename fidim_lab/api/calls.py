@@ -165,7 +165,7 @@ def report(folder: Path | str, out: Path | str | None = None, *, pictures: Path 
     `out`: default FOLDER/report.html. `pictures`: a folder for all pictures as SVG files. Raises FileError where the
     folder cannot be read or the file not written.
     """
-    from fidim_lab.app.report.write import write_report
+    from fidim_lab.app.report.pages.write import write_report
 
     return write_report(
         Path(folder), out=None if out is None else Path(out), pictures=None if pictures is None else Path(pictures)

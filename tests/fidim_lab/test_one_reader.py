@@ -16,7 +16,7 @@ ALLOWED = {
     "fidim_lab/data/files/toml_file.py": "parses what input_file has read",
     "fidim_lab/data/files/whole_file.py": "writes",
     "fidim_lab/effects/table.py": "a page of our own docs, written anew by its command",
-    "fidim_lab/app/report/html.py": "a template within the package",
+    "fidim_lab/app/report/pages/html.py": "a template within the package",
     "fidim_lab/app/formats/key_words.py": "a table within the package",
     "fidim_lab/app/records/export_robot.py": "a template within the package",
     "fidim_lab/app/records/import_recording.py": "a journal that this command has just written",

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fidim_lab.app.analysis.design_after_words import ANSWER, PLAN, closing, proposed_table
-from fidim_lab.app.report.explanation_file import ExplanationTable, read_explanation
+from fidim_lab.app.report.contents.explanation_file import ExplanationTable, read_explanation
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.files.input_file import read_json

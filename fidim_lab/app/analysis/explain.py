@@ -46,7 +46,7 @@ def explain_command(
         write_explanation(json_file, explanation)
     console.out.print(summary(explanation))
     if report is not None:
-        from fidim_lab.app.report.explain_page import write_explain_page
+        from fidim_lab.app.report.pages.explain_page import write_explain_page
 
         with Working("predicting held-out windows and drawing", windows_of(campaign_folder)):
             path = write_explain_page(campaign_folder, explanation, report, pictures)

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from fidim_lab.app.analysis.pose_from import Posed, comparison, read_posed
 from fidim_lab.app.analysis.scaling import Forms, scaling_table
-from fidim_lab.app.report.write import write_report
+from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.records import Campaign, Role, Window

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app.analysis.identify import gauge_table, parameter_table, window_table
-from fidim_lab.app.report.numerals import short
+from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
@@ -34,7 +34,7 @@ def identify_jointly_command(folders: Sequence[Path], json_file: Path | None, re
         write_result(json_file, found.result, joint=found.table)
     console.out.print(summary(found))
     if report is not None:
-        from fidim_lab.app.report.joint_page import write_joint_page
+        from fidim_lab.app.report.pages.joint_page import write_joint_page
 
         console.out.print(f"Report      {write_joint_page(found, report)}", markup=False)
     return 0 if found.result.outcome.answers else 1

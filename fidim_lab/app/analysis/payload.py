@@ -7,7 +7,7 @@ import numpy as np
 from rich.table import Table
 
 from fidim_lab.app.analysis.identify import UNUSABLE, run_identify, summary
-from fidim_lab.app.report.write import write_report
+from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign

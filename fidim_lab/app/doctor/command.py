@@ -92,8 +92,8 @@ def _draw(path: Path, picture: Path | None) -> None:
     rest = rests[len(rests) // 2]
     console.out.print(f"\n{robot_views(robot, rest)}\n", markup=False, highlight=False, no_wrap=True)
     if picture is not None:
-        from fidim_lab.app.report.drawing import write_svg
-        from fidim_lab.app.report.robot_picture import robot_picture
+        from fidim_lab.app.report.drawings.drawing import write_svg
+        from fidim_lab.app.report.drawings.robot_picture import robot_picture
 
         write_svg(picture, robot_picture(robot, rest))
         console.out.print(f"picture     {picture}", markup=False)

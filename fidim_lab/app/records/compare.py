@@ -10,7 +10,7 @@ from rich.text import Text
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.compare_sessions import read_session
 from fidim_lab.app.records.comparison import Comparison, compared
-from fidim_lab.app.report.numerals import short
+from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working
 from fidim_lab.units import millimetres
@@ -28,7 +28,7 @@ def compare_command(first: Path, second: Path, json_file: Path | None, report: P
     write_answer(json_file, FORMAT, found.table)
     console.out.print(summary(found))
     if report is not None:
-        from fidim_lab.app.report.compare_page import write_compare_page
+        from fidim_lab.app.report.pages.compare_page import write_compare_page
 
         console.out.print(f"Report      {write_compare_page(found, report)}", markup=False)
     return 0 if found.agree else 1

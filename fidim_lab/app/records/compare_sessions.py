@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.report.explanation_file import ExplanationTable, read_explanation
-from fidim_lab.app.report.folder import Contents, read_folder
-from fidim_lab.app.report.tables import MARKS
-from fidim_lab.app.report.windows import measured_tension
-from fidim_lab.app.report.write import EXPLANATION
+from fidim_lab.app.report.contents.explanation_file import ExplanationTable, read_explanation
+from fidim_lab.app.report.contents.folder import Contents, read_folder
+from fidim_lab.app.report.pages.write import EXPLANATION
+from fidim_lab.app.report.sections.tables import MARKS
+from fidim_lab.app.report.sections.windows import measured_tension
 from fidim_lab.data.records import Campaign, Role
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.results.result_file import ResultTable, read_result

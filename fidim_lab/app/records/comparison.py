@@ -7,8 +7,8 @@ import numpy as np
 from scipy import stats
 
 from fidim_lab.app.records.compare_sessions import Session
-from fidim_lab.app.report.explained import VERDICTS
-from fidim_lab.app.report.numerals import short
+from fidim_lab.app.report.sections.explained import VERDICTS
+from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.data.records import PARAMETER_NAMES, Robot
 from fidim_lab.identification.results.result_file import ParameterTable, ResultTable, WindowTable
 

@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.app.compose.multibody import Multibody, multibody_mjcf
-from fidim_lab.app.report.explanation_file import read_explanation
-from fidim_lab.app.report.proof import Model, completed_model
+from fidim_lab.app.report.contents.explanation_file import read_explanation
+from fidim_lab.app.report.contents.proof import Model, completed_model
 from fidim_lab.arrays import Vector3
 from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.records import Body, Campaign, Pose, Role, Window

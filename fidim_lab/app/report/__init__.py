@@ -1,8 +1,8 @@
 """The HTML report of a run or campaign: one file that opens offline; script only turns, zooms and copies.
 
-`write` is the door; `folder`, `story`, `provenance` gather what a folder holds; `figures`, `spectra`, `scene`, `solid`
-draw it (`svg`, `drawing`); `words`, `tables`, `windows`, `copies` say it; `page` puts it together, `html` sets it.
-`explain_page` is the door to what was left out: `explanation_file`, `proof`, `proof_figures`, `explained`.
+`contents` gathers what a folder holds; `drawings` draws it; `sections` say it in tables and sentences; `pages` put it
+together. Doors: `pages.write`, `pages.explain_page`, `pages.compare_page`, `pages.joint_page`, imported when they are
+called, so that the command line stays quick.
 """
 
 from pathlib import Path
@@ -11,7 +11,7 @@ from pathlib import Path
 def report_command(folder: Path, out: Path | None, pictures: Path | None = None, json_file: Path | None = None) -> int:
     """What `fidim report` does. Returns the exit code; raises FileError for a wrong folder."""
     from fidim_lab.app.formats.answer_file import write_answer
-    from fidim_lab.app.report.write import write_report
+    from fidim_lab.app.report.pages.write import write_report
     from fidim_lab.app.terminal import console
     from fidim_lab.app.terminal.working import Working, windows_of
 

@@ -14,7 +14,7 @@ from fidim_lab.app import compose
 from fidim_lab.app.analysis.identify import run_identify, summary
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Checked, ModelCheck
-from fidim_lab.app.report.write import write_report
+from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.app.session.dry_run_spec import DryRunSpec, write_dry_run
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.run_display import display

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.app.cli import fidim
-from fidim_lab.app.report.folder import ImportedTakes
-from fidim_lab.app.report.tables import takes_table
+from fidim_lab.app.report.contents.folder import ImportedTakes
+from fidim_lab.app.report.sections.tables import takes_table
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.robot_file import write_robot
 from fidim_lab.model.mechanism import Mechanism

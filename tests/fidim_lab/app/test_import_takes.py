@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fidim_lab.app.records.import_kinds import ImportOptions, import_kind_command
-from fidim_lab.app.report.folder import read_folder
+from fidim_lab.app.report.contents.folder import read_folder
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
 from fidim_lab.data.robot_file import write_robot

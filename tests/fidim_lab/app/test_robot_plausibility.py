@@ -12,7 +12,7 @@ import pytest
 from fidim_lab.app.doctor.finding import Finding
 from fidim_lab.app.doctor.robot_plausibility import middle_rests, plausibility
 from fidim_lab.app.doctor.robot_text import robot_views
-from fidim_lab.app.report.robot_picture import robot_picture
+from fidim_lab.app.report.drawings.robot_picture import robot_picture
 from fidim_lab.data.records import Body, Cable, Limits, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import FileError

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.analysis.design_after import claims_of
-from fidim_lab.app.report import spectra
-from fidim_lab.app.report.explain_page import write_explain_page
-from fidim_lab.app.report.explained import effect_table, explained
-from fidim_lab.app.report.explanation_file import EffectParameterTable, EffectTable, as_file, read_explanation
-from fidim_lab.app.report.figures import sd_levels
-from fidim_lab.app.report.proof import _effect, proof, rms
-from fidim_lab.app.report.proof_figures import field_drawings
-from fidim_lab.app.report.words import explained_sentence
-from fidim_lab.app.report.write import write_report
+from fidim_lab.app.report.contents.explanation_file import EffectParameterTable, EffectTable, as_file, read_explanation
+from fidim_lab.app.report.contents.proof import _effect, proof, rms
+from fidim_lab.app.report.drawings import spectra
+from fidim_lab.app.report.drawings.figures import sd_levels
+from fidim_lab.app.report.pages.explain_page import write_explain_page
+from fidim_lab.app.report.pages.write import write_report
+from fidim_lab.app.report.sections.explained import effect_table, explained
+from fidim_lab.app.report.sections.proof_figures import field_drawings
+from fidim_lab.app.report.sections.words import explained_sentence
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Window
 from fidim_lab.effects.catalogue import by_id, catalogue
 from fidim_lab.errors import FileError

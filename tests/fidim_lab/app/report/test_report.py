@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.report import report_command
-from fidim_lab.app.report.svg import POINTS, points_for
-from fidim_lab.app.report.write import write_report
+from fidim_lab.app.report.drawings.svg import POINTS, points_for
+from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.errors import FileError, RefusedError
 
-OUR_SCRIPT = (files("fidim_lab.app.report") / "script.js").read_text(encoding="utf-8")
+OUR_SCRIPT = (files("fidim_lab.app.report.pages") / "script.js").read_text(encoding="utf-8")
 VOID = {"meta", "path", "use", "line", "rect", "circle"}
 
 

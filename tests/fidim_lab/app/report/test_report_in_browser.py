@@ -15,7 +15,7 @@ import subprocess
 
 import pytest
 
-from fidim_lab.app.report.write import write_report
+from fidim_lab.app.report.pages.write import write_report
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [

@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.formats.manifest import write_manifest
-from fidim_lab.app.report.copies import copies
-from fidim_lab.app.report.drawing import Drawing, write_pictures
-from fidim_lab.app.report.figures import ParameterRow
-from fidim_lab.app.report.folder import Drives
-from fidim_lab.app.report.incidents import incident_rows
-from fidim_lab.app.report.numerals import decimals, duration, fixed, interval, size
-from fidim_lab.app.report.paper import is_papers_robot
-from fidim_lab.app.report.provenance import provenance
-from fidim_lab.app.report.scene import scene, slanted, views
-from fidim_lab.app.report.story import Incident
-from fidim_lab.app.report.tables import drive_tables, parameter_table
-from fidim_lab.app.report.windows import measured_tension
-from fidim_lab.app.report.words import found_sentence, truth_sentence
+from fidim_lab.app.report.contents.folder import Drives
+from fidim_lab.app.report.contents.provenance import provenance
+from fidim_lab.app.report.contents.story import Incident
+from fidim_lab.app.report.drawings.drawing import Drawing, write_pictures
+from fidim_lab.app.report.drawings.figures import ParameterRow
+from fidim_lab.app.report.drawings.scene import scene, slanted, views
+from fidim_lab.app.report.sections.copies import copies
+from fidim_lab.app.report.sections.incidents import incident_rows
+from fidim_lab.app.report.sections.numerals import decimals, duration, fixed, interval, size
+from fidim_lab.app.report.sections.paper import is_papers_robot
+from fidim_lab.app.report.sections.tables import drive_tables, parameter_table
+from fidim_lab.app.report.sections.windows import measured_tension
+from fidim_lab.app.report.sections.words import found_sentence, truth_sentence
 from fidim_lab.data.records import Winch
 from fidim_lab.errors import FileError
 from fidim_lab.model.mechanism import Mechanism

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fidim_lab.app.report.story import read_story
+from fidim_lab.app.report.contents.story import read_story
 from fidim_lab.errors import FileError
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Kind

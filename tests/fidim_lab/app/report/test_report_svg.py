@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fidim_lab.app.report import figures
-from fidim_lab.app.report.figures import Bar, Bout, Line
-from fidim_lab.app.report.svg import POINTS, distinct, thin
+from fidim_lab.app.report.drawings import figures
+from fidim_lab.app.report.drawings.figures import Bar, Bout, Line
+from fidim_lab.app.report.drawings.svg import POINTS, distinct, thin
 
 T = np.arange(0, 10, 0.01)
 WAVE = np.stack([np.sin(T), np.cos(T), np.sin(3 * T)], axis=1)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fidim_lab.app.report.tight import classed, shortened, ungrouped
+from fidim_lab.app.report.drawings.tight import classed, shortened, ungrouped
 
 HUNDREDTHS = st.integers(-99_999, 99_999).map(lambda k: k / 100)
 PLACES = st.lists(st.tuples(HUNDREDTHS, HUNDREDTHS), min_size=1, max_size=30)

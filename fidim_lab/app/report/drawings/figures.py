@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
-from fidim_lab.app.report.svg import COLOURS, POINTS, STYLES, sheet, styled, thin, to_svg
+from fidim_lab.app.report.drawings.svg import COLOURS, POINTS, STYLES, sheet, styled, thin, to_svg
 from fidim_lab.arrays import CableSeries, Positions, Series, Vector3
 from fidim_lab.units import millimetres
 

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fidim_lab.app.report import spectra
-from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.explanation_file import ExplanationTable
-from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks, sd_levels
-from fidim_lab.app.report.proof import Compared, Proof
-from fidim_lab.app.report.svg import COLOURS, sheet, styled, thin, to_svg
+from fidim_lab.app.report.contents.explanation_file import ExplanationTable
+from fidim_lab.app.report.contents.proof import Compared, Proof
+from fidim_lab.app.report.drawings import spectra
+from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.drawings.figures import WIDTH, legend, plain_ticks, sd_levels
+from fidim_lab.app.report.drawings.svg import COLOURS, sheet, styled, thin, to_svg
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.mismatch.unknown_force.field import Field
 from fidim_lab.units import millimetres

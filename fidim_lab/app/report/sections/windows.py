@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fidim_lab.app.report import figures, spectra
-from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.figures import Line
-from fidim_lab.app.report.folder import Contents
-from fidim_lab.app.report.numerals import duration, short
-from fidim_lab.app.report.story import WindowStory, not_passed
-from fidim_lab.app.report.tables import MARKS, Table, attempt_table, check_table
+from fidim_lab.app.report.contents.folder import Contents
+from fidim_lab.app.report.contents.story import WindowStory, not_passed
+from fidim_lab.app.report.drawings import figures, spectra
+from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.drawings.figures import Line
+from fidim_lab.app.report.sections.numerals import duration, short
+from fidim_lab.app.report.sections.tables import MARKS, Table, attempt_table, check_table
 from fidim_lab.arrays import CableSeries, Series, Vector3
 from fidim_lab.data.records import Body, Robot, Window
 from fidim_lab.identification.cleaning.removed import Removed

@@ -2,13 +2,19 @@
 
 from dataclasses import dataclass
 
-from fidim_lab.app.report import proof_figures
-from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.explanation_file import BeforeTable, EffectTable, ExplanationTable, FamilyTable, UnknownTable
-from fidim_lab.app.report.numerals import decimals, fixed, short
-from fidim_lab.app.report.proof import Proof
-from fidim_lab.app.report.tables import Table
-from fidim_lab.app.report.words import explained_sentence
+from fidim_lab.app.report.contents.explanation_file import (
+    BeforeTable,
+    EffectTable,
+    ExplanationTable,
+    FamilyTable,
+    UnknownTable,
+)
+from fidim_lab.app.report.contents.proof import Proof
+from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.sections import proof_figures
+from fidim_lab.app.report.sections.numerals import decimals, fixed, short
+from fidim_lab.app.report.sections.tables import Table
+from fidim_lab.app.report.sections.words import explained_sentence
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.units import millimetres, percent
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from fidim_lab.app.report.figures import Bout
+from fidim_lab.app.report.drawings.figures import Bout
 from fidim_lab.errors import FileError
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Entry, Kind, read_journal

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fidim_lab.app.report.tight import classed, shortened, ungrouped
+from fidim_lab.app.report.drawings.tight import classed, shortened, ungrouped
 from fidim_lab.arrays import Series
 
 P = ParamSpec("P")

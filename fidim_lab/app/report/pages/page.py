@@ -2,19 +2,20 @@
 
 from dataclasses import dataclass
 
-from fidim_lab.app.report import figures, tables, words
-from fidim_lab.app.report.copies import Copy, copies
-from fidim_lab.app.report.correlations import correlations
-from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.explained import ExplanationSection
-from fidim_lab.app.report.folder import Contents
-from fidim_lab.app.report.numerals import short
-from fidim_lab.app.report.paper import is_papers_robot
-from fidim_lab.app.report.scene import scene, views
-from fidim_lab.app.report.solid import Solid, solid
-from fidim_lab.app.report.svg import points_for
-from fidim_lab.app.report.tables import MARKS, Table
-from fidim_lab.app.report.windows import WindowSection, section
+from fidim_lab.app.report.contents.folder import Contents
+from fidim_lab.app.report.drawings import figures
+from fidim_lab.app.report.drawings.correlations import correlations
+from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.drawings.scene import scene, views
+from fidim_lab.app.report.drawings.solid import Solid, solid
+from fidim_lab.app.report.drawings.svg import points_for
+from fidim_lab.app.report.sections import tables, words
+from fidim_lab.app.report.sections.copies import Copy, copies
+from fidim_lab.app.report.sections.explained import ExplanationSection
+from fidim_lab.app.report.sections.numerals import short
+from fidim_lab.app.report.sections.paper import is_papers_robot
+from fidim_lab.app.report.sections.tables import MARKS, Table
+from fidim_lab.app.report.sections.windows import WindowSection, section
 from fidim_lab.data.records import Body
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.validation import expected_sigma_perp

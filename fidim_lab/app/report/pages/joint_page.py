@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.app.analysis.identify_jointly import COLUMNS, closing, cross_rows
-from fidim_lab.app.report.compare_page import ComparePage
-from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks
-from fidim_lab.app.report.html import render
-from fidim_lab.app.report.numerals import decimals, fixed
-from fidim_lab.app.report.svg import COLOURS, sheet, styled, to_svg
-from fidim_lab.app.report.tables import Table
-from fidim_lab.app.report.write import write_page
+from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.drawings.figures import WIDTH, legend, plain_ticks
+from fidim_lab.app.report.drawings.svg import COLOURS, sheet, styled, to_svg
+from fidim_lab.app.report.pages.compare_page import ComparePage
+from fidim_lab.app.report.pages.html import render
+from fidim_lab.app.report.pages.write import write_page
+from fidim_lab.app.report.sections.numerals import decimals, fixed
+from fidim_lab.app.report.sections.tables import Table
 from fidim_lab.identification.joint.identify import JointResult
 from fidim_lab.identification.results.result import Parameter
 from fidim_lab.units import millimetres

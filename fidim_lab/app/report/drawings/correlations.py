@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.svg import sheet, styled, to_svg
+from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.drawings.svg import sheet, styled, to_svg
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.identification.results.result import IdentificationResult
 

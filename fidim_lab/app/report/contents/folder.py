@@ -11,8 +11,8 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
-from fidim_lab.app.report.provenance import Provenance, provenance
-from fidim_lab.app.report.story import Story, read_story
+from fidim_lab.app.report.contents.provenance import Provenance, provenance
+from fidim_lab.app.report.contents.story import Story, read_story
 from fidim_lab.data.campaign import FORMAT, INDEX, CampaignTable, read_campaign
 from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.files.json_file import read_json_as

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fidim_lab.app.report.svg import COLOURS, styled, to_svg
+from fidim_lab.app.report.drawings.svg import COLOURS, styled, to_svg
 from fidim_lab.data.records import Cable, Robot
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import Equilibrium

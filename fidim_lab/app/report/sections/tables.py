@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from itertools import compress
 from pathlib import Path
 
-from fidim_lab.app.report.figures import Bar, ParameterRow
-from fidim_lab.app.report.folder import Contents, GradeRow, Imported, ImportedTakes
-from fidim_lab.app.report.incidents import incident_rows
-from fidim_lab.app.report.numerals import decimals, duration, fixed, short, size
-from fidim_lab.app.report.paper import FOUND
-from fidim_lab.app.report.story import Attempt, Seen, Story
+from fidim_lab.app.report.contents.folder import Contents, GradeRow, Imported, ImportedTakes
+from fidim_lab.app.report.contents.story import Attempt, Seen, Story
+from fidim_lab.app.report.drawings.figures import Bar, ParameterRow
+from fidim_lab.app.report.sections.incidents import incident_rows
+from fidim_lab.app.report.sections.numerals import decimals, duration, fixed, short, size
+from fidim_lab.app.report.sections.paper import FOUND
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.results.result import IdentificationResult, Parameter, WindowVerdict
 from fidim_lab.units import degrees, millimetres, percent

@@ -3,8 +3,8 @@
 import re
 from collections.abc import Sequence
 
-from fidim_lab.app.report.numerals import duration
-from fidim_lab.app.report.story import Incident
+from fidim_lab.app.report.contents.story import Incident
+from fidim_lab.app.report.sections.numerals import duration
 
 OFTEN = 3
 """as many like it are told one by one"""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 
-from fidim_lab.app.report.svg import COLOURS, points_for, sheet, styled, thin, to_svg
+from fidim_lab.app.report.drawings.svg import COLOURS, points_for, sheet, styled, thin, to_svg
 from fidim_lab.arrays import Positions
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Window
 from fidim_lab.data.rigid_body import fit_pose

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.report.explained import VERDICTS, ExplanationSection, explained
-from fidim_lab.app.report.explanation_file import as_file
-from fidim_lab.app.report.folder import Contents, read_folder
-from fidim_lab.app.report.html import render
-from fidim_lab.app.report.numerals import duration
-from fidim_lab.app.report.proof import proof
-from fidim_lab.app.report.scene import scene
-from fidim_lab.app.report.solid import Solid, solid
-from fidim_lab.app.report.tables import Table, file_table, version_table
-from fidim_lab.app.report.words import recorded_sentence
-from fidim_lab.app.report.write import write_page
+from fidim_lab.app.report.contents.explanation_file import as_file
+from fidim_lab.app.report.contents.folder import Contents, read_folder
+from fidim_lab.app.report.contents.proof import proof
+from fidim_lab.app.report.drawings.scene import scene
+from fidim_lab.app.report.drawings.solid import Solid, solid
+from fidim_lab.app.report.pages.html import render
+from fidim_lab.app.report.pages.write import write_page
+from fidim_lab.app.report.sections.explained import VERDICTS, ExplanationSection, explained
+from fidim_lab.app.report.sections.numerals import duration
+from fidim_lab.app.report.sections.tables import Table, file_table, version_table
+from fidim_lab.app.report.sections.words import recorded_sentence
 from fidim_lab.data.records import PARAMETER_NAMES, Body
 from fidim_lab.mismatch.conclusion.explanation import Explanation
 from fidim_lab.model.mechanism import Mechanism

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.scene import Scene, slanted
-from fidim_lab.app.report.svg import points_for
+from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.drawings.scene import Scene, slanted
+from fidim_lab.app.report.drawings.svg import points_for
 from fidim_lab.arrays import Positions
 
 PATH_POINTS = 300

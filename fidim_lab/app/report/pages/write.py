@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 from fidim_lab.errors import FileError, RefusedError
 
 if TYPE_CHECKING:
-    from fidim_lab.app.report.explained import ExplanationSection
-    from fidim_lab.app.report.folder import Contents
-    from fidim_lab.app.report.html import Rendered
+    from fidim_lab.app.report.contents.folder import Contents
+    from fidim_lab.app.report.pages.html import Rendered
+    from fidim_lab.app.report.sections.explained import ExplanationSection
     from fidim_lab.identification.results.result import IdentificationResult
 
 NAME = "report.html"
@@ -27,9 +27,9 @@ def write_report(
     says so. `out`: default FOLDER/report.html. `pictures`: a folder for all pictures as SVG files. What was left out is
     told where FOLDER/explanation.json is. Raises FileError where the folder cannot be read or `out` not written.
     """
-    from fidim_lab.app.report.folder import read_folder
-    from fidim_lab.app.report.html import render
-    from fidim_lab.app.report.page import make_page
+    from fidim_lab.app.report.contents.folder import read_folder
+    from fidim_lab.app.report.pages.html import render
+    from fidim_lab.app.report.pages.page import make_page
 
     contents = read_folder(folder)
     found, trust = _judged(folder, contents, result)
@@ -39,7 +39,7 @@ def write_report(
 
 def write_page(rendered: "Rendered", path: Path, pictures: Path | None) -> Path:
     """Write a page whole or not at all, and its pictures where asked for; returns its path. Raises FileError."""
-    from fidim_lab.app.report.drawing import write_pictures
+    from fidim_lab.app.report.drawings.drawing import write_pictures
 
     part = path.with_name(path.name + ".part")
     try:
@@ -57,9 +57,9 @@ def _explained(folder: Path, contents: "Contents") -> "ExplanationSection | None
     path = folder / EXPLANATION
     if not path.exists() or not contents.campaign.windows:
         return None
-    from fidim_lab.app.report.explained import explained
-    from fidim_lab.app.report.explanation_file import read_explanation
-    from fidim_lab.app.report.proof import proof
+    from fidim_lab.app.report.contents.explanation_file import read_explanation
+    from fidim_lab.app.report.contents.proof import proof
+    from fidim_lab.app.report.sections.explained import explained
 
     found = read_explanation(path)
     return explained(found, proof(found, contents.campaign), contents.campaign.robot.sensors.marker_noise)

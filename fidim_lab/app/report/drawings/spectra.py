@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidim_lab.app.report.figures import WIDTH, legend, plain_ticks
-from fidim_lab.app.report.svg import COLOURS, POINTS, STYLES, sheet, styled, thin, to_svg
+from fidim_lab.app.report.drawings.figures import WIDTH, legend, plain_ticks
+from fidim_lab.app.report.drawings.svg import COLOURS, POINTS, STYLES, sheet, styled, thin, to_svg
 from fidim_lab.arrays import Series
 from fidim_lab.units import millimetres
 

@@ -12,8 +12,8 @@ from importlib.resources import files
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from fidim_lab.app.report.drawing import Drawing
-from fidim_lab.app.report.svg import distinct
+from fidim_lab.app.report.drawings.drawing import Drawing
+from fidim_lab.app.report.drawings.svg import distinct
 
 
 @dataclass(frozen=True)
@@ -57,4 +57,4 @@ def _policy_hash(script: str) -> str:
 
 
 def _text(name: str) -> str:
-    return (files("fidim_lab.app.report") / name).read_text(encoding="utf-8")
+    return (files("fidim_lab.app.report.pages") / name).read_text(encoding="utf-8")
