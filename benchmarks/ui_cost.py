@@ -20,7 +20,6 @@ from termios import TIOCSWINSZ
 
 from drivers.clock import LoopClock
 from fidim_lab.app.service.codec import encode
-from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.messages import (
     BusState,
@@ -35,6 +34,7 @@ from fidim_lab.app.service.messages import (
     WinchState,
 )
 from fidim_lab.app.service.place import Place
+from fidim_lab.app.service.process.hub import Hub
 
 TICK = os.sysconf("SC_CLK_TCK")
 ROWS, COLUMNS = 24, 80

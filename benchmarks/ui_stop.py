@@ -24,10 +24,10 @@ from termios import TIOCSWINSZ
 from benchmarks.ui_cost import COMMAND, WINDOWS, samples, state
 from drivers.clock import LoopClock
 from fidim_lab.app.service.commands import EmergencyStop
-from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.lock import held
 from fidim_lab.app.service.messages import Answer, History, Question, Welcome
 from fidim_lab.app.service.place import CHOSEN, Place
+from fidim_lab.app.service.process.hub import Hub
 
 F12, ESCAPE, PALETTE = b"\x1b[24~", b"\x1b", b"\x10"
 LONGEST = 10.0

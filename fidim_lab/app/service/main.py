@@ -23,16 +23,16 @@ from fidim_lab.app.formats.aligned import PROCEDURE as ALIGN
 from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Checked, ModelCheck
-from fidim_lab.app.service.board import DefaultAnswer
-from fidim_lab.app.service.broadcast import wall_time
-from fidim_lab.app.service.judging import explain_step
 from fidim_lab.app.service.lock import Lock, held
-from fidim_lab.app.service.opening import HOMING, Opened, open_rig
 from fidim_lab.app.service.place import Place, place_of
-from fidim_lab.app.service.service import Identity, Service, new_token
+from fidim_lab.app.service.process.board import DefaultAnswer
+from fidim_lab.app.service.process.broadcast import wall_time
+from fidim_lab.app.service.process.judging import explain_step
+from fidim_lab.app.service.process.opening import HOMING, Opened, open_rig
+from fidim_lab.app.service.process.service import Identity, Service, new_token
+from fidim_lab.app.service.process.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
 from fidim_lab.app.service.spec import NAME as SPEC
 from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, overridden, write_spec
-from fidim_lab.app.service.unattended import PatienceGuard, QuietMove, local_time, run_hook, write_summary
 from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.data.plan_file import write_plan

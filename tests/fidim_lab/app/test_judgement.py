@@ -13,7 +13,7 @@ from drivers.clock import LoopClock
 from fidim_lab.app import compose
 from fidim_lab.app.judging import judgement
 from fidim_lab.app.judging.judgement import EXPLANATION, JUDGEMENT, Judgement, judge, main, why_unclear
-from fidim_lab.app.service.judging import explain_step
+from fidim_lab.app.service.process.judging import explain_step
 from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.data.robot_file import write_robot

@@ -12,11 +12,11 @@ import pytest
 
 from drivers.ports import PromptKind
 from fidim_lab.app import compose
-from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.client import ServiceClient, connect
 from fidim_lab.app.service.commands import Message, Start
-from fidim_lab.app.service.opening import Opened
-from fidim_lab.app.service.service import Identity, Service
+from fidim_lab.app.service.process.board import DefaultAnswer
+from fidim_lab.app.service.process.opening import Opened
+from fidim_lab.app.service.process.service import Identity, Service
 from fidim_lab.data.records import Plan, PlannedWindow, Robot, Role
 from procedures.protocols import catalogue
 from procedures.report import RunReport, WindowRow

@@ -5,8 +5,8 @@ import tracemalloc
 import pytest
 
 from fidim_lab.app.service.codec import LineDecoder
-from fidim_lab.app.service.event_log import CAPACITY, PIECE, ROOM, EventLog
 from fidim_lab.app.service.messages import TO_CLIENT, History
+from fidim_lab.app.service.process.event_log import CAPACITY, PIECE, ROOM, EventLog
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fidim_lab.app.service import opening
+from fidim_lab.app.service.process import opening
 from fidim_lab.app.service.spec import PLAN, RIG, RunSpec, write_spec
 from fidim_lab.app.session import resume
 from fidim_lab.app.session.resume import ResumeOptions

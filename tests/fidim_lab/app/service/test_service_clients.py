@@ -9,7 +9,6 @@ import stat
 import pytest
 
 from drivers.ports import DriveState, PromptKind
-from fidim_lab.app.service.board import DefaultAnswer
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.commands import (
@@ -31,6 +30,7 @@ from fidim_lab.app.service.messages import (
     Samples,
     Status,
 )
+from fidim_lab.app.service.process.board import DefaultAnswer
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import RefusedError, SetupError
 
@@ -172,7 +172,7 @@ def test_pause_and_resume_by_command(serving):
 
 
 def test_ten_clients_that_do_not_read_change_nothing_and_are_dropped(serving, monkeypatch):
-    monkeypatch.setattr("fidim_lab.app.service.hub.BACKLOG", 20_000)  # beside what the system itself keeps
+    monkeypatch.setattr("fidim_lab.app.service.process.hub.BACKLOG", 20_000)  # beside what the system itself keeps
 
     async def script(s):
         deaf = []

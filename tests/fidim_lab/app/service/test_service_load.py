@@ -12,9 +12,9 @@ from drivers.clock import LoopClock
 from fidim_lab.app.service.client import connect
 from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.commands import EmergencyStop, Hello, Request, TakeLease
-from fidim_lab.app.service.event_log import EventLog
-from fidim_lab.app.service.hub import BURST, CLIENTS_TCP, COMMANDS, Hub
 from fidim_lab.app.service.messages import Answer, Happening, Welcome
+from fidim_lab.app.service.process.event_log import EventLog
+from fidim_lab.app.service.process.hub import BURST, CLIENTS_TCP, COMMANDS, Hub
 
 EVENTS, CLIENTS = 1500, 25
 

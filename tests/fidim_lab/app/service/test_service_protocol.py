@@ -25,9 +25,9 @@ from fidim_lab.app.service.commands import (
 )
 from fidim_lab.app.service.latch import AT_START, CODE_LIFE, Latch
 from fidim_lab.app.service.messages import TO_CLIENT, Bye, Happening, History, Question, Refusal, Welcome
+from fidim_lab.app.service.process.session import Lease, ServerSession, Stage
+from fidim_lab.app.service.process.stop_keeper import StopKeeper
 from fidim_lab.app.service.reference import messages_page
-from fidim_lab.app.service.session import Lease, ServerSession, Stage
-from fidim_lab.app.service.stop_keeper import StopKeeper
 from fidim_lab.data.rigs.stop_file import Stopped, stop_path
 
 HELLO = b'{"type":"hello","protocol":"fidim-service/1","client":"me"}\n'

@@ -1,6 +1,6 @@
 """What a screen shows of a run whose procedure adds windows to the plan's."""
 
-from fidim_lab.app.service.status import Watcher
+from fidim_lab.app.service.process.status import Watcher
 from fidim_lab.data.records import Role
 from procedures.events import RunFinished, WindowFinished
 from procedures.outcomes import Outcome

@@ -22,7 +22,6 @@ from fidim_lab.app.service.commands import (
     Reset,
     TakeLease,
 )
-from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.latch import first_words
 from fidim_lab.app.service.messages import (
     Answer,
@@ -39,7 +38,8 @@ from fidim_lab.app.service.messages import (
     Welcome,
     WinchState,
 )
-from fidim_lab.app.service.session import ServerSession
+from fidim_lab.app.service.process.hub import Hub
+from fidim_lab.app.service.process.session import ServerSession
 from fidim_lab.app.tui.app import FidimUi
 from fidim_lab.app.tui.find import Finder
 from fidim_lab.app.tui.link import Link

@@ -15,7 +15,7 @@ from pathlib import Path
 from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.commands import Hello, Message, Request
 from fidim_lab.app.service.messages import Answer, Refusal, Samples
-from fidim_lab.app.service.session import ServerSession, Stage
+from fidim_lab.app.service.process.session import ServerSession, Stage
 from fidim_lab.errors import SetupError
 
 BACKLOG = 2 << 20

@@ -16,20 +16,20 @@ from pathlib import Path
 from drivers.canbus.load import frame_bits
 from drivers.canbus.transport import CanFrame
 from drivers.ports import Clock, PromptKind
-from fidim_lab.app.service.board import DefaultAnswer, PromptBoard
-from fidim_lab.app.service.broadcast import Broadcast, Sources, wall_time
 from fidim_lab.app.service.codec import encode
-from fidim_lab.app.service.command_handler import CommandHandler, Levers
 from fidim_lab.app.service.commands import Request
-from fidim_lab.app.service.event_log import EventLog
-from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.latch import Latch
 from fidim_lab.app.service.messages import Answer, Bye, Welcome
-from fidim_lab.app.service.opening import Opened
-from fidim_lab.app.service.session import ServerSession
-from fidim_lab.app.service.status import Gauges, Watcher
-from fidim_lab.app.service.stop_keeper import StopKeeper
-from fidim_lab.app.service.turn import Turn
+from fidim_lab.app.service.process.board import DefaultAnswer, PromptBoard
+from fidim_lab.app.service.process.broadcast import Broadcast, Sources, wall_time
+from fidim_lab.app.service.process.command_handler import CommandHandler, Levers
+from fidim_lab.app.service.process.event_log import EventLog
+from fidim_lab.app.service.process.hub import Hub
+from fidim_lab.app.service.process.opening import Opened
+from fidim_lab.app.service.process.session import ServerSession
+from fidim_lab.app.service.process.status import Gauges, Watcher
+from fidim_lab.app.service.process.stop_keeper import StopKeeper
+from fidim_lab.app.service.process.turn import Turn
 from fidim_lab.data.rigs.stop_file import Stopped
 from fidim_lab.errors import FidimError
 from procedures.control import Control

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fidim_lab.app.service.board import PromptBoard
 from fidim_lab.app.service.commands import (
     Abort,
     AnswerPrompt,
@@ -21,7 +20,8 @@ from fidim_lab.app.service.commands import (
 )
 from fidim_lab.app.service.latch import Latch, first_words
 from fidim_lab.app.service.messages import Answer
-from fidim_lab.app.service.session import Lease, ServerSession
+from fidim_lab.app.service.process.board import PromptBoard
+from fidim_lab.app.service.process.session import Lease, ServerSession
 from fidim_lab.data.rigs.stop_file import Stopped
 from procedures.control import Control, Verb, Word
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from drivers.ports import Clock, MarkerSource
-from fidim_lab.app.service.board import PromptBoard
-from fidim_lab.app.service.command_handler import CommandHandler
-from fidim_lab.app.service.hub import Hub
 from fidim_lab.app.service.messages import Status
-from fidim_lab.app.service.status import Gauges, Watcher
+from fidim_lab.app.service.process.board import PromptBoard
+from fidim_lab.app.service.process.command_handler import CommandHandler
+from fidim_lab.app.service.process.hub import Hub
+from fidim_lab.app.service.process.status import Gauges, Watcher
 from fidim_lab.errors import FidimError
 from procedures.guards.guard import Guard
 
