@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks import excite_travel
-from benchmarks.excite_travel import moved
+from benchmarks.excite import travel
+from benchmarks.excite.travel import moved
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.excitation.place import Place
 from fidim_lab.identification.excitation.travel import travelled
@@ -14,7 +14,7 @@ from sim_backends.plant.world import make_world
 
 
 def test_a_hasty_move_swings_as_far_as_is_said_and_does_not_settle(irma4: Robot, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(excite_travel, "PATIENCE", 2.0)
+    monkeypatch.setattr(travel, "PATIENCE", 2.0)
     mechanism = Mechanism(irma4, native=True)
     spots = np.array([1.05, -0.3, -0.35]), np.array([1.4, 0.05, -0.15])
     start, goal = (Place.at(mechanism, equilibrium_at(mechanism, irma4.nominal, spot).lengths) for spot in spots)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.excite_runs import CLOSE, one, window_of
+from benchmarks.excite.runs import CLOSE, one, window_of
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.identification.excitation.place import Place

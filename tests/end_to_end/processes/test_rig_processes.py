@@ -30,7 +30,7 @@ from procedures.settings import HandSettings, MotionSettings, RecordSettings, Se
 
 pytestmark = pytest.mark.slow
 MAIN = "from fidim_lab.app.cli import main; main()"
-EXAMPLE = Path(__file__).parents[2] / "examples" / "rigs" / "simulated.toml"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
 SETTINGS = Settings(
     motion=MotionSettings(settle_over=0.5),
     tension=TensionSettings(over=0.3),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.excite_strokes import LIMITS
+from benchmarks.excite.strokes import LIMITS
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Role
 from fidim_lab.data.records import Window as Recording
 from fidim_lab.errors import InfeasibleError, RefusedError

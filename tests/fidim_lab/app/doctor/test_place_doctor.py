@@ -12,7 +12,7 @@ from fidim_lab.app.doctor.rig_doctor import check_place
 from fidim_lab.data.rigs.rig_file import read_rig
 from procedures.expected import NominalRest
 
-RIG = read_rig(Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml")
+RIG = read_rig(Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml")
 LENGTHS = (1.34283, 1.43119, 1.56772, 1.45231)
 MARKER = NominalRest(RIG.robot).at(LENGTHS).marker
 

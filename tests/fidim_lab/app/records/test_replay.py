@@ -217,7 +217,7 @@ def test_a_packet_log_that_was_cut_off_keeps_what_was_flushed(tmp_path):
 
 def test_the_notebook_runs_cell_by_cell(rehearsed, monkeypatch):
     """Without Jupyter: what its code cells say, in order, in one namespace."""
-    notebook = json.loads((Path(__file__).parents[3] / "examples" / "campaign.ipynb").read_text())
+    notebook = json.loads((Path(__file__).parents[4] / "examples" / "campaign.ipynb").read_text())
     monkeypatch.setenv("FIDIM_CAMPAIGN", str(rehearsed))
     names: dict[str, Any] = {}
     for cell in notebook["cells"]:

@@ -9,7 +9,7 @@ from fidim_lab.app.cli import run
 from fidim_lab.app.session import run_process
 from fidim_lab.data.rigs.stop_file import Stopped, keep_stop, read_stop, stop_path
 
-SIMULATED = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
+SIMULATED = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"
 STOPPED = Stopped("fidim ui #2", "key", "2026-11-25T10:58:03.123+00:00")
 SENTENCE = "emergency stop by fidim ui #2: key (2026-11-25 10:58:03 UTC)"
 PLAN = """format = "fidim-plan/1"

@@ -14,7 +14,7 @@ from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Campaign, Plan, PlannedWindow, Role, Window
 from fidim_lab.errors import SetupError
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 WITHOUT = {"simulators", "ui"}
 """they have no answer: they go on until they are left"""
 LENGTHS = np.array([1.30283, 1.39119, 1.52772, 1.41231])

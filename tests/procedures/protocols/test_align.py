@@ -26,7 +26,7 @@ from procedures.settings import AlignSettings, MotionSettings, Settings
 from sim_backends import laboratory
 from sim_backends.mocap.server import MocapServer
 
-RIG = Path(__file__).parents[2] / "examples" / "rigs" / "simulated.toml"
+RIG = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
 LATENCY, JITTER = 6e-3, 0.3e-3
 PLACE = PlannedWindow(
     "a01",

@@ -12,7 +12,7 @@ from fidim_lab.data.window_csv import WindowColumns
 from fidim_lab.data.window_mcap import window_as_mcap
 from procedures.recording.part_file import keep_unfinished
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "killed_recording.py"
+SCRIPT = Path(__file__).parents[3] / "benchmarks" / "killed_recording.py"
 
 
 @pytest.mark.parametrize("kills", [3, pytest.param(25, marks=pytest.mark.slow)])

@@ -220,7 +220,7 @@ def test_the_robot_is_drawn_true_to_scale(irma4: Robot):
 def test_the_drawing_of_the_docs_says_what_it_says_now(irma4: Robot):
     rests = middle_rests(Mechanism(irma4))
     drawn = robot_picture(irma4, rests[len(rests) // 2])
-    kept = (Path(__file__).parents[3] / "docs" / "pictures" / "robot.svg").read_text(encoding="utf-8")
+    kept = (Path(__file__).parents[4] / "docs" / "pictures" / "robot.svg").read_text(encoding="utf-8")
     texts = re.findall(r"<text[^>]*>([^<]*)</text>", drawn)
     assert {"D1", "A1", "P", "G", "B", "marker", "from the winch"} <= set(texts)
     assert re.findall(r"<text[^>]*>([^<]*)</text>", kept) == texts, (

@@ -26,7 +26,7 @@ from sim_backends.drive.objects import read_eds
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run as run_jumping
 
-EXAMPLES = Path(__file__).parents[3] / "examples" / "rigs"
+EXAMPLES = Path(__file__).parents[4] / "examples" / "rigs"
 CONFIG = WinchConfig(
     name="winch 1",
     node_id=1,

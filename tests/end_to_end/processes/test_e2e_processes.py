@@ -21,7 +21,7 @@ from fidim_lab.app.records.verify import verify
 from fidim_lab.data.campaign import read_campaign
 from procedures.recording.journal import Kind, read_journal
 
-RIG = Path(__file__).parents[2] / "examples" / "rigs" / "simulated.toml"
+RIG = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
 PLAN = """
 format = "fidim-plan/1"
 name = "two"

@@ -23,7 +23,7 @@ from procedures.steps import Result
 from procedures.steps.compare import Clarity, Explain
 from sim_backends.jumping_loop import run
 
-PAGE = Path(__file__).parents[2] / "docs" / "procedures.md"
+PAGE = Path(__file__).parents[3] / "docs" / "procedures.md"
 
 
 def comfortable(lengths):

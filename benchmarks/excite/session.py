@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from benchmarks.excite_strokes import LIMITS
-from benchmarks.excite_windows import DESIGN, SEEDS, planned_by_winches
+from benchmarks.excite.strokes import LIMITS
+from benchmarks.excite.windows import DESIGN, SEEDS, planned_by_winches
 from benchmarks.page import table
 from fidim_lab.app import compose
 from fidim_lab.app.session.dry_run import SIMULATED_DAY

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.excite_runs import Tries, Window, carried, one, possible, window_at, window_of
-from benchmarks.excite_strokes import LIMITS
+from benchmarks.excite.runs import Tries, Window, carried, one, possible, window_at, window_of
+from benchmarks.excite.strokes import LIMITS
 from fidim_lab.data.plan_file import read_plan
 from fidim_lab.data.records import PlannedWindow
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot

@@ -130,7 +130,7 @@ def test_power_off_without_a_bus_is_hardware(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path))
-    example = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
+    example = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"
     rig = tmp_path / "rig.toml"
     rig.write_text(example.read_text(encoding="utf-8").replace("socket://127.0.0.1:20100", "socket://127.0.0.1:1"))
     assert cli.run(["power-off", str(rig), "--yes"]) == 3

@@ -22,11 +22,11 @@ from typing import TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 
-from benchmarks.excite_runs import CLOSE, MOST_TRIES, Tries, Try
-from benchmarks.excite_session import session
-from benchmarks.excite_strokes import LIMITS, driven
-from benchmarks.excite_travel import travels
-from benchmarks.excite_windows import (
+from benchmarks.excite.runs import CLOSE, MOST_TRIES, Tries, Try
+from benchmarks.excite.session import session
+from benchmarks.excite.strokes import LIMITS, driven
+from benchmarks.excite.travel import travels
+from benchmarks.excite.windows import (
     DESIGN,
     PARTS_WANTED,
     SEEDS,

@@ -15,7 +15,7 @@ from fidim_lab.app.cli.reference import commands_page
 from fidim_lab.app.formats.file_keys import file_keys_page
 from fidim_lab.app.formats.schema_words import range_words, type_words
 
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = Path(__file__).parents[4] / "docs"
 
 
 def test_every_command_with_its_options_is_in_the_reference():

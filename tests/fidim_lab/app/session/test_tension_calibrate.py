@@ -8,7 +8,7 @@ import pytest
 from fidim_lab.app import cli
 from fidim_lab.data.campaign import read_campaign
 
-CAMPAIGN = Path(__file__).parents[4] / "shared" / "campaigns" / "open-nothing-left-out"
+CAMPAIGN = Path(__file__).parents[5] / "shared" / "campaigns" / "open-nothing-left-out"
 
 
 @pytest.mark.shared
