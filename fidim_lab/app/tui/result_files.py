@@ -7,12 +7,17 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import BaseModel, ConfigDict, Field
+from typing import Literal
 
 from drivers.ports import Clock
-from fidim_lab.app.formats.equivalence import EquivalenceTable
+from fidim_lab.app.formats.explanation_parts import (
+    BeforeTable,
+    EffectTable,
+    HeldOutTable,
+    Part,
+    PlaceTable,
+    RankedTable,
+)
 from fidim_lab.app.tui.aside import Aside, StalledError
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.errors import FileError
@@ -24,61 +29,10 @@ EVERY = 1.0
 """s between two looks at the files"""
 
 
-class _Lenient(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
+_UNKNOWN = BeforeTable(before=None, after=None)
 
 
-class EffectParameterTable(_Lenient):
-    """`effects[].parameters.NAME`."""
-
-    value: float
-    sd: float | None = None
-    unit: str = ""
-
-
-class EffectTable(EquivalenceTable, _Lenient):
-    """One of `effects`."""
-
-    id: str
-    cable: int | None = None
-    parameters: dict[str, EffectParameterTable] = {}
-    says: str = ""
-
-
-class PlaceTable(_Lenient):
-    """One of `where`."""
-
-    window: str
-    t: tuple[float, float]
-    channel: str = ""
-    share: float = 0.0
-    says: str = ""
-
-
-class RankedTable(_Lenient):
-    """One of `ranking`."""
-
-    effects: tuple[str, ...] = ()
-    held_out_chi2_per_dof: float | None = None
-    plausible: bool = True
-    why: str = ""
-
-
-class BeforeTable(_Lenient):
-    """A figure without and with the effects."""
-
-    before: float | None = None
-    after: float | None = None
-
-
-class HeldOutTable(_Lenient):
-    """`held_out`."""
-
-    chi2_per_dof: BeforeTable = BeforeTable()
-    rms_mm: BeforeTable = BeforeTable()
-
-
-class ExplanationTable(_Lenient):
+class ShownExplanation(Part):
     """As much of "fidim-explanation/1" as the screen shows."""
 
     format: Literal["fidim-explanation/1"]
@@ -86,8 +40,8 @@ class ExplanationTable(_Lenient):
     message: str
     effects: tuple[EffectTable, ...] = ()
     where: tuple[PlaceTable, ...] = ()
-    held_out: HeldOutTable = HeldOutTable()
-    ranking: Annotated[tuple[RankedTable, ...], Field(default=())]
+    held_out: HeldOutTable = HeldOutTable(chi2_per_dof=_UNKNOWN, rms_mm=_UNKNOWN)
+    ranking: tuple[RankedTable, ...] = ()
     next_experiment: str | None = None
 
 
@@ -99,7 +53,7 @@ class ResultFiles:
     result: ResultTable | None = None
     last: ResultTable | None = None
     last_folder: str = ""
-    explanation: ExplanationTable | None = None
+    explanation: ShownExplanation | None = None
     problems: tuple[str, ...] = ()
 
 
@@ -172,9 +126,9 @@ def _result(folder: Path, problems: list[str]) -> ResultTable | None:
         return None
 
 
-def _explanation(path: Path, problems: list[str]) -> ExplanationTable | None:
+def _explanation(path: Path, problems: list[str]) -> ShownExplanation | None:
     try:
-        return read_json_as(path, ExplanationTable.model_validate) if path.exists() else None
+        return read_json_as(path, ShownExplanation.model_validate) if path.exists() else None
     except FileError as error:
         problems.append(str(error))
         return None

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
-from fidim_lab.app.formats.equivalence import EquivalenceTable
+from fidim_lab.app.formats.explanation_parts import EffectTable, HeldOutTable, Part, PlaceTable, RankedTable
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.identification.results.result_file import BodyNumber, GeometryTable
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
@@ -18,52 +17,7 @@ from fidim_lab.mismatch.unknown_force.field import Field
 Triple = tuple[float, float, float]
 
 
-class _Part(BaseModel):
-    """A later version may say more."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class EffectParameterTable(_Part):
-    """One parameter of an effect, SI."""
-
-    value: float | None
-    sd: float | None = None
-    unit: str = ""
-
-
-class EffectTable(EquivalenceTable, _Part):
-    """One effect that was left out."""
-
-    id: str
-    cable: int | None = None
-    parameters: dict[str, EffectParameterTable] = {}
-    says: str = ""
-
-    @property
-    def label(self) -> str:
-        """For people."""
-        return self.id if self.cable is None else f"{self.id} (cable {self.cable})"
-
-
-class PlaceTable(_Part):
-    """Where it shows."""
-
-    window: str
-    t: tuple[float, float]
-    says: str
-
-
-class RankedTable(_Part):
-    """One model that was tried."""
-
-    effects: tuple[str, ...]
-    held_out_chi2_per_dof: float | None
-    plausible: bool
-    why: str = ""
-
-
-class BodyParameterTable(_Part):
+class BodyParameterTable(Part):
     """One of the nine."""
 
     value: BodyNumber
@@ -71,21 +25,7 @@ class BodyParameterTable(_Part):
     nominal: BodyNumber
 
 
-class BeforeTable(_Part):
-    """A figure without and with the effects."""
-
-    before: float | None
-    after: float | None
-
-
-class HeldOutTable(_Part):
-    """Of windows that no fit has seen."""
-
-    chi2_per_dof: BeforeTable
-    rms_mm: BeforeTable
-
-
-class FamilyTable(_Part):
+class FamilyTable(Part):
     """One kind of wrench without a name that was weighed."""
 
     label: str
@@ -94,7 +34,7 @@ class FamilyTable(_Part):
     log_evidence: float | None
 
 
-class FieldTable(_Part):
+class FieldTable(Part):
     """Samples of the wrench along the motion, SI, world frame."""
 
     windows: tuple[str, ...]
@@ -113,7 +53,7 @@ class FieldTable(_Part):
         return Field(self.windows, *(np.array(getattr(self, name), dtype=float) for name in names))
 
 
-class UnknownTable(_Part):
+class UnknownTable(Part):
     """The model of what has no name."""
 
     words: tuple[str, ...]
@@ -121,7 +61,7 @@ class UnknownTable(_Part):
     field: FieldTable | None = None
 
 
-class ExplanationTable(_Part):
+class ExplanationTable(Part):
     """The whole file."""
 
     format: Literal["fidim-explanation/1"]

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidim_lab.app.report.contents.explanation_file import BodyParameterTable, EffectTable, ExplanationTable
+from fidim_lab.app.formats.explanation_parts import EffectTable
+from fidim_lab.app.report.contents.explanation_file import BodyParameterTable, ExplanationTable
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role, Window
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import NamedEffect

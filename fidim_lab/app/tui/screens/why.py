@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
+from fidim_lab.app.formats.explanation_parts import BeforeTable, EffectTable
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
-from fidim_lab.app.tui.result_files import BeforeTable, EffectTable, ExplanationTable, ResultFiles
+from fidim_lab.app.tui.result_files import ResultFiles, ShownExplanation
 
 VERDICTS: dict[str, tuple[str, Style]] = {
     "nothing-missing": ("✓ nothing is missing", "good"),
@@ -40,7 +41,7 @@ def why_lines(result_files: ResultFiles, width: int, job: str = "", checked: Seq
     return [*rows, EMPTY, line(Span("In full", "head")), *(line(text) for text in wrapped(found.message, width, "  "))]
 
 
-def _before_after(found: ExplanationTable) -> list[Line]:
+def _before_after(found: ShownExplanation) -> list[Line]:
     held = found.held_out
     return [
         line(Span(f"{'held-out windows':20}{'before':>12}{'after':>12}", "dim")),
@@ -54,11 +55,11 @@ def _pair(name: str, pair: BeforeTable) -> Line:
     return line(f"{name:20}{_short(pair.before):>12}", Span(f"{_short(pair.after):>12}", "good" if better else ""))
 
 
-def _short(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"
+def _short(value: float | None, digits: int = 4) -> str:
+    return "–" if value is None else f"{value:.{digits}g}"
 
 
-def _effects(found: ExplanationTable, width: int) -> list[Line]:
+def _effects(found: ShownExplanation, width: int) -> list[Line]:
     rows: list[Line] = [line(Span("What", "head"))]
     if not found.effects:
         rows.append(line(Span("  no effect is named", "dim")))
@@ -73,11 +74,11 @@ def _effect(effect: EffectTable, width: int) -> list[Line]:
     rows = [line(Span(text, "head")) for text in wrapped(f"{effect.id}{place}: {effect.says}{alike}", width, "  ")]
     for name, parameter in effect.parameters.items():
         sd = "held" if parameter.sd is None else f"± {parameter.sd:.2g}"
-        rows.append(line(f"    {left(name, 12)} {parameter.value:.5g} {sd} {parameter.unit}"))
+        rows.append(line(f"    {left(name, 12)} {_short(parameter.value, 5)} {sd} {parameter.unit}"))
     return rows
 
 
-def _ranking(found: ExplanationTable, width: int) -> list[Line]:
+def _ranking(found: ShownExplanation, width: int) -> list[Line]:
     rows: list[Line] = [line(Span(f"{left('What was tried', 40)}{right('χ²/dof', 10)}  possible", "head"))]
     for tried in found.ranking[:BEST]:
         name = " + ".join(tried.effects) or "nothing left out"

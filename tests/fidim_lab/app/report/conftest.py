@@ -175,5 +175,6 @@ def write_folder(tmp_path_factory):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Pictures stay blank: for tests of the words, which need not wait for them."""
-    for module in ("figures", "scene", "spectra", "proof_figures", "compare_page"):
+    drawn = ("drawings.figures", "drawings.scene", "drawings.spectra", "sections.proof_figures", "pages.compare_page")
+    for module in drawn:
         monkeypatch.setattr(f"fidim_lab.app.report.{module}.to_svg", lambda figure: "<svg></svg>")

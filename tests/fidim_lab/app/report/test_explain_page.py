@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.analysis.design_after import claims_of
-from fidim_lab.app.report.contents.explanation_file import EffectParameterTable, EffectTable, as_file, read_explanation
+from fidim_lab.app.formats.explanation_parts import EffectParameterTable, EffectTable
+from fidim_lab.app.report.contents.explanation_file import as_file, read_explanation
 from fidim_lab.app.report.contents.proof import _effect, proof, rms
 from fidim_lab.app.report.drawings import spectra
 from fidim_lab.app.report.drawings.figures import sd_levels

@@ -227,7 +227,7 @@ def test_a_method_without_equations_needs_none(campaign, write_folder, result_of
 @pytest.mark.sampled(1)
 def test_it_stays_small(campaign, write_folder, result_of, monkeypatch, windows):
     """Windows of 10 s with noisy currents, from the growth by one window drawn as finely as so many would be."""
-    for module in ("page", "scene", "solid"):
+    for module in ("pages.page", "drawings.scene", "drawings.solid"):
         monkeypatch.setattr(
             f"fidim_lab.app.report.{module}.points_for", lambda drawn, most=POINTS: points_for(windows, most)
         )
