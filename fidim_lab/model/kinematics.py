@@ -1,6 +1,7 @@
 """Finding poses: from free coordinates at locked lengths (Eq. 44), from lengths alone, and from a wanted place.
 
 dependent_pose      a measured marker and locked lengths → pose at every sample
+allowed_places      measured markers → the nearest ones that locked lengths allow
 pose_from_lengths   lengths → the pose in which the platform rests
 equilibrium_at      a marker position → lengths and pose in which the platform rests there (planning)
 """
@@ -14,17 +15,26 @@ from fidim_lab.data.records import Pose
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.equilibria import equilibrium_at, pose_from_lengths
-from fidim_lab.model.geometry import rotation_from_gibbs
+from fidim_lab.model.geometry import rotation_from_gibbs, rotation_matrix
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import built
 
-__all__ = ["dependent_pose", "equilibrium_at", "pose_from_lengths"]
+__all__ = ["allowed_places", "dependent_pose", "equilibrium_at", "pose_from_lengths"]
 
 NEWTON_STEPS = 5
 """for each sample; from 10 mm away three are enough, a badly conditioned chart takes more"""
 
 LARGEST_STEP = 1e-2
 """m (or rad) of a free coordinate from one solved pose to the next; farther samples get stepping stones"""
+
+NEARING_STEPS = 8
+"""from 0.1 m away they leave 3 µm"""
+
+DAMPING = 0.03
+"""m/rad (and m/m): turns that move the marker by less are taken slowly, as on three parallel cables"""
+
+STIFF = 100.0
+"""weight of a metre of cable against one of the marker: lengths give way by 1e-4 of what the marker is off"""
 
 TOLERANCE = 1e-9
 """m (or rad) of the largest residual"""
@@ -65,6 +75,30 @@ def dependent_pose(
         )
     chosen = states[samples]
     return chosen[:, :3], chosen[:, 3:].reshape(-1, 3, 3)
+
+
+def allowed_places(
+    mechanism: Mechanism, lengths: PerCable, marker: Vector3, places: Positions, start: Pose
+) -> Positions:
+    """(N, 3) places (m, world) of the marker, nearest to `places`, in poses at which the cables have `lengths` (m).
+
+    Four cables leave the marker a surface, five a curve; fewer forbid at most what only a large turn would reach.
+    Damped Gauss-Newton, each from `start`. Raises InfeasibleError at a singular pose.
+    """
+    positions, rotations = (np.repeat(one[np.newaxis], len(places), 0) for one in (start.position, start.rotation))
+    axes = np.eye(3)
+    for _ in range(NEARING_STEPS):
+        arms = rotations @ marker
+        turns = -np.cross(arms[:, np.newaxis, :], axes).transpose(0, 2, 1)  # of the marker, by a small rotation
+        moves = np.concatenate([np.broadcast_to(axes, turns.shape), turns], axis=2)
+        jacobian = np.concatenate([mechanism.structure_matrix(positions, rotations) * STIFF, moves], axis=1)
+        stretched = (lengths - mechanism.lengths(positions, rotations)) * STIFF
+        missed = np.concatenate([stretched, places - positions - arms], axis=1)
+        across = jacobian.transpose(0, 2, 1)
+        steps = np.linalg.solve(across @ jacobian + DAMPING**2 * np.eye(6), across @ missed[:, :, np.newaxis])[:, :, 0]
+        positions = positions + steps[:, :3]
+        rotations = np.array([rotation_matrix(step / 2) for step in steps[:, 3:]]) @ rotations
+    return positions + rotations @ marker
 
 
 def _coordinates(pose: Pose, marker: Vector3, axes: tuple[int, ...]) -> Float[np.ndarray, " free"]:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.arrays import PerCable, Vector3
+from fidim_lab.arrays import PerCable, Positions, Vector3
 from fidim_lab.data.records import Robot
-from fidim_lab.model.kinematics import pose_from_lengths
+from fidim_lab.model.kinematics import allowed_places, pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.statics import Equilibrium
 from procedures.steps import Lengths
@@ -45,6 +45,14 @@ class NominalRest:
         from fidim_lab.model.modes import modes  # scipy: `run_procedure` has imported it
 
         return modes(self._mechanism, self._robot.nominal, self._equilibrium(lengths)).frequencies
+
+    def allowed(self, lengths: Lengths, places: Positions) -> Positions:
+        """(N, 3) places of the main marker (m) nearest to `places` that cables of these lengths allow.
+
+        Raises InfeasibleError where the platform cannot rest, or not be there.
+        """
+        start = self._equilibrium(lengths).pose
+        return allowed_places(self._mechanism, np.array(lengths), self._robot.marker, places, start)
 
     def _equilibrium(self, lengths: Lengths) -> Equilibrium:
         return pose_from_lengths(self._mechanism, self._robot.nominal, np.array(lengths))

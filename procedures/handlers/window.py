@@ -7,10 +7,13 @@ import numpy as np
 from fidim_lab.errors import FidimError
 from procedures.expected.nominal_rest import NominalRest
 from procedures.outcomes import Measurement, Outcome, judge
+from procedures.recording.marker_place import BESIDE, place_measurements
 from procedures.recording.recorder import Recording
 from procedures.recording.window_check import window_measurements
 from procedures.stand import Stand
-from procedures.steps import Accept, CheckWindow, GiveUp, Lengths, Note, Record, Reject, Result
+from procedures.steps import SLIPPED, Accept, CheckWindow, GiveUp, Lengths, Note, Record, Reject, Result
+
+SINCE_REST = "since the platform rested a cable slipped on its drum, or the marker or motion capture's origin moved"
 
 
 async def record(stand: Stand, step: Record) -> Result:
@@ -27,28 +30,31 @@ async def check_window(stand: Stand, step: CheckWindow) -> Result:
 
     def look() -> tuple[Measurement, ...]:
         what = (recording, step.limits, step.lengths, step.equilibrium, stand.newton_per_ampere)
-        return (*window_measurements(*what), *_drift(recording, step, rest, lengths))
+        where = () if rest is None else _place(recording, step, rest, lengths, stand.settings.place.change)
+        return (*window_measurements(*what), *where)
 
     found = await asyncio.get_running_loop().run_in_executor(None, look)
     outcome, reason = judge(found)
+    if any(one.name == BESIDE and one.outcome is Outcome.FAIL for one in found):
+        return Result(outcome, f"{reason}: {SINCE_REST}", found, answer=SLIPPED)
     return Result(outcome, reason, found)
 
 
-def _drift(
-    recording: Recording, step: CheckWindow, rest: NominalRest | None, lengths: Lengths
+def _place(
+    recording: Recording, step: CheckWindow, rest: NominalRest, lengths: Lengths, change: float
 ) -> tuple[Measurement, ...]:
-    """None where the model does not know how the platform would swing here."""
-    try:
-        frequencies = None if rest is None else rest.frequencies(lengths)
-    except FidimError:  # lengths at which it could not rest are told by others
-        return ()
-    if frequencies is None:
-        return ()
+    """Nothing where the model does not know how the platform would swing here."""
     from procedures.recording.marker_drift import drift_measurement  # scipy: `run_procedure` has imported it
 
     place = recording.markers[:, 0, :]
     t = np.arange(len(place)) / recording.rate
-    return (drift_measurement(t, place, frequencies, step.limits.drift),)
+    try:
+        drift = drift_measurement(t, place, rest.frequencies(lengths), step.limits.drift)
+        if not step.equilibrium:
+            return (drift,)
+        return (drift, *place_measurements(rest, lengths, place, np.array(step.equilibrium), change))
+    except FidimError:  # lengths at which it could not rest are told by others
+        return ()
 
 
 async def accept(stand: Stand, step: Accept) -> Result:

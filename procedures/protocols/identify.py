@@ -18,6 +18,7 @@ from procedures.protocols.displacing import displace, free
 from procedures.protocols.enough import windows_of
 from procedures.settings import Settings
 from procedures.steps import (
+    SLIPPED,
     Accept,
     Ask,
     AwaitHandsOff,
@@ -250,6 +251,8 @@ class WindowProtocol:
         verdict = yield from self.judged(planned, check, (yield check))
         if not verdict.outcome.usable:
             yield Reject(window=planned.id, attempt=attempt, reason=verdict.reason)
+            if verdict.answer == SLIPPED:
+                yield Stop(window=planned.id, outcome=Outcome.FAIL, reason=f"Window {planned.id}: {verdict.reason}.")
             return verdict.reason
         yield Accept(
             window=planned.id,

@@ -9,9 +9,10 @@ from procedures.steps.home import AskWithoutPower, Configure, MeasurePose, SetLe
 from procedures.steps.person import Ask, AwaitHandsOff
 from procedures.steps.release import AwaitHeld, LetGo, TakeHold
 from procedures.steps.robot import CheckTension, Enable, Hold, MoveTo, ReadEncoders, Settle, longest_way, travel_time
-from procedures.steps.window import Accept, CheckWindow, GiveUp, Note, Record, Reject, Stop, WindowLimits
+from procedures.steps.window import SLIPPED, Accept, CheckWindow, GiveUp, Note, Record, Reject, Stop, WindowLimits
 
 __all__ = [
+    "SLIPPED",
     "Accept",
     "AfterPause",
     "Ask",

@@ -7,6 +7,9 @@ from fidim_lab.data.records import Role
 from procedures.outcomes import Outcome
 from procedures.steps.base import AfterPause, Lengths, Phase, Step
 
+SLIPPED = "slipped"
+"""the answer of `CheckWindow` where the marker is beside the places that the cable lengths allow"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Record(Step):
@@ -60,7 +63,10 @@ class WindowLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckWindow(Step):
-    """Judge the window just recorded: samples complete, tensions positive, motors still, amplitude useful."""
+    """Judge the window just recorded: samples complete, tensions positive, motors still, amplitude useful.
+
+    FAIL with the answer SLIPPED where a cable slipped, or the marker slid, since the platform rested.
+    """
 
     after_pause: ClassVar[AfterPause] = AfterPause.NOT_INTERRUPTED
 

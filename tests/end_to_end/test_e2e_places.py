@@ -104,12 +104,37 @@ AFTER = {
 }
 
 
+WITHIN = {
+    **{f"cable {cable} slips": slipped(cable, 0.03) for cable in (1, 2, 3, 4)},
+    "another marker": AFTER["another marker"][0],
+    "origin": AFTER["origin"][0],
+    "origin, sideways and down": lambda stage: stage.mocap.add("jumps", 1e3, (-0.01, 0.012, -0.02)),
+}
+
+
+@pytest.mark.parametrize("kind", WITHIN)
+@pytest.mark.parametrize("after", [0.5, 3.0])
+@pytest.mark.sampled(3)
+def test_what_moves_while_a_person_is_at_the_platform_is_found_in_that_window(
+    rehearsal: Any, scene: Any, kind: str, after: float
+) -> None:
+    rehearsal.plan = scene.two
+    rehearsal.at("Ask", WITHIN[kind], after=after)
+    ended = rehearsal.run()
+    report = ended.check()
+    assert report.outcome is Outcome.FAIL
+    assert "Window i01: " in report.reason
+    assert "since the platform rested a cable slipped on its drum, or the marker" in report.reason
+    assert not report.accepted
+    assert len(ended.begun["Record"]) == 1, "nobody is asked to displace a platform whose cable slipped"
+
+
 @pytest.mark.parametrize("kind", AFTER)
 @pytest.mark.sampled(1)
 def test_what_goes_wrong_later_is_found_at_the_next_place(rehearsal: Any, scene: Any, kind: str) -> None:
     fault, says = AFTER[kind]
     rehearsal.plan = scene.two
-    rehearsal.at("Ask", fault, after=0.5)
+    rehearsal.at("Accept", fault)
     true = tensions(rehearsal)
     ended = rehearsal.run()
     report = ended.check()
