@@ -9,6 +9,7 @@ from procedures.outcomes import Measurement
 from procedures.recording.recorder import Recording
 from procedures.steps import WindowLimits
 
+SMALLEST = "smallest tension"
 FROZEN = 5
 """samples: a position repeated so often, exactly, is no measurement (a noisy sensor does not repeat itself)"""
 
@@ -118,10 +119,10 @@ def _tensions(tensions: CableSeries, limits: WindowLimits) -> list[Measurement]:
     """The extremes: marginal beyond the robot's limits, for a motor current is no ground to reject a taut window."""
     least, most = limits.tension
     if np.isnan(tensions).all(axis=0).any():
-        return [Measurement("smallest tension", None, "N", low=0.0)]
+        return [Measurement(SMALLEST, None, "N", low=0.0)]
     low, high = np.nanmin(tensions, axis=0), np.nanmax(tensions, axis=0)
     slack, tight = int(np.argmin(low)), int(np.argmax(high))
-    smallest = f"smallest tension of cable {slack + 1} (limit {least:g} N)"
+    smallest = f"{SMALLEST} of cable {slack + 1} (limit {least:g} N)"
     largest = f"largest tension of cable {tight + 1} (limit {most:g} N)"
     return [
         Measurement(smallest, float(low[slack]), "N", low=0.0, margin=least),

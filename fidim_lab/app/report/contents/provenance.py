@@ -61,8 +61,8 @@ def _manifest(folder: Path) -> tuple[tuple[str, str], ...]:
         return ()
     found = verify(folder)
     missing, extra = (f"{name} is missing" for name in found.missing), (f"{name} is new" for name in found.extra)
-    differing = [*found.changed, *missing, *extra]
-    said = f"✓ all {found.checked} files are as when the run ended" if found.intact else f"✗ {'; '.join(differing)}"
+    differing = "; ".join(map(printable, (*found.changed, *missing, *extra)))
+    said = f"✓ all {found.checked} files are as when the run ended" if found.intact else f"✗ {differing}"
     recorded = read_manifest(folder).software
     commit = "" if recorded.commit is None else f", fidim-lab {recorded.commit}"
     return (("against manifest.json", said), ("recorded with", f"{recorded.python}{commit}"))

@@ -32,8 +32,9 @@ def write_report(
     from fidim_lab.app.report.pages.page import make_page
 
     contents = read_folder(folder)
+    explanation = _explained(folder, contents)  # a file that is refused costs no time before
     found, trust = _judged(folder, contents, result)
-    rendered = render("page.html.jinja", make_page(contents, found, trust, _explained(folder, contents)))
+    rendered = render("page.html.jinja", make_page(contents, found, trust, explanation))
     return write_page(rendered, folder / NAME if out is None else out, pictures)
 
 
