@@ -6,8 +6,7 @@
     plant's statics at the pose in which the first fault came. Not judged: `JOLT` after a drum that turned has lost its
     power: its brake falls at once, whoever drives it.
 (b) No final sentence that the plant contradicts: "stand still" while a drum turns, "held" without power, an accepted
-    window in which a winch moved, the marker was wrong or the lengths are (a cable that slips on its drum moves no winch,
-    but makes its length wrong). Wrong is what the rig file's own limits call
+    window in which a winch moved, the marker was wrong or the lengths are. Wrong is what the rig file's own limits call
     wrong: a marker that left its true place by more than a jump may (5 mm) within the window, unless the check of the
     window tells its slow motion; a marker, or the place
     that the lengths stand for, farther from the truth than "marker against the lengths" allows.
@@ -121,16 +120,14 @@ def sentences(ended: Ended, truth: Truth, place: Place) -> Iterator[Violation]:
 def _window(ended: Ended, truth: Truth, name: str, lengths: np.ndarray | None, place: Place) -> Iterator[Violation]:
     record, allowed = RecordSettings(), PlaceSettings().off
     end = [e.t for e in ended.events if isinstance(e, StepFinished) and _is_record(e, name)][-1]
-    during = truth.between(end - (ended.rows - 1) / 100.0, end)
-    true = truth.lengths[during]
-    turned = np.ptp(np.cumsum(truth.speeds[during][1:] * np.diff(truth.t[during])[:, np.newaxis], axis=0), axis=0)
-    if turned.max() > record.motors_still:
-        k = int(turned.argmax())
-        says = f"window {name} was accepted; winch {k + 1} moved {1e3 * turned[k]:.1f} mm in it"
-        yield Violation("b: a winch moved", says, turned[k] / record.motors_still)
+    true = truth.lengths[truth.between(end - (ended.rows - 1) / 100.0, end)]
+    moved = np.ptp(true, axis=0)
+    if moved.max() > record.motors_still:
+        k = int(moved.argmax())
+        says = f"window {name} was accepted; winch {k + 1} moved {1e3 * moved[k]:.1f} mm in it"
+        yield Violation("b: a winch moved", says, moved[k] / record.motors_still)
     if lengths is not None:
-        told_place = place(np.nanmean(lengths, axis=0))
-        off = max(float(np.linalg.norm(told_place - place(one))) for one in (true.mean(axis=0), true[0], true[-1]))
+        off = float(np.linalg.norm(place(np.nanmean(lengths, axis=0)) - place(true.mean(axis=0))))
         if off > allowed:
             says = f"window {name} was accepted; its lengths put the marker {1e3 * off:.1f} mm off"
             yield Violation("b: lengths are wrong", says, off / allowed)
