@@ -8,7 +8,7 @@ but at rest as well as in the swing.
 import numpy as np
 
 from fidim_lab.arrays import Positions, Vector3
-from procedures.nominal_rest import NominalRest
+from procedures.expected.nominal_rest import NominalRest
 from procedures.outcomes import Measurement
 from procedures.settings import PlaceSettings
 from procedures.steps import Lengths

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from procedures.nominal_rest import NominalRest
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from procedures.expected.nominal_rest import NominalRest
 from procedures.outcomes import Outcome
 from procedures.recording.marker_place import BESIDE, place_measurements
 from procedures.settings import PlaceSettings
