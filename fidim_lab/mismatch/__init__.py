@@ -1,6 +1,7 @@
 """Where simulation and recording differ, and why.
 
-    explain           a campaign in, an Explanation out: the whole way in one file
+    explain           a campaign in, an Explanation out: the stages in one file
+    rounds            its fits and searches, begun again where recordings were not right
     online_monitor    the windows of a session so far in, what to tell its operator out
 
 The packages, each of which imports only those below it:
@@ -9,6 +10,7 @@ The packages, each of which imports only those below it:
     conclusion        where the search ended → verdict → an Explanation
     selection         which effects are left out: a search over fits and held-out windows
     cleaning          what is cut out of recordings, and what is put back    | unknown_force   a wrench without a name
+    readings          what lengths and cameras are off by, from window to window
     scores            what a fit of effects would gain, to first order
     fitting           fits with effects, and predictions of held-out windows
     residuals         whether what a fit leaves is noise, and where it lies

@@ -56,7 +56,9 @@ def _figures(told: Explanation) -> str:
 
 def _certain(told: Explanation) -> Iterable[str]:
     """Single names with their sizes, classes by what they share, and the geometry."""
-    for cause in told.effects[:MOST_CAUSES]:
+    yield from (reading.says for reading in told.readings)
+    drifts = {reading.id for reading in told.readings}
+    for cause in [cause for cause in told.effects if cause.id not in drifts][:MOST_CAUSES]:
         if cause.single:
             yield f"{_name(cause)}{_sizes(cause.parameters)}."
         else:

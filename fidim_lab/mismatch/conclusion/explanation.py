@@ -65,6 +65,19 @@ class NamedCause:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """What lengths, cameras or their noise are off by: the sensors' own, or cables that grow."""
+
+    id: str
+    cable: int | None
+    """1-based"""
+    equivalent_to: tuple[str, ...]
+    """other errors of readings that odds of 20 do not exclude"""
+    parameters: dict[str, EffectParameter]
+    says: str
+
+
+@dataclass(frozen=True)
 class Answer:
     """The answer in four short parts, for people."""
 
@@ -163,6 +176,8 @@ class Explanation:
     """in four short parts"""
     test: OpenedOnce | None = None
     """of the windows of role `test`, opened once with the model that is told; None without any"""
+    readings: tuple[Reading, ...] = ()
+    """what lengths and cameras were off by, put right in the fit; and noise that is not as stated"""
 
     @property
     def table(self) -> dict[str, Any]:
@@ -184,6 +199,7 @@ class Explanation:
             "unknown": None if self.unknown is None else unknown_table(self.unknown),
             "geometry": None if self.geometry is None else self.geometry.table,
             "test": None if self.test is None else self.test.table,
+            "readings": [_reading(one) for one in self.readings],
             **({} if self.answer is None else _parts(self.answer)),
         }
 
@@ -204,6 +220,11 @@ def _effect(cause: NamedCause) -> dict[str, Any]:
         "single": cause.single,
         "members": [{**vars(one), "parameters": _parameters(one.parameters)} for one in cause.members],
     }
+
+
+def _reading(reading: Reading) -> dict[str, Any]:
+    alike, parameters = list(reading.equivalent_to), _parameters(reading.parameters)
+    return {**vars(reading), "equivalent_to": alike, "parameters": parameters}
 
 
 def _parameters(parameters: dict[str, EffectParameter]) -> dict[str, Any]:

@@ -112,7 +112,7 @@ def instead_of_a_search(exact: Baseline, seen: View | None, say: Say) -> Baselin
     general = rival(seen)
     if general is None or general.temper > FITTING.near * seen.fit.noise_ratio**2:
         return None
-    if general.best < _most(seen, general.temper) + ODDS:
+    if general.best < most_of_effects(seen, general.temper) + ODDS:
         return None
     found = opened(exact, general, say)
     return found if candidate(found.as_it_is, found.predicted).is_white else None
@@ -133,7 +133,13 @@ def opened(exact: Baseline, general: Rival, say: Say) -> Baseline:
     )
 
 
-def _most(seen: View, temper: float) -> float:
+def most_of_rivals(seen: View) -> float:
+    """Nats of the best that effects or an open geometry say, at the χ²/dof that there is."""
+    general = rival(seen)
+    return max(most_of_effects(seen, seen.projected.inflation), 0.0 if general is None else general.best)
+
+
+def most_of_effects(seen: View, temper: float) -> float:
     """Nats of the best effect or pair of effects, were so much χ²/dof noise."""
     projected = replace(seen.projected, inflation=temper)
     scores = (*single_scores(projected, seen.context)[:1], *pair_scores(projected, seen.context, 1))

@@ -1,0 +1,78 @@
+"""What is told of lengths and cameras that do not read as the robot file states: errors of readings, and noise.
+
+A drift of lengths may be physics (cables that grow) and is named as an effect; steps, scatter and the frame of the
+cameras are the sensors' own. Each is told with its size and what it is not told apart from.
+"""
+
+from dataclasses import replace
+
+from fidim_lab.identification.markers.finding import Kind
+from fidim_lab.mismatch.cleaning.clean import Cleaned
+from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Reading, Verdict
+from fidim_lab.mismatch.readings.errors import ReadingError, ReadingErrors
+from fidim_lab.mismatch.readings.kinds import DRIFT, SAYS
+from fidim_lab.units import millimetres
+
+NOISE = "marker-noise"
+MOST_CHANNELS = 2
+"""whose noise is told"""
+
+
+def with_readings(told: Explanation, errors: ReadingErrors | None, cleaned: Cleaned) -> Explanation:
+    """The explanation with what the readings were off by, where that was put right, and with their noise."""
+    if errors is None:
+        return _with_noise(told, cleaned)
+    sensors = cleaned.campaign.robot.sensors
+    readings = tuple(_reading(one) for one in errors.found)
+    drifts = tuple(_cause(one) for one in errors.found if one.kind.id == DRIFT)
+    verdict = told.verdict
+    if verdict is Verdict.NOTHING_MISSING:
+        verdict = Verdict.EXPLAINED if drifts else Verdict.SENSOR_FAULT
+    stated = f"The robot file states {millimetres(sensors.encoder_resolution):.2g} mm for lengths."
+    said = " ".join([*(reading.says for reading in readings), stated, "The fit has them put right."])
+    message = f"{said} {told.message.replace('Nothing is missing:', 'Nothing else is missing:', 1)}"
+    told = replace(told, verdict=verdict, effects=(*told.effects, *drifts), readings=readings, message=message)
+    return _with_noise(told, cleaned)
+
+
+def _with_noise(told: Explanation, cleaned: Cleaned) -> Explanation:
+    """With marker noise that is not as the robot file states, where no more than noise is left."""
+    if told.verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
+        return told
+    found = [one for one in cleaned.screening.findings if one.kind is Kind.NOISE and one.window is None]
+    noise = tuple(
+        Reading(NOISE, None, (), {one.channel: EffectParameter(one.size, None, one.unit)}, one.says)
+        for one in found[:MOST_CHANNELS]
+    )
+    return replace(told, readings=(*told.readings, *noise)) if noise else told
+
+
+def _reading(error: ReadingError) -> Reading:
+    kind = error.kind
+    alike = tuple(dict.fromkeys(other.id for other in error.rivals if other.id != kind.id))
+    return Reading(kind.id, kind.cable, alike, _parameters(error), _words(error))
+
+
+def _parameters(error: ReadingError) -> dict[str, EffectParameter]:
+    if error.kind.is_scatter:
+        return {"size": EffectParameter(error.size, None, "m")}
+    rows = zip(error.kind.names, error.theta, error.sd, strict=True)
+    return {name: EffectParameter(float(value), float(sd), "m") for name, value, sd in rows}
+
+
+def _cause(error: ReadingError) -> NamedCause:
+    alike = tuple(dict.fromkeys(other.id for other in error.rivals if other.id != error.kind.id))
+    single = not error.rivals
+    return NamedCause(DRIFT, error.kind.cable, alike, _parameters(error), SAYS[DRIFT], single=single)
+
+
+def _words(error: ReadingError) -> str:
+    kind = error.kind
+    where = f" of cable {kind.cable}" if kind.cable is not None else ""
+    since = f", from window {kind.first} on" if kind.first is not None else ""
+    if kind.is_scatter:
+        sizes = f"by {millimetres(error.size):.2g} mm"
+    else:
+        rows = zip(kind.names, error.theta, error.sd, strict=True)
+        sizes = ", ".join(f"{name} {millimetres(value):+.2g} ± {millimetres(sd):.1g} mm" for name, value, sd in rows)
+    return f"{kind.id}{where}{since}: {SAYS[kind.id]} ({sizes}; {error.nats:.0f} nats)."

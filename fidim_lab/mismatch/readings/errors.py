@@ -1,0 +1,160 @@
+"""Which errors the readings have, by evidence: the most evident first, then what is left beside it.
+
+Beforehand every size between a fraction of a count and centimetres is as likely (in its logarithm), and so is
+every cable and window that can be picked: evidence is averaged over them. θ is normal and the fit is linearised.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import logsumexp
+
+from fidim_lab.data.records import Campaign, Window
+from fidim_lab.identification.cleaning.free_motion import whole_id
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.mismatch.readings.influence import AXES, Influence, influence
+from fidim_lab.mismatch.readings.kinds import ReadingKind, reading_kinds
+from fidim_lab.mismatch.readings.thresholds import READINGS
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingError:
+    """One kind of error with its size."""
+
+    kind: ReadingKind
+    nats: float
+    """over the readings without it"""
+    size: float
+    """m, standard deviation of θ: of a scatter what there is to tell"""
+    rivals: tuple[ReadingKind, ...] = ()
+    """others that odds of 20 do not exclude, the most evident first"""
+    theta: Float[np.ndarray, " p"] = field(default_factory=lambda: np.zeros(0))
+    """m; not of a scatter"""
+    sd: Float[np.ndarray, " p"] = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingErrors:
+    """All that was found in one campaign."""
+
+    found: tuple[ReadingError, ...]
+    order: tuple[str, ...]
+    """ids of all windows as they were recorded"""
+
+    @property
+    def nats(self) -> float:
+        """Of all together."""
+        return sum(one.nats for one in self.found)
+
+    def put_right(self, campaign: Campaign) -> Campaign:
+        """The campaign as its sensors should have read it, and with the noise that they have.
+
+        A cable whose own encoder scatters counts as one without an encoder.
+        """
+        robot, windows = campaign.robot, campaign.windows
+        for one in self.found:
+            if not one.kind.is_scatter:
+                windows = tuple(_without(window, one, self.order) for window in windows)
+            elif one.kind.cable is not None:
+                windows = tuple(_without_encoder(window, one.kind.cable) for window in windows)
+            else:
+                resolution = float(np.hypot(robot.sensors.encoder_resolution, one.size))
+                robot = replace(robot, sensors=replace(robot.sensors, encoder_resolution=resolution))
+        return replace(campaign, robot=robot, windows=windows)
+
+
+def reading_errors(found: Fit, campaign: Campaign, enough: float) -> ReadingErrors | None:
+    """What the readings of a campaign are off by, seen from a fit of it; None where nothing is.
+
+    enough: nats of evidence that each kind needs.
+    """
+    order = tuple(dict.fromkeys(whole_id(window.id) for window in campaign.windows))
+    seen = influence(found)
+    groups = reading_kinds(seen.cables, order)
+    smallest = READINGS.smallest * found.likelihood.resolution
+    sizes = np.geomspace(smallest, max(READINGS.largest, 2 * smallest), READINGS.sizes)
+    chosen: list[ReadingError] = []
+    while len(chosen) < READINGS.most:
+        weighed = _weighed(seen, order, groups, chosen, sizes)
+        best = weighed[0]
+        if best.nats < enough:
+            break
+        near = tuple(one.kind for one in weighed[1:] if best.nats - one.nats < READINGS.odds)
+        chosen.append(replace(best, rivals=near))
+    if not chosen:
+        return None
+    return ReadingErrors(_sized(seen, order, chosen), order)
+
+
+def _weighed(
+    seen: Influence,
+    order: Sequence[str],
+    groups: Sequence[Sequence[ReadingKind]],
+    chosen: Sequence[ReadingError],
+    sizes: Float[np.ndarray, " sizes"],
+) -> list[ReadingError]:
+    """The best of each group beside what was chosen, with the group's evidence, the most evident first."""
+    information, gradient = _given(seen, order, chosen)
+    found: list[ReadingError] = []
+    for group in groups:
+        nats = np.array([_nats(one.design(seen, order), information, gradient, sizes) for one in group])
+        k, at = np.unravel_index(int(np.argmax(nats)), nats.shape)
+        whole = float(logsumexp(nats)) - float(np.log(nats.size))
+        found.append(ReadingError(group[int(k)], whole, float(sizes[at])))
+    return sorted(found, key=lambda one: -one.nats)
+
+
+def _nats(design: np.ndarray, information: np.ndarray, gradient: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Evidence at each size, over that of none."""
+    values, vectors = np.linalg.eigh(design.T @ information @ design)
+    along = vectors.T @ (design.T @ gradient)
+    wide = sizes[:, np.newaxis] ** 2
+    growth = 1.0 + wide * np.maximum(values, 0.0)
+    return 0.5 * (wide * along**2 / growth - np.log(growth)).sum(axis=1)
+
+
+def _given(
+    seen: Influence, order: Sequence[str], chosen: Sequence[ReadingError]
+) -> tuple[Float[np.ndarray, "z z"], Float[np.ndarray, " z"]]:
+    """Information and gradient by z, what was chosen being free under its own prior."""
+    information, gradient = seen.information, seen.gradient
+    for one in chosen:
+        design = one.kind.design(seen, order)
+        across = information @ design
+        inner = np.eye(design.shape[1]) / one.size**2 + design.T @ across
+        information = information - across @ np.linalg.solve(inner, across.T)
+        gradient = gradient - across @ np.linalg.solve(inner, design.T @ gradient)
+    return information, gradient
+
+
+def _sized(seen: Influence, order: Sequence[str], chosen: Sequence[ReadingError]) -> tuple[ReadingError, ...]:
+    """With the θ of each beside the others."""
+    told: list[ReadingError] = []
+    for one in chosen:
+        if one.kind.is_scatter:
+            told.append(one)
+            continue
+        information, gradient = _given(seen, order, [other for other in chosen if other is not one])
+        design = one.kind.design(seen, order)
+        inner = np.eye(design.shape[1]) / one.size**2 + design.T @ information @ design
+        theta = np.linalg.solve(inner, design.T @ gradient)
+        told.append(replace(one, theta=theta, sd=np.sqrt(np.diag(np.linalg.inv(inner)))))
+    return tuple(told)
+
+
+def _without(window: Window, error: ReadingError, order: Sequence[str]) -> Window:
+    """A window less the error that its readings have."""
+    off = error.kind.of_window[order.index(whole_id(window.id))] @ error.theta
+    lengths, shift = off[:-AXES], off[-AXES:]
+    read = None if window.lengths is None else window.lengths - lengths
+    return replace(window, markers=window.markers - shift, lengths=read)
+
+
+def _without_encoder(window: Window, cable: int) -> Window:
+    if window.lengths is None:
+        return window
+    lengths = window.lengths.copy()
+    lengths[:, cable - 1] = np.nan
+    return replace(window, lengths=lengths)

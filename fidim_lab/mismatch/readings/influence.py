@@ -1,0 +1,66 @@
+"""What an error of each window's readings does to a fit, to first order, everything else chosen best.
+
+The error z of one window: what each encoder reads beyond the cable's length (n), and by how much all markers are
+shifted (3), m. Its own unknowns and the shared parameters with their priors are eliminated, as in a score test.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear, linearised
+from fidim_lab.mismatch.scores.score import eliminated
+
+AXES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Influence:
+    """Half the sum of squares near z = 0: ½ zᵀ information z − gradientᵀ z, over the tempered noise."""
+
+    windows: tuple[str, ...]
+    cables: int
+    information: Float[np.ndarray, "z z"]
+    """z window after window: lengths (n), then x, y, z of the cameras"""
+    gradient: Float[np.ndarray, " z"]
+
+    @property
+    def width(self) -> int:
+        """Entries of one window."""
+        return self.cables + AXES
+
+
+def influence(found: Fit) -> Influence:
+    """Of all readings of the windows that were fitted. Noise counts χ²/dof times where that is above 1."""
+    likelihood, values = found.likelihood, found.values
+    width, shared = likelihood.mechanism.n + AXES, len(values)
+    count = len(likelihood.recordings)
+    gram = np.zeros((shared + count * width + 1,) * 2)
+    for window in linearised(likelihood, found.journey.optimum.simulation):
+        basis = np.linalg.qr(window.by_own)[0]
+        ours = np.column_stack([window.by_shared, _by_readings(found, window), window.residual])
+        ours -= basis @ (basis.T @ ours)
+        first = shared + window.window * width
+        place = np.concatenate([np.arange(shared), first + np.arange(width), [len(gram) - 1]])
+        gram[np.ix_(place, place)] += ours.T @ ours
+    prior = np.zeros((len(found.prior.rows(values)), len(gram)))
+    prior[:, [*range(shared), len(gram) - 1]] = found.prior.rows(values)
+    gram += prior.T @ prior
+    rest = eliminated(gram, np.arange(shared), np.arange(shared, len(gram))) / max(1.0, found.chi2_per_dof)
+    ids = tuple(recording.window.id for recording in likelihood.recordings)
+    return Influence(ids, likelihood.mechanism.n, rest[:-1, :-1], -rest[:-1, -1])
+
+
+def _by_readings(found: Fit, window: WindowLinear) -> Float[np.ndarray, "rows width"]:
+    """Derivatives of one window's residual, predicted less recorded, by what its readings are too large by."""
+    likelihood, simulation = found.likelihood, found.journey.optimum.simulation
+    recording = likelihood.recordings[window.window]
+    _, seen = recording.seen_until(float(simulation.ends[window.window]))
+    axis = np.flatnonzero(seen) % AXES
+    known = np.flatnonzero(np.isfinite(recording.lengths))
+    by = np.zeros((len(window.residual), likelihood.mechanism.n + AXES))
+    by[np.arange(len(axis)), likelihood.mechanism.n + axis] = 1 / likelihood.noise
+    by[len(axis) + np.arange(len(known)), known] = 1 / likelihood.resolution
+    return by

@@ -1,0 +1,238 @@
+"""Rounds of cleaning, fitting and searching: from a cleaned campaign to where its search ends.
+
+A round is begun again where what it found says that the campaign was not what it should be: a push that only the best
+model shows is cut out, clocks that run apart are put right, readings that are off are put right, a geometry that the
+robot file gets wrong is opened. Each time the new round is kept only where it explains as much by no more effects.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from fidim_lab.data.records import Campaign, Robot
+from fidim_lab.identification.cleaning.free_motion import whole_id
+from fidim_lab.identification.mle.geometry import ODDS
+from fidim_lab.mismatch.cleaning.clean import Cleaned
+from fidim_lab.mismatch.cleaning.contacts import Contact, without
+from fidim_lab.mismatch.cleaning.residual_checks import audit
+from fidim_lab.mismatch.cleaning.restored import restored
+from fidim_lab.mismatch.conclusion.timing import retimed
+from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline, ready
+from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.scores.views import View
+from fidim_lab.mismatch.selection.budget import Patience
+from fidim_lab.mismatch.selection.candidates import candidate
+from fidim_lab.mismatch.selection.general_geometry import first_look, instead_of_a_search, most_of_rivals, opened, rival
+from fidim_lab.mismatch.selection.select import Selection, select
+from fidim_lab.mismatch.selection.thresholds import SELECTION
+from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.say import Say
+
+MOST_CUTS = 2
+"""how often pushes that only the best model shows are cut out"""
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """Where one search ended."""
+
+    cleaned: Cleaned
+    """what was searched"""
+    baseline: Baseline
+    found: Selection
+
+    @property
+    def unexplained(self) -> tuple[bool, float]:
+        """Whether anything is left, and then how much; else by how many effects nothing is."""
+        best = self.found.best
+        return (not best.is_white, len(best.model.tried) if best.is_white else best.whiteness.excess)
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """Where all rounds ended."""
+
+    mechanism: Mechanism
+    """the model as it is, without any effect"""
+    recorded: Baseline
+    """fitted to the campaign as it was recorded"""
+    exact: Baseline
+    """fitted to the readings as they should have been, with the robot file's own geometry"""
+    first: Round
+    """by the clocks as they were recorded"""
+    last: Round
+    errors: ReadingErrors | None = None
+    """what was put right of the readings"""
+
+    @property
+    def before(self) -> Baseline:
+        """The model as it is, beside which the answer is told."""
+        if self.errors is not None:
+            return self.recorded
+        return self.exact if self.last.baseline.geometry else self.first.baseline
+
+
+@dataclass(frozen=True, eq=False)
+class Rounds:
+    """What all rounds of one campaign share."""
+
+    mechanism: Mechanism
+    """the model as it is"""
+    say: Say
+    patience: Patience
+    without: frozenset[str] = frozenset()
+    """ids of effects that are not tried"""
+
+    def reached(self, cleaned: Cleaned) -> Reached:
+        """All rounds of a cleaned campaign. Raises RefusedError where no window can be fitted at all."""
+        recorded = self.fitted(cleaned.campaign)
+        seen = first_look(recorded)
+        errors = self._instead_of_effects(recorded, seen)
+        if errors is not None:
+            return self._with_readings_right(cleaned, recorded, errors)
+        found = self.searched(cleaned, recorded, recorded, seen)
+        errors = self._beside_effects(found)
+        if errors is None:
+            return found
+        again = self._with_readings_right(cleaned, recorded, errors)
+        kept = again.last.found.best.is_white and again.last.unexplained <= found.last.unexplained
+        return again if kept else found
+
+    def _instead_of_effects(self, recorded: Baseline, seen: View | None) -> ReadingErrors | None:
+        """What the readings are off by, where that alone leaves only noise and any effects or geometry say less."""
+        errors = reading_errors(recorded.fit, recorded.campaign, SCORES.enough)
+        if errors is None or seen is None:
+            return errors
+        if errors.nats < most_of_rivals(seen) + ODDS:
+            return None
+        self.say("fitting the readings as their sensors should have read")
+        campaign = errors.put_right(recorded.campaign)
+        found = self.of_robot(campaign.robot).fitted(campaign)
+        return errors if candidate(found.as_it_is, found.predicted).is_white else None
+
+    def _beside_effects(self, found: Reached) -> ReadingErrors | None:
+        """What the readings are off by beside effects that leave only noise of the markers."""
+        best = found.last.found.best
+        if not (best.is_white and best.model.tried and best.model.whole):
+            return None
+        return reading_errors(best.model.fit, found.last.cleaned.campaign, SCORES.enough)
+
+    def _with_readings_right(self, cleaned: Cleaned, recorded: Baseline, errors: ReadingErrors) -> Reached:
+        """All rounds once more, of the readings as they should have been."""
+        self.say("lengths or cameras do not read alike in all windows: looking again with the readings put right")
+        right = replace(cleaned, campaign=errors.put_right(cleaned.campaign))
+        rounds = self.of_robot(right.campaign.robot)
+        exact = rounds.fitted(right.campaign)
+        return replace(rounds.searched(right, recorded, exact, first_look(exact)), errors=errors)
+
+    def of_robot(self, robot: Robot) -> "Rounds":
+        """The same of a robot whose sensors have another noise."""
+        return (
+            self
+            if robot is self.mechanism.robot
+            else replace(self, mechanism=ready(robot, native=self.mechanism.native))
+        )
+
+    def searched(self, cleaned: Cleaned, recorded: Baseline, exact: Baseline, seen: View | None) -> Reached:
+        """Where the search ends, with the clocks and the geometry as they say most.
+
+        exact: the baseline of these windows. seen: all scores there, where it leaves more than noise.
+        """
+        surveyed = instead_of_a_search(exact, seen, self.say)
+        first, last = self._gone(cleaned, surveyed or exact, seen)
+        if surveyed is None:
+            first, last = self._with_geometry_open(cleaned, exact, first, last)
+        return Reached(self.mechanism, recorded, exact, first, last)
+
+    def _gone(self, cleaned: Cleaned, baseline: Baseline, seen: View | None = None) -> tuple[Round, Round]:
+        """As recorded, and as the clocks have it: the same where nothing is wrong with these.
+
+        seen: all scores at the baseline, where they are known.
+        """
+        audited = audit(cleaned, baseline, say=self.say)
+        begun = baseline if audited is cleaned else self.fitted(audited.campaign, baseline)
+        first = self._look(audited, begun, seen=seen)
+        kept = restored(cleaned, first.cleaned, first.found.best.model, self.say)
+        if kept is not first.cleaned:
+            again = baseline if _all_put_back(cleaned, kept) else self.fitted(kept.campaign, baseline)
+            first = self._look(kept, again, first.found.best.model)
+        return first, self._by_the_right_clock(first)
+
+    def fitted(self, campaign: Campaign, like: Baseline | None = None) -> Baseline:
+        """The baseline of these windows, with the same geometry open. Raises RefusedError where none can be fitted."""
+        return fit_baseline(
+            campaign,
+            native=self.mechanism.native,
+            say=self.say,
+            mechanism=self.mechanism,
+            geometry=None if like is None else like.geometry,
+            without=self.without,
+        )
+
+    def _look(
+        self,
+        cleaned: Cleaned,
+        baseline: Baseline,
+        known: Completed | None = None,
+        cuts: int = MOST_CUTS,
+        seen: View | None = None,
+    ) -> Round:
+        found = select(baseline, self.say, pushes=cuts > 0, known=known, patience=self.patience, seen=seen)
+        if not found.pushes:
+            return Round(cleaned, baseline, found)
+        less = _without(cleaned, found.pushes, self.say)
+        again = self._look(less, self.fitted(less.campaign, baseline), known=found.best.model, cuts=cuts - 1)
+        if again.found.best.is_white or self.patience.ended:
+            return again
+        return Round(cleaned, baseline, select(baseline, self.say, pushes=False, patience=self.patience))
+
+    def _by_the_right_clock(self, first: Round) -> Round:
+        """The search with the cameras' stamps put right, where currents say that they run away; else `first` itself.
+
+        A clock that runs fast looks like a little more gravity, and blurs what is missing besides. The other time is
+        kept where as much is explained with it by no more effects.
+        """
+        campaign = retimed(first.cleaned.campaign, first.found.best.model)
+        if campaign is None:
+            return first
+        self.say("by the motor currents the clocks run apart: looking again with the cameras' put right")
+        cleaned = replace(first.cleaned, campaign=campaign)
+        again = self._look(cleaned, self.fitted(cleaned.campaign, first.baseline))
+        return again if again.unexplained <= first.unexplained else first
+
+    def _with_geometry_open(self, cleaned: Cleaned, exact: Baseline, first: Round, last: Round) -> tuple[Round, Round]:
+        """The rounds with an open geometry, where that says more than what was found and explains as much."""
+        best = last.found.best
+        settled = best.is_white and not best.model.tried
+        if settled or exact.campaign.robot.survey is not None or self.patience.ended:
+            return first, last
+        seen = last.found.last
+        general = rival(seen)
+        if general is None or general.best < ODDS:
+            return first, last
+        noise = seen.fit.noise_ratio**2
+        left = SELECTION.geometry_takes * (seen.projected.inflation - noise)
+        if not (best.is_white or general.temper - noise < left):
+            return first, last
+        again, end = self._gone(cleaned, opened(exact, general, self.say))
+        after = end.found.best
+        if best.is_white or after.is_white:
+            return (again, end) if end.unexplained <= last.unexplained else (first, last)
+        takes = after.whiteness.excess < SELECTION.geometry_takes * best.whiteness.excess
+        return (again, end) if takes else (first, last)
+
+
+def _all_put_back(cleaned: Cleaned, kept: Cleaned) -> bool:
+    """Whether nothing is cut out any more, so that the first fit of the model as it is still holds."""
+    before, after = cleaned.campaign.windows, kept.campaign.windows
+    return len(before) == len(after) and all(one is other for one, other in zip(before, after, strict=True))
+
+
+def _without(cleaned: Cleaned, pushes: Sequence[Contact], say: Say) -> Cleaned:
+    """The campaign without pushes that only the best model shows."""
+    for push in pushes:
+        say(push.says)
+    contacts = tuple(replace(push, window=whole_id(push.window)) for push in pushes)
+    campaign = without(cleaned.campaign, pushes)
+    return replace(cleaned, campaign=campaign, contacts=(*cleaned.contacts, *contacts))
