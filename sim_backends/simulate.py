@@ -129,9 +129,9 @@ def simulate_campaign(
     windows: list[Window] = []
     slack: dict[str, object] = {}
     for k, (planned, stream) in enumerate(zip(plan.windows, rng.spawn(len(plan.windows)), strict=True)):
-        session = _Session(plant, robot, noise, recording, stream)
+        session = _Session(plant, robot, noise, recording, stream, k * BETWEEN)
         try:
-            recorded = session.record(planned, number=k + 1, start=k * BETWEEN)
+            recorded = session.record(planned, number=k + 1)
         except InfeasibleError as error:
             raise InfeasibleError(f"Window {planned.id}: {error.message}", hint=error.hint) from error
         windows.append(recorded.window)
@@ -167,21 +167,28 @@ class _Session:
     """One window: sensors with their own streams, and the plant they look at."""
 
     def __init__(
-        self, plant: SimulatedPlatform, robot: Robot, noise: Noise, recording: Recording, rng: np.random.Generator
+        self,
+        plant: SimulatedPlatform,
+        robot: Robot,
+        noise: Noise,
+        recording: Recording,
+        rng: np.random.Generator,
+        start: float,
     ) -> None:
+        """start: s of the session."""
         streams = sensor_streams(rng)
-        self._plant, self._noise, self._recording = plant, noise, recording
+        self._plant, self._noise, self._recording, self._start = plant, noise, recording, start
         self._rng = streams.encoders
-        self._cameras = Cameras(plant.world, noise.marker, streams.cameras)
+        self._cameras = Cameras(plant.world, noise.marker, streams.cameras, start)
         self._encoders = Encoders(noise.encoder)
         winches = robot.winches
         self._currents = None if winches is None else CurrentSensors(winches, noise.current, streams.currents)
         own = recording.own_sensors
         self._own = None if own is None else OwnPoseSensors(plant.world, own, rng.spawn(1)[0])
 
-    def record(self, planned: PlannedWindow, *, number: int, start: float) -> RecordedWindow:
-        """Rest, displaced release at plant time `start`, and the samples."""
-        plant = self._plant
+    def record(self, planned: PlannedWindow, *, number: int) -> RecordedWindow:
+        """Rest, displaced release at the start, and the samples."""
+        plant, start = self._plant, self._start
         held = planned.lengths + self._rng.uniform(-1.0, 1.0, planned.lengths.shape) * self._noise.encoder
         near = Pose(position=planned.position - plant.world.markers[0], rotation=np.eye(3))
         plant.place(plant.rest(held, near), held, start)

@@ -100,16 +100,18 @@ class Rounds:
         return again if kept else found
 
     def _instead_of_effects(self, recorded: Baseline, seen: View | None) -> ReadingErrors | None:
-        """What the readings are off by, where that alone leaves only noise and any effects or geometry say less."""
+        """What the readings are off by, where that takes nearly all and effects or geometry say less."""
         errors = reading_errors(recorded.fit, recorded.campaign, SCORES.enough)
         if errors is None or seen is None:
             return errors
-        if errors.nats < most_of_rivals(seen) + ODDS:
+        if errors.nats < most_of_rivals(seen, errors.temper) + ODDS:
             return None
         self.say("fitting the readings as their sensors should have read")
         campaign = errors.put_right(recorded.campaign)
         found = self.of_robot(campaign.robot).fitted(campaign)
-        return errors if candidate(found.as_it_is, found.predicted).is_white else None
+        before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, found))
+        takes = after.whiteness.excess < SELECTION.geometry_takes * before.whiteness.excess
+        return errors if after.is_white or takes else None
 
     def _beside_effects(self, found: Reached) -> ReadingErrors | None:
         """What the readings are off by beside effects that leave only noise of the markers."""

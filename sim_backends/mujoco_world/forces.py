@@ -12,6 +12,7 @@ import numpy as np
 from fidim_lab.arrays import Matrix3, Vector3
 from fidim_lab.errors import SetupError
 from sim_backends.plant.hidden import HiddenEffect
+from sim_backends.plant.session_kinds import SESSION
 from sim_backends.plant.world import World
 
 
@@ -134,6 +135,6 @@ FORCES: Mapping[str, Callable[[Moment, HiddenEffect], Load]] = {
 }
 GEOMETRY = ("anchor-offset", "attachment-offset", "pulley-radius", "cable-length-bias", "gravity-tilt", "marker-offset")
 """enter through the true geometry and lengths"""
-MEASUREMENT = ("frame-misalignment", "clock-rate", "time-offset", "sensor-fault")
-"""enter through the cameras"""
+MEASUREMENT = ("frame-misalignment", "clock-rate", "time-offset", "sensor-fault", *SESSION)
+"""enter through cameras and encoders"""
 SUPPORTED = (*FORCES, *GEOMETRY, *MEASUREMENT)

@@ -79,6 +79,7 @@ class MujocoPlant:
         self._model = self._mujoco.MjModel.from_xml_string(multibody_xml(self.world, rest.pose))
         self._data = self._mujoco.MjData(self._model)
         self._drums, self._start, self._window_start = np.array(lengths, dtype=float), t, t
+        self._paid_out.restart(t)
         self._last, self._slack = None, []
         n = self.world.n
         before = np.array([BEFORE_ENTRY if cable.radius else 0.0 for cable in self.world.cables])

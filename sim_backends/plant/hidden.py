@@ -14,6 +14,8 @@ Every id of the catalogue is here. What is simplified:
 - loose-mass: a point mass on an isotropic spring and damper, in addition to the platform's own mass.
 - unknown: a smooth force field fixed in the room (a magnet), as one example of what no effect describes; more of them
   are in `outside`.
+
+What goes wrong with readings over a session is in `session_kinds`.
 """
 
 from collections.abc import Mapping
@@ -26,6 +28,7 @@ from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.errors import SetupError
 from sim_backends.plant.kinds import Key, Kind, xyz
 from sim_backends.plant.outside import OUTSIDE
+from sim_backends.plant.session_kinds import SESSION
 
 UNKNOWN = "unknown"
 """what an explanation calls physics that the catalogue does not have"""
@@ -152,7 +155,7 @@ CATALOGUE: Mapping[str, Kind] = {
     ),
 }
 
-KNOWN: Mapping[str, Kind] = {**CATALOGUE, **OUTSIDE}
+KNOWN: Mapping[str, Kind] = {**CATALOGUE, **SESSION, **OUTSIDE}
 """all that can be hidden"""
 
 

@@ -109,7 +109,7 @@ class Plant:
 
         At rest against the frame: where that sways, the platform is displaced and moves with it.
         """
-        self._paid_out.restart()
+        self._paid_out.restart(t)
         self._drums = np.array(lengths, dtype=float)
         x = np.zeros(size(self.world))
         x[POSE] = rest.coordinates
@@ -132,7 +132,7 @@ class Plant:
         Raises:
             InfeasibleError: there is no rest with all cables taut.
         """
-        self._paid_out.restart()
+        self._paid_out.restart(t)
         rest = self.rest(lengths, near)
         self.place(rest, lengths, t)
         return rest
@@ -196,7 +196,7 @@ class Plant:
         return self._motion.energy_now(self._drive(self.t, none, none))
 
     def _drive(self, t: float, rates: PerCable, accelerations: PerCable) -> Drive:
-        true_rates, true_accelerations = self._paid_out.true_motion(rates, accelerations)
+        true_rates, true_accelerations = self._paid_out.true_motion(self._drums, rates, accelerations)
         return Drive(
             lengths=self._paid_out.true(self._drums),
             rates=true_rates,

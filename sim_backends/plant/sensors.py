@@ -53,13 +53,17 @@ class Cameras:
     Does not simulate: occlusion (a marker source may leave markers out), calibration waves, marker swaps, latency.
     """
 
-    def __init__(self, world: World, noise: float, rng: np.random.Generator) -> None:
-        self._noise = noise
+    def __init__(self, world: World, noise: float, rng: np.random.Generator, since: float = 0.0) -> None:
+        """since: s of the session at which stamps are 0."""
+        self._noise, self._since = noise, since
         self._rng, self._fault_rng = rng.spawn(2)
         self._rotation, self._shift = np.eye(3), np.zeros(3)
         for effect in world.effects("frame-misalignment"):
             self._rotation = rotation(effect.vector("rx", "ry", "rz")) @ self._rotation
             self._shift += effect.vector("dx", "dy", "dz")
+        self._drift = sum(
+            (effect.vector("x", "y", "z") / 3600 for effect in world.effects("camera-drift")), np.zeros(3)
+        )
         self._rate = float(np.prod([1.0 + effect["rate"] for effect in world.effects("clock-rate")]))
         self._offset = float(sum(effect["offset"] for effect in world.effects("time-offset")))
         self._faults = [_Fault(effect, rng) for effect, rng in self._fault_streams(world)]
@@ -75,6 +79,7 @@ class Cameras:
     def see(self, stamp: float, markers: np.ndarray) -> np.ndarray:
         """One frame: true positions (M, 3) → measured (M, 3), m, with noise and whatever is wrong with the sensor."""
         seen = self.place(markers) + self._rng.normal(0.0, 1.0, markers.shape) * self._noise
+        seen += self._drift * (self._since + stamp)
         for fault in self._faults:
             seen = fault.spoil(stamp, seen)
         return seen

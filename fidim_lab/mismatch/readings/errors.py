@@ -42,6 +42,8 @@ class ReadingErrors:
     found: tuple[ReadingError, ...]
     order: tuple[str, ...]
     """ids of all windows as they were recorded"""
+    temper: float
+    """χ²/dof that the errors leave, at least 1"""
 
     @property
     def nats(self) -> float:
@@ -68,42 +70,90 @@ class ReadingErrors:
 def reading_errors(found: Fit, campaign: Campaign, enough: float) -> ReadingErrors | None:
     """What the readings of a campaign are off by, seen from a fit of it; None where nothing is.
 
-    enough: nats of evidence that each kind needs.
+    enough: nats of evidence that each kind needs. Noise counts as large as what the errors themselves leave.
     """
     order = tuple(dict.fromkeys(whole_id(window.id) for window in campaign.windows))
     seen = influence(found)
-    groups = reading_kinds(seen.cables, order)
     smallest = READINGS.smallest * found.likelihood.resolution
     sizes = np.geomspace(smallest, max(READINGS.largest, 2 * smallest), READINGS.sizes)
-    chosen: list[ReadingError] = []
-    while len(chosen) < READINGS.most:
-        weighed = _weighed(seen, order, groups, chosen, sizes)
-        best = weighed[0]
-        if best.nats < enough:
-            break
-        near = tuple(one.kind for one in weighed[1:] if best.nats - one.nats < READINGS.odds)
-        chosen.append(replace(best, rivals=near))
-    if not chosen:
-        return None
-    return ReadingErrors(_sized(seen, order, chosen), order)
+    search = _Search(seen, order, reading_kinds(seen.cables, order), sizes)
+    temper = seen.temper(np.zeros(len(seen.gradient)))
+    chosen: tuple[ReadingError, ...] = ()
+    for _ in range(READINGS.settling):
+        chosen = search.chosen(temper, enough)
+        temper = seen.temper(search.likeliest(chosen, temper))
+    return ReadingErrors(search.sized(chosen, temper), order, temper) if chosen else None
 
 
-def _weighed(
-    seen: Influence,
-    order: Sequence[str],
-    groups: Sequence[Sequence[ReadingKind]],
-    chosen: Sequence[ReadingError],
-    sizes: Float[np.ndarray, " sizes"],
-) -> list[ReadingError]:
-    """The best of each group beside what was chosen, with the group's evidence, the most evident first."""
-    information, gradient = _given(seen, order, chosen)
-    found: list[ReadingError] = []
-    for group in groups:
-        nats = np.array([_nats(one.design(seen, order), information, gradient, sizes) for one in group])
-        k, at = np.unravel_index(int(np.argmax(nats)), nats.shape)
-        whole = float(logsumexp(nats)) - float(np.log(nats.size))
-        found.append(ReadingError(group[int(k)], whole, float(sizes[at])))
-    return sorted(found, key=lambda one: -one.nats)
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """All kinds of errors of one campaign, weighed against each other."""
+
+    seen: Influence
+    order: tuple[str, ...]
+    """ids of all windows as they were recorded"""
+    groups: tuple[tuple[ReadingKind, ...], ...]
+    sizes: Float[np.ndarray, " sizes"]
+
+    def chosen(self, temper: float, enough: float) -> tuple[ReadingError, ...]:
+        """One kind after the other, as long as each is evident enough beside those before."""
+        chosen: tuple[ReadingError, ...] = ()
+        while len(chosen) < READINGS.most:
+            weighed = self._weighed(chosen, temper)
+            best = weighed[0]
+            if best.nats < enough:
+                break
+            near = tuple(one.kind for one in weighed[1:] if best.nats - one.nats < READINGS.odds)
+            chosen = (*chosen, replace(best, rivals=near))
+        return chosen
+
+    def likeliest(self, chosen: Sequence[ReadingError], temper: float) -> Float[np.ndarray, " z"]:
+        """The errors z of all readings, by these kinds."""
+        if not chosen:
+            return np.zeros(len(self.seen.gradient))
+        designs = [one.size * one.kind.design(self.seen, self.order) for one in chosen]
+        design = np.hstack(designs)
+        inner = temper * np.eye(design.shape[1]) + design.T @ self.seen.information @ design
+        return design @ np.linalg.solve(inner, design.T @ self.seen.gradient)
+
+    def sized(self, chosen: Sequence[ReadingError], temper: float) -> tuple[ReadingError, ...]:
+        """With the θ of each beside the others."""
+        told: list[ReadingError] = []
+        for one in chosen:
+            if one.kind.is_scatter:
+                told.append(one)
+                continue
+            information, gradient = self._given([other for other in chosen if other is not one], temper)
+            design = one.kind.design(self.seen, self.order)
+            inner = np.eye(design.shape[1]) / one.size**2 + design.T @ information @ design
+            theta = np.linalg.solve(inner, design.T @ gradient)
+            told.append(replace(one, theta=theta, sd=np.sqrt(np.diag(np.linalg.inv(inner)))))
+        return tuple(told)
+
+    def _weighed(self, chosen: Sequence[ReadingError], temper: float) -> list[ReadingError]:
+        """The best of each group beside what was chosen, with the group's evidence, the most evident first."""
+        information, gradient = self._given(chosen, temper)
+        found: list[ReadingError] = []
+        for group in self.groups:
+            designs = (one.design(self.seen, self.order) for one in group)
+            nats = np.array([_nats(design, information, gradient, self.sizes) for design in designs])
+            k, at = np.unravel_index(int(np.argmax(nats)), nats.shape)
+            whole = float(logsumexp(nats)) - float(np.log(nats.size))
+            found.append(ReadingError(group[int(k)], whole, float(self.sizes[at])))
+        return sorted(found, key=lambda one: -one.nats)
+
+    def _given(
+        self, chosen: Sequence[ReadingError], temper: float
+    ) -> tuple[Float[np.ndarray, "z z"], Float[np.ndarray, " z"]]:
+        """Information and gradient by z, over the noise, what was chosen being free under its own prior."""
+        information, gradient = self.seen.information / temper, self.seen.gradient / temper
+        for one in chosen:
+            design = one.kind.design(self.seen, self.order)
+            across = information @ design
+            inner = np.eye(design.shape[1]) / one.size**2 + design.T @ across
+            information = information - across @ np.linalg.solve(inner, across.T)
+            gradient = gradient - across @ np.linalg.solve(inner, design.T @ gradient)
+        return information, gradient
 
 
 def _nats(design: np.ndarray, information: np.ndarray, gradient: np.ndarray, sizes: np.ndarray) -> np.ndarray:
@@ -113,35 +163,6 @@ def _nats(design: np.ndarray, information: np.ndarray, gradient: np.ndarray, siz
     wide = sizes[:, np.newaxis] ** 2
     growth = 1.0 + wide * np.maximum(values, 0.0)
     return 0.5 * (wide * along**2 / growth - np.log(growth)).sum(axis=1)
-
-
-def _given(
-    seen: Influence, order: Sequence[str], chosen: Sequence[ReadingError]
-) -> tuple[Float[np.ndarray, "z z"], Float[np.ndarray, " z"]]:
-    """Information and gradient by z, what was chosen being free under its own prior."""
-    information, gradient = seen.information, seen.gradient
-    for one in chosen:
-        design = one.kind.design(seen, order)
-        across = information @ design
-        inner = np.eye(design.shape[1]) / one.size**2 + design.T @ across
-        information = information - across @ np.linalg.solve(inner, across.T)
-        gradient = gradient - across @ np.linalg.solve(inner, design.T @ gradient)
-    return information, gradient
-
-
-def _sized(seen: Influence, order: Sequence[str], chosen: Sequence[ReadingError]) -> tuple[ReadingError, ...]:
-    """With the θ of each beside the others."""
-    told: list[ReadingError] = []
-    for one in chosen:
-        if one.kind.is_scatter:
-            told.append(one)
-            continue
-        information, gradient = _given(seen, order, [other for other in chosen if other is not one])
-        design = one.kind.design(seen, order)
-        inner = np.eye(design.shape[1]) / one.size**2 + design.T @ information @ design
-        theta = np.linalg.solve(inner, design.T @ gradient)
-        told.append(replace(one, theta=theta, sd=np.sqrt(np.diag(np.linalg.inv(inner)))))
-    return tuple(told)
 
 
 def _without(window: Window, error: ReadingError, order: Sequence[str]) -> Window:

@@ -18,22 +18,29 @@ AXES = 3
 
 @dataclass(frozen=True, eq=False)
 class Influence:
-    """Half the sum of squares near z = 0: ½ zᵀ information z − gradientᵀ z, over the tempered noise."""
+    """The sum of squares near z = 0: left − 2 gradientᵀ z + zᵀ information z."""
 
     windows: tuple[str, ...]
     cables: int
     information: Float[np.ndarray, "z z"]
     """z window after window: lengths (n), then x, y, z of the cameras"""
     gradient: Float[np.ndarray, " z"]
+    left: float
+    dof: int
 
     @property
     def width(self) -> int:
         """Entries of one window."""
         return self.cables + AXES
 
+    def temper(self, z: Float[np.ndarray, " z"]) -> float:
+        """χ²/dof with these errors, at least 1: times that the noise counts."""
+        left = self.left - 2 * self.gradient @ z + z @ self.information @ z
+        return max(1.0, float(left) / self.dof)
+
 
 def influence(found: Fit) -> Influence:
-    """Of all readings of the windows that were fitted. Noise counts χ²/dof times where that is above 1."""
+    """Of all readings of the windows that were fitted."""
     likelihood, values = found.likelihood, found.values
     width, shared = likelihood.mechanism.n + AXES, len(values)
     count = len(likelihood.recordings)
@@ -48,9 +55,10 @@ def influence(found: Fit) -> Influence:
     prior = np.zeros((len(found.prior.rows(values)), len(gram)))
     prior[:, [*range(shared), len(gram) - 1]] = found.prior.rows(values)
     gram += prior.T @ prior
-    rest = eliminated(gram, np.arange(shared), np.arange(shared, len(gram))) / max(1.0, found.chi2_per_dof)
+    rest = eliminated(gram, np.arange(shared), np.arange(shared, len(gram)))
     ids = tuple(recording.window.id for recording in likelihood.recordings)
-    return Influence(ids, likelihood.mechanism.n, rest[:-1, :-1], -rest[:-1, -1])
+    dof = sum(remainder.dof for remainder in found.remainders)
+    return Influence(ids, likelihood.mechanism.n, rest[:-1, :-1], -rest[:-1, -1], float(rest[-1, -1]), dof)
 
 
 def _by_readings(found: Fit, window: WindowLinear) -> Float[np.ndarray, "rows width"]:

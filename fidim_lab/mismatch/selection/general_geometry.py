@@ -133,10 +133,10 @@ def opened(exact: Baseline, general: Rival, say: Say) -> Baseline:
     )
 
 
-def most_of_rivals(seen: View) -> float:
-    """Nats of the best that effects or an open geometry say, at the χ²/dof that there is."""
+def most_of_rivals(seen: View, temper: float) -> float:
+    """Nats of the best that effects or an open geometry say, were so much χ²/dof noise to effects."""
     general = rival(seen)
-    return max(most_of_effects(seen, seen.projected.inflation), 0.0 if general is None else general.best)
+    return max(most_of_effects(seen, temper), 0.0 if general is None else general.best)
 
 
 def most_of_effects(seen: View, temper: float) -> float:

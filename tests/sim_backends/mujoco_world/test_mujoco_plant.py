@@ -15,7 +15,7 @@ from sim_backends.mujoco_world import plant as mujoco_plant
 from sim_backends.mujoco_world.engine import engine
 from sim_backends.mujoco_world.forces import SUPPORTED
 from sim_backends.mujoco_world.plant import MujocoPlant
-from sim_backends.plant.hidden import CATALOGUE, parse_effect
+from sim_backends.plant.hidden import CATALOGUE, KNOWN, parse_effect
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.world import World, make_world
 
@@ -152,7 +152,7 @@ def test_what_it_cannot_simulate_is_refused_with_what_it_can(irma4: Robot):
 
 
 def test_the_supported_effects_are_of_the_catalogue():
-    assert set(SUPPORTED) <= set(CATALOGUE)
+    assert set(SUPPORTED) <= set(KNOWN)
 
 
 def test_without_mujoco_the_message_says_how_to_get_it(monkeypatch):

@@ -1,0 +1,27 @@
+"""What goes wrong with readings over a session: ids that may be hidden, named as an explanation names them.
+
+length-drift    cables grow, unseen by their encoders, at a steady rate (`paid_out`)
+length-step     one cable slips on its drum at some time (`paid_out`)
+length-scatter  drums are eccentric: each stop of them is off by another amount (`paid_out`)
+camera-drift    the frame of the motion capture moves at a steady rate (`sensors`)
+"""
+
+from collections.abc import Mapping
+
+from sim_backends.plant.kinds import Key, Kind, xyz
+
+SESSION: Mapping[str, Kind] = {
+    "length-drift": Kind({"rate": Key(3e-3, "m/h", "by which cables grow")}, any_cable=True),
+    "length-step": Kind(
+        {"by": Key(5e-4, "m", "by which the cable is longer"), "at": Key(330.0, "s", "of the session", low=0.0)},
+        one_cable=True,
+    ),
+    "length-scatter": Kind(
+        {
+            "size": Key(2e-4, "m", "amplitude of a cable's length over one turn of its drum"),
+            "radius": Key(0.05, "m", "of the drum", low=1e-3),
+        },
+        any_cable=True,
+    ),
+    "camera-drift": Kind(xyz("", (2e-3, 0.0, -1e-3), "m/h", "by which measured points move")),
+}
