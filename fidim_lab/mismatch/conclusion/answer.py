@@ -108,6 +108,8 @@ def _spread(sd: float | None) -> str:
 
 
 def _next(told: Explanation) -> str:
+    if told.readings:
+        return " ".join(dict.fromkeys(reading.next for reading in told.readings))
     if told.next_experiment is not None:
         return told.next_experiment
     if any(not cause.single for cause in told.effects):

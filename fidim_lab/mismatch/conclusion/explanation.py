@@ -75,6 +75,8 @@ class Reading:
     """other errors of readings that odds of 20 do not exclude"""
     parameters: dict[str, EffectParameter]
     says: str
+    next: str
+    """what to do about it"""
 
 
 @dataclass(frozen=True)

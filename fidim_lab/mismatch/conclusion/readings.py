@@ -10,12 +10,21 @@ from fidim_lab.identification.markers.finding import Kind
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Reading, Verdict
 from fidim_lab.mismatch.readings.errors import ReadingError, ReadingErrors
-from fidim_lab.mismatch.readings.kinds import DRIFT, SAYS
+from fidim_lab.mismatch.readings.kinds import CAMERA_DRIFT, CAMERA_STEP, DRIFT, SAYS, SCATTER, STEP
 from fidim_lab.units import millimetres
 
 NOISE = "marker-noise"
 MOST_CHANNELS = 2
 """whose noise is told"""
+NEXT = {
+    DRIFT: "Record one place first and last in a session, and home the winches in between.",
+    STEP: "Look at that cable's drum and home its winch again.",
+    SCATTER: "State in the robot file the encoder_resolution that was found. Go to one place from both sides: "
+    "hysteresis gives two lengths.",
+    CAMERA_DRIFT: "Fix a marker to the frame and record it too.",
+    CAMERA_STEP: "Calibrate the cameras again.",
+    NOISE: "State in the robot file the marker_noise that was found.",
+}
 
 
 def with_readings(told: Explanation, errors: ReadingErrors | None, cleaned: Cleaned) -> Explanation:
@@ -41,7 +50,7 @@ def _with_noise(told: Explanation, cleaned: Cleaned) -> Explanation:
         return told
     found = [one for one in cleaned.screening.findings if one.kind is Kind.NOISE and one.window is None]
     noise = tuple(
-        Reading(NOISE, None, (), {one.channel: EffectParameter(one.size, None, one.unit)}, one.says)
+        Reading(NOISE, None, (), {one.channel: EffectParameter(one.size, None, one.unit)}, one.says, NEXT[NOISE])
         for one in found[:MOST_CHANNELS]
     )
     return replace(told, readings=(*told.readings, *noise)) if noise else told
@@ -50,7 +59,7 @@ def _with_noise(told: Explanation, cleaned: Cleaned) -> Explanation:
 def _reading(error: ReadingError) -> Reading:
     kind = error.kind
     alike = tuple(dict.fromkeys(other.id for other in error.rivals if other.id != kind.id))
-    return Reading(kind.id, kind.cable, alike, _parameters(error), _words(error))
+    return Reading(kind.id, kind.cable, alike, _parameters(error), _words(error), NEXT[kind.id])
 
 
 def _parameters(error: ReadingError) -> dict[str, EffectParameter]:
@@ -68,11 +77,11 @@ def _cause(error: ReadingError) -> NamedCause:
 
 def _words(error: ReadingError) -> str:
     kind = error.kind
-    where = f" of cable {kind.cable}" if kind.cable is not None else ""
+    where = f", cable {kind.cable}" if kind.cable is not None else ""
     since = f", from window {kind.first} on" if kind.first is not None else ""
     if kind.is_scatter:
-        sizes = f"by {millimetres(error.size):.2g} mm"
+        sizes = f"{millimetres(error.size):.2g} mm"
     else:
         rows = zip(kind.names, error.theta, error.sd, strict=True)
         sizes = ", ".join(f"{name} {millimetres(value):+.2g} ± {millimetres(sd):.1g} mm" for name, value, sd in rows)
-    return f"{kind.id}{where}{since}: {SAYS[kind.id]} ({sizes}; {error.nats:.0f} nats)."
+    return f"{SAYS[kind.id]}{where}{since}: {sizes}."

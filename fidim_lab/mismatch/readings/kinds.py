@@ -16,12 +16,12 @@ SCATTER = "length-scatter"
 CAMERA_DRIFT = "camera-drift"
 CAMERA_STEP = "camera-step"
 SAYS = {
-    DRIFT: "lengths drift over the session: cables that grow (warmth, creep), or encoders that lose their zero",
-    STEP: "lengths jump between two windows: a slip on the drum, or a zero that was set again",
-    SCATTER: "lengths are off by another amount in every window: encoder resolution or hysteresis, an eccentric pulley "
-    "or a cable that slips, not told apart",
-    CAMERA_DRIFT: "the cameras' frame drifts over the session",
-    CAMERA_STEP: "the cameras' frame is shifted from one window on",
+    DRIFT: "Lengths drift over the session (cables that grow, or encoders that lose their zero)",
+    STEP: "Lengths jump between two windows (a slip on the drum, or a zero that was set again)",
+    SCATTER: "Lengths are off by another amount in each window (encoder resolution or hysteresis, an eccentric drum "
+    "or pulley, or slip: not told apart)",
+    CAMERA_DRIFT: "The cameras' frame drifts over the session",
+    CAMERA_STEP: "The cameras' frame is shifted",
 }
 
 

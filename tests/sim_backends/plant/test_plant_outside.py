@@ -9,6 +9,7 @@ from sim_backends.plant.hidden import KNOWN, parse_effect
 from sim_backends.plant.mechanics.kinematics import matrix_of, platform
 from sim_backends.plant.mechanics.outside_terms import OUTSIDE_TERMS
 from sim_backends.plant.outside import OUTSIDE
+from sim_backends.plant.session_kinds import SESSION
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import truth_of
 
@@ -30,7 +31,7 @@ def wrench(irma4_file, text: str, t: float = 0.0, v=V, spin=SPIN):
 
 def test_every_kind_outside_has_a_force_and_none_an_id_of_the_catalogue():
     assert set(OUTSIDE) == set(OUTSIDE_TERMS)
-    assert len(KNOWN) == 29 + len(OUTSIDE)
+    assert len(KNOWN) == 29 + len(SESSION) + len(OUTSIDE)
 
 
 def test_saddle_is_no_spring_to_any_point(irma4_file):

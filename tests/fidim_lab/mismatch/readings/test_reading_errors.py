@@ -1,0 +1,111 @@
+"""Errors of readings, hidden by the other simulator, are found with kind, cable, window and size."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.records import Robot
+from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.conclusion.explanation import Verdict
+from fidim_lab.mismatch.explain import explain
+from fidim_lab.mismatch.fitting.baseline import Baseline
+from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
+from fidim_lab.mismatch.scores.thresholds import SCORES
+from sim_backends.plant.sensors import Noise
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import BETWEEN, Recording, simulate_campaign
+
+SEED, WINDOWS, SECONDS = 17, 7, 5.0
+SESSION = (WINDOWS) * BETWEEN / 3600
+"""h, from the first window to the last: one is held out"""
+
+
+@pytest.fixture(scope="module")
+def errors_of(baseline_of: Callable[..., Baseline]) -> Callable[..., ReadingErrors | None]:
+    """Of a campaign in which this is hidden."""
+
+    def found(*texts: str) -> ReadingErrors | None:
+        base = baseline_of(*texts, seed=SEED, windows=WINDOWS, seconds=SECONDS)
+        return reading_errors(base.fit, base.campaign, SCORES.enough)
+
+    return found
+
+
+@pytest.mark.parametrize(
+    ("hidden", "id", "cable", "sizes"),
+    [
+        ("length-drift:rate=0.004", "length-drift", None, [-0.004 * SESSION]),
+        ("length-drift:rate=-0.005,cable=3", "length-drift", 3, [0.005 * SESSION]),
+        ("length-step:by=0.0004,cable=2,at=170", "length-step", 2, [-0.0004]),
+        ("camera-drift:x=0.003,y=0,z=-0.002", "camera-drift", None, [0.003 * SESSION, 0.0, -0.002 * SESSION]),
+    ],
+)
+def test_what_readings_are_off_by_is_found_with_its_size(
+    errors_of: Callable[..., ReadingErrors | None], hidden: str, id: str, cable: int | None, sizes: list[float]
+) -> None:
+    found = errors_of(hidden)
+    assert found is not None
+    first = found.found[0]
+    assert (first.kind.id, first.kind.cable) == (id, cable)
+    np.testing.assert_allclose(first.theta, sizes, atol=float(max(4 * first.sd.max(), 4e-5)))
+
+
+def test_drums_that_are_eccentric_scatter(errors_of: Callable[..., ReadingErrors | None]) -> None:
+    found = errors_of("length-scatter:size=0.0003")
+    assert found is not None
+    assert [one.kind.id for one in found.found][:1] == ["length-scatter"]
+    assert 0.3 < found.found[0].size / (0.0003 / np.sqrt(2)) < 2.0
+
+
+def test_a_session_without_errors_has_none(errors_of: Callable[..., ReadingErrors | None]) -> None:
+    assert errors_of() is None
+    assert errors_of("swivel-friction:c=0.01") is None
+
+
+def test_readings_that_are_put_right_have_no_errors(baseline_of: Callable[..., Baseline]) -> None:
+    base = baseline_of("length-step:by=0.0004,cable=2,at=170", seed=SEED, windows=WINDOWS, seconds=SECONDS)
+    found = reading_errors(base.fit, base.campaign, SCORES.enough)
+    assert found is not None
+    right = found.put_right(base.campaign)
+    step = found.found[0].kind.first
+    for before, after in zip(base.campaign.windows, right.windows, strict=True):
+        assert before.lengths is not None
+        assert after.lengths is not None
+        moved = after.lengths[0] - before.lengths[0]
+        later = [one.id for one in base.campaign.windows].index(before.id) >= [
+            one.id for one in base.campaign.windows
+        ].index(step or "")
+        np.testing.assert_allclose(moved, [0.0, 0.0004 * later, 0.0, 0.0], atol=5e-5)
+        np.testing.assert_array_equal(after.markers, before.markers)
+
+
+def test_a_null_with_more_noise_than_stated_is_told_so(irma4: Robot) -> None:
+    plan = random_plan(irma4, "noise", 4, 2, SEED)
+    world = make_world(irma4, np.random.default_rng(SEED), ())
+    noise = replace(Noise.of(irma4), marker=1.3 * irma4.sensors.marker_noise)
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(3), noise, recording=Recording(SECONDS))
+    found = explain(campaign)
+    assert found.verdict is Verdict.NOTHING_MISSING
+    (noise_told,) = found.readings
+    assert noise_told.id == "marker-noise"
+    assert noise_told.parameters["x"].value == pytest.approx(noise.marker, rel=0.05)
+    assert found.answer is not None
+    assert "times the declared" in found.answer.certain
+
+
+def test_an_encoder_coarser_than_stated_is_the_sensors_fault(irma4: Robot) -> None:
+    """Counts of 0.3 mm where the file states 0.02 mm: the markers alone hide it, and every ± would be too small."""
+    plan = random_plan(irma4, "coarse", 5, 2, SEED)
+    world = make_world(irma4, np.random.default_rng(SEED), ())
+    noise = replace(Noise.of(irma4), encoder=3e-4)
+    campaign, truth = simulate_campaign(
+        irma4, plan, world, np.random.default_rng(4), noise, recording=Recording(SECONDS)
+    )
+    found = explain(campaign)
+    assert found.verdict is Verdict.SENSOR_FAULT
+    assert not found.effects
+    assert [one.id for one in found.readings] == ["length-scatter"]
+    s_z = found.parameters["s_z"]
+    assert abs(s_z.value - np.array(truth["s"])[2]) < 4 * s_z.sd
