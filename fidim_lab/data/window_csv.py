@@ -47,7 +47,8 @@ class WindowColumns:
 
 def read_window_csv(path: Path, cables: int) -> WindowColumns:
     """Read one window of a robot with `cables` cables. Raises FileError with file and line."""
-    lines = read_text(path, LIMIT).splitlines()
+    text = read_text(path, LIMIT)
+    lines = text.splitlines()
     if not lines:
         raise FileError(path, "line 1", "the file is empty; a header line was expected")
     columns = lines[0].count(",") + 1
@@ -56,6 +57,8 @@ def read_window_csv(path: Path, cables: int) -> WindowColumns:
     names = [name.strip() for name in lines[0].split(",")]
     _check_header(path, names)
     columns = dict(zip(names, _numbers(path, names, lines[1:]).T, strict=True))
+    if text[-1] not in "\r\n":
+        _check_cut(path, lines)
     t = columns["t"]
     _check_times(path, t)
     return WindowColumns(
@@ -80,6 +83,16 @@ def _check_header(path: Path, names: list[str]) -> None:
         if name in seen:
             raise FileError(path, "line 1", f"column {name} is there twice")
         seen.add(name)
+
+
+def _check_cut(path: Path, lines: Sequence[str]) -> None:
+    """A last line without an end is whole unless its last number lacks decimals that all others have."""
+    *others, last = (len(line.rpartition(",")[2].rpartition(".")[2]) for line in lines[1:] if line)
+    if len(set(others)) == 1 and last < others[0]:
+        what = (
+            f"the file was cut: no line end, and {last} decimals in the last number where all others have {others[0]}"
+        )
+        raise FileError(path, f"line {len(lines)}", f"{what}. Remove that line, or copy the file again")
 
 
 def _numbers(path: Path, names: list[str], lines: Sequence[str]) -> np.ndarray:

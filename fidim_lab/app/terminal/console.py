@@ -2,13 +2,27 @@
 
 import sys
 from collections.abc import Iterable
+from typing import Any
 
 from rich.console import Console
+from rich.text import Text
 
 from fidim_lab.say import printable
 
-out = Console(highlight=False, soft_wrap=not sys.stdout.isatty(), width=None if sys.stdout.isatty() else 100)
-err = Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+
+class Plain(Console):
+    """A console on which names of files and folders, and texts of others, stay what they are: no escape reaches it."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Of what is printed, and of each cell of a table."""
+        lines = text.split("\n")
+        return super().render_str("\n".join(printable(line, len(text) * WIDEST) for line in lines), **options)
+
+
+WIDEST = len("\\U0001f600")
+"""characters as which one is written that a terminal would obey"""
+out = Plain(highlight=False, soft_wrap=not sys.stdout.isatty(), width=None if sys.stdout.isatty() else 100)
+err = Plain(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
 
 
 def warn(messages: Iterable[str]) -> None:

@@ -95,3 +95,19 @@ def test_lengths_and_currents_may_be_absent_each(tmp_path: Path, lengths: bool, 
     )
     back = read_window_csv(tmp_path / "w.csv", 3)
     assert (back.lengths is not None, back.currents is not None) == (lengths, currents)
+
+
+@pytest.mark.parametrize("left", ["0.0", "0.", "0", ""])
+def test_a_file_that_was_cut_within_its_last_number_is_refused(tmp_path: Path, left: str) -> None:
+    lines = text(head="t,x,y,z", cells="0.1,0.2,0.300")
+    path = tmp_path / "w.csv"
+    path.write_text("\n".join([*lines[:-1], f"{lines[-1].rpartition(',')[0]},{left}"]))
+    with pytest.raises(FileError, match="line 31: the file was cut"):
+        read_window_csv(path, 2)
+
+
+@pytest.mark.parametrize("cells", ["0.1,0.2,0.300", "0.1,0.2,3", "0.1,0.2,1.5e-3"])
+def test_a_last_line_without_an_end_is_whole(tmp_path: Path, cells: str) -> None:
+    path = tmp_path / "w.csv"
+    path.write_text("\n".join(text(head="t,x,y,z", cells=cells)))
+    assert len(read_window_csv(path, 2).t) == 30
