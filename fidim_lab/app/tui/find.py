@@ -5,6 +5,7 @@ from pathlib import Path
 
 from fidim_lab.app.service.lock import Holder, running
 from fidim_lab.app.service.place import Place, all_places, places_of
+from fidim_lab.app.service.spec import NAME as RUN
 from fidim_lab.data.rigs.rig import RigFile
 
 
@@ -40,8 +41,11 @@ class Finder:
         if self.folder is not None:
             wanted = self.folder.resolve()
             places = [place for place, who in running(places) if Path(who.folder).resolve() == wanted]
-            return _one(places, f"{self.folder}: no service runs in this folder now", known)
-        return _one(places, "no service is running. fidim run PLAN --rig RIG starts one", known)
+            why = f"{self.folder}: no service runs in this folder now"
+            left = ". r starts it again, for what is left of its run" if (self.folder / RUN).is_file() else ""
+            return _one(places, why + left, known)
+        why = "no service is running. fidim run PLAN --rig RIG starts one; fidim ui FOLDER, then r, goes on with a run"
+        return _one(places, why, known)
 
 
 def _one(places: list[Place], otherwise: str, known: Path | None) -> Found:

@@ -7,7 +7,13 @@ from rich.table import Table
 
 from fidim_lab.app.terminal.console import Plain
 
-NAMES = ("x\x1b]0;OWNED\x07", "\x9b2J", "a\u202egnp.exe", "zero\u200bwidth", b"\xff\xfe".decode(errors="surrogateescape"))
+NAMES = (
+    "x\x1b]0;OWNED\x07",
+    "\x9b2J",
+    "a\u202egnp.exe",
+    "zero\u200bwidth",
+    b"\xff\xfe".decode(errors="surrogateescape"),
+)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -41,6 +41,9 @@ def test_the_only_service_is_found_and_of_several_the_one_of_a_folder(runtime, t
             assert "several services" in Finder().look().why
             assert finder_for(tmp_path / "b", None).look().socket == two.socket
         assert "no service runs in this folder" in finder_for(tmp_path / "b", None).look().why
+        assert "r starts it again" not in finder_for(tmp_path / "b", None).look().why, "there was no run in it"
+        (tmp_path / "b" / "run.json").write_text("{}")
+        assert "r starts it again" in finder_for(tmp_path / "b", None).look().why
 
 
 def test_a_folder_and_a_rig_are_too_much_and_a_folder_must_be_one(tmp_path):
