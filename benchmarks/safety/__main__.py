@@ -40,7 +40,8 @@ def main() -> int:
     if options.printed:
         print(text)
     else:
-        command = f"python -m benchmarks.safety --runs {options.runs}"
+        seed = f" --seed {options.seed}" if options.seed != 1 else ""
+        command = f"python -m benchmarks.safety --runs {options.runs}{seed}"
         write_section("safety", "Random fault combinations", command, text)
     return 1 if any(outcome.violations for outcome in outcomes) else 0
 
