@@ -7,6 +7,9 @@ came at 225 to 230 Hz by it.
 import asyncio
 import select
 import selectors
+from collections.abc import Callable
+
+from drivers.ports import Clock
 
 _SELECTABLE = 1024
 """file descriptors below can be given to select()"""
@@ -22,6 +25,16 @@ class LoopClock:
     async def sleep(self, seconds: float) -> None:
         """Let at least `seconds` pass."""
         await asyncio.sleep(max(seconds, 0.0))  # noqa: TID251 - this is the one place
+
+
+async def wait_until(clock: Clock, condition: Callable[[], bool], *, timeout: float, period: float) -> bool:
+    """Whether `condition` came true within `timeout` (s), looking every `period` (s). The condition may raise."""
+    deadline = clock.now() + timeout
+    while not condition():
+        if clock.now() >= deadline:
+            return False
+        await clock.sleep(period)
+    return True
 
 
 def precise_loop() -> asyncio.AbstractEventLoop:

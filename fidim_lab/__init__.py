@@ -13,24 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fidim_lab.api import (
-        Body,
-        Campaign,
-        Designed,
-        Explained,
-        FidimError,
-        Identified,
-        Robot,
-        Validated,
-        design,
-        explain,
-        identify,
-        load,
-        load_robot,
-        report,
-        simulate,
-        validate,
-    )
+    from fidim_lab.api import *
 
 __all__ = [
     "Body",

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
+import drivers.clock
 from drivers.ports import Clock
 
 T = TypeVar("T")
@@ -28,12 +29,7 @@ async def within(clock: Clock, seconds: float, work: Coroutine[Any, Any, T]) -> 
 
 async def wait_until(clock: Clock, seconds: float, condition: Callable[[], bool]) -> bool:
     """Look until `condition` holds; False when it does not within `seconds`."""
-    deadline = clock.now() + seconds
-    while not condition():
-        if clock.now() >= deadline:
-            return False
-        await clock.sleep(POLL)
-    return True
+    return await drivers.clock.wait_until(clock, condition, timeout=seconds, period=POLL)
 
 
 async def uninterrupted(work: Coroutine[Any, Any, T]) -> T:

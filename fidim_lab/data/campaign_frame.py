@@ -3,12 +3,11 @@
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign, Window
-from fidim_lab.data.window_csv import header
+from fidim_lab.data.window_csv import named
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +37,7 @@ def load_campaign(folder: Path | str) -> LoadedCampaign:
 
 def window_frame(window: Window) -> pd.DataFrame:
     """One window as a table; see `LoadedCampaign.to_frame`."""
-    samples, markers, _ = window.markers.shape
-    per_cable = [series for series in (window.lengths, window.currents) if series is not None]
-    names = header(
-        per_cable[0].shape[1] if per_cable else 0,
-        markers,
-        lengths=window.lengths is not None,
-        currents=window.currents is not None,
-        further=list(window.further),
-    )
-    values = np.column_stack([window.t, window.markers.reshape(samples, -1), *per_cable, *window.further.values()])
+    names, values = named(window)
     table = pd.DataFrame(values, columns=names)
     table.insert(0, "role", window.role.value)
     table.insert(0, "window", window.id)

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from fidim_lab.data.files.input_file import MIB, read_text, unseen
+from fidim_lab.data.records import Window
 from fidim_lab.errors import FileError
 
 MIN_SAMPLES = 20
@@ -206,17 +208,22 @@ def _cell(name: str, value: float) -> str:
     return f"{value:.{decimals}f}"
 
 
-def write_window_csv(path: Path, columns: WindowColumns) -> None:
-    """Write one window; `read_window_csv` reads it back to within the written decimals."""
-    samples, markers, _ = columns.markers.shape
-    per_cable = [series for series in (columns.lengths, columns.currents) if series is not None]
+def named(window: WindowColumns | Window) -> tuple[list[str], Float[np.ndarray, "N columns"]]:
+    """All columns of a window side by side, as its file has them, and their names."""
+    samples, markers, _ = window.markers.shape
+    per_cable = [series for series in (window.lengths, window.currents) if series is not None]
     names = header(
         per_cable[0].shape[1] if per_cable else 0,
         markers,
-        lengths=columns.lengths is not None,
-        currents=columns.currents is not None,
-        further=list(columns.further),
+        lengths=window.lengths is not None,
+        currents=window.currents is not None,
+        further=list(window.further),
     )
-    values = np.column_stack([columns.t, columns.markers.reshape(samples, -1), *per_cable, *columns.further.values()])
+    return names, np.column_stack([window.t, window.markers.reshape(samples, -1), *per_cable, *window.further.values()])
+
+
+def write_window_csv(path: Path, columns: WindowColumns) -> None:
+    """Write one window; `read_window_csv` reads it back to within the written decimals."""
+    names, values = named(columns)
     lines = [",".join(names), *(row(names, line) for line in values)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,8 +1,7 @@
 """The examples that use a driver by itself, run as they stand: against a drive and cameras in this process."""
 
-import importlib.util
+import runpy
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
@@ -15,23 +14,15 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "python"
 PLACE = (1.25, -0.5, -0.75)
 
 
-def example(name: str) -> ModuleType:
-    """The module of a file, which is in no package."""
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_a_marker_source_by_itself() -> None:
+    example = runpy.run_path(str(EXAMPLES / "marker_source.py"))
+
     async def main() -> np.ndarray:
         clock = LoopClock()
         server = MocapServer(
             lambda t: np.array([PLACE]), ViconEncoder(["marker1"]), np.random.default_rng(0), Timing(100.0), noise=1e-6
         )
-        return await example("marker_source").watch(ServerFeed(server, clock), "marker1")
+        return await example["watch"](ServerFeed(server, clock), "marker1")
 
     places = run(main())
     assert places.shape == (100, 3)

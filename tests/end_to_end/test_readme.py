@@ -1,9 +1,9 @@
 """What the README shows is what the commands print, and every command it names is there."""
 
-import importlib.util
 import re
+import runpy
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -17,13 +17,8 @@ CLOSE = 0.02
 
 
 @pytest.fixture(scope="module")
-def outputs() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("outputs", ROOT / "docs" / "outputs.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def outputs() -> dict[str, Any]:
+    return runpy.run_path(str(ROOT / "docs" / "outputs.py"))
 
 
 def test_every_command_named_exists() -> None:
@@ -46,9 +41,9 @@ def test_every_module_of_the_walk_exists() -> None:
 
 
 @pytest.mark.slow
-def test_the_dry_run_prints_what_the_readme_shows(outputs: ModuleType) -> None:
-    ((command, shown),) = outputs.blocks(README)
-    printed = outputs.printed(command)
+def test_the_dry_run_prints_what_the_readme_shows(outputs: dict[str, Any]) -> None:
+    ((command, shown),) = outputs["blocks"](README)
+    printed = outputs["printed"](command)
     assert [line[:1] for line in printed.splitlines()] == [line[:1] for line in shown.splitlines()]
     rows = [ROW.findall(text) for text in (shown, printed)]
     assert len(rows[0]) >= 9

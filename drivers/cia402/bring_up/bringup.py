@@ -19,10 +19,10 @@ from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.words import Mode, mode_name
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import HEARTBEAT, NodeLink
-from drivers.cia402.watch.waiting import wait_until
 from drivers.cia402.wire.nmt import NmtCommand, NmtState
 from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, ObjectValue, PdoMap, mapping_expected, mapping_writes
 from drivers.cia402.wire.sdo import SdoRefusedError
+from drivers.clock import wait_until
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
 

@@ -19,8 +19,8 @@ from drivers.cia402.profile.words import (
     set_point,
 )
 from drivers.cia402.watch.master import CanopenMaster
-from drivers.cia402.watch.waiting import wait_until
 from drivers.cia402.wire.pdo import DriveValues, Entry
+from drivers.clock import wait_until
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
 

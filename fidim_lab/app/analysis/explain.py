@@ -79,7 +79,7 @@ def effect_table(cause: NamedCause) -> Table:
     place = "" if cause.cable is None else f" of cable {cause.cable}"
     alike = f"; not to be told from {', '.join(cause.equivalent_to)}" if cause.equivalent_to else ""
     table = Table(title=escape(f"{cause.id}{place}: {cause.says}{alike}"))
-    _columns(table, "parameter", "value", "sd", "unit")
+    console.columns(table, "parameter", "value", "sd", "unit")
     for name, parameter in cause.parameters.items():
         sd = "held" if parameter.sd is None else f"{parameter.sd:.2g}"
         table.add_row(name, f"{parameter.value:.5g}", sd, parameter.unit)
@@ -89,7 +89,8 @@ def effect_table(cause: NamedCause) -> Table:
 def ranking_table(explanation: Explanation) -> Table:
     """Every model that was fitted, then the best that were only scored."""
     table = Table(title="What was tried")
-    _columns(table, "model", "held-out χ²/dof", "possible", "why")
+    console.columns(table, "model", "held-out χ²/dof", "possible")
+    table.add_column("why")
     for ranked in explanation.ranking:
         held = "–" if ranked.held_out_chi2_per_dof is None else f"{ranked.held_out_chi2_per_dof:.4g}"
         name = " + ".join(ranked.effects) or "nothing left out"
@@ -100,15 +101,10 @@ def ranking_table(explanation: Explanation) -> Table:
 def parameter_table(explanation: Explanation) -> Table:
     """The body with and without the effects, and how far it moved."""
     table = Table(title="Inertial parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
-    _columns(table, "parameter", "CAD", "before", "after", "sd", "moved, sd")
+    console.columns(table, "parameter", "CAD", "before", "after", "sd", "moved, sd")
     for name, after in explanation.parameters.items():
         before = explanation.parameters_before[name]
         moved = (after.value - before.value) / before.sd if before.sd > 0 else 0.0
         values = (after.nominal, before.value, after.value)
         table.add_row(name, *(f"{millimetres(x):.4f}" for x in values), f"{millimetres(after.sd):.2g}", f"{moved:.1f}")
     return table
-
-
-def _columns(table: Table, *names: str) -> None:
-    for index, name in enumerate(names):
-        table.add_column(name, justify="left" if index == 0 or name == "why" else "right")

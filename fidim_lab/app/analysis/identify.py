@@ -180,7 +180,7 @@ def parameter_table(result: IdentificationResult) -> Table:
     """
     table = Table(title="Inertial parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
     refits = ["re-fit"] if result.non_essential else []
-    _columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %", *refits)
+    console.columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %", *refits)
     for name, parameter in result.parameters.items():
         refit = parameter.without_non_essential
         shown = "" if refit is None else "dropped" if name in result.non_essential else f"{millimetres(refit):.3f}"
@@ -191,7 +191,7 @@ def parameter_table(result: IdentificationResult) -> Table:
 def gauge_table(result: IdentificationResult) -> Table:
     """What does not depend on where P is put: s_z from the attachment plane, and I about G."""
     table = Table(title="Free of the choice of P: s_z from the plane of the attachments (mean a_z), I about G")
-    _columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %")
+    console.columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %")
     s_z, plane = result.parameters["s_z"], result.attachment_plane
     relative = Parameter(s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane)
     table.add_row(*_cells("s_z − a_z", relative))
@@ -209,7 +209,7 @@ def window_table(result: IdentificationResult) -> Table:
         "" if result.sigma_W is None else f"; σ_W = {result.sigma_W:.3g}, so σ⊥ ≈ {expected:.3g} is as good as fitted"
     )
     table = Table(title=f"Windows (σ⊥ of Eq. 50{scale}; rms and χ²/dof: predicted from the fitted initial state)")
-    _columns(table, "window", "role", "pose from", "samples", "σ⊥", "rms, mm", "χ²/dof", "conditioning")
+    console.columns(table, "window", "role", "pose from", "samples", "σ⊥", "rms, mm", "χ²/dof", "conditioning")
     for window in result.windows:
         table.add_row(*_window_cells(window))
     return table
@@ -248,11 +248,6 @@ def closing_sentence(result: IdentificationResult) -> str:
         f"{agree}: {size}. Total least squares sees neither geometry nor length "
         "errors that are the same in all windows; held-out σ⊥ and χ²/dof are the test of that."
     )
-
-
-def _columns(table: Table, *names: str) -> None:
-    for index, name in enumerate(names):
-        table.add_column(name, justify="left" if index == 0 else "right")
 
 
 def _cells(name: str, parameter: Parameter) -> tuple[str, ...]:

@@ -101,9 +101,7 @@ def payload_command(
 def mass_table(found: MassResult, nominal: float) -> Table:
     """The mass from each component, from all three, and with the inertia."""
     table = Table(title="Mass of the platform (kg) from the payload (Eq. 24)")
-    table.add_column("from")
-    for column in ("mass", "sd", "centre of mass moved by, mm"):
-        table.add_column(column, justify="right")
+    console.columns(table, "from", "mass", "sd", "centre of mass moved by, mm")
     for k, (axis, estimate) in enumerate(found.components.items()):
         table.add_row(f"{axis} of the centre of mass", *_figures(estimate), f"{1e3 * found.shift[k]:.3f}")
     table.add_row("all three, weighted", *_figures(found.mass), f"{1e3 * np.linalg.norm(found.shift):.3f}")

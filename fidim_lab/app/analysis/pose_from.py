@@ -7,6 +7,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 
+from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Campaign
 from fidim_lab.identification.motion.pose_sources import PoseSource
@@ -40,13 +41,11 @@ def read_posed(folder: Path, source: PoseSource = PoseSource.MOCAP) -> Posed:
 def comparison(posed: Posed, here: IdentificationResult, mocap: IdentificationResult) -> RenderableType:
     """Pose differences by window, and parameters from both sources side by side."""
     poses = Table(title="Poses against those of the motion capture (rms of one coordinate)")
-    for name in ("window", "samples", "position, mm", "rotation, mrad"):
-        poses.add_column(name, justify="left" if name == "window" else "right")
+    console.columns(poses, "window", "samples", "position, mm", "rotation, mrad")
     for one in posed.differences:
         poses.add_row(one.window, str(one.samples), f"{one.position * 1e3:.2f}", f"{one.rotation * 1e3:.1f}")
     both = Table(title=f"Parameters by {here.method.value} (± spread between windows; s in mm, I in 1e-3 m²)")
-    for name in ("parameter", "CAD", "this source", "motion capture"):
-        both.add_column(name, justify="left" if name == "parameter" else "right")
+    console.columns(both, "parameter", "CAD", "this source", "motion capture")
     for name, parameter in here.parameters.items():
         other = mocap.parameters[name]
         both.add_row(name, f"{millimetres(parameter.nominal):.2f}", _shown(parameter), _shown(other))

@@ -95,8 +95,7 @@ def sentences(found: Registered) -> list[str]:
 
 def _tried(found: Registered) -> Table:
     table = Table(title="What was left open")
-    for name in ("free", "χ²/dof", "criterion (0: best)"):
-        table.add_column(name, justify="left" if name == "free" else "right")
+    console.columns(table, "free", "χ²/dof", "criterion (0: best)")
     for one in found.tried:
         table.add_row(one.free.says, f"{one.placed.chi2_per_dof:.3g}", f"{one.criterion:.3g}")
     return table
@@ -105,8 +104,7 @@ def _tried(found: Registered) -> Table:
 def _left(campaign: Campaign, found: Registered) -> Table:
     """Residuals by marker and by cable, and what each anchor would take away."""
     table = Table(title="What is left, rms")
-    for name in ("what", "mm", "χ²/dof with its anchor free", "anchor moved by, mm"):
-        table.add_column(name, justify="left" if name == "what" else "right")
+    console.columns(table, "what", "mm", "χ²/dof with its anchor free", "anchor moved by, mm")
     for m in range(found.best.markers.shape[1]):
         table.add_row(f"marker {m + 1}", f"{_rms(found.best.markers[:, m]):.3g}", "", "")
     for k, one in zip(range(campaign.robot.n), found.suspects, strict=True):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from rich.table import Table
 
+from fidim_lab.app.terminal import console
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.units import millimetres
 
@@ -23,9 +24,7 @@ class Forms:
 def scaling_table(forms: Forms) -> Table:
     """Nine parameters in three forms, each with its nominal sd where it has one."""
     table = Table(title="Total least squares in three forms (s in mm, I in 1e-3 m² per unit mass, about P)")
-    table.add_column("parameter")
-    for column in ("CAD", "the paper's", "sd", "columns of norm 1", "moves by, sd", "ours", "sd"):
-        table.add_column(column, justify="right")
+    console.columns(table, "parameter", "CAD", "the paper's", "sd", "columns of norm 1", "moves by, sd", "ours", "sd")
     effect = forms.paper.scaling_effect
     for k, (name, paper) in enumerate(forms.paper.parameters.items()):
         ours = forms.ours.parameters[name]

@@ -250,8 +250,7 @@ class _Progress:
 def _table(done: Simulated) -> Table:
     """One row a window."""
     table = Table(title=Text(f"Simulated campaign {done.campaign.name}"))
-    for name in ("window", "role", "equilibrium, m", "amplitude, mm", "tension, N", "slack"):
-        table.add_column(name, justify="left" if name in ("window", "role") else "right")
+    console.columns(table, "window", "role", "equilibrium, m", "amplitude, mm", "tension, N", "slack", left=2)
     for recorded in done.recorded:
         window, (low, high) = recorded.window, recorded.tension
         table.add_row(

@@ -47,7 +47,7 @@ def summary(found: Comparison) -> RenderableType:
 def parameter_table(found: Comparison) -> Table:
     """All nine, with the difference in standard deviations of the difference."""
     table = Table(title="Inertial parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
-    _columns(table, "parameter", "A", "±", "B", "±", "B − A", "in sd")
+    console.columns(table, "parameter", "A", "±", "B", "±", "B − A", "in sd")
     for shift in found.shifts:
         cells = (shift.a, shift.sd_a, shift.b, shift.sd_b, shift.difference)
         z = "–" if shift.z is None else f"{shift.z:+.1f}"
@@ -58,7 +58,7 @@ def parameter_table(found: Comparison) -> Table:
 def session_table(found: Comparison) -> Table:
     """What each session is, and what came of it."""
     table = Table(title="Sessions")
-    _columns(table, "", "A", "B")
+    console.columns(table, "", "A", "B")
     for name, a, b in found.facts:
         table.add_row(name, escape(a), escape(b))
     return table
@@ -67,14 +67,9 @@ def session_table(found: Comparison) -> Table:
 def window_table(found: Comparison) -> Table:
     """Windows with the same name beside one another."""
     table = Table(title="Windows")
-    _columns(table, "window", "χ²/dof A", "χ²/dof B", "rms A, mm", "rms B, mm", "σ⊥ A", "σ⊥ B")
+    console.columns(table, "window", "χ²/dof A", "χ²/dof B", "rms A, mm", "rms B, mm", "σ⊥ A", "σ⊥ B")
     for row in found.windows:
         a, b = row.a, row.b
         pairs = [(getattr(a, key, None), getattr(b, key, None)) for key in ("chi2_per_dof", "rms_mm", "sigma_perp")]
         table.add_row(escape(row.id), *(short(value) for pair in pairs for value in pair))
     return table
-
-
-def _columns(table: Table, *names: str) -> None:
-    for index, name in enumerate(names):
-        table.add_column(name, justify="left" if index == 0 else "right")

@@ -180,8 +180,7 @@ def _table(runs: Sequence[Run]) -> Table:
 
 def _statistic(title: str, counted: dict[str, tuple[int, int]]) -> Table:
     table = Table(box=None, pad_edge=False, title=title, title_justify="left")
-    for name in ("", "failed", "of"):
-        table.add_column(name, justify="left" if not name else "right")
+    console.columns(table, "", "failed", "of")
     for name, (bad, count) in list(counted.items())[:SHOWN]:
         table.add_row(name, str(bad), str(count))
     if not counted:

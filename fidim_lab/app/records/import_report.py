@@ -7,6 +7,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from fidim_lab.app.terminal import console
 from fidim_lab.data.alignment import ClockOffset
 from fidim_lab.data.importers.recording import Recording
 from fidim_lab.data.records import Campaign
@@ -124,8 +125,7 @@ def summary(report: ImportReport, out: Console) -> None:
 
 def _arrangements(report: ImportReport) -> Table:
     shown = Table(title="Which way round? (swivel angles decide; a right arrangement stretches with tension)")
-    for name in ("yaw", "lengths, mm rms", "with stretch", "stretch, µm/N", "swivel correlation", ""):
-        shown.add_column(name, justify="right")
+    console.columns(shown, "yaw", "lengths, mm rms", "with stretch", "stretch, µm/N", "swivel correlation", "", left=0)
     for evidence in report.arrangements:
         shown.add_row(
             f"{degrees(evidence.rigid.yaw):.0f}°",

@@ -6,6 +6,7 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
+from fidim_lab.app.terminal import console
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.identification.papers_takes import Identified
@@ -28,8 +29,7 @@ def everything(found: "FromRecordings") -> tuple[Table, ...]:
 
 def _table(title: str, *names: str) -> Table:
     table = Table(title=title, box=box.SIMPLE)
-    for index, name in enumerate(names):
-        table.add_column(name, justify="left" if index == 0 else "right")
+    console.columns(table, *names)
     return table
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
+from fidim_lab.app.terminal import console
 from fidim_lab.data import paper
 from fidim_lab.data.records import PARAMETER_NAMES
 from fidim_lab.identification.reproduction import (
@@ -42,7 +43,7 @@ def optimised_table(windows: tuple[OptimisedWindow, ...], cost: float) -> Table:
         title=f"Tables 2, 3: optimised windows (CAD body). C without noise: {cost:.1f}, the paper's {paper.OPTIMUM_C}",
         box=box.SIMPLE,
     )
-    _columns(table, "k", "l, m", "Δx, Δy, mm", "tension, N", "condition at rest", "in motion", "x, y are")
+    console.columns(table, "k", "l, m", "Δx, Δy, mm", "tension, N", "condition at rest", "in motion", "x, y are")
     for window in windows:
         planned = window.planned
         table.add_row(
@@ -62,7 +63,7 @@ def value_table(title: str, published: paper.Published, ours: dict[str, Reading 
     table = Table(
         title=f"{title}: s in mm, I in 1e-3 m² per unit mass (error in %; truth: the paper's Eq. 46)", box=box.SIMPLE
     )
-    _columns(table, "", "paper", *ours)
+    console.columns(table, "", "paper", *ours)
     for k, name in enumerate(PARAMETER_NAMES):
         cells = [_value(reading, k) for reading in ours.values()]
         table.add_row(name, f"{millimetres(published.values[k]):.2f}", *cells)
@@ -75,7 +76,7 @@ def value_table(title: str, published: paper.Published, ours: dict[str, Reading 
 def percent_table(title: str, published: paper.Published, ours: dict[str, Reading | str]) -> Table:
     """σ% of the nine parameters, as the paper prints them."""
     table = Table(title=f"{title}: σ% (Eq. 34)", box=box.SIMPLE)
-    _columns(table, "", "paper", *ours)
+    console.columns(table, "", "paper", *ours)
     for k, name in enumerate(PARAMETER_NAMES):
         cells = ["–" if isinstance(r, str) else _percent(r.percent[k]) for r in ours.values()]
         table.add_row(name, _percent(published.percent[k]), *cells)
@@ -85,7 +86,7 @@ def percent_table(title: str, published: paper.Published, ours: dict[str, Readin
 def difference_table(found: Reproduction) -> Table:
     """Eq. 49: how far full pose and free coordinates are apart, %."""
     table = Table(title="Eq. 49: |full − free| over |free|, %", box=box.SIMPLE)
-    _columns(table, "", "paper", "its σ% (Eq. 46)", "Table 2", "random")
+    console.columns(table, "", "paper", "its σ% (Eq. 46)", "Table 2", "random")
     rows = [essential_difference(places) for places in (found.table2, found.random)]
     for k, name in enumerate(PARAMETER_NAMES[:ESSENTIAL]):
         shown = ["–" if row is None else f"{row[k]:.2f}" for row in rows]
@@ -101,7 +102,7 @@ def cross_validation_table(found: Reproduction) -> Table:
     table = Table(
         title=f"Fig. 3: σ⊥ of held-out windows, full pose (mark: σ_W = {sigma_W:.3g}{expected})", box=box.SIMPLE
     )
-    _columns(table, "window", "σ⊥", "σ⊥/σ_W")
+    console.columns(table, "window", "σ⊥", "σ⊥/σ_W")
     table.add_column("")
     for name, sigma in found.sigma_perps.items():
         full = "█" * min(LONGEST, round(BAR * sigma / sigma_W))
@@ -123,8 +124,3 @@ def _percent(value: float, sign: str = "") -> str:
 
 def _footer(ours: dict[str, Reading | str], figure: Callable[[Reading], str]) -> list[str]:
     return ["–" if isinstance(r, str) else figure(r) for r in ours.values()]
-
-
-def _columns(table: Table, *names: str) -> None:
-    for index, name in enumerate(names):
-        table.add_column(name, justify="left" if index == 0 else "right")

@@ -150,8 +150,7 @@ def truth_table(result: IdentificationResult, truth: dict[str, object]) -> Table
     """Identified parameters beside the hidden true ones, the error in units of the stated uncertainty."""
     true = [*_numbers(truth["s"]), *_numbers(truth["I"])]
     table = Table(title="Identified beside the hidden truth (s in mm, I in 1e-3 m² per unit mass, about P)")
-    for column in ("parameter", "identified", "±", "true", "error", "error, %", "error / ±"):
-        table.add_column(column, justify="left" if column == "parameter" else "right")
+    console.columns(table, "parameter", "identified", "±", "true", "error", "error, %", "error / ±")
     for (name, parameter), value in zip(result.parameters.items(), true, strict=True):
         error = parameter.value - value
         stated = max(parameter.sd, parameter.spread or 0.0)

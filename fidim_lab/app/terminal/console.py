@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from rich.console import Console
+from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.say import printable
@@ -29,3 +30,9 @@ def warn(messages: Iterable[str]) -> None:
     """Print warnings, each on its own line, to standard error."""
     for message in messages:
         err.print(f"warning: {printable(message)}", style="yellow", markup=False)
+
+
+def columns(table: Table, *names: str, left: int = 1) -> None:
+    """Head a table: the first `left` columns hold words, the others figures."""
+    for index, name in enumerate(names):
+        table.add_column(name, justify="left" if index < left else "right")

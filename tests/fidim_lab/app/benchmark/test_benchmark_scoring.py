@@ -1,7 +1,7 @@
 """Grades of explanations: a table, and the same answers as the judges' own script where it is at hand."""
 
-import importlib.util
 import itertools
+import runpy
 from pathlib import Path
 
 import pytest
@@ -76,9 +76,7 @@ def test_names_for_tables():
 def test_the_judges_script_says_the_same():
     if not JUDGES.exists():
         pytest.skip(f"{JUDGES} is not here")
-    spec = importlib.util.spec_from_file_location("judges_score", JUDGES)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    score = runpy.run_path(str(JUDGES))["score"]
     ids = ("a", "b", "unknown", "sensor-fault")
     verdicts = ("nothing-missing", "explained", "partly-explained", "unknown-physics", "sensor-fault")
     labels = [list(label) for k in (0, 1, 2) for label in itertools.product(ids, repeat=k)]
@@ -91,5 +89,5 @@ def test_the_judges_script_says_the_same():
     ]
     for label, cable, verdict, effects in itertools.product(labels, (None, 1, 2), verdicts, answers):
         explanation = said(verdict, *effects)
-        theirs = module.score(explanation, {"case": {"label": label, "cable": cable}})
+        theirs = score(explanation, {"case": {"label": label, "cable": cable}})
         assert grade(explanation, label, cable).value == theirs, (explanation, label, cable)
