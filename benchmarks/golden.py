@@ -30,7 +30,7 @@ from fidim_lab.mismatch.conclusion.explanation import finite
 from fidim_lab.mismatch.explain import explain
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "tests" / "fidim_lab" / "mismatch" / "golden"
@@ -59,7 +59,7 @@ class Small:
         effects = tuple(parse_effect(text, robot.n) for text in self.hidden)
         world = make_world(robot, np.random.default_rng(self.seed), effects)
         rng = np.random.default_rng(self.seed + 1)
-        return simulate_campaign(robot, plan, world, rng, recording=Recording(self.seconds))[0]
+        return simulate_campaign(robot, plan, world, rng, recording=Sampling(self.seconds))[0]
 
 
 CASES: Mapping[str, Small] = {

@@ -29,7 +29,7 @@ from fidim_lab.mismatch.conclusion.explanation import finite
 from fidim_lab.mismatch.explain import explain
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 SMALLEST, LARGEST = 0.2e-3, 2e-3
 """m, of a coordinate of an anchor: what surveys of cable robots are off by"""
@@ -70,7 +70,7 @@ def campaign(seed: int, effect: str) -> tuple[Campaign, float, tuple[str, ...], 
         effects = tuple(parse_effect(text, robot.n) for text in hide)
         world = make_world(robot, np.random.default_rng(seed), effects)
         try:
-            made = simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Recording(SECONDS))
+            made = simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Sampling(SECONDS))
         except FidimError:
             continue
         return replace(made[0], robot=_surveyed(robot, scale, rng)), scale, hide, cable

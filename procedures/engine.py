@@ -36,7 +36,7 @@ END_TIMEOUT = 1.0
 
 
 @dataclass(frozen=True)
-class Ending:
+class ProcedureEnd:
     """How a procedure itself ended; devices and guards end it with an error instead."""
 
     outcome: Outcome
@@ -75,7 +75,7 @@ class Engine:
         handlers: Mapping[type[Step], Handler],
         guards: Sequence[Guard],
         settings: GuardSettings,
-    ) -> Ending:
+    ) -> ProcedureEnd:
         """Perform all steps under the guards' eyes."""
         work = asyncio.ensure_future(self._perform_all(procedure, stand, handlers))
         eyes = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings, self._react))
@@ -131,7 +131,9 @@ class Engine:
                 return f"“{step.text}” is being finished; say it again in a moment"
         return ""
 
-    async def _perform_all(self, procedure: Procedure, stand: Stand, handlers: Mapping[type[Step], Handler]) -> Ending:
+    async def _perform_all(
+        self, procedure: Procedure, stand: Stand, handlers: Mapping[type[Step], Handler]
+    ) -> ProcedureEnd:
         steps = procedure()
         try:
             step = next(steps)
@@ -139,16 +141,18 @@ class Engine:
                 got = await self._perform(step, stand, handlers)
                 step = steps.throw(got) if isinstance(got, Intervention) else steps.send(got)
         except StopIteration:
-            return Ending(self._ledger.outcome, self._ledger.reason)
+            return ProcedureEnd(self._ledger.outcome, self._ledger.reason)
         except Aborted as end:
-            return Ending(Outcome.ABORTED, str(end))
+            return ProcedureEnd(Outcome.ABORTED, str(end))
         except Intervention as word:
-            return Ending(Outcome.ABORTED, f"This procedure cannot skip or repeat, so it ends here: {word.reason}.")
+            return ProcedureEnd(
+                Outcome.ABORTED, f"This procedure cannot skip or repeat, so it ends here: {word.reason}."
+            )
         finally:
             steps.close()
         self._begin(step)
         self._end(step, Result(step.outcome, step.reason))
-        return Ending(step.outcome, step.reason)
+        return ProcedureEnd(step.outcome, step.reason)
 
     async def _perform(self, step: Step, stand: Stand, handlers: Mapping[type[Step], Handler]) -> Result | Intervention:
         """What came of the step, or the word that is to be thrown into the procedure instead."""
@@ -260,6 +264,6 @@ class Engine:
         self._publish(Tripped(trip.t, trip))
 
 
-def _watch_failed(eyes: "asyncio.Future[Trip]") -> Ending:
+def _watch_failed(eyes: "asyncio.Future[Trip]") -> ProcedureEnd:
     """Raise what the guards' own task raised."""
-    return Ending(Outcome.ERROR, eyes.result().says)
+    return ProcedureEnd(Outcome.ERROR, eyes.result().says)

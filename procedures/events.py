@@ -1,11 +1,9 @@
 """What a run tells while it goes on: frozen events, and how they reach listeners that must not disturb it.
 
-A listener is a quick callback; what one raises is kept for the report. Whoever is slow (a terminal, a socket) reads
-from a `Mailbox`, which is bounded and forgets the oldest events first.
+A listener is a quick callback; what one raises is kept for the report. Whoever is slow (a terminal, a socket) has a
+bounded queue of its own.
 """
 
-import asyncio
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -165,33 +163,3 @@ class Publisher:
                 what = f"{type(error).__name__}: {error}"
                 if what not in self.failed:
                     self.failed.append(what)
-
-
-class Mailbox:
-    """A listener for slow readers: keeps the newest events, `async for` takes them out, ends after RunFinished."""
-
-    def __init__(self, capacity: int = 256) -> None:
-        self._events: deque[Event] = deque(maxlen=capacity)
-        self._arrived = asyncio.Event()
-        self._ended = False
-        self.lost = 0
-        """events forgotten because nobody read them in time"""
-
-    def __call__(self, event: Event) -> None:
-        """Take one event; never waits."""
-        self.lost += len(self._events) == self._events.maxlen
-        self._events.append(event)
-        self._arrived.set()
-
-    def __aiter__(self) -> "Mailbox":
-        return self
-
-    async def __anext__(self) -> Event:
-        if self._ended:
-            raise StopAsyncIteration
-        while not self._events:
-            self._arrived.clear()
-            await self._arrived.wait()
-        event = self._events.popleft()
-        self._ended = isinstance(event, RunFinished)
-        return event

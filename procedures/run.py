@@ -16,7 +16,7 @@ from drivers.ports import Disk, Rig
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, HardwareError, RefusedError, SetupError
 from procedures.control import Control
-from procedures.engine import Ending, Engine
+from procedures.engine import Engine, ProcedureEnd
 from procedures.events import Listener, Publisher, RunFinished, RunStarted
 from procedures.expected.limits import check_moves
 from procedures.guards.device_guards import device_guards
@@ -120,7 +120,7 @@ class _Run:
             try:
                 ending = await self._perform(handlers, guards)
             except FidimError as problem:
-                ending = Ending(_outcome(problem), str(problem))
+                ending = ProcedureEnd(_outcome(problem), str(problem))
             except BaseException as problem:  # cancelled, or a bug: held first, raised afterwards
                 error, ending = problem, self._broken_off(problem)
             with deferred_interrupts():
@@ -129,7 +129,7 @@ class _Run:
             raise error
         return report
 
-    async def _perform(self, handlers: Mapping[type[Step], Handler], more: Sequence[Guard]) -> Ending:
+    async def _perform(self, handlers: Mapping[type[Step], Handler], more: Sequence[Guard]) -> ProcedureEnd:
         experiment, settings = self._experiment, self._experiment.settings
         stand = Stand(
             rig=self._rig,
@@ -165,7 +165,7 @@ class _Run:
         self._publish(RunStarted(self._rig.clock.now(), experiment.name, windows, outline.seconds))
         return await self._engine.run(experiment.procedure, stand, handlers, guards, settings.guard)
 
-    async def _close(self, ending: Ending, begin: float, error: BaseException | None) -> RunReport:
+    async def _close(self, ending: ProcedureEnd, begin: float, error: BaseException | None) -> RunReport:
         """Hold the robot, keep what was recorded, write it down. Cannot be cut short."""
         held = await self._hold()
         await self._engine.ended()
@@ -222,12 +222,12 @@ class _Run:
             return str(error)
         return ""
 
-    def _broken_off(self, error: BaseException) -> Ending:
+    def _broken_off(self, error: BaseException) -> ProcedureEnd:
         step = self._engine.pulse.step
         where = f" at “{step.text}”" if step else ""
         if isinstance(error, asyncio.CancelledError | KeyboardInterrupt):
-            return Ending(Outcome.ABORTED, f"Interrupted{where}.")
-        return Ending(Outcome.ERROR, f"A bug of this program{where}: {type(error).__name__}: {error}.")
+            return ProcedureEnd(Outcome.ABORTED, f"Interrupted{where}.")
+        return ProcedureEnd(Outcome.ERROR, f"A bug of this program{where}: {type(error).__name__}: {error}.")
 
 
 def _outcome(error: FidimError) -> Outcome:

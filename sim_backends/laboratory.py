@@ -24,7 +24,7 @@ from sim_backends.hand import SimulatedHand
 from sim_backends.magnet import SimulatedMagnet
 from sim_backends.mocap.encoders import Encoder
 from sim_backends.mocap.faults import Faults
-from sim_backends.mocap.server import MocapServer, Timing
+from sim_backends.mocap.server import MocapServer, StreamTiming
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Cameras, CurrentSensors, Noise
 from sim_backends.plant.world import World
@@ -103,7 +103,7 @@ class Laboratory:
             truth=self._see,
             encoder=encoder,
             rng=self._mocap_rng,
-            timing=Timing(rate=rate, drift=drift),
+            timing=StreamTiming(rate=rate, drift=drift),
             noise=0.0,
             faults=faults or Faults(),
         )

@@ -21,7 +21,7 @@ BETWEEN = 60.0
 
 
 @dataclass(frozen=True)
-class Recording:
+class Sampling:
     """How long and how often a window is sampled."""
 
     duration: float = 10.0
@@ -101,7 +101,7 @@ def simulate_campaign(
     world: World,
     rng: np.random.Generator,
     noise: Noise | None = None,
-    recording: Recording | None = None,
+    recording: Sampling | None = None,
     *,
     platform: SimulatedPlatform | None = None,
     watch: Callable[[RecordedWindow], None] | None = None,
@@ -124,7 +124,7 @@ def simulate_campaign(
     Raises:
         InfeasibleError: a window has no rest, or cannot be displaced so, with all cables taut; names the window.
     """
-    noise, recording = noise or Noise.of(robot), recording or Recording()
+    noise, recording = noise or Noise.of(robot), recording or Sampling()
     plant = platform or Plant(world)
     windows: list[Window] = []
     slack: dict[str, object] = {}
@@ -171,7 +171,7 @@ class _Session:
         plant: SimulatedPlatform,
         robot: Robot,
         noise: Noise,
-        recording: Recording,
+        recording: Sampling,
         rng: np.random.Generator,
         start: float,
     ) -> None:

@@ -24,7 +24,7 @@ from sim_backends.drive.axis import DrumShaft
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import ViconEncoder
-from sim_backends.mocap.server import MocapServer, ServerFeed, Timing
+from sim_backends.mocap.server import MocapServer, ServerFeed, StreamTiming
 
 RATE = 200.0
 """Hz, of the markers"""
@@ -134,7 +134,7 @@ async def _jog(seed: int, sync: float, mode: Mode) -> Jog:
         if (newest := winch.latest()) is not None:
             samples.append((newest.t, newest.length))
 
-    timing = Timing(RATE, DRIFT, LATENCY, JITTER, SPIKES)
+    timing = StreamTiming(RATE, DRIFT, LATENCY, JITTER, SPIKES)
     server = MocapServer(truth, ViconEncoder(MARKERS), rng, timing, NOISE)
     source = StreamMarkerSource(ServerFeed(server, clock), ViconUdpDecoder(MarkerObjects(MARKERS)), clock, rate=RATE)
     tasks = [asyncio.create_task(master.run(sample)), asyncio.create_task(_live(bus, clock))]

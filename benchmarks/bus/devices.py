@@ -29,7 +29,7 @@ from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.objects import read_eds
 from sim_backends.mocap.encoders import ViconEncoder
-from sim_backends.mocap.server import MocapServer, Timing
+from sim_backends.mocap.server import MocapServer, StreamTiming
 from sim_backends.mocap.sockets import UdpSender
 from sim_backends.served_bus import ServedBus
 from sim_backends.slcan_pty import SlcanPtyBus
@@ -95,13 +95,13 @@ def simulated_drives(shafts: "list[DrumShaft] | None" = None) -> list[SimulatedD
     return [SimulatedDrive(node, read_eds(GENERIC_EDS, node), shaft) for node, shaft in zip(NODES, made, strict=True)]
 
 
-def marker_server(rate: float, timing: Timing | None = None) -> MocapServer:
+def marker_server(rate: float, timing: StreamTiming | None = None) -> MocapServer:
     """A marker that swings."""
 
     def truth(t: float) -> np.ndarray:
         return np.array([[0.1 * math.sin(2.0 * t), 0.1 * math.cos(2.0 * t), 1.0]])
 
-    return MocapServer(truth, ViconEncoder(MARKERS), np.random.default_rng(1), timing or Timing(rate=rate))
+    return MocapServer(truth, ViconEncoder(MARKERS), np.random.default_rng(1), timing or StreamTiming(rate=rate))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from fidim_lab.identification.random_plan import random_plan
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def simulated(
 
         plan: Plan = random_plan(robot, f"seed-{seed}", equilibria, validation, 100 * seed + attempt, trial=works)
         rng = np.random.default_rng([seed, attempt, 1])
-        campaign, truth = simulate_campaign(robot, plan, world, rng, noise, Recording(), platform=plant)
+        campaign, truth = simulate_campaign(robot, plan, world, rng, noise, Sampling(), platform=plant)
         if not truth["slack"]:
             return Known(campaign, world.body)
     raise SystemExit(f"seed {seed}: a cable goes slack in every draw")

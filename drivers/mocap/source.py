@@ -17,7 +17,7 @@ from drivers.mocap.clock_fit import FrameClock
 from drivers.mocap.decoders.decoder import Decoder, Malformed
 from drivers.mocap.feeds import ByteFeed
 from drivers.mocap.sequence import Sequencer
-from drivers.mocap.subscription import Broadcast
+from drivers.mocap.subscription import FrameBroadcast
 from drivers.ports import Clock, MarkerFrame
 from fidim_lab.errors import DeviceError, FidimError, HardwareError, OurBugError
 
@@ -56,7 +56,7 @@ class StreamMarkerSource:
         self._clock = clock
         self._silence = silence
         self._sequencer = Sequencer(window=window, modulus=decoder.modulus)
-        self._readers = Broadcast(queue)
+        self._readers = FrameBroadcast(queue)
         self._tasks: tuple[asyncio.Task[None], ...] = ()
         self._latest: MarkerFrame | None = None
         self._last_arrival = 0.0

@@ -1,4 +1,4 @@
-"""Handing frames to several readers, each at its own pace: `Broadcast` writes, a `Subscription` is read."""
+"""Handing frames to several readers, each at its own pace: `FrameBroadcast` writes, a `Subscription` is read."""
 
 import weakref
 
@@ -49,7 +49,7 @@ class Subscription:
         self._mailbox.close()
 
 
-class Broadcast:
+class FrameBroadcast:
     """All present subscriptions. It holds them weakly: a reader that is gone costs nothing and fills nothing."""
 
     def __init__(self, limit: int) -> None:

@@ -46,22 +46,22 @@ class Payload:
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownBody:
     """Nine parameters and how well they are known."""
 
     values: Float[np.ndarray, "9"]
     covariance: Float[np.ndarray, "9 9"]
 
     @staticmethod
-    def of(result: IdentificationResult) -> "Known":
+    def of(result: IdentificationResult) -> "KnownBody":
         """From a result: its covariance, widened where the spread between windows is larger than the nominal sd."""
         parameters = result.parameters.values()
         wider = np.array([max(1.0, (p.spread or 0.0) / p.sd) if p.sd > 0 else 1.0 for p in parameters])
-        return Known(result.body.vector, result.covariance * np.outer(wider, wider))
+        return KnownBody(result.body.vector, result.covariance * np.outer(wider, wider))
 
 
 @dataclass(frozen=True)
-class Estimate:
+class MassEstimate:
     """A mass with its uncertainty, kg."""
 
     value: float
@@ -72,11 +72,11 @@ class Estimate:
 class MassResult:
     """The platform's mass and what supports it."""
 
-    mass: Estimate
+    mass: MassEstimate
     """from the centre of mass, all three components (Eq. 24); the sd is widened by √(χ²/dof) where that is over 1"""
-    components: dict[str, Estimate | None]
+    components: dict[str, MassEstimate | None]
     """x, y, z of Eq. 24 alone; None where the payload lies as good as in line with the centre of mass"""
-    with_inertia: Estimate | None
+    with_inertia: MassEstimate | None
     """the same with the inertia of a point added; None where that finds no mass"""
     chi2: float
     dof: int
@@ -113,7 +113,7 @@ def refuse_other_geometry(empty: Robot, loaded: Robot) -> None:
             raise SetupError(f"The two campaigns have different robots: {name} differs by {off:.3g}.")
 
 
-def find_mass(empty: Known, loaded: Known, payload: Payload) -> MassResult:
+def find_mass(empty: KnownBody, loaded: KnownBody, payload: Payload) -> MassResult:
     """The platform's mass (kg) from the bodies identified without and with the payload.
 
     Raises RefusedError where the payload lies too near the centre of mass to show anything, or where the centre of mass
@@ -123,7 +123,7 @@ def find_mass(empty: Known, loaded: Known, payload: Payload) -> MassResult:
     start = _start(empty, loaded, payload)
     mass, misfit = _fit(empty, loaded, payload, start, 3)
     dof = 2
-    widened = Estimate(mass.value, mass.sd * float(np.sqrt(max(1.0, misfit / dof))))
+    widened = MassEstimate(mass.value, mass.sd * float(np.sqrt(max(1.0, misfit / dof))))
     if not mass.value > 0 or not mass.sd < MOST_UNCERTAIN * mass.value:
         raise RefusedError(
             _nothing(empty, loaded, payload), hint="Put it farther from the centre of mass, or add more."
@@ -136,7 +136,7 @@ def find_mass(empty: Known, loaded: Known, payload: Payload) -> MassResult:
     return MassResult(widened, components, with_inertia, misfit, dof, float(chi2.sf(misfit, dof)), shift)
 
 
-def _start(empty: Known, loaded: Known, payload: Payload) -> float:
+def _start(empty: KnownBody, loaded: KnownBody, payload: Payload) -> float:
     """Eq. 24 by plain least squares, all components alike. Raises RefusedError where it has no positive answer."""
     d, q = loaded.values[:3] - empty.values[:3], payload.mass * (payload.at - loaded.values[:3])
     spread = np.sqrt(np.trace(empty.covariance[:3, :3] + loaded.covariance[:3, :3]))
@@ -153,7 +153,7 @@ def _start(empty: Known, loaded: Known, payload: Payload) -> float:
     return float(d @ q / (d @ d))
 
 
-def _nothing(empty: Known, loaded: Known, payload: Payload) -> str:
+def _nothing(empty: KnownBody, loaded: KnownBody, payload: Payload) -> str:
     lever = float(np.linalg.norm(payload.at - empty.values[:3]))
     moved = float(np.linalg.norm(loaded.values[:3] - empty.values[:3]))
     spread = float(np.sqrt(np.trace(empty.covariance[:3, :3] + loaded.covariance[:3, :3])))
@@ -163,7 +163,7 @@ def _nothing(empty: Known, loaded: Known, payload: Payload) -> str:
     )
 
 
-def _fit(empty: Known, loaded: Known, payload: Payload, start: float, used: int) -> tuple[Estimate, float]:
+def _fit(empty: KnownBody, loaded: KnownBody, payload: Payload, start: float, used: int) -> tuple[MassEstimate, float]:
     """The mass and χ² from the first `used` parameters (3: centre of mass, 9: inertia of a point too)."""
     C_a, C_b = empty.covariance[:used, :used], loaded.covariance[:used, :used]
     mass = start
@@ -187,7 +187,7 @@ def _fit(empty: Known, loaded: Known, payload: Payload, start: float, used: int)
     # The covariance through QR: JᵀJ would square a condition that is large already.
     R = np.linalg.qr(np.asarray(found.jac)).R
     sd = start * float(np.linalg.norm(np.linalg.inv(R)[used]))
-    return Estimate(mass, sd), 2.0 * float(found.cost)
+    return MassEstimate(mass, sd), 2.0 * float(found.cost)
 
 
 def _loaded(body: np.ndarray, mass: float, added: float, at: Vector3) -> np.ndarray:
@@ -216,7 +216,7 @@ def _by_payload(body: np.ndarray, mass: float, payload: Payload) -> Float[np.nda
     return np.stack(columns, axis=1)
 
 
-def _component(empty: Known, loaded: Known, payload: Payload, mass: float, k: int) -> Estimate | None:
+def _component(empty: KnownBody, loaded: KnownBody, payload: Payload, mass: float, k: int) -> MassEstimate | None:
     """One row of Eq. 24: m = Δm (p − s_L)/(s_L − s), its sd from m (s_L − s) − Δm (p − s_L) = 0."""
     d = loaded.values[k] - empty.values[k]
     both = mass + payload.mass
@@ -226,7 +226,7 @@ def _component(empty: Known, loaded: Known, payload: Payload, mass: float, k: in
     sd = both * float(np.sqrt(variance))
     if not abs(d) > 0 or sd > abs(d) * mass:
         return None
-    return Estimate(float(payload.mass * (payload.at[k] - loaded.values[k]) / d), float(sd / abs(d)))
+    return MassEstimate(float(payload.mass * (payload.at[k] - loaded.values[k]) / d), float(sd / abs(d)))
 
 
 def _inverse_root(covariance: np.ndarray) -> np.ndarray:

@@ -59,7 +59,7 @@ def _align(lab: Lab) -> Steps:
 
 
 @dataclass(frozen=True)
-class Entry:
+class Listed:
     """One procedure."""
 
     says: str
@@ -74,37 +74,37 @@ class Entry:
     """roles of which the plan must have a window"""
 
 
-CATALOGUE: Mapping[str, Entry] = MappingProxyType(
+CATALOGUE: Mapping[str, Listed] = MappingProxyType(
     {
-        "identify": Entry("free motion about each equilibrium of the plan, recorded and judged", _identify),
-        "excite": Entry("the same without a hand: the winches excite, calm and travel gently", _excite, alone=True),
-        "cross-validate": Entry(
+        "identify": Listed("free motion about each equilibrium of the plan, recorded and judged", _identify),
+        "excite": Listed("the same without a hand: the winches excite, calm and travel gently", _excite, alone=True),
+        "cross-validate": Listed(
             f"the same, for windows that no fit will see (the paper has {CROSS_VALIDATION})",
             _identify,
             Role.VALIDATE,
         ),
-        "payload-mass": Entry(
+        "payload-mass": Listed(
             "the same with a known payload mounted: identify EMPTY --payload THIS finds the mass",
             _identify,
             Role.IDENTIFY,
         ),
-        "home": Entry("the encoders' zeros, at a known or measured pose, without power", _home),
-        "commission": Entry("every stop of every winch, proven by trial without load (fidim commission)", _commission),
-        "align": Entry("how late motion capture is against the encoders, by a jog up and down", _align, alone=True),
-        "compare": Entry(
+        "home": Listed("the encoders' zeros, at a known or measured pose, without power", _home),
+        "commission": Listed("every stop of every winch, proven by trial without load (fidim commission)", _commission),
+        "align": Listed("how late motion capture is against the encoders, by a jog up and down", _align, alone=True),
+        "compare": Listed(
             "record the plan, explain it, record where it tells most: until the verdict is clear",
             compare,
             further=compare,
             needs=(Role.IDENTIFY, Role.VALIDATE),
         ),
-        "compare-by-winches": Entry(
+        "compare-by-winches": Listed(
             "compare without a hand, excited as by excite",
             compare_by_winches,
             further=compare_by_winches,
             alone=True,
             needs=(Role.IDENTIFY, Role.VALIDATE),
         ),
-        "tension-check": Entry("every tension at rest at each equilibrium against its limits", _tension_check),
+        "tension-check": Listed("every tension at rest at each equilibrium against its limits", _tension_check),
     }
 )
 
@@ -149,9 +149,9 @@ def _further(make: Callable[[Lab, AbstractSet[str]], Steps], done: AbstractSet[s
     return make(lab, done)
 
 
-def _entry(name: str) -> Entry:
+def _entry(name: str) -> Listed:
     if name.endswith(".py"):
-        return Entry("a procedure of your own", own_procedure(Path(name)))
+        return Listed("a procedure of your own", own_procedure(Path(name)))
     if name not in CATALOGUE:
         known = ", ".join(CATALOGUE)
         raise SetupError(f"Procedure {name!r}: there is none of this name; there are {known}, or a Python file.")

@@ -3,7 +3,7 @@
 from sim_backends.drive.axis.axis import MODES, Axis
 from sim_backends.drive.axis.make import PROFILE, Make
 from sim_backends.drive.axis.other_modes import HOME_HERE
-from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.abort import AbortCode
 from sim_backends.drive.objects.dictionary import Dictionary, Guard
 from sim_backends.drive.objects.emergency import ErrorLog
 
@@ -34,7 +34,7 @@ def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog, make: Make = P
     dictionary.attach(0x6074, source=feedback.current)
     dictionary.attach(0x6077, source=feedback.current)
     dictionary.attach(0x6078, source=feedback.current)
-    if (own := make.load) is not None and not isinstance(spec := dictionary.find(own.index, own.sub), Abort):
+    if (own := make.load) is not None and not isinstance(spec := dictionary.find(own.index, own.sub), AbortCode):
         bits = 8 * (spec.size or 4)
         dictionary.attach(own.index, own.sub, source=lambda: feedback.vendor_current(own.ampere, bits))
     dictionary.attach(0x60F4, source=feedback.lag)
@@ -45,20 +45,22 @@ def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog, make: Make = P
     for target in (0x6071, 0x607A, 0x60FF):
         dictionary.attach(target, watcher=lambda _subindex, _value: axis.new_target())
     dictionary.attach(0x1003, guard=_only_zero, watcher=lambda _subindex, _value: errors.clear_history())
-    dictionary.attach(0x1005, guard=lambda _subindex, value: None if value == 0x80 else Abort.VALUE)
+    dictionary.attach(0x1005, guard=lambda _subindex, value: None if value == 0x80 else AbortCode.VALUE)
     dictionary.attach(0x1014, guard=_keeps_id(dictionary, 0x1014))
     for index, allowed in _OPTIONS.items():
         dictionary.attach(index, guard=_one_of(allowed))
 
 
-def _only_zero(_subindex: int, value: int) -> Abort | None:
-    return Abort.VALUE if value else None
+def _only_zero(_subindex: int, value: int) -> AbortCode | None:
+    return AbortCode.VALUE if value else None
 
 
 def _one_of(allowed: tuple[int, ...]) -> Guard:
-    return lambda _subindex, value: None if value in allowed else Abort.VALUE
+    return lambda _subindex, value: None if value in allowed else AbortCode.VALUE
 
 
 def _keeps_id(dictionary: Dictionary, index: int) -> Guard:
     """Only bit 31 (off) may change."""
-    return lambda _subindex, value: None if value & 0x7FFFFFFF == dictionary.number(index) & 0x7FFFFFFF else Abort.VALUE
+    return lambda _subindex, value: (
+        None if value & 0x7FFFFFFF == dictionary.number(index) & 0x7FFFFFFF else AbortCode.VALUE
+    )

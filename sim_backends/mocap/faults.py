@@ -72,7 +72,7 @@ class Faults:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class BytesOnTheWay:
     """Bytes on their way to the host."""
 
     due: float
@@ -92,10 +92,10 @@ class Damage:
         self._is_stream = is_stream
         self.done: Counter[str] = Counter()
 
-    def apply(self, due: float, packet: bytes) -> list[Piece]:
+    def apply(self, due: float, packet: bytes) -> list[BytesOnTheWay]:
         """What arrives of a packet that would arrive at `due` (host s)."""
         if not self._chances.any():
-            return [Piece(due, packet)]
+            return [BytesOnTheWay(due, packet)]
         lost, doubled, overtaken, torn, garbled = (self._rng.random(5) < self._chances).tolist()
         if lost:
             self.done["lost"] += 1
@@ -109,12 +109,12 @@ class Damage:
         if torn:
             self.done["torn"] += 1
             cut = int(self._rng.integers(1, len(packet)))
-            head, tail = Piece(due, packet[:cut]), Piece(due, packet[cut:])
+            head, tail = BytesOnTheWay(due, packet[:cut]), BytesOnTheWay(due, packet[cut:])
             return [head, tail] if self._is_stream else [head]
         if doubled:
             self.done["doubled"] += 1
-            return [Piece(due, packet), Piece(due + 0.1 * self._period, packet)]
-        return [Piece(due, packet)]
+            return [BytesOnTheWay(due, packet), BytesOnTheWay(due + 0.1 * self._period, packet)]
+        return [BytesOnTheWay(due, packet)]
 
     def _garble(self, packet: bytes) -> bytes:
         damaged = bytearray(packet)

@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.ports import Clock
 from sim_backends.mocap.encoders import Encoder
-from sim_backends.mocap.faults import STRAY_COUNT, STRAY_PLACE, Damage, Faults, Piece
+from sim_backends.mocap.faults import STRAY_COUNT, STRAY_PLACE, BytesOnTheWay, Damage, Faults
 
 Truth = Callable[[float], Sequence[Sequence[float]] | np.ndarray]
 """True marker positions (M, 3), motion-capture frame, m, at a host time in s; asked once for each frame, in order"""
@@ -18,7 +18,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Timing:
+class StreamTiming:
     """When frames are taken and when they arrive."""
 
     rate: float = 200.0
@@ -52,7 +52,7 @@ class MocapServer:
     truth: Truth
     encoder: Encoder
     rng: np.random.Generator
-    timing: Timing = field(default_factory=Timing)
+    timing: StreamTiming = field(default_factory=StreamTiming)
     noise: float = 1e-4
     """m, one standard deviation of each coordinate"""
     faults: Faults = field(default_factory=Faults)
@@ -64,7 +64,7 @@ class MocapServer:
         self._last_due = 0.0
         self._frozen: dict[int, tuple[float, float, float]] = {}
 
-    def expose(self, index: int, start: float) -> list[Piece]:
+    def expose(self, index: int, start: float) -> list[BytesOnTheWay]:
         """Take frame `index` (0, 1, …) of a stream that began at host time `start`: the pieces that will arrive."""
         since = index * self.timing.period
         measured = self.measure(since, start + since)
@@ -75,7 +75,7 @@ class MocapServer:
         pieces = self.damage.apply(due, self.encoder.encode(number, measured))
         if any(since in stray for stray in self.faults.strays):
             old = [None if place is None else (place[0] + STRAY_PLACE, *place[1:]) for place in measured]
-            pieces.append(Piece(due, self.encoder.encode(number + STRAY_COUNT, old)))
+            pieces.append(BytesOnTheWay(due, self.encoder.encode(number + STRAY_COUNT, old)))
         return pieces
 
     def measure(self, since: float, t: float) -> list[tuple[float, float, float] | None]:

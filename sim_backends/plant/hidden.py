@@ -26,7 +26,7 @@ import numpy as np
 from fidim_lab.arrays import Vector3
 from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.errors import SetupError
-from sim_backends.plant.kinds import Key, Kind, xyz
+from sim_backends.plant.kinds import HiddenKind, Key, xyz
 from sim_backends.plant.outside import OUTSIDE
 from sim_backends.plant.session_kinds import SESSION
 
@@ -69,23 +69,23 @@ _ABOUT = {
 }
 _OSCILLATION = {"f": Key(1.1, "Hz", "frequency"), "psi": Key(0.0, "rad", "phase")}
 
-CATALOGUE: Mapping[str, Kind] = {
-    "air-drag-linear": Kind({"c": Key(0.5, "N s/m", "drag at the centre of mass")}),
-    "air-drag-quadratic": Kind({"c": Key(1.0, "N s²/m²", "drag at the centre of mass")}),
-    "rotational-drag": Kind({"c": Key(0.04, "N m s", "drag of the rotation")}),
-    "swivel-friction": Kind({"c": Key(0.007, "N m", "dry torque about each swivel axis", low=0.0)}),
-    "swivel-damping": Kind({"c": Key(0.02, "N m s", "damping about each swivel axis")}),
-    "swivel-inertia": Kind({"J": Key(0.01, "kg m²", "inertia about each swivel axis")}),
-    "pulley-friction": Kind(
+CATALOGUE: Mapping[str, HiddenKind] = {
+    "air-drag-linear": HiddenKind({"c": Key(0.5, "N s/m", "drag at the centre of mass")}),
+    "air-drag-quadratic": HiddenKind({"c": Key(1.0, "N s²/m²", "drag at the centre of mass")}),
+    "rotational-drag": HiddenKind({"c": Key(0.04, "N m s", "drag of the rotation")}),
+    "swivel-friction": HiddenKind({"c": Key(0.007, "N m", "dry torque about each swivel axis", low=0.0)}),
+    "swivel-damping": HiddenKind({"c": Key(0.02, "N m s", "damping about each swivel axis")}),
+    "swivel-inertia": HiddenKind({"J": Key(0.01, "kg m²", "inertia about each swivel axis")}),
+    "pulley-friction": HiddenKind(
         {
             "viscous": Key(0.02, "N m s", "against the wrap rate"),
             "dry": Key(0.01, "N m", "against the wrap rate", low=0.0),
         }
     ),
-    "attachment-friction": Kind(
+    "attachment-friction": HiddenKind(
         {"viscous": Key(0.01, "N m s", "at each attachment"), "dry": Key(0.01, "N m", "at each attachment", low=0.0)}
     ),
-    "cable-elasticity": Kind(
+    "cable-elasticity": HiddenKind(
         {
             "EA": Key(2e5, "N", "stretch is ρ τ/EA", low=0.0),
             "k": Key(0.0, "N/m", "stiffness of a cable whatever its length, instead of EA where not 0", low=0.0),
@@ -93,26 +93,32 @@ CATALOGUE: Mapping[str, Kind] = {
         },
         any_cable=True,
     ),
-    "winch-hold-compliance": Kind(
+    "winch-hold-compliance": HiddenKind(
         {"k": Key(1e5, "N/m", "of the held winch", low=0.0), "c": Key(40.0, "N s/m", "damping of the held winch")},
         one_cable=True,
     ),
-    "cable-creep": Kind(
+    "cable-creep": HiddenKind(
         {"delta": Key(0.003, "m", "final creep"), "T": Key(5.0, "s", "time constant", low=0.0)}, one_cable=True
     ),
-    "cable-mass": Kind({"mu": Key(0.02, "kg/m", "linear density")}),
-    "anchor-offset": Kind(xyz("d", (0.005, -0.004, 0.003), "m", "true minus stated entry point"), one_cable=True),
-    "attachment-offset": Kind(xyz("d", (0.003, -0.002, 0.002), "m", "true minus stated attachment"), one_cable=True),
-    "pulley-radius": Kind({"dr": Key(0.002, "m", "true minus stated radius")}),
-    "cable-length-bias": Kind({"bias": Key(0.005, "m", "encoder reading minus true length")}, one_cable=True),
-    "gravity-tilt": Kind({key: _ABOUT[key] for key in ("rx", "ry")}),
-    "marker-offset": Kind(xyz("d", (0.004, -0.003, 0.002), "m", "true minus stated place of the main marker")),
-    "frame-misalignment": Kind({**_ABOUT, **xyz("d", (0.002, -0.002, 0.001), "m", "shift of the measured points")}),
-    "clock-rate": Kind({"rate": Key(1e-3, "1", "the cameras' clock runs faster by this ratio")}),
-    "time-offset": Kind({"offset": Key(0.01, "s", "the cameras see the platform later than their stamp says")}),
-    "periodic-force": Kind({**xyz("a", (0.1, 0.4, 0.05), "N", "amplitude at the centre of mass"), **_OSCILLATION}),
-    "constant-force": Kind(xyz("f", (0.3, -0.4, 0.0), "N", "at the centre of mass")),
-    "umbilical": Kind(
+    "cable-mass": HiddenKind({"mu": Key(0.02, "kg/m", "linear density")}),
+    "anchor-offset": HiddenKind(xyz("d", (0.005, -0.004, 0.003), "m", "true minus stated entry point"), one_cable=True),
+    "attachment-offset": HiddenKind(
+        xyz("d", (0.003, -0.002, 0.002), "m", "true minus stated attachment"), one_cable=True
+    ),
+    "pulley-radius": HiddenKind({"dr": Key(0.002, "m", "true minus stated radius")}),
+    "cable-length-bias": HiddenKind({"bias": Key(0.005, "m", "encoder reading minus true length")}, one_cable=True),
+    "gravity-tilt": HiddenKind({key: _ABOUT[key] for key in ("rx", "ry")}),
+    "marker-offset": HiddenKind(xyz("d", (0.004, -0.003, 0.002), "m", "true minus stated place of the main marker")),
+    "frame-misalignment": HiddenKind(
+        {**_ABOUT, **xyz("d", (0.002, -0.002, 0.001), "m", "shift of the measured points")}
+    ),
+    "clock-rate": HiddenKind({"rate": Key(1e-3, "1", "the cameras' clock runs faster by this ratio")}),
+    "time-offset": HiddenKind({"offset": Key(0.01, "s", "the cameras see the platform later than their stamp says")}),
+    "periodic-force": HiddenKind(
+        {**xyz("a", (0.1, 0.4, 0.05), "N", "amplitude at the centre of mass"), **_OSCILLATION}
+    ),
+    "constant-force": HiddenKind(xyz("f", (0.3, -0.4, 0.0), "N", "at the centre of mass")),
+    "umbilical": HiddenKind(
         {
             "k": Key(4.0, "N/m", "spring", low=0.0),
             "c": Key(0.3, "N s/m", "damper"),
@@ -121,7 +127,7 @@ CATALOGUE: Mapping[str, Kind] = {
             **xyz("b", (0.0, 0.0, 0.0), "m", "platform's end, body frame"),
         }
     ),
-    "loose-mass": Kind(
+    "loose-mass": HiddenKind(
         {
             "m": Key(0.3, "kg", "loose mass"),
             "f": Key(2.6, "Hz", "its frequency on the held platform"),
@@ -129,8 +135,8 @@ CATALOGUE: Mapping[str, Kind] = {
             **xyz("b", (0.0, 0.0, 0.15), "m", "where it is held, body frame"),
         }
     ),
-    "frame-sway": Kind({**xyz("a", (1e-3, 5e-4, 0.0), "m", "amplitude"), **_OSCILLATION}),
-    "hand-contact": Kind(
+    "frame-sway": HiddenKind({**xyz("a", (1e-3, 5e-4, 0.0), "m", "amplitude"), **_OSCILLATION}),
+    "hand-contact": HiddenKind(
         {
             **xyz("f", (1.0, -1.5, 0.0), "N", "largest force"),
             "start": Key(3.0, "s", "from the start of the window"),
@@ -138,7 +144,7 @@ CATALOGUE: Mapping[str, Kind] = {
             "window": Key(0.0, "1", "number of the window in the order of recording; 0: all"),
         }
     ),
-    "sensor-fault": Kind(
+    "sensor-fault": HiddenKind(
         {
             "outliers": Key(0.01, "1", "share of marker samples that are off", low=0.0, high=1.0),
             "size": Key(0.01, "m", "standard deviation of an outlier", low=0.0),
@@ -146,7 +152,7 @@ CATALOGUE: Mapping[str, Kind] = {
             "jump": Key(0.0, "m", "step of the main marker's x in the middle of a window"),
         }
     ),
-    "unknown": Kind(
+    "unknown": HiddenKind(
         {
             "k": Key(-2.0, "N", "force of the field: k r/w exp(-r²/2w²)"),
             **xyz("", (-0.08, -0.07, -0.7), "m", "its middle, from the middle of the entry points"),
@@ -155,7 +161,7 @@ CATALOGUE: Mapping[str, Kind] = {
     ),
 }
 
-KNOWN: Mapping[str, Kind] = {**CATALOGUE, **SESSION, **OUTSIDE}
+KNOWN: Mapping[str, HiddenKind] = {**CATALOGUE, **SESSION, **OUTSIDE}
 """all that can be hidden"""
 
 
@@ -177,7 +183,7 @@ def parse_effect(text: str, cables: int) -> HiddenEffect:
     return HiddenEffect(name.strip(), cable, tuple(values.items()))
 
 
-def _pair(text: str, part: str, kind: Kind) -> tuple[str, float]:
+def _pair(text: str, part: str, kind: HiddenKind) -> tuple[str, float]:
     key, equals, value = (piece.strip() for piece in part.partition("="))
     known = [*(["cable"] if kind.one_cable or kind.any_cable else []), *kind.keys]
     if not equals or key not in known:
@@ -196,7 +202,7 @@ def _pair(text: str, part: str, kind: Kind) -> tuple[str, float]:
     return key, number
 
 
-def _cable(text: str, given: float | None, kind: Kind, cables: int) -> int | None:
+def _cable(text: str, given: float | None, kind: HiddenKind, cables: int) -> int | None:
     if given is None:
         return 1 if kind.one_cable else None
     if given not in range(1, cables + 1):

@@ -26,7 +26,7 @@ class Key:
 
 
 @dataclass(frozen=True)
-class Kind:
+class HiddenKind:
     """What an effect may be given: its keys, and whether it belongs to one cable."""
 
     keys: Mapping[str, Key]

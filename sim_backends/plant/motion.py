@@ -104,7 +104,7 @@ class Compiled:
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class DrumMotion:
     """What moves the platform during a run: values at its start."""
 
     lengths: PerCable
@@ -120,7 +120,7 @@ class Drive:
     """number of the window"""
 
 
-class Motion:
+class PlatformMotion:
     """State, time and pulling cables of one platform."""
 
     def __init__(self, world: World) -> None:
@@ -135,7 +135,7 @@ class Motion:
         self.history: deque[tuple[float, np.ndarray]] = deque(maxlen=REMEMBERED)
         """the last states, oldest first, the present one included"""
 
-    def start(self, x: np.ndarray, t: float, drive: Drive) -> None:
+    def start(self, x: np.ndarray, t: float, drive: DrumMotion) -> None:
         """Begin at a state with every cable taut; the twist is made to agree with the lengths' rates.
 
         Raises:
@@ -151,21 +151,21 @@ class Motion:
         self.history.clear()
         self.history.append((t, self.x))
 
-    def tensions_now(self, drive: Drive) -> PerCable:
+    def tensions_now(self, drive: DrumMotion) -> PerCable:
         """Tensions at the present state, N."""
         function = self._functions.derivative
         self._fill(function, drive, drive.lengths, drive.rates)
         function()
         return function.outputs[1].copy()
 
-    def energy_now(self, drive: Drive) -> float:
+    def energy_now(self, drive: DrumMotion) -> float:
         """Kinetic and potential energy of the present state, J."""
         function = self._functions.energy
         self._fill(function, drive, drive.lengths, drive.rates)
         function()
         return function.outputs[0].item()
 
-    def run(self, t_end: float, drive: Drive) -> None:
+    def run(self, t_end: float, drive: DrumMotion) -> None:
         """Let time pass until t_end (s).
 
         Raises:
@@ -191,7 +191,7 @@ class Motion:
         self.t = t_end
         self._note_slack()
 
-    def _try(self, step: Buffered, begin: float, h: float, drive: Drive) -> bool:
+    def _try(self, step: Buffered, begin: float, h: float, drive: DrumMotion) -> bool:
         """Compute a step; True where in it a cable pushed, or a slack one got too long."""
         elapsed = self.t - begin
         rates = drive.rates + drive.accelerations * elapsed
@@ -207,7 +207,7 @@ class Motion:
         too_long = (beyond > SLACKENING) & (faster > SLACKENING)
         return bool(pushing.any() or too_long[self._rigid][~active].any())
 
-    def _locate(self, step: Buffered, begin: float, h: float, drive: Drive) -> float:
+    def _locate(self, step: Buffered, begin: float, h: float, drive: DrumMotion) -> float:
         """The part of a broken step up to which nothing breaks, s."""
         good, bad = 0.0, h
         for _ in range(BISECTIONS):
@@ -228,7 +228,7 @@ class Motion:
         if self.active.min() < 1.0 or self.tensions.min() <= 0.0:
             self._note_slack()
 
-    def _switch(self, drive: Drive) -> None:
+    def _switch(self, drive: DrumMotion) -> None:
         """Decide anew which cables pull, after an inelastic impact where one has just become taut."""
         spread, condensed, _, too_fast, beyond = self._touch(drive)
         touching = beyond > -10 * SLACKENING
@@ -242,7 +242,7 @@ class Motion:
         self.active[self._rigid] = pulling
         self._note_slack()
 
-    def _touch(self, drive: Drive) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _touch(self, drive: DrumMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """What `dynamics.contact` says of the present state."""
         m, function = len(self._rigid), self._functions.contact
         self._fill(function, drive, drive.lengths, drive.rates)
@@ -253,7 +253,7 @@ class Motion:
         # CasADi counts by columns; `condensed` is symmetric.
         return spread.reshape(m, 6).T, condensed.reshape(m, m), excess, too_fast, beyond
 
-    def _fill(self, function: Buffered, drive: Drive, lengths: PerCable, rates: PerCable) -> None:
+    def _fill(self, function: Buffered, drive: DrumMotion, lengths: PerCable, rates: PerCable) -> None:
         x, now, *rest = function.inputs[:7]
         x[:] = self.x
         now[0], now[1], now[2] = self.t, self.t - drive.window_start, drive.window
@@ -280,10 +280,10 @@ def _singular(t: float) -> InfeasibleError:
     )
 
 
-def _later(drive: Drive, elapsed: float) -> Drive:
+def _later(drive: DrumMotion, elapsed: float) -> DrumMotion:
     """The same drive as seen `elapsed` seconds later."""
     rates = drive.rates + drive.accelerations * elapsed
-    return Drive(
+    return DrumMotion(
         lengths=drive.lengths + (drive.rates + rates) / 2 * elapsed,
         rates=rates,
         accelerations=drive.accelerations,

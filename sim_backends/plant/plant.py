@@ -14,7 +14,7 @@ from fidim_lab.data.records import Pose
 from fidim_lab.errors import OurBugError
 from sim_backends.plant.mechanics.kinematics import HAND_SIZE, LOOSE, POSE, TWIST, matrix_of, oscillation, pose_of, size
 from sim_backends.plant.mechanics.statics import Rest, Statics
-from sim_backends.plant.motion import NO_HAND, Drive, Motion, SlackInterval
+from sim_backends.plant.motion import NO_HAND, DrumMotion, PlatformMotion, SlackInterval
 from sim_backends.plant.paid_out import PaidOut
 from sim_backends.plant.seen import markers_at
 from sim_backends.plant.world import World
@@ -65,7 +65,7 @@ class Plant:
         self.world = world
         self.hand: HandLaw | None = None
         self._statics = Statics(world)
-        self._motion = Motion(world)
+        self._motion = PlatformMotion(world)
         self._paid_out = PaidOut(world)
         self._drums = np.zeros(world.n)
         self._window, self._window_start = 0, 0.0
@@ -195,9 +195,9 @@ class Plant:
         none = np.zeros(self.world.n)
         return self._motion.energy_now(self._drive(self.t, none, none))
 
-    def _drive(self, t: float, rates: PerCable, accelerations: PerCable) -> Drive:
+    def _drive(self, t: float, rates: PerCable, accelerations: PerCable) -> DrumMotion:
         true_rates, true_accelerations = self._paid_out.true_motion(self._drums, rates, accelerations)
-        return Drive(
+        return DrumMotion(
             lengths=self._paid_out.true(self._drums),
             rates=true_rates,
             accelerations=true_accelerations,

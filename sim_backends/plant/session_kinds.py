@@ -8,20 +8,20 @@ camera-drift    the frame of the motion capture moves at a steady rate (`sensors
 
 from collections.abc import Mapping
 
-from sim_backends.plant.kinds import Key, Kind, xyz
+from sim_backends.plant.kinds import HiddenKind, Key, xyz
 
-SESSION: Mapping[str, Kind] = {
-    "length-drift": Kind({"rate": Key(3e-3, "m/h", "by which cables grow")}, any_cable=True),
-    "length-step": Kind(
+SESSION: Mapping[str, HiddenKind] = {
+    "length-drift": HiddenKind({"rate": Key(3e-3, "m/h", "by which cables grow")}, any_cable=True),
+    "length-step": HiddenKind(
         {"by": Key(5e-4, "m", "by which the cable is longer"), "at": Key(330.0, "s", "of the session", low=0.0)},
         one_cable=True,
     ),
-    "length-scatter": Kind(
+    "length-scatter": HiddenKind(
         {
             "size": Key(2e-4, "m", "amplitude of a cable's length over one turn of its drum"),
             "radius": Key(0.05, "m", "of the drum", low=1e-3),
         },
         any_cable=True,
     ),
-    "camera-drift": Kind(xyz("", (2e-3, 0.0, -1e-3), "m/h", "by which measured points move")),
+    "camera-drift": HiddenKind(xyz("", (2e-3, 0.0, -1e-3), "m/h", "by which measured points move")),
 }

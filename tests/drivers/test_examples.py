@@ -8,7 +8,7 @@ import numpy as np
 from drivers.clock import LoopClock
 from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import ViconEncoder
-from sim_backends.mocap.server import MocapServer, ServerFeed, Timing
+from sim_backends.mocap.server import MocapServer, ServerFeed, StreamTiming
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "python"
 PLACE = (1.25, -0.5, -0.75)
@@ -20,7 +20,11 @@ def test_a_marker_source_by_itself() -> None:
     async def main() -> np.ndarray:
         clock = LoopClock()
         server = MocapServer(
-            lambda t: np.array([PLACE]), ViconEncoder(["marker1"]), np.random.default_rng(0), Timing(100.0), noise=1e-6
+            lambda t: np.array([PLACE]),
+            ViconEncoder(["marker1"]),
+            np.random.default_rng(0),
+            StreamTiming(100.0),
+            noise=1e-6,
         )
         return await example["watch"](ServerFeed(server, clock), "marker1")
 

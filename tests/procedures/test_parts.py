@@ -9,7 +9,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.ports import Prompt, PromptKind
 from fidim_lab.errors import OurBugError, SetupError
-from procedures.events import Mailbox, Prompted, Publisher
+from procedures.events import Prompted, Publisher
 from procedures.operators import ConsoleOperator, ScriptedOperator
 from procedures.outcomes import Measurement, Outcome, worst
 from procedures.protocols.identify import identify
@@ -83,18 +83,6 @@ def test_time_left_falls_with_each_planned_step_and_is_whole_at_the_first(lab, i
 
 
 PROMPT = Prompt(PromptKind.CONFIRM, "Go on?")
-
-
-def test_a_mailbox_forgets_the_oldest_and_never_waits():
-    async def main():
-        box = Mailbox(capacity=3)
-        publish = Publisher([box])
-        for t in range(5):
-            publish(Prompted(float(t), "i01", PROMPT))
-        assert box.lost == 2
-        return [(await anext(box)).t for _ in range(3)]
-
-    assert run(main()) == [2.0, 3.0, 4.0]
 
 
 def test_a_listener_that_fails_is_told_the_rest_and_what_it_raised_is_kept_once():

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from drivers.cia402.dictionary import Load, Met, Proof, WinchConfig, read_family
+from drivers.cia402.dictionary import Load, Met, TrialPassed, WinchConfig, read_family
 from drivers.cia402.dictionary.family import FOLDER
 from drivers.cia402.dictionary.fitted import by_file, fitted
 from drivers.cia402.dictionary.requirements import REQUIREMENTS, Trial
@@ -25,7 +25,7 @@ from fidim_lab.data.eds import read_dictionary
 from fidim_lab.errors import DeviceError
 from sim_backends.drive.axis import DrumShaft
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.objects import Abort, read_eds
+from sim_backends.drive.objects import AbortCode, read_eds
 from sim_backends.drive.objects.eds import make_dictionary
 from sim_backends.in_process_bus import InProcessBus
 from sim_backends.jumping_loop import run
@@ -75,7 +75,7 @@ FIXED_PDOS = tuple(
     for number, rest in [(51, "V-EK-2"), (52, "V-EK-2"), (60, "B-EK-2"), (66, "B-EK-2"), (71, "A-EK-3")]
 )
 """Faulhaber's older firmware: no PDO carries its position; refused"""
-PROOFS = tuple(Proof(trial, 0, 0.02, 0.1, 1e-4, "A. Name", "2026-11-25T10:00:00") for trial in Trial)
+PROOFS = tuple(TrialPassed(trial, 0, 0.02, 0.1, 1e-4, "A. Name", "2026-11-25T10:00:00") for trial in Trial)
 
 
 def folder_of(shared: Path) -> Path:
@@ -231,7 +231,7 @@ def test_every_dictionary_is_read_graded_and_simulated(shared):
         found = read_dictionary(path, NODE)
         od = make_dictionary(found, NODE)
         able, grades = by_file(found.dictionary, winch_config(Make(path.name, "generic"), path))
-        if isinstance(od.find(0x6040), Abort):
+        if isinstance(od.find(0x6040), AbortCode):
             others += 1
             assert not able.has(0x6040), path.name
             continue
@@ -250,6 +250,6 @@ def test_what_the_drive_does_not_guard_the_area_is_smaller_for(shared):
     lexium, roboteq = MAKES["Lexium MDrive"], MAKES["Roboteq"]
     config = winch_config(lexium, file_of(lexium, shared), quick_stop_deceleration=2.0, proofs=())
     assert fitted(config).length_limits == pytest.approx((0.3225, 2.9775)), "0.3² / (2 · 2) m from each end"
-    weak = Proof(Trial.QUICK_STOP, 0, 0.02, 0.04, 4e-4)  # 0.5 m/s²
+    weak = TrialPassed(Trial.QUICK_STOP, 0, 0.02, 0.04, 4e-4)  # 0.5 m/s²
     needs = winch_config(roboteq, file_of(roboteq, shared), proofs=(weak,))
     assert fitted(needs).max_speed == pytest.approx(0.15), "a quarter of the deceleration, half the speed"

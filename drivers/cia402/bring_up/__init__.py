@@ -4,7 +4,7 @@ In: a master and configs. Out: drives as they were found, or a DeviceError.
 """
 
 from drivers.cia402.bring_up.bringup import HAS_POWER, graded
-from drivers.cia402.bring_up.inspection import Inspected, Standing, inspect
+from drivers.cia402.bring_up.inspection import InspectedObject, Standing, inspect
 from drivers.cia402.bring_up.takeover import NOT_TAKEN_OVER, refuse_other_master
 from drivers.cia402.bring_up.zero import MEANING, Zeroed
 
@@ -12,7 +12,7 @@ __all__ = [
     "HAS_POWER",
     "MEANING",
     "NOT_TAKEN_OVER",
-    "Inspected",
+    "InspectedObject",
     "Standing",
     "Zeroed",
     "graded",

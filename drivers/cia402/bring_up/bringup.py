@@ -14,7 +14,7 @@ from drivers.cia402.dictionary.abilities import used_pdos as used_pdos
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.grading import grade, refusals
 from drivers.cia402.dictionary.requirements import Graded
-from drivers.cia402.dictionary.settings import Check, Setting, identity, interpolation, limits
+from drivers.cia402.dictionary.settings import Setting, SettingCheck, identity, interpolation, limits
 from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.words import Mode, mode_name
 from drivers.cia402.watch.master import CanopenMaster
@@ -42,7 +42,7 @@ _COMMUNICATION = tuple(range(0x1400, 0x1404)) + tuple(range(0x1800, 0x1804))
 class BroughtUp:
     """What a bring-up found."""
 
-    checks: tuple[Check, ...]
+    checks: tuple[SettingCheck, ...]
     grades: tuple[Graded, ...]
 
 
@@ -110,7 +110,7 @@ def _eds_identity(link: NodeLink) -> tuple[int, int]:
     return link.sdo.default(0x1018, 1), link.sdo.default(0x1018, 2)
 
 
-def _refuse(config: WinchConfig, checks: Iterable[Check]) -> None:
+def _refuse(config: WinchConfig, checks: Iterable[SettingCheck]) -> None:
     wrong = [str(check) for check in checks if not check.ok]
     if wrong:
         raise DeviceError(
@@ -120,15 +120,15 @@ def _refuse(config: WinchConfig, checks: Iterable[Check]) -> None:
         )
 
 
-async def _apply(link: NodeLink, setting: Setting) -> Check:
+async def _apply(link: NodeLink, setting: Setting) -> SettingCheck:
     """Write where asked, read back, compare. A refusal by the drive is a failed check, no answer is an error."""
     try:
         if setting.write:
             await link.sdo.write(setting.index, setting.sub, setting.wanted)
         found = await link.sdo.read(setting.index, setting.sub)
     except SdoRefusedError as error:
-        return Check(setting.object, setting.meaning, setting.words, error.reason, ok=False)
-    return Check(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found))
+        return SettingCheck(setting.object, setting.meaning, setting.words, error.reason, ok=False)
+    return SettingCheck(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found))
 
 
 async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
@@ -161,7 +161,7 @@ async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig,
         raise DeviceError(config.device, f"{state.words} expected within {timeout:g} s, {found}.")
 
 
-async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[Check]:
+async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[SettingCheck]:
     used = {pdo.communication_index for pdo in pdos}
     checks = [
         await _switch_off(link, index) for index in _COMMUNICATION if index not in used and link.sdo.knows(index, 1)
@@ -172,13 +172,13 @@ async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[Check]:
                 await link.sdo.write(entry.index, entry.sub, entry.value)
         except SdoRefusedError as error:
             wanted = " + ".join(e.name for e in pdo.entries)
-            checks.append(Check(f"{pdo.mapping_index:04X}:0", "PDO mapping", wanted, error.reason, ok=False))
+            checks.append(SettingCheck(f"{pdo.mapping_index:04X}:0", "PDO mapping", wanted, error.reason, ok=False))
             continue
         checks += [await _compare(link, entry) for entry in mapping_expected(pdo, link.node_id)]
     return checks
 
 
-async def _switch_off(link: NodeLink, index: int) -> Check:
+async def _switch_off(link: NodeLink, index: int) -> SettingCheck:
     """A PDO that we do not use must not talk, nor take controlwords."""
     try:
         cob = await link.sdo.read(index, 1)
@@ -186,15 +186,15 @@ async def _switch_off(link: NodeLink, index: int) -> Check:
             await link.sdo.write(index, 1, cob | COB_OFF)
             cob = await link.sdo.read(index, 1)
     except SdoRefusedError as error:
-        return Check(f"{index:04X}:1", "unused PDO", "off", error.reason, ok=False)
-    return Check(f"{index:04X}:1", "unused PDO", "off", "off" if cob & COB_OFF else "on", ok=bool(cob & COB_OFF))
+        return SettingCheck(f"{index:04X}:1", "unused PDO", "off", error.reason, ok=False)
+    return SettingCheck(f"{index:04X}:1", "unused PDO", "off", "off" if cob & COB_OFF else "on", ok=bool(cob & COB_OFF))
 
 
-async def _compare(link: NodeLink, entry: ObjectValue) -> Check:
+async def _compare(link: NodeLink, entry: ObjectValue) -> SettingCheck:
     found = await link.sdo.read(entry.index, entry.sub)
     is_cob = entry.sub == 1 and entry.index in _COMMUNICATION
     compared = found & (COB_OFF | COB_MASK) if is_cob else found
-    return Check(
+    return SettingCheck(
         f"{entry.index:04X}:{entry.sub:X}",
         "PDO mapping",
         f"0x{entry.value:X}",
@@ -203,7 +203,7 @@ async def _compare(link: NodeLink, entry: ObjectValue) -> Check:
     )
 
 
-async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> Check:
+async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> SettingCheck:
     """Write 6060 and look at 6061: a drive may keep its old mode without a word.
 
     Some families display no mode (0) before they are enabled, and hold what they were told in 6060 until then:
@@ -223,7 +223,7 @@ async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfi
         name += " until it is enabled"
     elif found == Mode.NONE:
         name += ", of a drive that its family does not say to show it only when enabled (mode_shown)"
-    return Check("6061:0", "mode of operation", mode_name(wanted), name, ok=ok)
+    return SettingCheck("6061:0", "mode of operation", mode_name(wanted), name, ok=ok)
 
 
 async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchConfig) -> None:

@@ -7,7 +7,7 @@ Ratios of 1 are a factory's defaults and tell nothing. Source: CiA 402-2, factor
 from collections.abc import Mapping
 
 from drivers.cia402.dictionary.config import WinchConfig
-from drivers.cia402.dictionary.settings import Check
+from drivers.cia402.dictionary.settings import SettingCheck
 from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 
 POLARITY, ENCODER, GEAR, FEED, POSITION_FACTOR, UNIT = 0x607E, 0x608F, 0x6091, 0x6092, 0x6093, 0x60A8
@@ -23,13 +23,13 @@ Told = Mapping[tuple[int, int], int]
 """(index, sub) → what the drive says"""
 
 
-def factor_checks(told: Told, config: WinchConfig) -> list[Check]:
+def factor_checks(told: Told, config: WinchConfig) -> list[SettingCheck]:
     """One check for each fact that the drive tells. Pure."""
-    checks: list[Check] = []
+    checks: list[SettingCheck] = []
     if (polarity := told.get((POLARITY, 0))) is not None:
         wanted, found = REVERSED if config.reversed else 0, polarity & REVERSED
         meaning = "polarity (bits 7 and 6; reversed in the rig file)"
-        checks.append(Check("607E:0", meaning, f"0x{wanted:02X}", f"0x{found:02X}", ok=found == wanted))
+        checks.append(SettingCheck("607E:0", meaning, f"0x{wanted:02X}", f"0x{found:02X}", ok=found == wanted))
     turn = config.counts_per_turn if config.motor_counts is None else config.motor_counts
     gear = _ratio(told, GEAR)
     if gear != 1.0:
@@ -45,7 +45,7 @@ def factor_checks(told: Told, config: WinchConfig) -> list[Check]:
     return checks
 
 
-async def check_factors(sdo: SdoChannel, config: WinchConfig) -> list[Check]:
+async def check_factors(sdo: SdoChannel, config: WinchConfig) -> list[SettingCheck]:
     """Read what this drive has of them, and compare. Raises DeviceError where it does not answer."""
     wanted = [(POLARITY, 0), (UNIT, 0), *((index, sub) for index in RATIOS for sub in (1, 2))]
     told: dict[tuple[int, int], int] = {}
@@ -65,5 +65,5 @@ def _ratio(told: Told, index: int) -> float:
     return above / below if above > 0 and below > 0 else 1.0
 
 
-def _alike(name: str, meaning: str, wanted: float, found: float) -> Check:
-    return Check(name, meaning, f"{wanted:g}", f"{found:g}", ok=abs(found - wanted) <= ALIKE * wanted)
+def _alike(name: str, meaning: str, wanted: float, found: float) -> SettingCheck:
+    return SettingCheck(name, meaning, f"{wanted:g}", f"{found:g}", ok=abs(found - wanted) <= ALIKE * wanted)

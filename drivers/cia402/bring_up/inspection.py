@@ -9,11 +9,11 @@ from enum import Enum
 from drivers.cia402.bring_up.factors import check_factors
 from drivers.cia402.bring_up.zero import check_zero
 from drivers.cia402.dictionary.config import WinchConfig
-from drivers.cia402.dictionary.settings import Check, Setting, identity, limits
+from drivers.cia402.dictionary.settings import Setting, SettingCheck, identity, limits
 from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.signals import INPUTS, STO_HINT, Signal
 from drivers.cia402.watch.node import NodeLink
-from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, Entry, PdoMap, VendorEntry, mapping_expected
+from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, Mappable, PdoMap, VendorEntry, mapping_expected
 from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 from drivers.ports import DriveState
 
@@ -35,7 +35,7 @@ class Standing(Enum):
 
 
 @dataclass(frozen=True)
-class Inspected:
+class InspectedObject:
     """One object of one drive."""
 
     object: str
@@ -46,7 +46,7 @@ class Inspected:
     advice: str = ""
 
 
-async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[Inspected, ...]:
+async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[InspectedObject, ...]:
     """All that bring-up would look at. Raises DeviceError where the drive does not answer."""
     sdo = link.sdo
     able, eds_identity = link.able, (sdo.default(0x1018, 1), sdo.default(0x1018, 2))
@@ -63,42 +63,44 @@ async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[In
     return tuple(found)
 
 
-def _checked(check: Check, advice: str) -> Inspected:
+def _checked(check: SettingCheck, advice: str) -> InspectedObject:
     standing = Standing.HOLDS if check.ok else Standing.WRONG
-    return Inspected(check.object, check.meaning, check.wanted, check.found, standing, "" if check.ok else advice)
+    return InspectedObject(check.object, check.meaning, check.wanted, check.found, standing, "" if check.ok else advice)
 
 
-async def _setting(sdo: SdoChannel, setting: Setting) -> Inspected:
+async def _setting(sdo: SdoChannel, setting: Setting) -> InspectedObject:
     mend = "correct the rig file, or put the right drive there" if not setting.write else ""
     if not sdo.knows(setting.index, setting.sub):
         advice = "use the EDS file of this drive; bring-up needs this object"
-        return Inspected(setting.object, setting.meaning, setting.words, "not in the EDS file", Standing.WRONG, advice)
+        return InspectedObject(
+            setting.object, setting.meaning, setting.words, "not in the EDS file", Standing.WRONG, advice
+        )
     try:
         value = await sdo.read(setting.index, setting.sub)
     except SdoRefusedError as error:
         advice = "this drive lacks what a stop without the host rests on" if setting.write else mend
-        return Inspected(setting.object, setting.meaning, setting.words, error.reason, Standing.WRONG, advice)
+        return InspectedObject(setting.object, setting.meaning, setting.words, error.reason, Standing.WRONG, advice)
     if setting.holds(value):
-        return Inspected(setting.object, setting.meaning, setting.words, str(value), Standing.HOLDS)
+        return InspectedObject(setting.object, setting.meaning, setting.words, str(value), Standing.HOLDS)
     if not setting.write:
-        return Inspected(setting.object, setting.meaning, setting.words, str(value), Standing.WRONG, mend)
+        return InspectedObject(setting.object, setting.meaning, setting.words, str(value), Standing.WRONG, mend)
     if not sdo.writable(setting.index, setting.sub):
         advice = "the EDS file has it as read only: set it with the vendor's tool"
-        return Inspected(setting.object, setting.meaning, setting.words, str(value), Standing.WRONG, advice)
-    return Inspected(setting.object, setting.meaning, setting.words, str(value), Standing.TO_BE_WRITTEN)
+        return InspectedObject(setting.object, setting.meaning, setting.words, str(value), Standing.WRONG, advice)
+    return InspectedObject(setting.object, setting.meaning, setting.words, str(value), Standing.TO_BE_WRITTEN)
 
 
-async def _sto(link: NodeLink, sto: Signal) -> Inspected:
+async def _sto(link: NodeLink, sto: Signal) -> InspectedObject:
     name, meaning, wanted = f"{INPUTS:04X}:0", "safe torque off (STO)", f"not active (bit {sto.bit})"
     if not link.able.has(INPUTS):
         advice = "this drive does not tell its inputs: leave sto out of the rig file"
-        return Inspected(name, meaning, wanted, "not in the EDS file", Standing.WRONG, advice)
+        return InspectedObject(name, meaning, wanted, "not in the EDS file", Standing.WRONG, advice)
     if sto.is_active(await link.sdo.read(INPUTS)):
-        return Inspected(name, meaning, wanted, "active", Standing.WRONG, STO_HINT)
-    return Inspected(name, meaning, wanted, "not active", Standing.HOLDS)
+        return InspectedObject(name, meaning, wanted, "active", Standing.WRONG, STO_HINT)
+    return InspectedObject(name, meaning, wanted, "not active", Standing.HOLDS)
 
 
-async def _state(sdo: SdoChannel) -> Inspected:
+async def _state(sdo: SdoChannel) -> InspectedObject:
     state = state_of(await sdo.read(0x6041))
     advice = ""
     if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
@@ -106,19 +108,19 @@ async def _state(sdo: SdoChannel) -> Inspected:
     elif state not in _AT_REST:
         advice = "another program drives it, or has left it: secure the load, then fidim power-off"
     standing = Standing.WRONG if advice else Standing.HOLDS
-    return Inspected("6041:0", "state of the drive", "without power, no fault", str(state), standing, advice)
+    return InspectedObject("6041:0", "state of the drive", "without power, no fault", str(state), standing, advice)
 
 
-async def _error_register(sdo: SdoChannel) -> Inspected:
+async def _error_register(sdo: SdoChannel) -> InspectedObject:
     """That it misses its host is no matter before there is one: the error goes with the first heartbeat."""
     value = await sdo.read(0x1001)
     wrong = value & ~(_COMMUNICATION if value & _COMMUNICATION == _COMMUNICATION else 0)
     advice = "look at the drive's error history (1003) and its display" if wrong else ""
     found = f"{value}{' (misses its host)' if value and not wrong else ''}"
-    return Inspected("1001:0", "error register", "0", found, Standing.WRONG if wrong else Standing.HOLDS, advice)
+    return InspectedObject("1001:0", "error register", "0", found, Standing.WRONG if wrong else Standing.HOLDS, advice)
 
 
-async def _pdo(sdo: SdoChannel, pdo: PdoMap, node_id: int) -> Inspected:
+async def _pdo(sdo: SdoChannel, pdo: PdoMap, node_id: int) -> InspectedObject:
     """One line for a PDO: its entries by name, or what cannot be mapped."""
     name, wanted = f"{pdo.mapping_index:04X}", " + ".join(f"{e.value[0]:04X}" for e in pdo.entries)
     meaning = f"mapping of {'TPDO' if pdo.transmit else 'RPDO'} {pdo.number}"
@@ -135,26 +137,26 @@ async def _pdo(sdo: SdoChannel, pdo: PdoMap, node_id: int) -> Inspected:
                 entry.value
             )
     except SdoRefusedError as error:
-        return Inspected(name, meaning, wanted, error.reason, Standing.WRONG, "this drive cannot map PDOs freely")
+        return InspectedObject(name, meaning, wanted, error.reason, Standing.WRONG, "this drive cannot map PDOs freely")
     found = " + ".join(f"{value >> 16:04X}" for value in entries) or "nothing"
     if cob & COB_OFF:
         found += " (off)"
     if holds and count == len(pdo.entries):
-        return Inspected(name, meaning, wanted, found, Standing.HOLDS)
+        return InspectedObject(name, meaning, wanted, found, Standing.HOLDS)
     if unmappable:
         advice = f"by its EDS file {', '.join(unmappable)} cannot be mapped"
-        return Inspected(name, meaning, wanted, found, Standing.WRONG, advice)
-    return Inspected(name, meaning, wanted, found, Standing.TO_BE_WRITTEN)
+        return InspectedObject(name, meaning, wanted, found, Standing.WRONG, advice)
+    return InspectedObject(name, meaning, wanted, found, Standing.TO_BE_WRITTEN)
 
 
-async def _interpolation(sdo: SdoChannel) -> Inspected:
+async def _interpolation(sdo: SdoChannel) -> InspectedObject:
     try:
         found = f"{await sdo.read(0x60C2, 1) * 10.0 ** await sdo.read(0x60C2, 2) * 1e3:g} ms"
     except SdoRefusedError as error:  # only for people to know
         found = error.reason
-    return Inspected("60C2", "interpolation period", "any (profile position mode)", found, Standing.HOLDS)
+    return InspectedObject("60C2", "interpolation period", "any (profile position mode)", found, Standing.HOLDS)
 
 
-def _place(entry: Entry | VendorEntry) -> tuple[int, int]:
+def _place(entry: Mappable | VendorEntry) -> tuple[int, int]:
     index, sub, _ = entry.value
     return index, sub

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 
 from drivers.canbus.transport import CanFrame, CanTransport
 from drivers.cia402.bring_up.bringup import OF_A_MOVE, BroughtUp, bring_up, graded, refuse_grades, start_sampling
-from drivers.cia402.bring_up.inspection import Inspected, Standing, inspect
+from drivers.cia402.bring_up.inspection import InspectedObject, Standing, inspect
 from drivers.cia402.dictionary.config import WinchConfig
-from drivers.cia402.dictionary.settings import Check, interpolation
+from drivers.cia402.dictionary.settings import SettingCheck, interpolation
 from drivers.cia402.profile.machine import Command, state_of
 from drivers.cia402.profile.words import controlword, mode_name
 from drivers.cia402.watch.master import CanopenMaster
@@ -45,10 +45,10 @@ async def take_over(master: CanopenMaster, link: NodeLink, config: WinchConfig) 
     checks = [_check(found) for found in await inspect(link, config, master.host_id) if _counts(found)]
     mode = await link.sdo.read(0x6061)
     wanted = link.mode = config.mode
-    checks.append(Check("6061:0", "mode of operation", mode_name(wanted), mode_name(mode), ok=mode == wanted))
+    checks.append(SettingCheck("6061:0", "mode of operation", mode_name(wanted), mode_name(mode), ok=mode == wanted))
     for setting in link.able.fitting(interpolation(config, master.period)):
         found = await link.sdo.read(setting.index, setting.sub)
-        checks.append(Check(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found)))
+        checks.append(SettingCheck(setting.object, setting.meaning, setting.words, str(found), ok=setting.holds(found)))
     if wrong := [str(check) for check in checks if not check.ok]:
         raise DeviceError(
             config.device,
@@ -82,13 +82,15 @@ async def _stop(clock: Clock, link: NodeLink, config: WinchConfig) -> DriveState
         await clock.sleep(_LOOK)
 
 
-def _counts(found: Inspected) -> bool:
+def _counts(found: InspectedObject) -> bool:
     return found.object not in _JUDGED_ELSEWHERE
 
 
-def _check(found: Inspected) -> Check:
+def _check(found: InspectedObject) -> SettingCheck:
     written = found.standing is Standing.TO_BE_WRITTEN and found.object in OF_A_MOVE
-    return Check(found.object, found.meaning, found.wanted, found.found, ok=written or found.standing is Standing.HOLDS)
+    return SettingCheck(
+        found.object, found.meaning, found.wanted, found.found, ok=written or found.standing is Standing.HOLDS
+    )
 
 
 async def refuse_other_master(

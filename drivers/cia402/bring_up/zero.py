@@ -8,7 +8,7 @@ last, to within a tolerance: after a power cut it counts from elsewhere.
 from dataclasses import dataclass
 
 from drivers.cia402.dictionary.config import StoredZero, WinchConfig
-from drivers.cia402.dictionary.settings import Check
+from drivers.cia402.dictionary.settings import SettingCheck
 from drivers.cia402.profile.scale import wrap32
 from drivers.cia402.wire.pdo import DriveValues
 from drivers.cia402.wire.sdo import SdoChannel
@@ -29,24 +29,26 @@ class Zeroed:
     """m"""
 
 
-def zero_check(zero: StoredZero, serial_number: int, count: int) -> Check:
+def zero_check(zero: StoredZero, serial_number: int, count: int) -> SettingCheck:
     """Whether a stored zero still counts for the drive with this serial number that shows this count. Pure."""
     if serial_number != zero.serial_number:
         wanted, found = f"drive {zero.serial_number}", f"drive {serial_number}: home it"
-        return Check(OBJECT, MEANING, wanted, found, ok=False)
+        return SettingCheck(OBJECT, MEANING, wanted, found, ok=False)
     if zero.multi_turn:
         if zero.serial_number:
-            return Check(OBJECT, MEANING, "multi-turn", f"{count}, drive {serial_number}", ok=True)
-        return Check(OBJECT, MEANING, "a serial number", "none, so nothing proves whose zero it is: home it", ok=False)
+            return SettingCheck(OBJECT, MEANING, "multi-turn", f"{count}, drive {serial_number}", ok=True)
+        return SettingCheck(
+            OBJECT, MEANING, "a serial number", "none, so nothing proves whose zero it is: home it", ok=False
+        )
     if zero.last_count is None:
-        return Check(OBJECT, MEANING, "a place where it was seen last", "none: home it", ok=False)
+        return SettingCheck(OBJECT, MEANING, "a place where it was seen last", "none: home it", ok=False)
     off = wrap32(count - zero.last_count)
     ok = abs(off) <= zero.tolerance
     found = str(count) if ok else f"{count}: its power was off, or the drum was turned; home it"
-    return Check(OBJECT, MEANING, f"{zero.last_count} ± {zero.tolerance}", found, ok=ok)
+    return SettingCheck(OBJECT, MEANING, f"{zero.last_count} ± {zero.tolerance}", found, ok=ok)
 
 
-async def check_zero(sdo: SdoChannel, config: WinchConfig) -> list[Check]:
+async def check_zero(sdo: SdoChannel, config: WinchConfig) -> list[SettingCheck]:
     """The check of a winch that has a stored zero; empty for one whose rig file says its zero."""
     if config.zero is None:
         return []

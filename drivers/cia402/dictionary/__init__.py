@@ -5,7 +5,7 @@ In: a rig entry, an EDS, a family of drives. Out: a WinchConfig, Abilities, a ta
 
 from drivers.cia402.dictionary.config import GENERIC_EDS, Load, TemperatureObject, WinchConfig
 from drivers.cia402.dictionary.family import AmpereObject, DriveFamily, family_path, read_family
-from drivers.cia402.dictionary.requirements import Graded, Met, Proof
+from drivers.cia402.dictionary.requirements import Graded, Met, TrialPassed
 from drivers.cia402.dictionary.settings import stop_settings
 
 __all__ = [
@@ -15,8 +15,8 @@ __all__ = [
     "Graded",
     "Load",
     "Met",
-    "Proof",
     "TemperatureObject",
+    "TrialPassed",
     "WinchConfig",
     "family_path",
     "read_family",

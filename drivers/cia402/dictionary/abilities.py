@@ -13,7 +13,7 @@ from drivers.cia402.dictionary.config import Load, WinchConfig
 from drivers.cia402.dictionary.family import DriveFamily
 from drivers.cia402.dictionary.settings import Setting
 from drivers.cia402.profile.words import Mode
-from drivers.cia402.wire.pdo import RPDO, TARGET_RPDO, TPDOS, Entry, PdoMap, VendorEntry
+from drivers.cia402.wire.pdo import RPDO, TARGET_RPDO, TPDOS, Mappable, PdoMap, VendorEntry
 
 _CODES = {1: "?", 2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I"}
 """CiA 301 data types that a PDO of ours carries"""
@@ -22,7 +22,7 @@ FRAME = 8
 """bytes of a CAN frame"""
 _PDOS = 4
 """of each direction, whose identifiers the predefined connection set gives"""
-_OPTIONAL = (Entry.MODE.name, Entry.MODE_DISPLAY.name)
+_OPTIONAL = (Mappable.MODE.name, Mappable.MODE_DISPLAY.name)
 """asked and told by SDO where no PDO carries them"""
 _SIZED = tuple(entry.name for pdo in (TPDOS[0], RPDO) for entry in pdo.entries)
 """counts and words, whose size is the profile's"""
@@ -49,7 +49,7 @@ class Register:
 
 
 @dataclass(frozen=True)
-class Layout:
+class PdoLayout:
     """The PDOs that are mapped, and why they are not enough where they are not."""
 
     tpdos: tuple[PdoMap, ...]
@@ -78,7 +78,7 @@ class Abilities:
     """All that is known of a drive before it is asked."""
 
     registers: Mapping[tuple[int, int], Register]
-    layout: Layout
+    layout: PdoLayout
 
     def access(self, index: int, sub: int = 0) -> Access:
         """What may be done with an object."""
@@ -128,10 +128,10 @@ def _registers(dictionary: ObjectDictionary, family: DriveFamily) -> Mapping[tup
 def used_pdos(config: WinchConfig) -> tuple[PdoMap, ...]:
     """What the winch's mode and load ask for, as a drive without restrictions carries it."""
     own = config.family.load_object
-    load: Entry | VendorEntry = Entry.TORQUE if config.load is Load.TORQUE else Entry.CURRENT
+    load: Mappable | VendorEntry = Mappable.TORQUE if config.load is Load.TORQUE else Mappable.CURRENT
     if config.load is Load.VENDOR and own is not None:
-        load = VendorEntry(f"{own.index:04X}:{own.sub:X}", own.index, own.sub, Entry.CURRENT.code)
-    told = (TPDOS[0], replace(TPDOS[1], entries=(Entry.VELOCITY, load)))
+        load = VendorEntry(f"{own.index:04X}:{own.sub:X}", own.index, own.sub, Mappable.CURRENT.code)
+    told = (TPDOS[0], replace(TPDOS[1], entries=(Mappable.VELOCITY, load)))
     return (*told, RPDO, TARGET_RPDO) if config.mode is Mode.CYCLIC_POSITION else (*told, RPDO)
 
 
@@ -143,14 +143,14 @@ class _Record:
     places: int
     kinds: Mapping[int, bool]
     """transmission types of ours that it takes, and whether each is fixed"""
-    entries: list[Entry | VendorEntry]
+    entries: list[Mappable | VendorEntry]
 
-    def takes(self, entry: Entry | VendorEntry) -> bool:
+    def takes(self, entry: Mappable | VendorEntry) -> bool:
         used = sum(_SIZE[e.code] for e in self.entries)
         return len(self.entries) < self.places and used + _SIZE[entry.code] <= FRAME
 
 
-def _layout(registers: Mapping[tuple[int, int], Register], config: WinchConfig) -> Layout:
+def _layout(registers: Mapping[tuple[int, int], Register], config: WinchConfig) -> PdoLayout:
     """First come, first served: statusword, position, mode, velocity, load; a controlword always with its target."""
     wanted = used_pdos(config)
     problems: list[str] = []
@@ -166,8 +166,8 @@ def _layout(registers: Mapping[tuple[int, int], Register], config: WinchConfig) 
     free = _records(registers, RPDO)
     rpdos = [_received(registers, free, pdo, problems) for pdo in wanted if not pdo.transmit]
     if problems:
-        return Layout(TPDOS, RPDO, TARGET_RPDO if len(rpdos) > 1 else None, "; ".join(problems))
-    return Layout(tpdos, rpdos[0], rpdos[1] if len(rpdos) > 1 else None)
+        return PdoLayout(TPDOS, RPDO, TARGET_RPDO if len(rpdos) > 1 else None, "; ".join(problems))
+    return PdoLayout(tpdos, rpdos[0], rpdos[1] if len(rpdos) > 1 else None)
 
 
 def _received(
@@ -189,7 +189,7 @@ def _received(
     return wanted
 
 
-def _as_it_is(registers: Mapping[tuple[int, int], Register], entry: Entry | VendorEntry) -> Entry | VendorEntry:
+def _as_it_is(registers: Mapping[tuple[int, int], Register], entry: Mappable | VendorEntry) -> Mappable | VendorEntry:
     """The entry; the load with the size that the drive's object has; without a code where it cannot be mapped."""
     index, sub, code = entry.value
     register = registers.get((index, sub))
@@ -220,6 +220,6 @@ def _writable(register: Register | None) -> bool:
     return register is not None and register.access is Access.WRITE
 
 
-def _name(entry: Entry | VendorEntry) -> str:
+def _name(entry: Mappable | VendorEntry) -> str:
     index, sub, _ = entry.value
     return f"{index:04X}:{sub:X}"

@@ -6,7 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from drivers.cia402.dictionary.family import GENERIC_FAMILY, DriveFamily, counts_per_digit
-from drivers.cia402.dictionary.requirements import Proof
+from drivers.cia402.dictionary.requirements import TrialPassed
 from drivers.cia402.profile.scale import COUNT_MAX, COUNT_MIN, LengthScale
 from drivers.cia402.profile.signals import Signal
 from drivers.cia402.profile.words import Mode
@@ -167,7 +167,7 @@ class WinchConfig:
     """N m/A, which turns a torque that the drive tells into the current that it stands for (load: torque)"""
     current_offset: float = 0.0
     """A added to what the drive says, from a calibration against known tensions"""
-    proofs: tuple[Proof, ...] = ()
+    proofs: tuple[TrialPassed, ...] = ()
     """trials of its stops that the drive has passed (`fidim commission`)"""
     on_trial: bool = False
     """such a trial is under way: what is to be proven is not yet asked for"""

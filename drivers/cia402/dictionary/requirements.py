@@ -1,6 +1,6 @@
 """What a drive must have before a winch is entrusted to it, in grades, and how one drive meets each. Pure.
 
-`REQUIREMENTS` is the one list. What a drive cannot be told (`Grade.PROVEN`) is to be proven by trial: a `Proof` in
+`REQUIREMENTS` is the one list. What a drive cannot be told (`Grade.PROVEN`) is proven by trial: a `TrialPassed` in
 `WinchConfig.proofs`, which `met_by_trial` looks up. `Graded` is one line of the table that doctor and report show.
 """
 
@@ -32,7 +32,7 @@ class Met(StrEnum):
 
 
 @dataclass(frozen=True)
-class Proof:
+class TrialPassed:
     """A trial that a drive has passed: it stood still, within a time and a way that were measured."""
 
     trial: Trial
@@ -105,7 +105,7 @@ class Graded:
     met: Met
     found: str
     """objects that are there or not, the trial, or both"""
-    proof: Proof | None = None
+    proof: TrialPassed | None = None
 
     @property
     def refused(self) -> bool:
@@ -113,7 +113,7 @@ class Graded:
         return self.met is Met.ABSENT
 
 
-def met_by_trial(requirement: Requirement, proofs: Iterable[Proof], serial_number: int) -> Proof | None:
+def met_by_trial(requirement: Requirement, proofs: Iterable[TrialPassed], serial_number: int) -> TrialPassed | None:
     """The newest proof of this requirement for the drive with this serial number (1018:4; 0: it has none)."""
     found = [p for p in proofs if p.trial in requirement.trials and p.serial_number == serial_number]
     return max(found, key=lambda proof: proof.at, default=None)

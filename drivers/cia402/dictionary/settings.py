@@ -42,7 +42,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Check:
+class SettingCheck:
     """One line of the bring-up report: what was wanted, what the drive says."""
 
     object: str

@@ -19,7 +19,7 @@ from drivers.cia402.profile.words import (
     set_point,
 )
 from drivers.cia402.watch.master import CanopenMaster
-from drivers.cia402.wire.pdo import DriveValues, Entry
+from drivers.cia402.wire.pdo import DriveValues, Mappable
 from drivers.clock import wait_until
 from drivers.ports import DriveState
 from fidim_lab.errors import DeviceError
@@ -194,7 +194,7 @@ class Drive:
         """Ask for a mode, with a controlword, and wait until it is displayed. Raises DeviceError."""
         before, self.link.mode = self.link.mode, mode
         try:
-            if not self.link.layout.asks(Entry.MODE.name):
+            if not self.link.layout.asks(Mappable.MODE.name):
                 await self.link.sdo.write(0x6060, 0, mode)
             self.send(order, word)
             await self.display(order, mode)
@@ -204,7 +204,7 @@ class Drive:
 
     async def display(self, order: int, mode: Mode, timeout: float | None = None) -> None:
         """Wait until the mode is displayed (6061), in a TPDO or asked by SDO. Raises DeviceError."""
-        if not self.link.layout.tells(Entry.MODE_DISPLAY.name):
+        if not self.link.layout.tells(Mappable.MODE_DISPLAY.name):
             deadline = self._clock.now() + (self._config.step_timeout if timeout is None else timeout)
             self.link.decoder.displayed = await self.link.sdo.read(0x6061)
             while self.link.decoder.displayed != mode and self._clock.now() < deadline:

@@ -11,7 +11,7 @@ from drivers.cia402.bring_up.takeover import take_over
 from drivers.cia402.bring_up.zero import Zeroed, read_zero
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.dictionary.requirements import Graded
-from drivers.cia402.dictionary.settings import Check
+from drivers.cia402.dictionary.settings import SettingCheck
 from drivers.cia402.motion.drive import Drive
 from drivers.cia402.motion.moves import Beside, make_sample, profile, refuse_beyond_limits
 from drivers.cia402.profile.last_motion import LastMotion
@@ -43,7 +43,7 @@ class Cia402Winch:
         takes_over: a drive that an earlier host has left holding its load is not refused, and keeps holding it.
         """
         self.config = config
-        self.checks: tuple[Check, ...] = ()
+        self.checks: tuple[SettingCheck, ...] = ()
         """of the last bring-up that succeeded: wanted and found"""
         self.grades: tuple[Graded, ...] = ()
         """likewise: how the drive meets each requirement"""

@@ -14,7 +14,7 @@ import canopen
 
 from drivers.canbus.load import MAX_LOAD, bus_load
 from drivers.canbus.transport import CanFrame, CanTransport
-from drivers.cia402.dictionary.abilities import Layout, abilities
+from drivers.cia402.dictionary.abilities import PdoLayout, abilities
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.profile.machine import Command
 from drivers.cia402.profile.words import controlword
@@ -91,7 +91,7 @@ class CanopenMaster:
         self._heartbeat_due = float("-inf")
         self._links: dict[int, NodeLink] = {}
         self._strangers = Strangers(host_id, ())
-        self._talk: list[tuple[float, Layout]] = []
+        self._talk: list[tuple[float, PdoLayout]] = []
         """period of its heartbeat (s), and its PDOs, for each drive"""
         self._before_sync: list[Callable[[], None]] = []
         self._receivers: dict[int, Callable[[CanFrame], None]] = {}
@@ -216,7 +216,7 @@ class CanopenMaster:
         elif not link.answers_controlword(frame):
             self._network.notify(frame.id, bytearray(frame.data), frame.t)
 
-    def _load_with(self, talk: list[tuple[float, Layout]]) -> float:
+    def _load_with(self, talk: list[tuple[float, PdoLayout]]) -> float:
         frames = {0: self._rate, 1: 1.0 / self._heartbeat_period + sum(1.0 / period for period, _ in talk)}
         for _, layout in talk:
             for pdo in (*layout.tpdos, layout.rpdo):
@@ -224,7 +224,7 @@ class CanopenMaster:
                 frames[size] = frames.get(size, 0.0) + self._rate
         return bus_load(frames, self._bitrate)
 
-    def _refuse_overload(self, heartbeat: float, layout: Layout) -> None:
+    def _refuse_overload(self, heartbeat: float, layout: PdoLayout) -> None:
         talk = [*self._talk, (heartbeat, layout)]
         load = self._load_with(talk)
         if load > MAX_LOAD:

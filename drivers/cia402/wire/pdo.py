@@ -15,7 +15,7 @@ from typing import cast
 from fidim_lab.errors import OurBugError
 
 
-class Entry(Enum):
+class Mappable(Enum):
     """A mappable object: index, sub-index, struct code. Names are those of the profile."""
 
     CONTROLWORD = (0x6040, 0, "H")
@@ -52,12 +52,12 @@ class VendorEntry:
 
     @property
     def value(self) -> tuple[int, int, str]:
-        """As of an `Entry`."""
+        """As of an `Mappable`."""
         return self.index, self.sub, self.code
 
     @property
     def mapping(self) -> int:
-        """As of an `Entry`."""
+        """As of an `Mappable`."""
         return self.index << 16 | self.sub << 8 | struct.calcsize(self.code) * 8
 
 
@@ -67,7 +67,7 @@ class PdoMap:
 
     number: int
     transmit: bool
-    entries: tuple[Entry | VendorEntry, ...]
+    entries: tuple[Mappable | VendorEntry, ...]
     transmission: int
     """1: at every SYNC; 255: at once"""
     type_fixed: bool = False
@@ -93,15 +93,17 @@ class PdoMap:
         return (0x1A00 if self.transmit else 0x1600) + self.number - 1
 
 
-RPDO = PdoMap(1, transmit=False, entries=(Entry.CONTROLWORD, Entry.MODE, Entry.TARGET_POSITION), transmission=255)
+RPDO = PdoMap(
+    1, transmit=False, entries=(Mappable.CONTROLWORD, Mappable.MODE, Mappable.TARGET_POSITION), transmission=255
+)
 """Acted upon at once, so that a stop does not wait for the next SYNC."""
 
-TARGET_RPDO = PdoMap(2, transmit=False, entries=(Entry.TARGET_POSITION,), transmission=1)
+TARGET_RPDO = PdoMap(2, transmit=False, entries=(Mappable.TARGET_POSITION,), transmission=1)
 """Of cyclic position mode: all drives take their targets at the same SYNC."""
 
 TPDOS = (
-    PdoMap(1, transmit=True, entries=(Entry.STATUSWORD, Entry.POSITION, Entry.MODE_DISPLAY), transmission=1),
-    PdoMap(2, transmit=True, entries=(Entry.VELOCITY, Entry.CURRENT), transmission=1),
+    PdoMap(1, transmit=True, entries=(Mappable.STATUSWORD, Mappable.POSITION, Mappable.MODE_DISPLAY), transmission=1),
+    PdoMap(2, transmit=True, entries=(Mappable.VELOCITY, Mappable.CURRENT), transmission=1),
 )
 """Sampled at every SYNC."""
 
@@ -166,8 +168,8 @@ class DriveValues:
 _Numbers = tuple[float, ...]
 
 
-_SAMPLED = (Entry.STATUSWORD, Entry.POSITION, Entry.VELOCITY)
-_TOLD = (*(entry.name for entry in _SAMPLED), Entry.MODE_DISPLAY.name)
+_SAMPLED = (Mappable.STATUSWORD, Mappable.POSITION, Mappable.VELOCITY)
+_TOLD = (*(entry.name for entry in _SAMPLED), Mappable.MODE_DISPLAY.name)
 """what else a TPDO carries is the load"""
 _values = cast(Callable[..., DriveValues], DriveValues)
 
@@ -184,7 +186,7 @@ class SampleDecoder:
         if missing := [entry.name for entry in _SAMPLED if entry.name not in order]:
             raise OurBugError(f"The TPDO layout leaves out {', '.join(missing)}.")
         load = next((n for n, name in enumerate(order) if name not in _TOLD), len(order) + 1)
-        mode = order.index(Entry.MODE_DISPLAY.name) if Entry.MODE_DISPLAY.name in order else len(order)
+        mode = order.index(Mappable.MODE_DISPLAY.name) if Mappable.MODE_DISPLAY.name in order else len(order)
         state, place, speed = (order.index(entry.name) for entry in _SAMPLED)
         self.displayed = 0
         """the mode (6061) where no TPDO carries it: as it was read last"""

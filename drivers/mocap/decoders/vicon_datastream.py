@@ -7,17 +7,25 @@ The server speaks first and tells what it can send; the client wishes for a part
 import struct
 
 from drivers.mocap.decoders.decoder import UNLABELLED, Event, Malformed, Position, frame_of
-from drivers.mocap.decoders.vicon_packets import Block, Fields, PacketSplitter, StreamPacket, enums, frame_rate, packet
+from drivers.mocap.decoders.vicon_packets import (
+    Fields,
+    PacketBlock,
+    PacketSplitter,
+    StreamPacket,
+    enums,
+    frame_rate,
+    packet,
+)
 
 DEFAULT_PORT = 801
 WISHES = (
-    Block.STREAM_INFO,
-    Block.SUBJECT_INFO,
-    Block.FRAME_INFO,
-    Block.LABELLED,
-    Block.UNLABELLED,
-    Block.LATENCY,
-    Block.CONTENTS,
+    PacketBlock.STREAM_INFO,
+    PacketBlock.SUBJECT_INFO,
+    PacketBlock.FRAME_INFO,
+    PacketBlock.LABELLED,
+    PacketBlock.UNLABELLED,
+    PacketBlock.LATENCY,
+    PacketBlock.CONTENTS,
 )
 _METRE = 1e-3
 _U32 = struct.Struct("<I")
@@ -47,7 +55,7 @@ class DataStreamWishes:
         for item in self._splitter.receive(data):
             if isinstance(item, StreamPacket):
                 for kind, body in item.blocks:
-                    if kind == Block.OBJECT_ENUMS:
+                    if kind == PacketBlock.OBJECT_ENUMS:
                         self._splitter = None
                         return wish(enums(body))
         return b""
@@ -57,7 +65,7 @@ def wish(offered: frozenset[int]) -> bytes:
     """The answer to a server that offers these blocks: what we want of them, and every frame from now on."""
     wanted = [kind for kind in WISHES if kind in offered]
     listed = struct.pack(f"<{len(wanted) + 1}I", len(wanted), *wanted)
-    return packet((Block.OBJECT_ENUMS, listed)) + packet((Block.REQUEST_FRAME, b"\x01"))
+    return packet((PacketBlock.OBJECT_ENUMS, listed)) + packet((PacketBlock.REQUEST_FRAME, b"\x01"))
 
 
 class ViconDataStreamDecoder:
@@ -99,7 +107,7 @@ class ViconDataStreamDecoder:
 
     def advice(self) -> str:
         """Names the markers that are wanted beside those that the stream carries."""
-        if self._offered is not None and Block.LABELLED not in self._offered:
+        if self._offered is not None and PacketBlock.LABELLED not in self._offered:
             return "The server offers no labelled markers: is a subject loaded, is this the DataStream's port (801)?"
         missing = [name for name, key in zip(self.names, self._wanted, strict=True) if key is None]
         if not missing:
@@ -125,16 +133,16 @@ class ViconDataStreamDecoder:
         unchanged: frozenset[int] = frozenset()
         for kind, body in item.blocks:
             match kind:
-                case Block.FRAME_INFO:
+                case PacketBlock.FRAME_INFO:
                     number = int(Fields(body).take(_U32)[0])
-                case Block.LABELLED:
+                case PacketBlock.LABELLED:
                     labelled = _labelled(body)
-                case Block.SUBJECT_INFO:
+                case PacketBlock.SUBJECT_INFO:
                     subjects.append(_subject(body))
-                case Block.UNLABELLED:
+                case PacketBlock.UNLABELLED:
                     strays = _strays(body)
                     self.unlabelled = len(strays)
-                case Block.CONTENTS:
+                case PacketBlock.CONTENTS:
                     unchanged = _unchanged(body)
                 case _:
                     self._note(kind, body)
@@ -142,7 +150,7 @@ class ViconDataStreamDecoder:
             self._know(subjects)
         if labelled is None:
             # A block that the server lists as unchanged is the one before; one that is neither here nor there is empty.
-            labelled = self._labelled if Block.LABELLED in unchanged else []
+            labelled = self._labelled if PacketBlock.LABELLED in unchanged else []
         if number is None:
             return None
         self._labelled = labelled
@@ -151,11 +159,11 @@ class ViconDataStreamDecoder:
     def _note(self, kind: int, body: bytes) -> None:
         """What the stream tells besides frames."""
         match kind:
-            case Block.LATENCY:
+            case PacketBlock.LATENCY:
                 self.latency = _latency(body)
-            case Block.STREAM_INFO:
+            case PacketBlock.STREAM_INFO:
                 self.rate = frame_rate(body)
-            case Block.OBJECT_ENUMS:
+            case PacketBlock.OBJECT_ENUMS:
                 self._offered = enums(body)
             case _:
                 pass  # what nobody here needs

@@ -1,7 +1,7 @@
 """Vicon DataStream's packets (TCP, port 801), as the vendor's client (SDK 1.11) reads them. Little endian, packed.
 
     packet   u32 0x1A2B0001, u32 bytes that follow, blocks
-    block    u32 what it is (`Block`), u32 bytes that follow, body
+    block    u32 what it is (`PacketBlock`), u32 bytes that follow, body
     body     numbers one after the other; a vector, set, map or text is u32 how many, then its items
 
 `PacketSplitter` makes packets of a byte stream, `Fields` reads a body. Lengths on the wire are mm.
@@ -24,7 +24,7 @@ _FASTEST = 2000.0
 """Hz of cameras; what would be faster in ticks is told in microseconds"""
 
 
-class Block(IntEnum):
+class PacketBlock(IntEnum):
     """Blocks that are asked for or read."""
 
     STREAM_INFO = 1

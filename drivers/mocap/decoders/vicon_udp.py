@@ -87,7 +87,7 @@ def parse_block(data: bytes) -> ViconBlock | Malformed:
     return ViconBlock(number, tuple(objects))
 
 
-class Layout(Protocol):
+class MarkerLayout(Protocol):
     """Which points of which objects are the markers, main marker first."""
 
     @property
@@ -156,7 +156,7 @@ class ViconUdpDecoder:
 
     modulus = 1 << 32
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: MarkerLayout) -> None:
         self.layout = layout
         """which points of which objects are the markers"""
         self._wanted = frozenset(layout.objects)

@@ -13,8 +13,8 @@ from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.payload_mass import (
-    Estimate,
-    Known,
+    KnownBody,
+    MassEstimate,
     MassResult,
     Payload,
     find_mass,
@@ -87,7 +87,7 @@ def payload_command(
     if unusable := [r for r in (empty, loaded) if r.outcome in UNUSABLE]:
         reasons = "; ".join(f"{r.campaign}: {r.outcome.value}" for r in unusable)
         raise RefusedError(f"No mass can be found: {reasons}")
-    found = find_mass(Known.of(empty), Known.of(loaded), option.payload)
+    found = find_mass(KnownBody.of(empty), KnownBody.of(loaded), option.payload)
     if json_file is not None:
         write_result(json_file, empty, mass=mass_json(found, option.payload, robot.mass, loaded))
     console.out.print(mass_table(found, robot.mass))
@@ -129,7 +129,7 @@ def mass_sentences(found: MassResult, payload: Payload) -> list[str]:
     return said
 
 
-def _about_inertia(found: MassResult, other: Estimate, payload: Payload) -> str:
+def _about_inertia(found: MassResult, other: MassEstimate, payload: Payload) -> str:
     apart = abs(other.value - found.mass.value) / max(found.mass.sd, 1e-300)
     agrees = "agrees with it" if apart < 3 else f"differs from it by {apart:.1f} sd: the payload is not a point"
     gain = (
@@ -161,9 +161,9 @@ def mass_json(found: MassResult, payload: Payload, nominal: float, loaded: Ident
     }
 
 
-def _json(estimate: Estimate | None) -> dict[str, float] | None:
+def _json(estimate: MassEstimate | None) -> dict[str, float] | None:
     return None if estimate is None else {"value": estimate.value, "sd": estimate.sd}
 
 
-def _figures(estimate: Estimate | None) -> tuple[str, str]:
+def _figures(estimate: MassEstimate | None) -> tuple[str, str]:
     return ("–", "–") if estimate is None else (f"{estimate.value:.4f}", f"{estimate.sd:.2g}")

@@ -34,7 +34,7 @@ from sim_backends.plant.own_sensors import OwnNoise
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World
-from sim_backends.simulate import RecordedWindow, Recording, SimulatedPlatform, simulate_campaign
+from sim_backends.simulate import RecordedWindow, Sampling, SimulatedPlatform, simulate_campaign
 
 FORMAT = "fidim-simulation/1"
 TRUTH = "truth.json"
@@ -178,7 +178,7 @@ def _recorded(robot: Robot, plan: Plan, platform: SimulatedPlatform, options: Si
             shown.reached(len(recorded))
 
         rng = np.random.default_rng([options.seed, 1])
-        recording = Recording(own_sensors=OwnNoise() if options.own_sensors else None)
+        recording = Sampling(own_sensors=OwnNoise() if options.own_sensors else None)
         campaign, truth = simulate_campaign(
             robot, plan, platform.world, rng, noise, recording, platform=platform, watch=watch
         )

@@ -14,7 +14,7 @@ from fidim_lab.app.benchmark.sizes import EFFECTS, OUTSIDE, SIZES, Size
 Rng = np.random.Generator
 
 
-class Kind(StrEnum):
+class SecretKind(StrEnum):
     """What sort of secret a campaign has."""
 
     NOTHING = "nothing"
@@ -25,13 +25,13 @@ class Kind(StrEnum):
     FAULT = "sensor fault"
 
 
-DECK: Mapping[Kind, int] = {
-    Kind.NOTHING: 12,
-    Kind.ONE: 22,
-    Kind.TWO: 13,
-    Kind.THREE: 4,
-    Kind.OUTSIDE: 6,
-    Kind.FAULT: 3,
+DECK: Mapping[SecretKind, int] = {
+    SecretKind.NOTHING: 12,
+    SecretKind.ONE: 22,
+    SecretKind.TWO: 13,
+    SecretKind.THREE: 4,
+    SecretKind.OUTSIDE: 6,
+    SecretKind.FAULT: 3,
 }
 """how many of 60: of those with effects a third has two and a tenth three; 500 campaigns have 100 with nothing"""
 
@@ -63,7 +63,7 @@ class Hidden:
 class Case:
     """What one campaign hides."""
 
-    kind: Kind
+    kind: SecretKind
     effects: tuple[Hidden, ...]
 
 
@@ -77,10 +77,10 @@ def case_of(seed: int, number: int, mass: float, cables: int) -> Case:
 def case_with(id: str, seed: int, number: int, mass: float, cables: int) -> Case:
     """Campaign `number` with this effect alone, for a catalogue that lacks it."""
     rng = np.random.default_rng([seed, number, 13])
-    return Case(Kind.ONE, (_sized(id, rng, mass, cables),))
+    return Case(SecretKind.ONE, (_sized(id, rng, mass, cables),))
 
 
-def _dealt(seed: int, number: int) -> tuple[Kind, tuple[str, ...]]:
+def _dealt(seed: int, number: int) -> tuple[SecretKind, tuple[str, ...]]:
     """The kind and ids of one campaign, from the deck in which it lies: every id comes equally often."""
     block, place = divmod(number - 1, sum(DECK.values()))
     rng = np.random.default_rng([seed, block, 11])
@@ -93,17 +93,17 @@ def _dealt(seed: int, number: int) -> tuple[Kind, tuple[str, ...]]:
     return kinds[place], ids
 
 
-def _ids(kind: Kind, effects: "_Pile", outside: "_Pile") -> tuple[str, ...]:
+def _ids(kind: SecretKind, effects: "_Pile", outside: "_Pile") -> tuple[str, ...]:
     match kind:
-        case Kind.NOTHING:
+        case SecretKind.NOTHING:
             return ()
-        case Kind.OUTSIDE:
+        case SecretKind.OUTSIDE:
             return (outside.take(()),)
-        case Kind.FAULT:
+        case SecretKind.FAULT:
             return ("sensor-fault",)
-        case Kind.ONE | Kind.TWO | Kind.THREE:
+        case SecretKind.ONE | SecretKind.TWO | SecretKind.THREE:
             taken: tuple[str, ...] = ()
-            for _ in range({Kind.ONE: 1, Kind.TWO: 2, Kind.THREE: 3}[kind]):
+            for _ in range({SecretKind.ONE: 1, SecretKind.TWO: 2, SecretKind.THREE: 3}[kind]):
                 taken = (*taken, effects.take(taken))
             return taken
 

@@ -23,7 +23,7 @@ WAITING = 6.0
 NO_LIMITS = 0.0
 
 
-class Verb(StrEnum):
+class ChildTask(StrEnum):
     """What a child can do."""
 
     EXPLAIN = "explain"
@@ -31,7 +31,7 @@ class Verb(StrEnum):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ChildOutcome:
     """What came of it."""
 
     answer: dict[str, Any] | None
@@ -47,7 +47,7 @@ class Outcome:
         return {"answer": self.answer, "why": self.why, "cpu": round(self.cpu, 2), "seconds": round(self.seconds, 2)}
 
 
-def in_child(verb: Verb, campaign: Campaign, cap: float, without: str = "") -> Outcome:
+def in_child(verb: ChildTask, campaign: Campaign, cap: float, without: str = "") -> ChildOutcome:
     """Do it to this campaign within `cap` seconds of CPU time; without: an effect that the catalogue is to lack."""
     begin = perf_counter()
     with tempfile.TemporaryDirectory(prefix="fidim-benchmark-") as scratch:
@@ -57,15 +57,15 @@ def in_child(verb: Verb, campaign: Campaign, cap: float, without: str = "") -> O
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=WAITING * cap + 60.0, check=False)
         except subprocess.TimeoutExpired:
-            return Outcome(None, f"no answer within {WAITING * cap + 60.0:.0f} s", cap, perf_counter() - begin)
+            return ChildOutcome(None, f"no answer within {WAITING * cap + 60.0:.0f} s", cap, perf_counter() - begin)
         seconds = perf_counter() - begin
         if out.exists():
             said = read_json(out)
-            return Outcome(said["answer"], said["why"], said["cpu"], seconds)
+            return ChildOutcome(said["answer"], said["why"], said["cpu"], seconds)
         if done.returncode < 0 or done.returncode > 128:
-            return Outcome(None, f"stopped: the {cap:.0f} s of CPU time were used up, or it crashed", cap, seconds)
+            return ChildOutcome(None, f"stopped: the {cap:.0f} s of CPU time were used up, or it crashed", cap, seconds)
         last = (done.stderr.strip().splitlines() or ["nothing was said"])[-1]
-        return Outcome(None, f"failed with exit code {done.returncode}: {last}", min(cap, seconds), seconds)
+        return ChildOutcome(None, f"failed with exit code {done.returncode}: {last}", min(cap, seconds), seconds)
 
 
 def main(arguments: list[str]) -> int:
@@ -75,10 +75,10 @@ def main(arguments: list[str]) -> int:
     campaign = read_campaign(Path(folder))
     answer, why = None, ""
     try:
-        answer = _explained(campaign, without) if Verb(verb) is Verb.EXPLAIN else _loud(campaign)
+        answer = _explained(campaign, without) if ChildTask(verb) is ChildTask.EXPLAIN else _loud(campaign)
     except FidimError as error:
         why = f"{type(error).__name__}: {error}"
-    write_json(Path(out), Outcome(answer, why, process_time(), NO_LIMITS).table)
+    write_json(Path(out), ChildOutcome(answer, why, process_time(), NO_LIMITS).table)
     return 0
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.markdown import Markdown
 
-from fidim_lab.app.benchmark.child import Outcome, Verb, in_child
+from fidim_lab.app.benchmark.child import ChildOutcome, ChildTask, in_child
 from fidim_lab.app.benchmark.folder import (
     BenchmarkFolder,
     commit,
@@ -20,9 +20,9 @@ from fidim_lab.app.benchmark.folder import (
 )
 from fidim_lab.app.benchmark.loudness import QUIET
 from fidim_lab.app.benchmark.seal import SealTask, recipe_of, seal
-from fidim_lab.app.benchmark.tally import Judged, Tally, judged
+from fidim_lab.app.benchmark.tally import ScoredCampaign, Tally, judged
 from fidim_lab.app.benchmark.words import page
-from fidim_lab.app.compose.sealed import Recipe, sealed_campaign
+from fidim_lab.app.compose.sealed import SealedRecipe, sealed_campaign
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.spread_out import workers
 from fidim_lab.data.campaign import read_campaign
@@ -30,7 +30,7 @@ from fidim_lab.data.records import Campaign
 from fidim_lab.errors import FidimError, SetupError
 from fidim_lab.mapping import Map
 
-Action = Callable[[Campaign], Outcome]
+Action = Callable[[Campaign], ChildOutcome]
 BENCHMARKS = {"explain": "names of physics that was left out, on sealed campaigns of the independent simulators"}
 
 
@@ -83,7 +83,7 @@ def benchmark_command(options: BenchmarkOptions, *, explainer: Action | None = N
     RefusedError where a sealed truth was changed.
     """
     tally, commitment = run_benchmark(
-        options, explainer or partial(in_child, Verb.EXPLAIN, cap=options.cap, without=options.without)
+        options, explainer or partial(in_child, ChildTask.EXPLAIN, cap=options.cap, without=options.without)
     )
     text = page(tally, options.text, commitment, options.without)
     if options.json_file is not None:
@@ -130,22 +130,22 @@ def measure(task: SealTask, cap: float) -> str:
     Of several effects each is measured alone, too: one that nobody could see is hidden behind a loud one.
     """
     folder = BenchmarkFolder(task.out)
-    recipe: Recipe = recipe_of(task, opened(folder, task.name))
+    recipe: SealedRecipe = recipe_of(task, opened(folder, task.name))
     whole = _loud(recipe, cap)
     parts = [_loud(replace(recipe, hide=(hide,)), cap) for hide in recipe.hide] if len(recipe.hide) > 1 else [whole]
     write_json(folder.loudness(task.name), whole.table | {"each": [part.answer for part in parts]})
     return task.name
 
 
-def _loud(recipe: Recipe, cap: float) -> Outcome:
+def _loud(recipe: SealedRecipe, cap: float) -> ChildOutcome:
     try:
         quiet, _ = sealed_campaign(recipe, noise=QUIET)
     except FidimError as error:
-        return Outcome(None, str(error), 0.0, 0.0)
-    return in_child(Verb.LOUDNESS, quiet, cap)
+        return ChildOutcome(None, str(error), 0.0, 0.0)
+    return in_child(ChildTask.LOUDNESS, quiet, cap)
 
 
-def _judged(folder: BenchmarkFolder, name: str, without: str) -> Judged:
+def _judged(folder: BenchmarkFolder, name: str, without: str) -> ScoredCampaign:
     files = opened(folder, name), read_json(folder.answer(name)), read_json(folder.loudness(name))
     return judged(name, *files, without=bool(without))
 

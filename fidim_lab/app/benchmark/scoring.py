@@ -8,7 +8,7 @@ EQUIVALENTS = 3
 """so many alternatives of an effect are read; who names more names nothing"""
 
 
-class Grade(StrEnum):
+class Marked(StrEnum):
     """How an explanation is judged."""
 
     RIGHT = "right"
@@ -19,7 +19,7 @@ class Grade(StrEnum):
     @property
     def good(self) -> bool:
         """Right, or right by class."""
-        return self is not Grade.WRONG
+        return self is not Marked.WRONG
 
 
 ALONE: dict[tuple[str, ...], str] = {
@@ -30,39 +30,39 @@ ALONE: dict[tuple[str, ...], str] = {
 """secrets that a verdict names, without an effect"""
 
 
-def grade(explanation: dict[str, Any] | None, label: list[str], cable: int | None) -> Grade:
+def grade(explanation: dict[str, Any] | None, label: list[str], cable: int | None) -> Marked:
     """Judge one explanation ("fidim-explanation/1" as a table; None: there is none) against what was hidden.
 
     right: the named effects are exactly the hidden ones, with the cable where the truth gives one, or the verdict is
     the one for nothing, something unknown or a sensor fault. class: some choice of effects and their equivalents is.
     """
     if explanation is None:
-        return Grade.WRONG
+        return Marked.WRONG
     verdict, effects = explanation.get("verdict"), explanation.get("effects", [])
     if tuple(label) in ALONE:
-        return Grade.RIGHT if verdict == ALONE[tuple(label)] and not effects else Grade.WRONG
+        return Marked.RIGHT if verdict == ALONE[tuple(label)] and not effects else Marked.WRONG
     if verdict not in ("explained", "partly-explained"):
-        return Grade.WRONG
+        return Marked.WRONG
     hidden = sorted(label)
     cable_right = cable is None or cable in {effect.get("cable") for effect in effects}
     if verdict == "explained" and cable_right and sorted(effect["id"] for effect in effects) == hidden:
-        return Grade.RIGHT
+        return Marked.RIGHT
     choices = [[effect["id"], *effect.get("equivalent_to", [])[:EQUIVALENTS]] for effect in effects]
-    return Grade.CLASS if any(sorted(choice) == hidden for choice in product(*choices)) else Grade.WRONG
+    return Marked.CLASS if any(sorted(choice) == hidden for choice in product(*choices)) else Marked.WRONG
 
 
-def grade_without(explanation: dict[str, Any] | None) -> Grade:
+def grade_without(explanation: dict[str, Any] | None) -> Marked:
     """Judge an explanation of something that its catalogue lacks.
 
     right: it is called unknown. class: neighbours are named, none of them as the only one. wrong: a name that claims
     odds over 20 is wrong and sure; so is "nothing is missing".
     """
     if explanation is None:
-        return Grade.WRONG
+        return Marked.WRONG
     effects = explanation.get("effects", [])
     if explanation.get("verdict") == "unknown-physics":
-        return Grade.RIGHT
-    return Grade.CLASS if effects and not any(effect.get("single") for effect in effects) else Grade.WRONG
+        return Marked.RIGHT
+    return Marked.CLASS if effects and not any(effect.get("single") for effect in effects) else Marked.WRONG
 
 
 def named(explanation: dict[str, Any] | None) -> str:

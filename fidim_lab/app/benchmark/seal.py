@@ -12,7 +12,7 @@ import numpy as np
 from fidim_lab.app.benchmark.cases import Case, case_of, case_with
 from fidim_lab.app.benchmark.folder import BenchmarkFolder, Json, write_json
 from fidim_lab.app.benchmark.robots import random_setup
-from fidim_lab.app.compose.sealed import MUJOCO, NATIVE, Recipe, can_hide, sealed_campaign
+from fidim_lab.app.compose.sealed import MUJOCO, NATIVE, SealedRecipe, can_hide, sealed_campaign
 from fidim_lab.data.campaign import INDEX, write_campaign
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
@@ -66,7 +66,7 @@ def seal(task: SealTask) -> str:
     raise InfeasibleError(f"{task.name}: none of {ROBOTS} robots can swing. {refused[-1]}", hint="Take another --seed.")
 
 
-def recipes(task: SealTask) -> Iterator[tuple[Recipe, Case]]:
+def recipes(task: SealTask) -> Iterator[tuple[SealedRecipe, Case]]:
     """What to try for one campaign, in order: robot after robot, each in MuJoCo first where that was drawn."""
     paper = read_robot(PAPERS_ROBOT)
     for attempt in range(ROBOTS):
@@ -74,7 +74,7 @@ def recipes(task: SealTask) -> Iterator[tuple[Recipe, Case]]:
         setup = random_setup(paper, rng)
         dealt = partial(case_with, task.without) if task.without else case_of
         case = dealt(task.seed, task.number, setup.robot.mass, setup.robot.n)
-        recipe = Recipe(
+        recipe = SealedRecipe(
             name=task.name,
             robot=setup.robot,
             hide=tuple(effect.hide for effect in case.effects),
@@ -94,7 +94,7 @@ def _in_mujoco(robot: Robot) -> Robot:
     return replace(robot, sensors=replace(robot.sensors, marker_noise=noise))
 
 
-def recipe_of(task: SealTask, truth: Json) -> Recipe:
+def recipe_of(task: SealTask, truth: Json) -> SealedRecipe:
     """The recipe by which a campaign was made: the one with this seed and backend."""
     found = [r for r, _ in recipes(task) if (r.seed, r.backend) == (truth["seed"], truth["backend"])]
     if not found:
@@ -102,7 +102,7 @@ def recipe_of(task: SealTask, truth: Json) -> Recipe:
     return found[0]
 
 
-def _truth(recipe: Recipe, case: Case, truth: dict[str, object]) -> Json:
+def _truth(recipe: SealedRecipe, case: Case, truth: dict[str, object]) -> Json:
     """As `fidim simulate` writes it, with kind and sizes. Random bits keep short secrets from being guessed by hash."""
     hidden = [{"id": h.id, "size": h.size, "unit": h.unit, "hide": h.hide} for h in case.effects]
     more = {"kind": case.kind.value, "hidden": hidden, "marker_noise": recipe.robot.sensors.marker_noise}

@@ -43,7 +43,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Limit:
+class DetectionLimit:
     """The size found nine times in ten, by a logistic curve in its logarithm."""
 
     size: float
@@ -54,7 +54,7 @@ class Limit:
     """where the limit lies outside of what was tried: «below» or «above» its ends"""
 
 
-def detection_limit(sizes: np.ndarray, found: np.ndarray) -> Limit | None:
+def detection_limit(sizes: np.ndarray, found: np.ndarray) -> DetectionLimit | None:
     """Fit P(found) = 1/(1 + exp(−a − b ln size)) by maximum posterior and give the size at `FOUND`.
 
     sizes: (N,) positive. found: (N,) bool. None where fewer than four sizes were tried, or more found of the small ones
@@ -72,7 +72,7 @@ def detection_limit(sizes: np.ndarray, found: np.ndarray) -> Limit | None:
     size = float(np.exp(at + centre))
     beyond = "below" if size < sizes.min() else "above" if size > sizes.max() else ""
     spread = min(spread, MOST_UNCERTAIN)
-    return Limit(float(np.clip(size, sizes.min(), sizes.max())), size / spread, size * spread, beyond)
+    return DetectionLimit(float(np.clip(size, sizes.min(), sizes.max())), size / spread, size * spread, beyond)
 
 
 def _misfit(parameters: np.ndarray, x: np.ndarray, found: np.ndarray) -> float:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fidim_lab.app.benchmark.cases import Kind
+from fidim_lab.app.benchmark.cases import SecretKind
 from fidim_lab.app.benchmark.folder import Json
-from fidim_lab.app.benchmark.scoring import Grade, grade, grade_without, named
-from fidim_lab.app.benchmark.statistics import Limit, Share, detection_limit
+from fidim_lab.app.benchmark.scoring import Marked, grade, grade_without, named
+from fidim_lab.app.benchmark.statistics import DetectionLimit, Share, detection_limit
 from fidim_lab.data.records import PARAMETER_NAMES
 
 BANDS = (("≥ 1000", 1000.0, np.inf), ("100 – 1000", 100.0, 1000.0), ("< 100", 0.0, 100.0))
@@ -18,18 +18,18 @@ BANDS = (("≥ 1000", 1000.0, np.inf), ("100 – 1000", 100.0, 1000.0), ("< 100"
 
 
 @dataclass(frozen=True)
-class Judged:
+class ScoredCampaign:
     """One campaign, opened."""
 
     name: str
-    kind: Kind
+    kind: SecretKind
     label: tuple[str, ...]
     hidden: tuple[Json, ...]
     """id, size, unit, hide"""
     cable: int | None
     named: str
     named_ids: tuple[str, ...]
-    grade: Grade
+    grade: Marked
     why: str
     """where there is no answer"""
     chi2_excess: float | None
@@ -59,7 +59,7 @@ class Judged:
         return before is not None and after is not None and after - 1.0 <= 0.5 * (before - 1.0)
 
 
-def judged(name: str, truth: Json, answer: Json, loud: Json | None, *, without: bool = False) -> Judged:
+def judged(name: str, truth: Json, answer: Json, loud: Json | None, *, without: bool = False) -> ScoredCampaign:
     """One campaign from its files: the truth, the child's outcome of explaining, the one of measuring loudness.
 
     without: the catalogue lacked what is hidden.
@@ -68,9 +68,9 @@ def judged(name: str, truth: Json, answer: Json, loud: Json | None, *, without: 
     measured = None if loud is None else loud["answer"]
     held = {} if explanation is None else explanation.get("held_out", {}).get("chi2_per_dof", {})
     effects = [] if explanation is None else explanation["effects"]
-    return Judged(
+    return ScoredCampaign(
         name=name,
-        kind=Kind(truth["kind"]),
+        kind=SecretKind(truth["kind"]),
         label=tuple(case["label"]),
         hidden=tuple(truth["hidden"]),
         cable=case.get("cable"),
@@ -110,53 +110,55 @@ def _errors(explanation: Json, true: list[float]) -> tuple[float, float] | None:
 class Tally:
     """All campaigns together."""
 
-    campaigns: tuple[Judged, ...]
+    campaigns: tuple[ScoredCampaign, ...]
 
     @property
     def false_alarms(self) -> Share:
         """On campaigns with nothing hidden."""
-        nulls = self.of(lambda c: c.kind is Kind.NOTHING)
+        nulls = self.of(lambda c: c.kind is SecretKind.NOTHING)
         return Share(sum(not c.grade.good for c in nulls), len(nulls))
 
     @property
     def outside(self) -> Share:
         """Flagged as unknown, of those whose secret is outside the catalogue."""
-        return self.share(lambda c: c.kind is Kind.OUTSIDE)
+        return self.share(lambda c: c.kind is SecretKind.OUTSIDE)
 
     @property
     def halved(self) -> Share:
         """Of those flagged as unknown: whose held-out excess is at least halved."""
-        flagged = self.of(lambda c: c.kind is Kind.OUTSIDE and c.grade.good)
+        flagged = self.of(lambda c: c.kind is SecretKind.OUTSIDE and c.grade.good)
         return Share(sum(c.halved for c in flagged), len(flagged))
 
-    def of(self, which: Callable[[Judged], bool]) -> tuple[Judged, ...]:
+    def of(self, which: Callable[[ScoredCampaign], bool]) -> tuple[ScoredCampaign, ...]:
         """Some of the campaigns."""
         return tuple(c for c in self.campaigns if which(c))
 
-    def share(self, which: Callable[[Judged], bool]) -> Share:
+    def share(self, which: Callable[[ScoredCampaign], bool]) -> Share:
         """How many of some are right, or right by class."""
         chosen = self.of(which)
         return Share(sum(c.grade.good for c in chosen), len(chosen))
 
-    def in_band(self, band: str) -> tuple[Judged, ...]:
+    def in_band(self, band: str) -> tuple[ScoredCampaign, ...]:
         """Campaigns with something hidden from the catalogue, in one band of loudness."""
-        return self.of(lambda c: c.band == band and c.kind in (Kind.ONE, Kind.TWO, Kind.THREE, Kind.FAULT))
+        return self.of(
+            lambda c: c.band == band and c.kind in (SecretKind.ONE, SecretKind.TWO, SecretKind.THREE, SecretKind.FAULT)
+        )
 
-    def outside_in(self, band: str) -> tuple[Judged, ...]:
+    def outside_in(self, band: str) -> tuple[ScoredCampaign, ...]:
         """Campaigns with something hidden that is outside the catalogue, in one band of loudness."""
-        return self.of(lambda c: c.band == band and c.kind is Kind.OUTSIDE)
+        return self.of(lambda c: c.band == band and c.kind is SecretKind.OUTSIDE)
 
     @property
     def confusion(self) -> dict[tuple[str, str], int]:
         """(hidden, named) → number, over campaigns with at most one secret; names without cables, with the verdict."""
         pairs = Counter[tuple[str, str]]()
-        for c in self.of(lambda c: c.kind not in (Kind.TWO, Kind.THREE)):
+        for c in self.of(lambda c: c.kind not in (SecretKind.TWO, SecretKind.THREE)):
             pairs[c.hidden[0]["id"] if c.hidden else "nothing", " + ".join(c.named_ids) or c.named] += 1
         return dict(sorted(pairs.items()))
 
-    def limits(self) -> dict[str, tuple[int, Limit | None, Limit | None, str]]:
+    def limits(self) -> dict[str, tuple[int, DetectionLimit | None, DetectionLimit | None, str]]:
         """id → (campaigns, limit in the effect's unit, in mm of trajectory, unit), from campaigns with one secret."""
-        found: dict[str, tuple[int, Limit | None, Limit | None, str]] = {}
+        found: dict[str, tuple[int, DetectionLimit | None, DetectionLimit | None, str]] = {}
         single = self.of(lambda c: len(c.hidden) == 1)
         for id in sorted({c.hidden[0]["id"] for c in single}):
             of_id = [c for c in single if c.hidden[0]["id"] == id]
@@ -209,15 +211,15 @@ class Tally:
 BAND_NAMES = (*(name for name, _, _ in BANDS), "unmeasured")
 
 
-def _good(campaigns: list[Judged]) -> np.ndarray:
+def _good(campaigns: list[ScoredCampaign]) -> np.ndarray:
     return np.array([c.grade.good for c in campaigns], dtype=bool)
 
 
-def _limit(limit: Limit | None) -> Json | None:
+def _limit(limit: DetectionLimit | None) -> Json | None:
     return None if limit is None else vars(limit)
 
 
-def _campaign(c: Judged) -> Json:
+def _campaign(c: ScoredCampaign) -> Json:
     return {
         "name": c.name,
         "kind": c.kind.value,

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.app.benchmark.cases import Kind
-from fidim_lab.app.benchmark.scoring import Grade
-from fidim_lab.app.benchmark.statistics import Limit
-from fidim_lab.app.benchmark.tally import BAND_NAMES, Judged, Tally
+from fidim_lab.app.benchmark.cases import SecretKind
+from fidim_lab.app.benchmark.scoring import Marked
+from fidim_lab.app.benchmark.statistics import DetectionLimit
+from fidim_lab.app.benchmark.tally import BAND_NAMES, ScoredCampaign, Tally
 
 METHOD = """\
 Each campaign is of another robot (size, weight, drums, attachments, body, 1 to 4 markers, noise, frame rate;
@@ -82,12 +82,12 @@ def _bands(tally: Tally) -> str:
 
 
 def _kinds(tally: Tally) -> str:
-    rows = [_grades(kind.value, tally.of(lambda c, k=kind: c.kind is k)) for kind in Kind]
+    rows = [_grades(kind.value, tally.of(lambda c, k=kind: c.kind is k)) for kind in SecretKind]
     return table(("hidden", "campaigns", "right", "by class", "wrong", "right or by class (95 %)"), rows)
 
 
-def _grades(name: str, campaigns: tuple[Judged, ...]) -> tuple[object, ...]:
-    counts = [sum(c.grade is grade for c in campaigns) for grade in Grade]
+def _grades(name: str, campaigns: tuple[ScoredCampaign, ...]) -> tuple[object, ...]:
+    counts = [sum(c.grade is grade for c in campaigns) for grade in Marked]
     return name, len(campaigns), *counts, Tally(campaigns).share(lambda _: True)
 
 
@@ -121,7 +121,7 @@ def _limits(tally: Tally) -> str:
     )
 
 
-def _limit(limit: Limit | None) -> str:
+def _limit(limit: DetectionLimit | None) -> str:
     if limit is None:
         return "–"
     sign = {"": "", "below": "≤ ", "above": "≥ "}[limit.beyond]

@@ -259,13 +259,13 @@ def doctor(
     where a check failed, 3 where something cannot be reached. With --eds only the grade table of one drive, before
     anything is connected, and what had to be repaired in its file.
     """
-    from fidim_lab.app.doctor.command import Drive, doctor_command
+    from fidim_lab.app.doctor.command import UnconnectedDrive, doctor_command
 
     if family is not None and eds is None:
         raise click.UsageError("--family belongs to --eds.")
     if picture is not None and robot is None:
         raise click.UsageError("--picture goes with --robot.")
-    sys.exit(doctor_command(robot, json_file, rig, None if eds is None else Drive(eds, family), picture))
+    sys.exit(doctor_command(robot, json_file, rig, None if eds is None else UnconnectedDrive(eds, family), picture))
 
 
 @fidim.command("tension-calibrate")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from drivers.cia402.dictionary import Proof, WinchConfig, stop_settings
+from drivers.cia402.dictionary import TrialPassed, WinchConfig, stop_settings
 from drivers.ports import Disk, Trial
 from fidim_lab.data.rigs.proof_file import NAME, KeptProof, proofs_path, read_proofs, with_newer, write_proofs
 from fidim_lab.data.rigs.rig import RigFile
@@ -15,7 +15,7 @@ from procedures.outcomes import Outcome
 from procedures.steps.commission import ProveStop
 
 
-def held_proofs(file: RigFile, config: WinchConfig) -> tuple[Proof, ...]:
+def held_proofs(file: RigFile, config: WinchConfig) -> tuple[TrialPassed, ...]:
     """Those of a winch whose settings are today's, and whose drive may be the one that the rig file names.
 
     Whether it is the one on the bus, bring-up sees by its serial number. None in a rehearsal: other drives were tried.
@@ -47,8 +47,10 @@ def _said(settings: Mapping[str, int], name: str) -> str:
     return str(settings.get(name, "not told"))
 
 
-def _proof(kept: KeptProof) -> Proof:
-    return Proof(Trial(kept.trial), kept.serial_number, kept.speed, kept.time, kept.distance, by=kept.by, at=kept.at)
+def _proof(kept: KeptProof) -> TrialPassed:
+    return TrialPassed(
+        Trial(kept.trial), kept.serial_number, kept.speed, kept.time, kept.distance, by=kept.by, at=kept.at
+    )
 
 
 class ProofKeeper:

@@ -15,7 +15,7 @@ from sim_backends.mujoco_world.plant import MujocoPlant
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World
-from sim_backends.simulate import RecordedWindow, Recording, SimulatedPlatform, simulate_campaign
+from sim_backends.simulate import RecordedWindow, Sampling, SimulatedPlatform, simulate_campaign
 
 NATIVE, MUJOCO = "native", "mujoco"
 MILD = 0.7
@@ -25,7 +25,7 @@ MILDER = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Recipe:
+class SealedRecipe:
     """All that a campaign with a secret is made from: the same recipe gives the same bytes."""
 
     name: str
@@ -47,7 +47,7 @@ def can_hide(backend: str, ids: tuple[str, ...]) -> bool:
     return backend == NATIVE or all(id in SUPPORTED for id in ids)
 
 
-def sealed_campaign(recipe: Recipe, *, noise: float = 1.0) -> tuple[Campaign, dict[str, object]]:
+def sealed_campaign(recipe: SealedRecipe, *, noise: float = 1.0) -> tuple[Campaign, dict[str, object]]:
     """The campaign and its truth. noise: of the markers, as a part of what the robot file states.
 
     Raises InfeasibleError where the robot cannot swing, or a cable goes slack however little it is displaced.
@@ -64,7 +64,7 @@ def sealed_campaign(recipe: Recipe, *, noise: float = 1.0) -> tuple[Campaign, di
 
 
 def _recorded(
-    recipe: Recipe, plan: Plan, platform: SimulatedPlatform, noise: float
+    recipe: SealedRecipe, plan: Plan, platform: SimulatedPlatform, noise: float
 ) -> tuple[Campaign, dict[str, object], set[str]]:
     """One recording of all windows, with the windows in which a cable went slack."""
     stated, slack = Noise.of(recipe.robot), set[str]()
@@ -79,7 +79,7 @@ def _recorded(
         platform.world,
         np.random.default_rng([recipe.seed, 1]),
         replace(stated, marker=noise * stated.marker),
-        Recording(rate=recipe.rate),
+        Sampling(rate=recipe.rate),
         platform=platform,
         watch=watch,
     )

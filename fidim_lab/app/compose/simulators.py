@@ -32,7 +32,7 @@ from fidim_lab.errors import SetupError
 from fidim_lab.identification.random_plan import random_plan
 from sim_backends.drive.axis import Ampere, Defects, DrumShaft, Make
 from sim_backends.drive.node import SimulatedDrive
-from sim_backends.drive.objects import Abort, read_eds
+from sim_backends.drive.objects import AbortCode, read_eds
 from sim_backends.hand_server import HandServer
 from sim_backends.laboratory import DrumGeometry, Laboratory
 from sim_backends.served_bus import ServedBus
@@ -224,7 +224,7 @@ def _drives(
     for entry, config, drum, shaft, length in zip(file.winches, configs, laboratory.drums, shafts, start, strict=True):
         position = drum.direction * (float(length) - drum.home_length) / drum.metres_per_count
         od = read_eds(entry.eds or GENERIC_EDS, entry.node_id)
-        if isinstance(od.find(0x6040), Abort):
+        if isinstance(od.find(0x6040), AbortCode):
             raise SetupError(
                 f"{file.path}: {entry.name}: the EDS file {entry.eds} describes no drive: no controlword (6040).",
                 hint="Give the file of the drive, not of an I/O module or a master.",

@@ -28,7 +28,7 @@ CLOCK_STEP = 1e-4
 
 
 @dataclass(frozen=True)
-class Drive:
+class UnconnectedDrive:
     """A drive that nobody has connected yet."""
 
     eds: Path
@@ -39,7 +39,7 @@ def doctor_command(
     robot: Path | None,
     json_file: Path | None,
     rig: Path | None = None,
-    drive: Drive | None = None,
+    drive: UnconnectedDrive | None = None,
     picture: Path | None = None,
 ) -> int:
     """Run all checks, print them, and return the exit code: 1 where one failed, 3 where hardware cannot be reached.

@@ -12,7 +12,7 @@ from drivers.canbus.load import MAX_LOAD
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.bring_up import MEANING as ZERO
-from drivers.cia402.bring_up import Inspected, Standing, graded, inspect
+from drivers.cia402.bring_up import InspectedObject, Standing, graded, inspect
 from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.watch import CanopenMaster
 from drivers.cia402.wire import Strangers
@@ -152,7 +152,7 @@ async def _check_drive(file: RigFile, winch: Cia402Winch) -> list[Check]:
     return [alone, *(_as_check(item, winch.name) for item in inspected), *check_grades(grades, winch.name)]
 
 
-def _as_check(item: Inspected, device: str) -> Check:
+def _as_check(item: InspectedObject, device: str) -> Check:
     name = f"{item.object} {item.meaning}"
     return Check(name, STANDINGS[item.standing], item.found, item.advice, item.wanted, device)
 

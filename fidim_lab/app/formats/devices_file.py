@@ -28,7 +28,7 @@ FORMAT = "fidim-devices/1"
 
 
 @dataclass(frozen=True)
-class Parameter:
+class DriveObject:
     """One object of a drive."""
 
     object: str
@@ -54,11 +54,11 @@ class GradeLine:
 
 
 @dataclass(frozen=True)
-class WinchEntry:
+class WinchDevices:
     """One winch."""
 
     config: WinchConfig
-    parameters: tuple[Parameter, ...] = ()
+    parameters: tuple[DriveObject, ...] = ()
     grades: tuple[GradeLine, ...] = ()
 
 
@@ -75,7 +75,7 @@ class MarkersEntry:
 class Devices:
     """The whole file."""
 
-    winches: tuple[WinchEntry, ...]
+    winches: tuple[WinchDevices, ...]
     markers: MarkersEntry | None
     format: Literal["fidim-devices/1"] = FORMAT
 
@@ -122,10 +122,10 @@ def read_devices(folder: Path) -> Devices:
     return replace(devices, winches=tuple(replace(w, config=_with_eds(folder, w.config)) for w in devices.winches))
 
 
-def _winch(winch: Cia402Winch) -> WinchEntry:
+def _winch(winch: Cia402Winch) -> WinchDevices:
     checks = [asdict(check) for check in winch.checks]
-    parameters = [Parameter(c["object"], c["meaning"], c["wanted"], c["found"]) for c in checks]
-    return WinchEntry(winch.config, tuple(parameters), tuple(map(_line, winch.grades)))
+    parameters = [DriveObject(c["object"], c["meaning"], c["wanted"], c["found"]) for c in checks]
+    return WinchDevices(winch.config, tuple(parameters), tuple(map(_line, winch.grades)))
 
 
 def _line(graded: Graded) -> GradeLine:
@@ -134,11 +134,11 @@ def _line(graded: Graded) -> GradeLine:
     return GradeLine(requirement.key, requirement.grade, graded.met, graded.found, instead)
 
 
-async def _read_again(winch: Cia402Winch, entry: WinchEntry) -> WinchEntry:
+async def _read_again(winch: Cia402Winch, entry: WinchDevices) -> WinchDevices:
     sample = winch.latest()
     if sample is None or sample.state is DriveState.UNKNOWN:
         return entry
-    parameters: list[Parameter] = []
+    parameters: list[DriveObject] = []
     for parameter in entry.parameters:
         index, sub = (int(part, 16) for part in parameter.object.split(":"))
         try:

@@ -3,13 +3,13 @@
 from pydantic import BaseModel, ConfigDict
 
 
-class Part(BaseModel):
+class ExplanationPart(BaseModel):
     """A later version may say more."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
-class EffectParameterTable(Part):
+class EffectParameterTable(ExplanationPart):
     """One parameter of an effect, SI."""
 
     value: float | None
@@ -17,7 +17,7 @@ class EffectParameterTable(Part):
     unit: str = ""
 
 
-class EffectTable(Part):
+class EffectTable(ExplanationPart):
     """One effect that was left out."""
 
     id: str
@@ -39,7 +39,7 @@ class EffectTable(Part):
         return self.id if self.cable is None else f"{self.id} (cable {self.cable})"
 
 
-class PlaceTable(Part):
+class WhereTable(ExplanationPart):
     """Where it shows."""
 
     window: str
@@ -47,7 +47,7 @@ class PlaceTable(Part):
     says: str
 
 
-class RankedTable(Part):
+class RankedTable(ExplanationPart):
     """One model that was tried."""
 
     effects: tuple[str, ...]
@@ -56,14 +56,14 @@ class RankedTable(Part):
     why: str = ""
 
 
-class BeforeTable(Part):
+class BeforeTable(ExplanationPart):
     """A figure without and with the effects."""
 
     before: float | None
     after: float | None
 
 
-class HeldOutTable(Part):
+class HeldOutTable(ExplanationPart):
     """Of windows that no fit has seen."""
 
     chi2_per_dof: BeforeTable

@@ -34,7 +34,7 @@ COMMAND = "import sys; from fidim_lab.app.judging.model_worker import main; main
 
 
 @dataclass(frozen=True)
-class Checked:
+class Looked:
     """What one look says."""
 
     window: str
@@ -51,7 +51,7 @@ class Checked:
 class ModelCheck:
     """Has the worker look after every accepted window; a listener of the run, quick, and it never raises."""
 
-    def __init__(self, folder: Path, planned: int, tell: Callable[[Checked], None]) -> None:
+    def __init__(self, folder: Path, planned: int, tell: Callable[[Looked], None]) -> None:
         """folder: the run's. planned: windows; with fewer than can be checked nothing is started."""
         self._folder = folder
         self._tell = tell
@@ -95,7 +95,7 @@ class ModelCheck:
             try:
                 answer = await self._asked(window)
                 if "failed" in answer:
-                    self._tell(Checked(window, None, (), f"The model cannot be checked: {answer['failed']}", 0.0))
+                    self._tell(Looked(window, None, (), f"The model cannot be checked: {answer['failed']}", 0.0))
                     continue
                 self._tell(_checked(window, answer))
                 if answer.get("full"):
@@ -103,7 +103,7 @@ class ModelCheck:
                     await self._end_worker()
             except (OSError, ValueError) as error:
                 self._useful = False
-                self._tell(Checked(window, None, (), f"The model is not checked any more: {error}.", 0.0))
+                self._tell(Looked(window, None, (), f"The model is not checked any more: {error}.", 0.0))
                 return
 
     async def _asked(self, window: str) -> dict[str, Any]:
@@ -129,8 +129,8 @@ class ModelCheck:
         return answer
 
 
-def _checked(window: str, answer: dict[str, Any]) -> Checked:
+def _checked(window: str, answer: dict[str, Any]) -> Looked:
     ids = tuple(dict.fromkeys(str(one["id"]) for one in answer["suspected"]))
     early = answer["holds"] and answer["chi2_per_dof"] is None
     says = f"{answer['says']} {NO_MORE}" if answer.get("full") else answer["says"]
-    return Checked(window, None if early else answer["holds"], ids, says, answer["took"])
+    return Looked(window, None if early else answer["holds"], ids, says, answer["took"])

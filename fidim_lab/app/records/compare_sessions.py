@@ -18,7 +18,7 @@ RESULT = "result.json"
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class ComparedSession:
     """What is compared. Without a folder only the result is known."""
 
     name: str
@@ -69,7 +69,7 @@ def measured_range(campaign: Campaign) -> tuple[float, float] | None:
     return float(low), float(high)
 
 
-def read_session(place: Path) -> Session:
+def read_session(place: Path) -> ComparedSession:
     """Read a folder or a "fidim-result/1" file.
 
     A folder's result.json is taken where it is about the folder's windows; otherwise the body is identified here.
@@ -77,12 +77,12 @@ def read_session(place: Path) -> Session:
     """
     if place.is_file():
         result = read_result(place)
-        return Session(result.campaign, place, result, "a result file alone")
+        return ComparedSession(result.campaign, place, result, "a result file alone")
     contents = read_folder(place)
     result, origin = _result(place, contents)
     path = place / EXPLANATION
     explanation = read_explanation(path) if path.exists() else None
-    return Session(contents.campaign.name, place, result, origin, contents, explanation)
+    return ComparedSession(contents.campaign.name, place, result, origin, contents, explanation)
 
 
 def _result(place: Path, contents: Contents) -> tuple[ResultTable | None, str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from fidim_lab.app.records.compare_sessions import Session
+from fidim_lab.app.records.compare_sessions import ComparedSession
 from fidim_lab.app.report.sections.explained import VERDICTS
 from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.data.records import PARAMETER_NAMES, Robot
@@ -55,8 +55,8 @@ class WindowPair:
 class Comparison:
     """The whole answer."""
 
-    a: Session
-    b: Session
+    a: ComparedSession
+    b: ComparedSession
     shifts: tuple[Shift, ...]
     """empty where one of them has no result"""
     windows: tuple[WindowPair, ...]
@@ -85,7 +85,7 @@ class Comparison:
         }
 
 
-def compared(a: Session, b: Session) -> Comparison:
+def compared(a: ComparedSession, b: ComparedSession) -> Comparison:
     """Set two sessions side by side."""
     shifts = () if a.result is None or b.result is None else _shifts(a.result, b.result)
     agree, message = _judged(a, b, shifts)
@@ -107,7 +107,7 @@ def _stated(parameter: ParameterTable) -> float:
     return max(parameter.sd or 0.0, parameter.sd_bootstrap or 0.0)
 
 
-def _judged(a: Session, b: Session, shifts: Sequence[Shift]) -> tuple[bool, str]:
+def _judged(a: ComparedSession, b: ComparedSession, shifts: Sequence[Shift]) -> tuple[bool, str]:
     if not shifts:
         without = " and ".join(name for name, one in (("A", a), ("B", b)) if one.result is None)
         return False, f"Parameters cannot be compared: {without} has none."
@@ -126,12 +126,12 @@ def _judged(a: Session, b: Session, shifts: Sequence[Shift]) -> tuple[bool, str]
     return False, f"The two sessions differ beyond chance ({most:.1f} sd) in {', '.join(beyond)}; {figures}."
 
 
-def _windows(a: Session, b: Session) -> tuple[WindowPair, ...]:
+def _windows(a: ComparedSession, b: ComparedSession) -> tuple[WindowPair, ...]:
     of_a, of_b = ({w.id: w for w in ([] if s.result is None else s.result.windows)} for s in (a, b))
     return tuple(WindowPair(id, of_a.get(id), of_b.get(id)) for id in dict.fromkeys([*of_a, *of_b]))
 
 
-def _facts(a: Session, b: Session) -> tuple[tuple[str, str, str], ...]:
+def _facts(a: ComparedSession, b: ComparedSession) -> tuple[tuple[str, str, str], ...]:
     rows = [
         ("campaign", a.name, b.name),
         ("recorded", _recorded(a), _recorded(b)),
@@ -145,31 +145,31 @@ def _facts(a: Session, b: Session) -> tuple[tuple[str, str, str], ...]:
     return tuple(row for row in rows if row[1:] != ("–", "–"))
 
 
-def _recorded(session: Session) -> str:
+def _recorded(session: ComparedSession) -> str:
     story = None if session.contents is None else session.contents.story
     return "–" if story is None else story.began
 
 
-def _outcome(session: Session) -> str:
+def _outcome(session: ComparedSession) -> str:
     if session.result is None:
         return f"✗ {session.origin}"
     sign = "✓" if session.result.outcome == "converged" else "✗"
     return f"{sign} {session.result.outcome} ({session.result.method})"
 
 
-def _left_out(session: Session) -> str:
+def _left_out(session: ComparedSession) -> str:
     found = session.explanation
     if found is None:
         return "–"
     return f"{VERDICTS[found.verdict]}: {', '.join(e.label for e in found.effects) or 'no effect'}"
 
 
-def _used(session: Session) -> str:
+def _used(session: ComparedSession) -> str:
     rows = () if session.result is None else session.result.windows
     return f"{sum(w.used for w in rows)} of {len(rows)}" if rows else "–"
 
 
-def _tension(session: Session) -> str:
+def _tension(session: ComparedSession) -> str:
     found = session.tension
     if found is None or session.contents is None:
         return "–"
@@ -177,7 +177,7 @@ def _tension(session: Session) -> str:
     return f"{found[0]:.0f} to {found[1]:.0f} (allowed {low:.0f} to {high:.0f})"
 
 
-def _warnings(a: Session, b: Session) -> list[str]:
+def _warnings(a: ComparedSession, b: ComparedSession) -> list[str]:
     said: list[str] = []
     if a.contents is not None and b.contents is not None:
         said += _differing(a.contents.campaign.robot, b.contents.campaign.robot)
@@ -205,7 +205,7 @@ def _differing(a: Robot, b: Robot) -> list[str]:
     return said
 
 
-def _side(session: Session) -> dict[str, object]:
+def _side(session: ComparedSession) -> dict[str, object]:
     result, tension = session.result, session.tension
     return {
         "name": session.name,

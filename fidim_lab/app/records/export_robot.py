@@ -33,7 +33,7 @@ TEMPLATE = "feedforward.py.txt"
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class WindowStart:
     """Where a window begins by the model, and what its file is called."""
 
     window: str
@@ -59,7 +59,7 @@ def _moved(model: Model, geometry: GeometryTable | None) -> Model:
     return Model(made, np.concatenate([model.shared[:9], made.theta]))
 
 
-def start_of(model: Model, campaign: Campaign, window: str | None) -> Start:
+def start_of(model: Model, campaign: Campaign, window: str | None) -> WindowStart:
     """Where a window (the first that is held out, else the first) begins. Raises SetupError for no such window.
 
     Raises RefusedError where its motion cannot be simulated.
@@ -68,10 +68,10 @@ def start_of(model: Model, campaign: Campaign, window: str | None) -> Start:
     robot = model.mechanism.robot
     found = held_out.predict(model.mechanism, model.shared, prepare(chosen, robot), robot.sensors)
     states = found.journey.optimum.simulation.point.states
-    return Start(chosen.id, Pose(states.positions[0], states.rotations[0]), states.twists[0])
+    return WindowStart(chosen.id, Pose(states.positions[0], states.rotations[0]), states.twists[0])
 
 
-def robot_mjcf(model: Model, start: Start, mass: float, origin: str) -> str:
+def robot_mjcf(model: Model, start: WindowStart, mass: float, origin: str) -> str:
     """The robot as MJCF. Raises SetupError where an effect was named that MJCF has no term for."""
     robot = model.mechanism.robot
     made = Multibody(
@@ -86,7 +86,7 @@ def robot_mjcf(model: Model, start: Start, mass: float, origin: str) -> str:
     return multibody_mjcf(made, f"{origin} Keyframe start: window {start.window}.".replace("--", "- -"))
 
 
-def robot_python(model: Model, start: Start, mass: float, origin: str) -> str:
+def robot_python(model: Model, start: WindowStart, mass: float, origin: str) -> str:
     """A module of functions, for numpy alone. Raises SetupError where an effect was named that it has no term for."""
     cables = model.mechanism.geometry()
     body = Body.from_vector(model.shared[:9])

@@ -55,7 +55,7 @@ def _spans(log: EncoderLog, take: Take) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Logged:
+class FromLog:
     """What a window has by its log."""
 
     lengths: np.ndarray
@@ -65,22 +65,22 @@ class Logged:
     words: str
 
 
-def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray) -> Logged:
+def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray) -> FromLog:
     """Lengths by the log where there is one, its unknown zeros from the poses; without one, those of the poses."""
     known = rows & np.isfinite(posed.positions).all(axis=1)
     held = np.median(mechanism.lengths(posed.positions[known], posed.rotations[known]), axis=0)
     if take.log is None:
         constant = np.tile(held, (int(rows.sum()), 1))
-        return Logged(constant, None, "lengths: the median of what the poses say, for there is no log")
+        return FromLog(constant, None, "lengths: the median of what the poses say, for there is no log")
     offset, clock = _offset(mechanism, take, take.log, posed)
     at = posed.t[rows] + offset
     counted = _at(take.log, take.log.lengths, at)
     if np.isfinite(counted).all(axis=1).mean() < COVERED:
         what = f"{take.log.source.name} does not reach over this window: lengths are the median of what the poses say"
-        return Logged(np.tile(held, (int(rows.sum()), 1)), None, what)
+        return FromLog(np.tile(held, (int(rows.sum()), 1)), None, what)
     currents = None if take.log.currents is None else _at(take.log, take.log.currents, at)
     lengths = counted - np.nanmedian(counted, axis=0) + held
-    return Logged(lengths, currents, f"lengths by {take.log.source.name}, zeros by the poses, {clock}")
+    return FromLog(lengths, currents, f"lengths by {take.log.source.name}, zeros by the poses, {clock}")
 
 
 def _at(log: EncoderLog, columns: np.ndarray, at: np.ndarray) -> np.ndarray:

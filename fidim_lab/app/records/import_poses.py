@@ -63,7 +63,7 @@ class PosedTake:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class PoseReading:
     """One way to read the poses of a file, and how much the cable lengths vary in it."""
 
     up: str
@@ -221,7 +221,7 @@ def _even(log: MarkerLog, values: np.ndarray) -> tuple[Series, np.ndarray]:
 
 
 @dataclass(frozen=True)
-class Told:
+class Decision:
     """What is to be said of a decision."""
 
     decided: tuple[str, ...] = ()
@@ -233,7 +233,7 @@ def _upright(
     log: MarkerLog,
     asked: Asked,
     tracks: Sequence[tuple[BodyTrack | None, Positions, Rotations]],
-) -> tuple[Reading, Told]:
+) -> tuple[PoseReading, Decision]:
     """The reading in which cable lengths vary least, if the file or the caller does not say another one."""
     readings = sorted(_readings(mechanism, asked, tracks), key=lambda reading: reading.varies)
     said = asked.up or log.up
@@ -243,18 +243,18 @@ def _upright(
     if asked.up is None and said is not None and chosen.varies > STRAY >= best.varies:
         words = f"the file says {said} upwards, but cable lengths vary by {chosen.varies * 1e3:.1f} mm so"
         warning = f"{words}; {best.words} was taken, where they vary by {best.varies * 1e3:.1f} mm"
-        return best, Told((), (warning,))
+        return best, Decision((), (warning,))
     rivals = [r for r in fitting if r is not chosen and r.varies < CLEAR * chosen.varies]
     _ask(chosen, rivals, said)
     how = "as asked for" if asked.up else "as the file says" if log.up else "by the cable lengths"
     decided = (f"{chosen.words}, {how}: {shown}",)
     if chosen.varies > STRAY:
         warning = f"{shown} though the motors are locked: the motion-capture or body frame is not the robot's"
-        return chosen, Told(decided, (warning,))
-    return chosen, Told(decided)
+        return chosen, Decision(decided, (warning,))
+    return chosen, Decision(decided)
 
 
-def _ask(chosen: Reading, rivals: Sequence[Reading], said: str | None) -> None:
+def _ask(chosen: PoseReading, rivals: Sequence[PoseReading], said: str | None) -> None:
     """Raises RefusedError where another reading fits about as well and nobody said which."""
     other = next((rival for rival in rivals if rival.body is not chosen.body), None)
     if other is not None:
@@ -269,16 +269,16 @@ def _ask(chosen: Reading, rivals: Sequence[Reading], said: str | None) -> None:
 
 def _readings(
     mechanism: Mechanism, asked: Asked, tracks: Sequence[tuple[BodyTrack | None, Positions, Rotations]]
-) -> Iterator[Reading]:
+) -> Iterator[PoseReading]:
     for body, positions, rotations in tracks:
         for up, turn in UPRIGHT.items():
             if asked.up not in (None, up):
                 continue
             where, turned = positions @ turn.T, turn @ rotations
-            yield Reading(up, where, turned, _varies(mechanism, where, turned), body)
+            yield PoseReading(up, where, turned, _varies(mechanism, where, turned), body)
             if body is not None and up != "z":
                 own = turned @ turn.T
-                yield Reading(up, where, own, _varies(mechanism, where, own), body, turned=True)
+                yield PoseReading(up, where, own, _varies(mechanism, where, own), body, turned=True)
 
 
 def _varies(mechanism: Mechanism, positions: Positions, rotations: Rotations) -> float:

@@ -35,7 +35,7 @@ JUMP = 3e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class TakeWindows:
     """What one take gave."""
 
     take: Take
@@ -57,19 +57,19 @@ def import_takes_command(groups: Sequence[Takes], out: Path, json_file: Path | N
     return 0 if all(report["windows"] for report in reports) else 1
 
 
-def find_windows(group: Takes) -> Sequence[Found]:
+def find_windows(group: Takes) -> Sequence[TakeWindows]:
     """Windows of all takes. A take that is refused says why."""
     mechanism = Mechanism(group.robot)
-    found: list[Found] = []
+    found: list[TakeWindows] = []
     for take in group.takes:
         try:
             found.append(_of_take(mechanism, take, group.asked))
         except FidimError as error:
-            found.append(Found(take, (), take.markers.decided, (), str(error)))
+            found.append(TakeWindows(take, (), take.markers.decided, (), str(error)))
     return found
 
 
-def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> Found:
+def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
     posed = pose_take(mechanism, take.markers, asked)
     free = find_free_motion(mechanism, posed.t, posed.positions, posed.rotations)
     if not free.stretches:
@@ -89,7 +89,7 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> Found:
                 name, role, posed.t[rows], posed.markers[rows], by_log.lengths, by_log.currents, lengths_by_poses=True
             )
         )
-    return Found(take, tuple(windows), said, tuple(warnings))
+    return TakeWindows(take, tuple(windows), said, tuple(warnings))
 
 
 def _doubts(window: str, names: Sequence[str], markers: np.ndarray, rms: np.ndarray) -> Sequence[str]:
@@ -105,7 +105,7 @@ def _doubts(window: str, names: Sequence[str], markers: np.ndarray, rms: np.ndar
     return doubts
 
 
-def _write(group: Takes, found: Sequence[Found], folder: Path) -> dict[str, object]:
+def _write(group: Takes, found: Sequence[TakeWindows], folder: Path) -> dict[str, object]:
     windows = [window for one in found for window in one.windows]
     if all(one.take.role is None for one in found):
         windows = [
@@ -122,7 +122,7 @@ def _write(group: Takes, found: Sequence[Found], folder: Path) -> dict[str, obje
     return table
 
 
-def _table(group: Takes, found: Sequence[Found], windows: Sequence[Window]) -> dict[str, object]:
+def _table(group: Takes, found: Sequence[TakeWindows], windows: Sequence[Window]) -> dict[str, object]:
     return {
         "format": FORMAT,
         "kind": group.kind,
@@ -144,7 +144,7 @@ def _table(group: Takes, found: Sequence[Found], windows: Sequence[Window]) -> d
     }
 
 
-def _print(group: Takes, found: Sequence[Found], folder: Path) -> None:
+def _print(group: Takes, found: Sequence[TakeWindows], folder: Path) -> None:
     out = console.out
     windows = sum(len(one.windows) for one in found)
     out.print(

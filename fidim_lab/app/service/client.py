@@ -16,7 +16,7 @@ from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
-from fidim_lab.app.service.codec import LineDecoder, Malformed, encode
+from fidim_lab.app.service.codec import LineDecoder, MalformedLine, encode
 from fidim_lab.app.service.commands import (
     AnswerPrompt,
     Command,
@@ -153,9 +153,9 @@ class ServiceClient:
             said = self.bye.says if self.bye else "its process was killed or has failed"
             self._end(f"The service has ended: {said}")
 
-    def _take(self, message: Message | Malformed) -> None:
+    def _take(self, message: Message | MalformedLine) -> None:
         match message:
-            case Malformed(says):
+            case MalformedLine(says):
                 self._end(f"The service says what is no message: {says}")
                 return
             case Answer():

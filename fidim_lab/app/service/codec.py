@@ -1,6 +1,6 @@
 """Bytes to messages and back, without I/O: lines of JSON, in any pieces, with a limit on what a line may be.
 
-`LineDecoder` takes bytes as they come and gives whole messages; what is no message is a `Malformed`, which ends it.
+`LineDecoder` takes bytes as they come and gives whole messages; what is no message is a `MalformedLine`, which ends it.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ M = TypeVar("M")
 
 
 @dataclass(frozen=True)
-class Malformed:
+class MalformedLine:
     """A line that is no message of this protocol."""
 
     says: str
@@ -30,7 +30,7 @@ def encode(message: Message) -> bytes:
 
 
 class LineDecoder(Generic[M]):
-    """One direction of one connection. After a `Malformed` it takes nothing more."""
+    """One direction of one connection. After a `MalformedLine` it takes nothing more."""
 
     def __init__(self, adapter: TypeAdapter[M], limit: int = LINE_LIMIT) -> None:
         self._adapter = adapter
@@ -38,7 +38,7 @@ class LineDecoder(Generic[M]):
         self._rest = bytearray()
         self._broken = False
 
-    def receive(self, data: bytes) -> list[M | Malformed]:
+    def receive(self, data: bytes) -> list[M | MalformedLine]:
         """The messages that are whole now, in order."""
         self.add(data)
         return list(iter(self.next, None))
@@ -48,7 +48,7 @@ class LineDecoder(Generic[M]):
         if not self._broken:
             self._rest += data
 
-    def next(self) -> M | Malformed | None:
+    def next(self) -> M | MalformedLine | None:
         """The next message; None until another one is whole."""
         if self._broken:
             return None
@@ -64,16 +64,16 @@ class LineDecoder(Generic[M]):
         """Whether a line, or what is too long for one, has not been taken yet."""
         return not self._broken and (b"\n" in self._rest or len(self._rest) > self._limit)
 
-    def _message(self, line: bytes) -> M | Malformed:
+    def _message(self, line: bytes) -> M | MalformedLine:
         try:
             return self._adapter.validate_json(line)
         except ValidationError as error:
             return self._break("; ".join(_sentence(e["loc"], e["msg"]) for e in error.errors()[:3]))
 
-    def _break(self, says: str) -> Malformed:
+    def _break(self, says: str) -> MalformedLine:
         self._broken = True
         self._rest.clear()
-        return Malformed(printable(says))
+        return MalformedLine(printable(says))
 
 
 def _sentence(place: tuple[int | str, ...], problem: str) -> str:

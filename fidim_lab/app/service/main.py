@@ -22,7 +22,7 @@ from fidim_lab.app.compose.winches import winch_configs
 from fidim_lab.app.formats.aligned import PROCEDURE as ALIGN
 from fidim_lab.app.formats.aligned import AlignmentKeeper, known_alignment
 from fidim_lab.app.formats.run_records import RunRecords
-from fidim_lab.app.judging.model_check import Checked, ModelCheck
+from fidim_lab.app.judging.model_check import Looked, ModelCheck
 from fidim_lab.app.service.lock import Lock, held
 from fidim_lab.app.service.place import Place, place_of
 from fidim_lab.app.service.process.board import DefaultAnswer
@@ -199,7 +199,7 @@ def _proof_keeper(work: Work, service: Service, disk: Disk) -> ProofKeeper:
     return ProofKeeper(work.file, work.winches, spec.out, spec.by, wall_time, tell, disk)
 
 
-def _tell_checked(service: Service, checked: Checked) -> None:
+def _tell_checked(service: Service, checked: Looked) -> None:
     outcome = {True: "holds", False: " ".join(checked.suspected) or "does not hold", None: ""}[checked.holds]
     service.event_log.note(kind="model-checked", window=checked.window, outcome=outcome, text=checked.says)
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from fidim_lab.app import compose
 from fidim_lab.app.analysis.identify import run_identify, summary
 from fidim_lab.app.formats.run_records import RunRecords
-from fidim_lab.app.judging.model_check import Checked, ModelCheck
+from fidim_lab.app.judging.model_check import Looked, ModelCheck
 from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.app.session.dry_run_spec import DryRunSpec, write_dry_run
 from fidim_lab.app.terminal import console
@@ -255,7 +255,7 @@ class _Rehearsal:
         write_dry_run(self.folder, self._spec)
 
 
-def _say_checked(checked: Checked) -> None:
+def _say_checked(checked: Looked) -> None:
     console.err.print(f"{checked.window}  {checked.says}", markup=False)
 
 

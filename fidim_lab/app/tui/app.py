@@ -20,7 +20,7 @@ from fidim_lab.app.tui.orders import Orders, Person, Verb
 from fidim_lab.app.tui.reopen import reopen
 from fidim_lab.app.tui.stage import Stage
 from fidim_lab.app.tui.themes import DARK, LIGHT
-from fidim_lab.app.tui.view import Contact, View
+from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.app.tui.widgets.board import Board
 from fidim_lab.errors import SetupError
 
@@ -127,7 +127,7 @@ class FidimUi(App[None]):
         """Whether the key is one of the open prompt's. In its first moment a prompt takes none."""
         view = self.link.view()
         question = view.question
-        if question is None or view.contact is not Contact.LIVE:
+        if question is None or view.contact is not Connection.LIVE:
             return False
         choice = choice_keys(question.choices).get(key)
         if choice is not None and view.now - view.asked >= SETTLE:
@@ -146,7 +146,7 @@ class FidimUi(App[None]):
         self.stage.tell(text, self._clock.now())
         self.call_later(self._draw)  # never before the order itself is sent
 
-    async def _reopen(self, view: View) -> str:
+    async def _reopen(self, view: ScreenState) -> str:
         """The service of the run that this screen shows."""
         folder = self.stage.folder(view)
         if folder is None:

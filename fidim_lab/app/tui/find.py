@@ -10,7 +10,7 @@ from fidim_lab.data.rigs.rig import RigFile
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundService:
     """A service that listens, or why there is none."""
 
     socket: Path | None
@@ -30,10 +30,10 @@ class Finder:
     socket: Path | None = None
     """known already"""
 
-    def look(self, known: Path | None = None) -> Found:
+    def look(self, known: Path | None = None) -> FoundService:
         """The socket to connect to now; known: chosen before, and again where several are there."""
         if self.socket is not None:
-            return Found(self.socket)
+            return FoundService(self.socket)
         if self.rig is not None:
             why = f"{self.rig.path}: no service has this rig. fidim run PLAN --rig … starts one"
             return _one(places_of(self.rig), why, known)
@@ -48,13 +48,13 @@ class Finder:
         return _one(places, why, known)
 
 
-def _one(places: list[Place], otherwise: str, known: Path | None) -> Found:
+def _one(places: list[Place], otherwise: str, known: Path | None) -> FoundService:
     there = [(place.socket, who) for place, who in running(places)]
     chosen = [found for found in there if found[0] == known] or there
     if not chosen:
-        return Found(None, otherwise)
+        return FoundService(None, otherwise)
     if len(chosen) == 1:
-        return Found(chosen[0][0], who=chosen[0][1])
+        return FoundService(chosen[0][0], who=chosen[0][1])
     folders = ", ".join(who.folder for _, who in chosen)
     why = f"several services are running ({folders}): give fidim ui the folder of one"
-    return Found(None, why, several=tuple(socket for socket, _ in chosen))
+    return FoundService(None, why, several=tuple(socket for socket, _ in chosen))

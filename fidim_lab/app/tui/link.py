@@ -13,8 +13,8 @@ from fidim_lab.app.service.client import ServiceClient, connect
 from fidim_lab.app.service.commands import Command, EmergencyStop
 from fidim_lab.app.service.messages import Answer, Welcome
 from fidim_lab.app.tui.aside import Aside
-from fidim_lab.app.tui.find import Finder, Found
-from fidim_lab.app.tui.view import Tracker, View
+from fidim_lab.app.tui.find import Finder, FoundService
+from fidim_lab.app.tui.view import ScreenState, Tracker
 from fidim_lab.errors import FidimError, HardwareError
 from procedures.timing import within
 
@@ -41,10 +41,10 @@ class Link:
         """of the rig that this screen belongs to"""
         self.rig = ""
         """its name"""
-        self._offered: Found | None = None
+        self._offered: FoundService | None = None
         """another rig's service"""
 
-    def view(self) -> View:
+    def view(self) -> ScreenState:
         """What is known now."""
         return self.tracker.view(self._clock.now())
 
@@ -93,7 +93,7 @@ class Link:
             self._withdraw_offer()
             await self._listen(found, found.socket)
 
-    async def _listen(self, found: Found, socket: Path) -> None:
+    async def _listen(self, found: FoundService, socket: Path) -> None:
         async with AsyncExitStack() as stack:
             service = await self._greeted(stack, socket)
             if self._is_another_rig(socket, service.welcome):

@@ -19,7 +19,7 @@ from fidim_lab.app.service.commands import (
 from fidim_lab.app.service.latch import AT_START, first_words
 from fidim_lab.app.service.messages import Answer, Welcome
 from fidim_lab.app.tui.link import Link
-from fidim_lab.app.tui.view import Contact, View
+from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.errors import FidimError, HardwareError
 
 Verb = Literal["reset", "start", "pause", "skip", "retry", "abort", "lease"]
@@ -43,7 +43,7 @@ class Person:
 class Orders:
     """Carries a person's orders to the service, and its answers back."""
 
-    def __init__(self, link: Link, person: Person, reopen: Callable[[View], Awaitable[str]]) -> None:
+    def __init__(self, link: Link, person: Person, reopen: Callable[[ScreenState], Awaitable[str]]) -> None:
         """reopen: start the service of an ended run again; returns what is to be said, raises FidimError."""
         self._link = link
         self._person = person
@@ -99,7 +99,7 @@ class Orders:
         """From a stop to a robot that may move: the service again where there is none, then the latch."""
         view = self._link.view()
         ended = view.status is not None and view.status.phase == "ended"
-        if view.contact in (Contact.SEEKING, Contact.LOST, Contact.ENDED) or ended:
+        if view.contact in (Connection.SEEKING, Connection.LOST, Connection.ENDED) or ended:
             await self._start_again(view)
         elif await self._lease() and await self._sure():
             why = "" if view.status is None else view.status.latched_why
@@ -124,7 +124,7 @@ class Orders:
             f"{asked} 1 of 2", (*says, "Has the cause gone?"), "it has gone"
         ) and await self._person.confirms(f"{asked} 2 of 2", nobody, RESET)
 
-    async def _start_again(self, view: View) -> None:
+    async def _start_again(self, view: ScreenState) -> None:
         says = (
             "The run of this screen has ended. Its service is started again, for what is left of the run.",
             "Nothing moves yet: r resets the emergency stop then, g goes on.",

@@ -13,10 +13,10 @@ from drivers.ports import Clock
 from fidim_lab.app.formats.explanation_parts import (
     BeforeTable,
     EffectTable,
+    ExplanationPart,
     HeldOutTable,
-    Part,
-    PlaceTable,
     RankedTable,
+    WhereTable,
 )
 from fidim_lab.app.tui.aside import Aside, StalledError
 from fidim_lab.data.files.json_file import read_json_as
@@ -32,14 +32,14 @@ EVERY = 1.0
 _UNKNOWN = BeforeTable(before=None, after=None)
 
 
-class ShownExplanation(Part):
+class ShownExplanation(ExplanationPart):
     """As much of "fidim-explanation/1" as the screen shows."""
 
     format: Literal["fidim-explanation/1"]
     verdict: str
     message: str
     effects: tuple[EffectTable, ...] = ()
-    where: tuple[PlaceTable, ...] = ()
+    where: tuple[WhereTable, ...] = ()
     held_out: HeldOutTable = HeldOutTable(chi2_per_dof=_UNKNOWN, rms_mm=_UNKNOWN)
     ranking: tuple[RankedTable, ...] = ()
     next_experiment: str | None = None

@@ -22,7 +22,7 @@ from fidim_lab.app.tui.screens.rig import rig_lines
 from fidim_lab.app.tui.screens.session import CURRENT, session_lines
 from fidim_lab.app.tui.screens.why import why_lines
 from fidim_lab.app.tui.screens.window import window_lines
-from fidim_lab.app.tui.view import Trace, View
+from fidim_lab.app.tui.view import ScreenState, Trace
 from fidim_lab.app.tui.widgets.board import Board
 
 NOTICE_FOR = 8.0
@@ -77,11 +77,11 @@ class Stage:
         """What was last said to the person at this screen."""
         self._notice = text, now + NOTICE_FOR
 
-    def folder(self, view: View) -> Path | None:
+    def folder(self, view: ScreenState) -> Path | None:
         """The run's folder."""
         return self._given if view.welcome is None else Path(view.welcome.folder)
 
-    def draw(self, view: View, over: Iterable[Widget] = ()) -> None:
+    def draw(self, view: ScreenState, over: Iterable[Widget] = ()) -> None:
         """Draw; over: boards for the alarms, of dialogs that cover the screen. Raises nothing.
 
         What cannot be drawn is no reason to lose the keys.
@@ -91,7 +91,7 @@ class Stage:
         except Exception as error:
             self._draw_fault(view, f"✗ This screen cannot be drawn: {type(error).__name__}: {error}.")
 
-    def _draw(self, view: View, over: Iterable[Widget]) -> None:
+    def _draw(self, view: ScreenState, over: Iterable[Widget]) -> None:
         width = max(self.state.size.width, 40)
         self.foresight.look(view.trace if view.recording else Trace(), self.folder(view))
         notice = self._notice[0] if view.now < self._notice[1] else ""
@@ -114,7 +114,7 @@ class Stage:
         board.show(greyed(lines) if live and not view.fresh else lines)
         self._reveal(board, view)
 
-    def _draw_fault(self, view: View, says: str) -> None:
+    def _draw_fault(self, view: ScreenState, says: str) -> None:
         """As little as can be, where `draw` has failed: that it has, and the alarms if those can be drawn."""
         rows: list[Line] = [line(Span(text, "bad")) for text in wrapped(says, 79)]
         with suppress(Exception):
@@ -126,7 +126,7 @@ class Stage:
         """Whether letters go into a line of text now."""
         return isinstance(self.state.app.focused, Input)
 
-    def _reveal(self, board: Board, view: View) -> None:
+    def _reveal(self, board: Board, view: ScreenState) -> None:
         """The row of the present window comes into sight when it becomes the present one, or a prompt takes room."""
         if TABS[self.current] != "Session":
             return
@@ -137,7 +137,7 @@ class Stage:
             board.reveal(row)
         self._revealed = now
 
-    def _lines(self, view: View, width: int, height: int) -> list[Line]:
+    def _lines(self, view: ScreenState, width: int, height: int) -> list[Line]:
         match TABS[self.current]:
             case "Session":
                 return session_lines(view, width, height)

@@ -1,6 +1,6 @@
-"""What is known of the service, and how old that is. Pure: messages and times in, a frozen `View` out.
+"""What is known of the service, and how old that is. Pure: messages and times in, a frozen `ScreenState` out.
 
-`Tracker` takes what the link hears; screens draw `View`s and know nothing of sockets.
+`Tracker` takes what the link hears; screens draw `ScreenState`s and know nothing of sockets.
 """
 
 from collections import deque
@@ -27,7 +27,7 @@ SAMPLES = 30_000
 Position = tuple[float, float, float]
 
 
-class Contact(Enum):
+class Connection(Enum):
     """The connection to the service."""
 
     SEEKING = "looking for a service"
@@ -52,12 +52,12 @@ class Trace:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ScreenState:
     """Everything that a screen may show."""
 
     now: float = 0.0
     """s, this process's monotonic clock"""
-    contact: Contact = Contact.SEEKING
+    contact: Connection = Connection.SEEKING
     why: str = ""
     """of a lost or ended service"""
     welcome: Welcome | None = None
@@ -79,7 +79,7 @@ class View:
     @property
     def fresh(self) -> bool:
         """Whether what is shown is what is."""
-        return self.contact is Contact.LIVE and self.status is not None
+        return self.contact is Connection.LIVE and self.status is not None
 
     @property
     def commands(self) -> bool:
@@ -91,7 +91,7 @@ class Tracker:
     """Keeps what the link hears."""
 
     def __init__(self) -> None:
-        self._contact = Contact.SEEKING
+        self._contact = Connection.SEEKING
         self._why = ""
         self._welcome: Welcome | None = None
         self._status: Status | None = None
@@ -133,7 +133,7 @@ class Tracker:
             case Samples():
                 self._sampled(message)
             case Bye():
-                self._contact, self._why = Contact.ENDED, message.says
+                self._contact, self._why = Connection.ENDED, message.says
             case _:
                 pass
 
@@ -141,24 +141,24 @@ class Tracker:
         """The connection is gone; a service that said goodbye has ended, not failed."""
         self._question = None
         self._recording = False
-        if self._contact is Contact.ENDED:
+        if self._contact is Connection.ENDED:
             return
-        self._contact = Contact.SEEKING if self._status is None else Contact.LOST
+        self._contact = Connection.SEEKING if self._status is None else Connection.LOST
         self._why = why
 
     def offer(self, welcome: Welcome | None) -> None:
         """Another rig has a service while this one has none; or no longer."""
         self._offer = welcome
 
-    def view(self, now: float) -> View:
+    def view(self, now: float) -> ScreenState:
         """What is known now."""
         if self._shown is None:
             self._shown = tuple(self._events)
         age = None if self._status_at is None else max(now - self._status_at, 0.0)
-        silent = self._contact is Contact.LIVE and age is not None and age > STALE
-        return View(
+        silent = self._contact is Connection.LIVE and age is not None and age > STALE
+        return ScreenState(
             now=now,
-            contact=Contact.SILENT if silent else self._contact,
+            contact=Connection.SILENT if silent else self._contact,
             why=self._why,
             welcome=self._welcome,
             status=self._status,
@@ -177,7 +177,7 @@ class Tracker:
         """A connection: what an earlier service said of another run is not shown as this one's."""
         if self._welcome is not None and self._welcome.folder != welcome.folder:
             self._trace = Trace()
-        self._welcome, self._contact, self._why = welcome, Contact.LIVE, ""
+        self._welcome, self._contact, self._why = welcome, Connection.LIVE, ""
         self._greeted = now
         self._events.clear()
         self._status = self._status_at = self._question = None

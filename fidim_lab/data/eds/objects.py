@@ -20,7 +20,7 @@ from fidim_lab.data.eds.standard import (
     known_type,
     same_register,
 )
-from fidim_lab.data.eds.text import Repair, Section, Value
+from fidim_lab.data.eds.text import EdsSection, Repair, Value
 from fidim_lab.errors import FileError
 
 MOST_ENTRIES = 20_000
@@ -37,12 +37,12 @@ _COUNTED = (0x1003, *range(0x1600, 0x1800), *range(0x1A00, 0x1C00))
 
 @dataclass
 class _Object:
-    parent: Section | None = None
-    subs: dict[int, Section] = field(default_factory=dict[int, Section])
-    lists: dict[str, Section] = field(default_factory=dict[str, Section])
+    parent: EdsSection | None = None
+    subs: dict[int, EdsSection] = field(default_factory=dict[int, EdsSection])
+    lists: dict[str, EdsSection] = field(default_factory=dict[str, EdsSection])
 
 
-def clean_objects(path: Path, sections: Sequence[Section]) -> tuple[str, list[Repair]]:
+def clean_objects(path: Path, sections: Sequence[EdsSection]) -> tuple[str, list[Repair]]:
     """An EDS text of all objects, and the repairs. Raises FileError with section, line and cure."""
     return _Cleaner(path).clean(sections)
 
@@ -56,7 +56,7 @@ class _Cleaner:
         self._lines: list[str] = []
         self._entries = 0
 
-    def clean(self, sections: Sequence[Section]) -> tuple[str, list[Repair]]:
+    def clean(self, sections: Sequence[EdsSection]) -> tuple[str, list[Repair]]:
         objects = self._gather(sections)
         if not objects:
             raise FileError(
@@ -67,7 +67,7 @@ class _Cleaner:
             self._object(index, entry)
         return "\n".join(self._lines) + "\n", self._repairs
 
-    def _gather(self, sections: Sequence[Section]) -> dict[int, _Object]:
+    def _gather(self, sections: Sequence[EdsSection]) -> dict[int, _Object]:
         objects: dict[int, _Object] = {}
         for section in sections:
             if (sub := _SUB.fullmatch(section.name)) is not None:
@@ -86,7 +86,7 @@ class _Cleaner:
                 objects.setdefault(int(listed[1], 16), _Object()).lists[listed[2].lower()] = section
         return {index: entry for index, entry in objects.items() if entry.parent is not None or entry.subs}
 
-    def _first(self, old: Section | None, new: Section) -> Section:
+    def _first(self, old: EdsSection | None, new: EdsSection) -> EdsSection:
         """Of two sections of one object the first counts, unless they contradict each other in its type."""
         if old is None:
             return new
@@ -101,7 +101,7 @@ class _Cleaner:
         self._say(new, "", f"stands twice: the one in line {old.line} counts")
         return old
 
-    def _say(self, section: Section, key: str, what: str) -> None:
+    def _say(self, section: EdsSection, key: str, what: str) -> None:
         self._repairs.append(Repair(section.name, section.at(key), what))
 
     # objects --------------------------------------------------------------------------------------------------------
@@ -111,7 +111,7 @@ class _Cleaner:
         if parent is None:
             first = min(subs.values(), key=lambda section: section.line)
             self._say(first, "", f"has no section [{index:04X}] above it: taken as a record")
-            parent = Section(f"{index:04X}", first.line)
+            parent = EdsSection(f"{index:04X}", first.line)
         compact = self._integer(parent, "compactsubobj") or 0
         if not subs and not compact:
             if "datatype" in parent.values or self._kind(parent) in (None, _VARIABLE, _DOMAIN_OBJECT):
@@ -132,7 +132,7 @@ class _Cleaner:
         for sub in sorted(subs):
             self._variable(index, sub, subs[sub])
 
-    def _variable(self, index: int, sub: int, section: Section) -> None:
+    def _variable(self, index: int, sub: int, section: EdsSection) -> None:
         self._entries += 1
         if self._entries > MOST_ENTRIES:
             raise FileError(
@@ -161,7 +161,7 @@ class _Cleaner:
         )
 
     @staticmethod
-    def _is_sub(section: Section) -> bool:
+    def _is_sub(section: EdsSection) -> bool:
         return _SUB.fullmatch(section.name) is not None
 
     def _emit(self, section: str, **keys: str) -> None:
@@ -169,7 +169,7 @@ class _Cleaner:
 
     # keys -----------------------------------------------------------------------------------------------------------
 
-    def _integer(self, section: Section, key: str) -> int | None:
+    def _integer(self, section: EdsSection, key: str) -> int | None:
         text = section.text(key)
         value = number(text) if text else None
         if value is not None and not plain(text) and text.strip("0"):
@@ -177,10 +177,10 @@ class _Cleaner:
         return value
 
     @staticmethod
-    def _kind(section: Section) -> int | None:
+    def _kind(section: EdsSection) -> int | None:
         return number(section.text("objecttype")) if section.text("objecttype") else None
 
-    def _type(self, index: int, sub: int, section: Section) -> int:
+    def _type(self, index: int, sub: int, section: EdsSection) -> int:
         kind, standard = self._integer(section, "datatype"), known_type(index, sub)
         if kind is not None and kind > HIGHEST:
             kind = self._types.get(kind, kind)
@@ -197,7 +197,7 @@ class _Cleaner:
             return standard
         return kind
 
-    def _access(self, index: int, section: Section) -> str:
+    def _access(self, index: int, section: EdsSection) -> str:
         text = section.text("accesstype")
         access = re.sub(r"[^a-z]", "", text.lower())
         access = _ACCESS.get(access, access)
@@ -208,7 +208,7 @@ class _Cleaner:
         self._say(section, "accesstype", f"{problem}: taken as {access}")
         return access
 
-    def _mappable(self, section: Section) -> bool:
+    def _mappable(self, section: EdsSection) -> bool:
         if "pdomapping" not in section.values:
             return False
         value = self._integer(section, "pdomapping")
@@ -219,7 +219,7 @@ class _Cleaner:
             return mapped
         return bool(value)
 
-    def _limits(self, section: Section, kind: int) -> tuple[str, str]:
+    def _limits(self, section: EdsSection, kind: int) -> tuple[str, str]:
         low, high = (self._value(section, key, kind, quiet=True) for key in ("lowlimit", "highlimit"))
         if NODE.search(low + high) or kind not in (*SIGNED, *UNSIGNED):
             return "", ""
@@ -229,7 +229,7 @@ class _Cleaner:
             return "", ""
         return low, high
 
-    def _value(self, section: Section, key: str, kind: int, *, quiet: bool = False) -> str:
+    def _value(self, section: EdsSection, key: str, kind: int, *, quiet: bool = False) -> str:
         text = section.text(key)
         if not text or kind in TEXTS:
             return text
@@ -247,7 +247,7 @@ class _Cleaner:
         except ValueError:
             return None
 
-    def _fitting(self, section: Section, key: str, text: str, kind: int) -> str | None:
+    def _fitting(self, section: EdsSection, key: str, text: str, kind: int) -> str | None:
         """The number as a decimal, in the range of its type: 0x80000000 of a signed one is negative."""
         if NODE.search(text):
             value = with_node(text)
@@ -265,7 +265,7 @@ class _Cleaner:
         return str(value)
 
 
-def _compact(index: int, sub: int, parent: Section, lists: dict[str, Section]) -> Section:
+def _compact(index: int, sub: int, parent: EdsSection, lists: dict[str, EdsSection]) -> EdsSection:
     """One entry of an array that its file describes once for all (CompactSubObj), with its own name and value."""
     values = {key: value for key, value in parent.values.items() if key not in ("objecttype", "compactsubobj")}
     for key, listed in (("parametername", lists.get("name")), ("parametervalue", lists.get("value"))):
@@ -274,7 +274,7 @@ def _compact(index: int, sub: int, parent: Section, lists: dict[str, Section]) -
     return replace(parent, name=f"{index:04X}sub{sub:X}", values=values)
 
 
-def _count(index: int, highest: int, parent: Section, subs: dict[int, Section]) -> Section:
+def _count(index: int, highest: int, parent: EdsSection, subs: dict[int, EdsSection]) -> EdsSection:
     """A sub-index 0 that the file leaves out."""
     written = index in _COUNTED and any("w" in s.text("accesstype").lower() for s in subs.values())
     texts = {
@@ -284,4 +284,4 @@ def _count(index: int, highest: int, parent: Section, subs: dict[int, Section]) 
         "defaultvalue": str(highest),
     }
     values = {key: Value(text, parent.line) for key, text in texts.items()}
-    return Section(f"{index:04X}sub0", parent.line, values)
+    return EdsSection(f"{index:04X}sub0", parent.line, values)

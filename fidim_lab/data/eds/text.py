@@ -37,7 +37,7 @@ class Value:
 
 
 @dataclass
-class Section:
+class EdsSection:
     """One section; of a key that stands twice the first counts, as in every reader of INI files by Windows."""
 
     name: str
@@ -56,7 +56,7 @@ class Section:
         return self.line if value is None else value.line
 
 
-def read_sections(path: Path) -> tuple[list[Section], list[Repair]]:
+def read_sections(path: Path) -> tuple[list[EdsSection], list[Repair]]:
     """All sections in their order, doubled ones as they stand. Raises FileError for no file, a large one, or XML."""
     data = read_bytes(path, LIMIT)
     text, repairs = _decode(data)
@@ -67,14 +67,14 @@ def read_sections(path: Path) -> tuple[list[Section], list[Repair]]:
             "is XML or a web page, no EDS file",
             hint="Of an XDD file, have the maker's tool save an EDS; of a web page, download the raw file.",
         )
-    sections: list[Section] = []
+    sections: list[EdsSection] = []
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.strip()
         if not line or line[0] in ";#":
             continue
         if line[0] == "[":
             name, closed, _ = line[1:].partition("]")
-            sections.append(Section(name.strip(), number))
+            sections.append(EdsSection(name.strip(), number))
             if not closed:
                 sections[-1].name = _COMMENT.sub("", name).strip()
                 repairs.append(Repair(sections[-1].name, number, "the bracket is not closed"))
@@ -107,7 +107,7 @@ def _decode(data: bytes) -> tuple[str, list[Repair]]:
     return re.sub(r"[\v\f\x1c-\x1e\x85\u2028\u2029]", " ", lines), repairs  # splitlines would count them
 
 
-def _take(section: Section, line: str, number: int, repairs: list[Repair]) -> None:
+def _take(section: EdsSection, line: str, number: int, repairs: list[Repair]) -> None:
     parted = re.match(r"([^=:]*?)\s*[=:]\s*(.*)$", line)
     if parted is None:
         repairs.append(Repair(section.name, number, f"{_short(line)} is no KEY=VALUE: passed over"))

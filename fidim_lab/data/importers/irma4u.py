@@ -35,7 +35,7 @@ MIN_LOG = 1000
 
 
 @dataclass(frozen=True)
-class Sources:
+class RecordingFiles:
     """The three files of one recording."""
 
     markers: Path
@@ -60,7 +60,7 @@ def read_irma4u(sources: Sequence[Path]) -> Recording:
     )
 
 
-def find_sources(sources: Sequence[Path]) -> Sources:
+def find_sources(sources: Sequence[Path]) -> RecordingFiles:
     """Which of the given files, or of those in the given folders, is what."""
     named: dict[str, list[Path]] = {"markers": [], "log": [], "geometry": []}
     found: dict[str, list[Path]] = {"markers": [], "log": [], "geometry": []}
@@ -78,7 +78,7 @@ def find_sources(sources: Sequence[Path]) -> Sources:
     preferred = [path for path in found["geometry"] if path.name == PREFERRED_GEOMETRY]
     found["geometry"] = preferred or found["geometry"]
     chosen = {role: _single(role, named[role] or found[role], sources) for role in named}
-    return Sources(**chosen)
+    return RecordingFiles(**chosen)
 
 
 def _role(path: Path) -> str | None:

@@ -18,7 +18,7 @@ import numpy as np
 from fidim_lab.data.files.input_file import MIB, open_input
 from fidim_lab.data.files.mcap_file import read_mcap
 from fidim_lab.data.importers.reading.cells import EPOCH, MIN_FRAMES, check_near, even_times
-from fidim_lab.data.importers.reading.decoding import LONGEST_MESSAGE, Decoder
+from fidim_lab.data.importers.reading.decoding import LONGEST_MESSAGE, MessageDecoder
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.messages import Sighting, sightings
 from fidim_lab.data.importers.reading.poses import by_quaternions
@@ -35,7 +35,7 @@ JITTER = 0.05
 
 
 @dataclass(frozen=True)
-class Message:
+class BagMessage:
     """One message as plain values."""
 
     topic: str
@@ -47,7 +47,7 @@ class Message:
 def read_bag(path: Path, topics: Sequence[str] = ()) -> MarkerLog:
     """Read one bag; `topics`: patterns of those to take, all of them where empty. Raises FileError, SetupError."""
     seen: dict[str, list[tuple[float, Sighting]]] = defaultdict(list)
-    decoder = Decoder(lambda topic: not topics or any(fnmatch.fnmatchcase(topic, wanted) for wanted in topics))
+    decoder = MessageDecoder(lambda topic: not topics or any(fnmatch.fnmatchcase(topic, wanted) for wanted in topics))
     try:
         for message in _messages(path, decoder):
             if message.value is not None:
@@ -64,7 +64,7 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> MarkerLog:
     return _log(path, _chosen(path, seen))
 
 
-def _messages(path: Path, decoder: Decoder) -> Iterator[Message]:
+def _messages(path: Path, decoder: MessageDecoder) -> Iterator[BagMessage]:
     if path.is_dir():
         files = [one for one in sorted(path.iterdir()) if one.suffix in {".db3", ".mcap"}]
         if not files:
@@ -82,10 +82,10 @@ def _messages(path: Path, decoder: Decoder) -> Iterator[Message]:
         raise FileError(path, "", "is a bag of ROS 1.", hint="Convert it: rosbags-convert --src FILE --dst FOLDER.")
     else:
         for one in read_mcap(path, LIMIT, decoder.mcap).messages:
-            yield Message(one.topic, one.log_time, one.value)
+            yield BagMessage(one.topic, one.log_time, one.value)
 
 
-def _of_sqlite(path: Path, decoder: Decoder) -> Iterator[Message]:
+def _of_sqlite(path: Path, decoder: MessageDecoder) -> Iterator[BagMessage]:
     """Messages of a bag's database, opened to read only, with bounds on what a made-up one may cost."""
     connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
     try:
@@ -106,7 +106,7 @@ def _of_sqlite(path: Path, decoder: Decoder) -> Iterator[Message]:
             decoders[number] = (str(name), decoder.of_topic(str(name), str(kind), *definitions.get(kind, ("", b""))))
         for number, stamp, data in connection.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
             topic, decode = decoders[number]
-            yield Message(topic, stamp * 1e-9, None if decode is None else decode(data))
+            yield BagMessage(topic, stamp * 1e-9, None if decode is None else decode(data))
     finally:
         connection.close()
 

@@ -33,7 +33,7 @@ QUATERNION = ["RX", "RY", "RZ", "RW", "TX", "TY", "TZ"]
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class ExportBlock:
     """One block of an export."""
 
     path: Path
@@ -48,7 +48,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class BlockRows:
     """The numbers of a block."""
 
     frames: np.ndarray
@@ -80,9 +80,9 @@ def read_trajectories(path: Path) -> MarkerLog:
     return MarkerLog(path, labelled, rows.rate, t, positions, scale, "z", said, unlabelled=loose)
 
 
-def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, Block]]:
+def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, ExportBlock]]:
     """Blocks of markers and bodies by name, in order. Raises FileError where there is none."""
-    found: list[tuple[str, Block]] = []
+    found: list[tuple[str, ExportBlock]] = []
     for top, first in enumerate(text):
         name = first.strip(" \t;,")
         if name == MARKERS or name in BODIES:
@@ -95,14 +95,14 @@ def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, Block]]:
             if len(lines) < HEADER_LINES:
                 what = f"{len(lines)} lines; a trajectory export has {HEADER_LINES} before its first frame"
                 raise FileError(path, "", what)
-            found.append((name, Block(path, top, lines, decimal_of(text[top + 5 : top + 55], delimiter))))
+            found.append((name, ExportBlock(path, top, lines, decimal_of(text[top + 5 : top + 55], delimiter))))
     if not found:
         shown = text[0].split("\t")[0][:40] if text else ""
         raise FileError(path, "line 1", f"{shown!r} was found, 'Trajectories' (or 'Objects') was expected")
     return found
 
 
-def _rate(block: Block) -> float:
+def _rate(block: ExportBlock) -> float:
     rate = number(block.path, block.top + 2, 1, block.lines[1][0], decimal=block.decimal)
     if not 1.0 <= rate <= 1e4:
         text = block.lines[1][0].strip()
@@ -110,7 +110,7 @@ def _rate(block: Block) -> float:
     return rate
 
 
-def _names(block: Block) -> tuple[str, ...]:
+def _names(block: ExportBlock) -> tuple[str, ...]:
     names = [cell.strip() for cell in block.lines[2][FRAME_COLUMNS::3]]
     while names and not names[-1]:  # the exporter ends the line with tabs
         names.pop()
@@ -126,7 +126,7 @@ def _names(block: Block) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _check_axes(block: Block, markers: int) -> None:
+def _check_axes(block: ExportBlock, markers: int) -> None:
     found = [cell.strip() for cell in block.lines[3] if cell.strip()]
     if found != ["Frame", "Sub Frame"] + ["X", "Y", "Z"] * markers:
         raise FileError(
@@ -137,7 +137,7 @@ def _check_axes(block: Block, markers: int) -> None:
         )
 
 
-def _scale(block: Block, markers: int) -> float:
+def _scale(block: ExportBlock, markers: int) -> float:
     units = [cell.strip() for cell in block.lines[4] if cell.strip()]
     if len(units) != 3 * markers or len(set(units)) != 1 or units[0] not in UNITS:
         raise FileError(
@@ -149,7 +149,7 @@ def _scale(block: Block, markers: int) -> float:
     return UNITS[units[0]]
 
 
-def _only_bodies(block: Block, rate: float) -> MarkerLog:
+def _only_bodies(block: ExportBlock, rate: float) -> MarkerLog:
     """Rigid bodies of Tracker's export, whose rotations are quaternions."""
     axes = [cell.strip() for cell in block.lines[3]][FRAME_COLUMNS:]
     while axes and not axes[-1]:
@@ -177,7 +177,7 @@ def _only_bodies(block: Block, rate: float) -> MarkerLog:
     return MarkerLog(block.path, (), rows.rate, t, np.zeros((len(t), 0, 3)), scale, "z", said, tuple(bodies))
 
 
-def _rows(block: Block, width: int, group: int, rate: float) -> Rows:
+def _rows(block: ExportBlock, width: int, group: int, rate: float) -> BlockRows:
     """The numbers below the header; sub-frames count as frames of a higher rate."""
     rows: list[list[float]] = []
     for line, cells in enumerate(block.lines[HEADER_LINES:], start=block.top + HEADER_LINES + 1):
@@ -195,7 +195,7 @@ def _rows(block: Block, width: int, group: int, rate: float) -> Rows:
     table = np.array(rows)
     sub = np.nan_to_num(table[:, 1])
     each = int(sub.max()) + 1
-    return Rows(table[:, 0] * each + sub, table[:, FRAME_COLUMNS:], rate * each)
+    return BlockRows(table[:, 0] * each + sub, table[:, FRAME_COLUMNS:], rate * each)
 
 
 def _with_trailing_blanks(cells: Sequence[str], width: int, group: int) -> Sequence[str]:
@@ -218,7 +218,7 @@ def _check_frame(path: Path, line: int, row: Sequence[float], before: Sequence[f
         raise FileError(path, f"line {line}, column 1", f"frame {frame:.0f} comes after frame {before[0]:.0f}")
 
 
-def _check_near(block: Block, rows: Rows, positions: np.ndarray) -> None:
+def _check_near(block: ExportBlock, rows: BlockRows, positions: np.ndarray) -> None:
     far = (np.abs(positions) > FARTHEST).any(axis=(1, 2))
     if far.any():
         frame = rows.frames[int(np.argmax(far))]

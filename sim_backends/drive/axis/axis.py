@@ -21,7 +21,7 @@ from sim_backends.drive.axis.other_modes import (
 from sim_backends.drive.axis.positioner import Positioner
 from sim_backends.drive.axis.set_points import SetPoints
 from sim_backends.drive.axis.shaft import Shaft
-from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.abort import AbortCode
 from sim_backends.drive.objects.dictionary import Dictionary
 from sim_backends.drive.objects.emergency import FOLLOWING_ERROR, HEARTBEAT_LOST, ErrorLog
 
@@ -156,10 +156,10 @@ class Axis:
         """Of the modes beside profile position, the one that moves the shaft now."""
         return self._modes.get(self.mode) if self._moves else None
 
-    def allows_mode(self, mode: int) -> Abort | None:
+    def allows_mode(self, mode: int) -> AbortCode | None:
         """Whether 6060 may be written with `mode`, by 6502."""
         supported = mode == 0 or (mode > 0 and self._number(0x6502) >> (mode - 1) & 1)
-        return None if supported else Abort.VALUE
+        return None if supported else AbortCode.VALUE
 
     def fail(self, code: int, *, register: int | None = None, lasting: bool = False) -> None:
         """A fault: report it and react as 605E says."""

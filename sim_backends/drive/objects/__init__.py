@@ -3,7 +3,7 @@
 In: an EDS file, frames. Out: entries with rights and ranges, and frames.
 """
 
-from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.abort import AbortCode
 from sim_backends.drive.objects.eds import read_eds
 
-__all__ = ["Abort", "read_eds"]
+__all__ = ["AbortCode", "read_eds"]

@@ -3,7 +3,7 @@
 from enum import IntEnum
 
 
-class Abort(IntEnum):
+class AbortCode(IntEnum):
     """Why an SDO transfer ended; the value is the code on the wire."""
 
     TOGGLE = 0x05030000

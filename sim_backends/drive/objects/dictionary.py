@@ -9,10 +9,10 @@ import struct
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.abort import AbortCode
 
 Value = int | float | bytes
-Guard = Callable[[int, int], Abort | None]
+Guard = Callable[[int, int], AbortCode | None]
 """(subindex, value) -> why not, or None"""
 Watcher = Callable[[int, int], None]
 """(subindex, value) -> nothing"""
@@ -48,18 +48,18 @@ class ObjectSpec:
         """The bytes of a value of this type."""
         return value if isinstance(value, bytes) else struct.pack("<" + self.code, value)
 
-    def decode(self, data: bytes) -> Value | Abort:
+    def decode(self, data: bytes) -> Value | AbortCode:
         """The value of these bytes, or why they cannot be one."""
         if self.size is None:
             return data
         if len(data) != self.size:
-            return Abort.TOO_LONG if len(data) > self.size else Abort.TOO_SHORT
+            return AbortCode.TOO_LONG if len(data) > self.size else AbortCode.TOO_SHORT
         value = struct.unpack("<" + self.code, data)[0]
         number = float(value) if self.code in "fd" else int(value)
         if self.high is not None and number > self.high:
-            return Abort.TOO_HIGH
+            return AbortCode.TOO_HIGH
         if self.low is not None and number < self.low:
-            return Abort.TOO_LOW
+            return AbortCode.TOO_LOW
         return number
 
 
@@ -75,12 +75,12 @@ class Dictionary:
         self._guards: dict[int, Guard] = {}
         self._watchers: dict[int, Watcher] = {}
 
-    def find(self, index: int, subindex: int = 0) -> ObjectSpec | Abort:
+    def find(self, index: int, subindex: int = 0) -> ObjectSpec | AbortCode:
         """The entry, or the abort code that says what does not exist."""
         spec = self._specs.get(index << 8 | subindex)
         if spec is not None:
             return spec
-        return Abort.NO_SUBINDEX if index in self._indices else Abort.NO_OBJECT
+        return AbortCode.NO_SUBINDEX if index in self._indices else AbortCode.NO_OBJECT
 
     def number(self, index: int, subindex: int = 0, default: int = 0) -> int:
         """The stored integer; `default` where this device has no such entry."""
@@ -121,29 +121,29 @@ class Dictionary:
         values = self._values
         return self._sources.get(key) or (lambda: values[key])
 
-    def read(self, index: int, subindex: int) -> bytes | Abort:
+    def read(self, index: int, subindex: int) -> bytes | AbortCode:
         """What an SDO upload gives."""
         spec = self.find(index, subindex)
-        if isinstance(spec, Abort):
+        if isinstance(spec, AbortCode):
             return spec
-        return spec.encode(self.reader(spec.key)()) if spec.readable else Abort.WRITE_ONLY
+        return spec.encode(self.reader(spec.key)()) if spec.readable else AbortCode.WRITE_ONLY
 
-    def write(self, index: int, subindex: int, data: bytes) -> Abort | None:
+    def write(self, index: int, subindex: int, data: bytes) -> AbortCode | None:
         """What an SDO download does: check, store, then let the watcher act."""
         spec = self.find(index, subindex)
-        if isinstance(spec, Abort):
+        if isinstance(spec, AbortCode):
             return spec
         refusal = self.store(spec, data)
         if refusal is None:
             self.announce(spec)
         return refusal
 
-    def store(self, spec: ObjectSpec, data: bytes) -> Abort | None:
+    def store(self, spec: ObjectSpec, data: bytes) -> AbortCode | None:
         """Check and store, without the watcher: a PDO stores all its values before any of them acts."""
         if not spec.writable:
-            return Abort.READ_ONLY
+            return AbortCode.READ_ONLY
         value = spec.decode(data)
-        if isinstance(value, Abort):
+        if isinstance(value, AbortCode):
             return value
         guard = self._guards.get(spec.index)
         if guard is not None and isinstance(value, int):

@@ -3,7 +3,7 @@
 import math
 from enum import IntEnum
 
-from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.abort import AbortCode
 from sim_backends.drive.objects.dictionary import Dictionary
 
 
@@ -108,10 +108,10 @@ class HeartbeatWatch:
         self._periods = wanted
         self.stale = True
 
-    def _check(self, subindex: int, value: int) -> Abort | None:
+    def _check(self, subindex: int, value: int) -> AbortCode | None:
         node = value >> 16 & 0xFF
         if node > 127:
-            return Abort.VALUE
+            return AbortCode.VALUE
         others = [s for s in range(1, self._dictionary.number(0x1016, 0) + 1) if s != subindex]
         doubled = (
             node
@@ -121,4 +121,4 @@ class HeartbeatWatch:
                 for s in others
             )
         )
-        return Abort.INCOMPATIBLE if doubled else None
+        return AbortCode.INCOMPATIBLE if doubled else None

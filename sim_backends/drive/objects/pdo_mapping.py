@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.abort import AbortCode
 from sim_backends.drive.objects.dictionary import Dictionary, ObjectSpec, Value
 
 _OFF = 1 << 31
@@ -99,7 +99,7 @@ def _mapped(dictionary: Dictionary, mapping: int) -> list[ObjectSpec]:
     for subindex in range(1, dictionary.number(mapping, 0) + 1):
         entry = dictionary.number(mapping, subindex)
         spec = dictionary.find(entry >> 16, entry >> 8 & 0xFF)
-        if not isinstance(spec, Abort) and spec.size is not None:
+        if not isinstance(spec, AbortCode) and spec.size is not None:
             specs.append(spec)
     return specs
 
@@ -109,42 +109,42 @@ def _packer(codes: list[str], readers: list[Callable[[], Value]]) -> Callable[[]
     return lambda: pack(*[read() for read in readers])
 
 
-def _check_record(dictionary: Dictionary, record: int, subindex: int, value: int) -> Abort | None:
+def _check_record(dictionary: Dictionary, record: int, subindex: int, value: int) -> AbortCode | None:
     if subindex == 1:
         present = dictionary.number(record, 1)
         restricted = value & 0x7FF <= 0x80 or value & 0x7FF > 0x57F or value & _EXTENDED
         moved = not (present | value) & _OFF and present & 0x7FF != value & 0x7FF
-        return Abort.VALUE if moved or (restricted and not value & _OFF) else None
+        return AbortCode.VALUE if moved or (restricted and not value & _OFF) else None
     if subindex == 2 and 240 < value < 254:  # reserved, or on request by RTR, which this drive has not
-        return Abort.VALUE
+        return AbortCode.VALUE
     return None
 
 
-def _check_mapping(dictionary: Dictionary, mapping: int, subindex: int, value: int) -> Abort | None:
+def _check_mapping(dictionary: Dictionary, mapping: int, subindex: int, value: int) -> AbortCode | None:
     if not dictionary.number(mapping - _MAPPING_OFFSET, 1) & _OFF:
-        return Abort.UNSUPPORTED_ACCESS
+        return AbortCode.UNSUPPORTED_ACCESS
     transmitted = mapping >= 0x1A00
     if subindex != 0:
         if dictionary.number(mapping, 0) != 0:
-            return Abort.UNSUPPORTED_ACCESS
+            return AbortCode.UNSUPPORTED_ACCESS
         return _check_entry(dictionary, value, transmitted=transmitted) if value else None
     bits = 0
     for position in range(1, value + 1):
-        if isinstance(dictionary.find(mapping, position), Abort):
-            return Abort.PDO_TOO_LONG
+        if isinstance(dictionary.find(mapping, position), AbortCode):
+            return AbortCode.PDO_TOO_LONG
         entry = dictionary.number(mapping, position)
         refusal = _check_entry(dictionary, entry, transmitted=transmitted)
         if refusal is not None:
             return refusal
         bits += entry & 0xFF
-    return Abort.PDO_TOO_LONG if bits > 64 else None
+    return AbortCode.PDO_TOO_LONG if bits > 64 else None
 
 
-def _check_entry(dictionary: Dictionary, entry: int, *, transmitted: bool) -> Abort | None:
+def _check_entry(dictionary: Dictionary, entry: int, *, transmitted: bool) -> AbortCode | None:
     spec = dictionary.find(entry >> 16, entry >> 8 & 0xFF)
-    if isinstance(spec, Abort):
-        return Abort.NO_OBJECT
+    if isinstance(spec, AbortCode):
+        return AbortCode.NO_OBJECT
     allowed = spec.readable if transmitted else spec.writable
     if not spec.mappable or not allowed or spec.size is None or 8 * spec.size != entry & 0xFF:
-        return Abort.NOT_MAPPABLE
+        return AbortCode.NOT_MAPPABLE
     return None

@@ -3,7 +3,7 @@
 import struct
 from dataclasses import dataclass
 
-from sim_backends.drive.objects.abort import Abort
+from sim_backends.drive.objects.abort import AbortCode
 from sim_backends.drive.objects.dictionary import Dictionary
 
 _LONGEST = 4096
@@ -54,11 +54,11 @@ class SdoServer:
             return self._download(request, index, subindex)
         if command == 2:
             return self._upload(index, subindex)
-        return _abort(index, subindex, Abort.COMMAND)
+        return _abort(index, subindex, AbortCode.COMMAND)
 
     def _upload(self, index: int, subindex: int) -> bytes:
         data = self._dictionary.read(index, subindex)
-        if isinstance(data, Abort):
+        if isinstance(data, AbortCode):
             return _abort(index, subindex, data)
         if 1 <= len(data) <= 4:
             return struct.pack("<BHB4s", 0x43 | (4 - len(data)) << 2, index, subindex, data)
@@ -69,7 +69,7 @@ class SdoServer:
         sized = bool(request[0] & 1)
         if request[0] & 2:
             spec = self._dictionary.find(index, subindex)
-            unsized = 4 if isinstance(spec, Abort) or spec.size is None else min(spec.size, 4)
+            unsized = 4 if isinstance(spec, AbortCode) or spec.size is None else min(spec.size, 4)
             length = 4 - (request[0] >> 2 & 3) if sized else unsized
             refusal = self._dictionary.write(index, subindex, request[4 : 4 + length])
         else:
@@ -79,18 +79,18 @@ class SdoServer:
                 self._transfer = _Transfer(index, subindex, uploading=False, data=bytearray(), announced=announced)
         return struct.pack("<BHB4x", 0x60, index, subindex) if refusal is None else _abort(index, subindex, refusal)
 
-    def _may_download(self, index: int, subindex: int, announced: int | None) -> Abort | None:
+    def _may_download(self, index: int, subindex: int, announced: int | None) -> AbortCode | None:
         spec = self._dictionary.find(index, subindex)
-        if isinstance(spec, Abort):
+        if isinstance(spec, AbortCode):
             return spec
         if not spec.writable:
-            return Abort.READ_ONLY
+            return AbortCode.READ_ONLY
         if announced is None:
             return None
         if announced > _LONGEST:
-            return Abort.OUT_OF_MEMORY
+            return AbortCode.OUT_OF_MEMORY
         if spec.size is not None and announced != spec.size:
-            return Abort.TOO_LONG if announced > spec.size else Abort.TOO_SHORT
+            return AbortCode.TOO_LONG if announced > spec.size else AbortCode.TOO_SHORT
         return None
 
     def _upload_segment(self, request: bytes) -> bytes:
@@ -112,7 +112,7 @@ class SdoServer:
         toggle = transfer.toggle
         transfer.data += request[1 : 8 - (request[0] >> 1 & 7)]
         transfer.toggle ^= 0x10
-        refusal = Abort.OUT_OF_MEMORY if len(transfer.data) > _LONGEST else None
+        refusal = AbortCode.OUT_OF_MEMORY if len(transfer.data) > _LONGEST else None
         if refusal is None and request[0] & 1:
             refusal = self._finish(transfer)
             self._transfer = None
@@ -121,9 +121,9 @@ class SdoServer:
             return _abort(transfer.index, transfer.subindex, refusal)
         return struct.pack("<B7x", 0x20 | toggle)
 
-    def _finish(self, transfer: _Transfer) -> Abort | None:
+    def _finish(self, transfer: _Transfer) -> AbortCode | None:
         if transfer.announced is not None and len(transfer.data) != transfer.announced:
-            return Abort.TOO_LONG if len(transfer.data) > transfer.announced else Abort.TOO_SHORT
+            return AbortCode.TOO_LONG if len(transfer.data) > transfer.announced else AbortCode.TOO_SHORT
         return self._dictionary.write(transfer.index, transfer.subindex, bytes(transfer.data))
 
     def _expect(self, request: bytes, *, uploading: bool) -> _Transfer | bytes:
@@ -131,12 +131,12 @@ class SdoServer:
         transfer = self._transfer
         if transfer is None or transfer.uploading is not uploading:
             self._transfer = None
-            return _abort(0, 0, Abort.COMMAND)
+            return _abort(0, 0, AbortCode.COMMAND)
         if request[0] & 0x10 != transfer.toggle:
             self._transfer = None
-            return _abort(transfer.index, transfer.subindex, Abort.TOGGLE)
+            return _abort(transfer.index, transfer.subindex, AbortCode.TOGGLE)
         return transfer
 
 
-def _abort(index: int, subindex: int, code: Abort) -> bytes:
+def _abort(index: int, subindex: int, code: AbortCode) -> bytes:
     return struct.pack("<BHBI", 0x80, index, subindex, code)

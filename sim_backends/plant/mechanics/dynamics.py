@@ -53,7 +53,7 @@ class Inputs:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class CableStretch:
     """How one cable gives way: `stiffness` is None where it does not."""
 
     stiffness: ca.SX | None
@@ -82,7 +82,7 @@ class Equations:
     platform: Platform
 
 
-def stretch_of(world: World, i: int, free: ca.SX) -> Stretch:
+def stretch_of(world: World, i: int, free: ca.SX) -> CableStretch:
     """How cable i gives way: stiffnesses and dampers in series. A stiffness of 0 is a rigid cable."""
     compliance, yielding = ca.SX(0), 0.0
     for effect in world.effects("cable-elasticity", "winch-hold-compliance"):
@@ -90,7 +90,7 @@ def stretch_of(world: World, i: int, free: ca.SX) -> Stretch:
         if soft and effect.concerns(i):
             compliance = compliance + (1 / effect["k"] if effect["k"] > 0 else free / effect["EA"])
             yielding += 1 / effect["c"] if effect["c"] > 0 else np.inf
-    return Stretch(None, 0.0) if yielding == 0.0 else Stretch(1 / compliance, 1 / yielding)
+    return CableStretch(None, 0.0) if yielding == 0.0 else CableStretch(1 / compliance, 1 / yielding)
 
 
 def equations(world: World, symbols: Inputs) -> Equations:

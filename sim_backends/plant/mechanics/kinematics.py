@@ -24,7 +24,7 @@ HAND_SIZE = 13
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class PlatformPoint:
     """A point of the platform, world frame."""
 
     arm: ca.SX
@@ -39,7 +39,7 @@ class Point:
 class CableEnd:
     """One attachment with its cable; velocities against the entry point, which may move with the frame."""
 
-    point: Point
+    point: PlatformPoint
     velocity: ca.SX
     tangent: Tangent
 
@@ -70,7 +70,7 @@ class Platform:
         """Angular velocity, world frame."""
         return self.rotation @ self.spin
 
-    def point(self, body: np.ndarray) -> Point:
+    def point(self, body: np.ndarray) -> PlatformPoint:
         """A point given in the body frame (from P), m."""
         return _point(self.rotation, self.centre, self.velocity, self.spin, body - self.world.body.com)
 
@@ -158,10 +158,10 @@ def coordinates_of(world: World, pose: Pose) -> np.ndarray:
     return np.concatenate([pose.position + pose.rotation @ world.body.com, quaternion_of(pose.rotation)])
 
 
-def _point(rotation: ca.SX, centre: ca.SX, velocity: ca.SX, spin: ca.SX, arm_in_body: np.ndarray) -> Point:
+def _point(rotation: ca.SX, centre: ca.SX, velocity: ca.SX, spin: ca.SX, arm_in_body: np.ndarray) -> PlatformPoint:
     b = ca.SX(arm_in_body)
     arm, turning = rotation @ b, ca.cross(spin, b)
-    return Point(
+    return PlatformPoint(
         arm=arm,
         position=centre + arm,
         velocity=velocity + rotation @ turning,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 
 from sim_backends.plant.hidden import HiddenEffect
-from sim_backends.plant.mechanics.kinematics import CableEnd, Platform, Point, oscillation
+from sim_backends.plant.mechanics.kinematics import CableEnd, Platform, PlatformPoint, oscillation
 from sim_backends.plant.mechanics.outside_terms import OUTSIDE_TERMS
 from sim_backends.plant.mechanics.wrench import Term, Wrench
 
@@ -29,7 +29,7 @@ def dry(rate: ca.SX) -> ca.SX:
     return ca.tanh(rate / DRY_RATE)
 
 
-def _at(point: Point, force: ca.SX) -> Wrench:
+def _at(point: PlatformPoint, force: ca.SX) -> Wrench:
     return Wrench(force, ca.cross(point.arm, force))
 
 
@@ -129,7 +129,7 @@ def _umbilical(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _at(end, -ca.if_else(length > effect["rest"], pull, 0.0) * direction)
 
 
-def loose_acceleration(platform: Platform, effect: HiddenEffect) -> tuple[Point, ca.SX]:
+def loose_acceleration(platform: Platform, effect: HiddenEffect) -> tuple[PlatformPoint, ca.SX]:
     """Where a loose mass is held, and what its spring and damper give it, m/s²."""
     hold = platform.point(effect.vector("bx", "by", "bz"))
     w = 2 * ca.pi * effect["f"]

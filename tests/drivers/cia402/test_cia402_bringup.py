@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from drivers.cia402.dictionary import DriveFamily, Met, Proof
+from drivers.cia402.dictionary import DriveFamily, Met, TrialPassed
 from drivers.cia402.dictionary.requirements import Trial
 from fidim_lab.errors import DeviceError
 
@@ -191,7 +191,7 @@ def test_what_cannot_be_configured_must_be_proven_by_trial(on_bench: OnBench, la
         bench.drive.refuses = {(index, 0): 0x06020000}
         await bench.enabled()
 
-    proofs = tuple(Proof(trial, 99, 0.02, 0.1, 1e-4, "A. Name", "2026-11-25") for trial in Trial)
+    proofs = tuple(TrialPassed(trial, 99, 0.02, 0.1, 1e-4, "A. Name", "2026-11-25") for trial in Trial)
     on_bench(refused, family=family)
     on_bench(refused, family=family, proofs=tuple(replace(proof, serial_number=98) for proof in proofs))
     on_bench(accepted, family=family, proofs=proofs)

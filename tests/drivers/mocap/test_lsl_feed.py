@@ -13,7 +13,7 @@ from fidim_lab.errors import DeviceError, SetupError
 from sim_backends.mocap.encoders import TextEncoder
 from sim_backends.mocap.faults import During, Faults, Occlusion
 from sim_backends.mocap.lsl_sender import LslSender
-from sim_backends.mocap.server import MocapServer, Timing
+from sim_backends.mocap.server import MocapServer, StreamTiming
 
 CLOCK = LoopClock()
 ASSIGNED = {
@@ -52,7 +52,7 @@ def test_round_trip_through_liblsl():
         lambda t: [(1.0, 2.0, 3.0), (0.0, 0.0, 0.0)],
         TextEncoder(),
         np.random.default_rng(0),
-        Timing(100.0),
+        StreamTiming(100.0),
         noise=0.0,
         faults=faults,
     )

@@ -15,7 +15,7 @@ from fidim_lab.errors import DeviceError, OurBugError
 from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import Encoder, TextEncoder, ViconEncoder
 from sim_backends.mocap.faults import During, Faults, Freeze, Jump, Occlusion
-from sim_backends.mocap.server import MocapServer, ServerFeed, Timing
+from sim_backends.mocap.server import MocapServer, ServerFeed, StreamTiming
 
 CLOCK = LoopClock()
 RATE = 100.0
@@ -39,12 +39,12 @@ class Rig:
         faults: Faults | None = None,
         *,
         kind: str = "vicon",
-        timing: Timing | None = None,
+        timing: StreamTiming | None = None,
         noise: float = 1e-4,
         **options: Any,
     ) -> None:
         encoder, decoder = codec(kind)
-        timing = timing or Timing(RATE)
+        timing = timing or StreamTiming(RATE)
         rng = np.random.default_rng(3)
         self.server = MocapServer(truth, encoder, rng, timing=timing, noise=noise, faults=faults or Faults())
         self.source = StreamMarkerSource(ServerFeed(self.server, CLOCK), decoder, CLOCK, rate=timing.rate, **options)
@@ -66,7 +66,7 @@ def test_it_is_the_port() -> None:
 
 @pytest.mark.parametrize("kind", ["vicon", "text"])
 def test_every_frame_arrives_in_time_and_place(kind: str) -> None:
-    rig = Rig(kind=kind, timing=Timing(RATE, latency=4e-3), noise=0.0)
+    rig = Rig(kind=kind, timing=StreamTiming(RATE, latency=4e-3), noise=0.0)
 
     async def main() -> None:
         start = CLOCK.now()
@@ -268,14 +268,14 @@ def test_two_tasks_may_not_share_a_subscription() -> None:
 
 def test_the_same_seed_gives_the_same_frames() -> None:
     faults = Faults(lost=0.02, doubled=0.02, reordered=0.02, torn=0.02, garbled=0.02)
-    timing = Timing(RATE, drift=30e-6, latency=4e-3, jitter=5e-4, spikes=0.01)
+    timing = StreamTiming(RATE, drift=30e-6, latency=4e-3, jitter=5e-4, spikes=0.01)
     first, second = (run(Rig(faults, timing=timing).record(20.0)) for _ in range(2))
     assert first == second
     assert run(Rig(replace(faults, lost=0.03), timing=timing).record(20.0)) != first
 
 
 def test_its_clock_finds_the_servers() -> None:
-    rig = Rig(timing=Timing(200.0, drift=30e-6, latency=4e-3, jitter=5e-4, spikes=0.01))
+    rig = Rig(timing=StreamTiming(200.0, drift=30e-6, latency=4e-3, jitter=5e-4, spikes=0.01))
     run(rig.record(12.0))
     fit = rig.source.frame_clock.fit()
     assert fit is not None

@@ -11,7 +11,7 @@ from fidim_lab.errors import DeviceError, OurBugError
 from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import Encoder, Occluded, TextEncoder, ViconEncoder
 from sim_backends.mocap.faults import During, Faults, Occlusion
-from sim_backends.mocap.server import MocapServer, ServerFeed, Timing
+from sim_backends.mocap.server import MocapServer, ServerFeed, StreamTiming
 
 CLOCK = LoopClock()
 RATE = 100.0
@@ -23,7 +23,7 @@ def make(encoder: Encoder, decoder: Decoder, faults: Faults | None = None) -> St
         lambda t: [(1.0, 2.0, 3.0)] * markers,
         encoder,
         np.random.default_rng(0),
-        Timing(RATE),
+        StreamTiming(RATE),
         faults=faults or Faults(),
     )
     return StreamMarkerSource(ServerFeed(server, CLOCK), decoder, CLOCK, rate=RATE)

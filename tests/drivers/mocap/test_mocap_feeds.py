@@ -16,7 +16,7 @@ from drivers.ports import MarkerFrame
 from fidim_lab.errors import DeviceError, SetupError
 from sim_backends.mocap.encoders import TextEncoder, ViconEncoder
 from sim_backends.mocap.faults import During, Faults, Occlusion
-from sim_backends.mocap.server import MocapServer, Timing
+from sim_backends.mocap.server import MocapServer, StreamTiming
 from sim_backends.mocap.sockets import TcpServer, UdpSender
 
 CLOCK = LoopClock()
@@ -26,7 +26,7 @@ RATE = 400.0
 def server(kind: str, faults: Faults | None = None) -> MocapServer:
     encoder = TextEncoder() if kind == "text" else ViconEncoder(["platform"])
     return MocapServer(
-        lambda t: [(1.0, 2.0, 3.0)], encoder, np.random.default_rng(0), Timing(RATE), faults=faults or Faults()
+        lambda t: [(1.0, 2.0, 3.0)], encoder, np.random.default_rng(0), StreamTiming(RATE), faults=faults or Faults()
     )
 
 

@@ -8,7 +8,7 @@ from drivers.mocap.decoders import MarkerObjects, ViconUdpDecoder
 from drivers.mocap.source import StreamMarkerSource
 from sim_backends.jumping_loop import run
 from sim_backends.mocap.encoders import ViconEncoder
-from sim_backends.mocap.server import MocapServer, ServerFeed, Timing
+from sim_backends.mocap.server import MocapServer, ServerFeed, StreamTiming
 
 FRAMES = 10_000
 
@@ -20,7 +20,7 @@ def test_a_frame_costs_microseconds() -> None:
     clock = LoopClock()
 
     async def main() -> None:
-        server = MocapServer(lambda t: place, ViconEncoder(["p"]), np.random.default_rng(1), Timing(200.0))
+        server = MocapServer(lambda t: place, ViconEncoder(["p"]), np.random.default_rng(1), StreamTiming(200.0))
         source = StreamMarkerSource(
             ServerFeed(server, clock), ViconUdpDecoder(MarkerObjects(("p",))), clock, rate=200.0
         )

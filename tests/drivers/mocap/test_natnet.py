@@ -16,7 +16,7 @@ from drivers.mocap.decoders.decoder import DecodedFrame, Malformed
 from drivers.mocap.decoders.natnet import hello, invitation, keep_alive, marker_id
 from drivers.mocap.source import StreamMarkerSource
 from sim_backends.mocap.natnet import NatNetEncoder, NatNetServer
-from sim_backends.mocap.server import MocapServer, Timing
+from sim_backends.mocap.server import MocapServer, StreamTiming
 
 INFO = b"\x01\x00" + (256 + 8).to_bytes(2, "little") + b"Motive".ljust(256, b"\0") + bytes((3, 0, 0, 0))
 BODY = struct.pack("<I7ffH", 1, *[0.0] * 7, 1e-4, 1)
@@ -159,7 +159,9 @@ def test_frames_of_a_multicast_group():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("127.0.0.1", 0))
             group = ("239.255.42.99", free.getsockname()[1])
-        mocap = MocapServer(lambda t: [(1.0, 2.0, 3.0)], encoder, np.random.default_rng(0), Timing(100.0), noise=0.0)
+        mocap = MocapServer(
+            lambda t: [(1.0, 2.0, 3.0)], encoder, np.random.default_rng(0), StreamTiming(100.0), noise=0.0
+        )
         server = NatNetServer(mocap, encoder.about(group), clock, group=group)
         await server.start()
         feed = AskedUdpFeed(clock, "127.0.0.1", server.port, Greeting(hello(), keep_alive()), invitation)

@@ -19,7 +19,7 @@ from fidim_lab.errors import DeviceError
 from sim_backends.jumping_loop import run as run_jumping
 from sim_backends.mocap.datastream import OFFERED, DataStreamEncoder, DataStreamSession
 from sim_backends.mocap.faults import During, Faults, Occlusion
-from sim_backends.mocap.server import MocapServer, ServerFeed, Timing
+from sim_backends.mocap.server import MocapServer, ServerFeed, StreamTiming
 from sim_backends.mocap.sockets import TcpServer
 
 CLOCK = LoopClock()
@@ -175,7 +175,7 @@ async def consume(reader):
 def simulated(**options):
     encoder = DataStreamEncoder(["main", "second"], rate=100.0)
     truth = [(1.0, 2.0, 3.0), (-1.0, 0.0, 0.5)]
-    return MocapServer(lambda t: truth, encoder, np.random.default_rng(0), Timing(100.0), **options)
+    return MocapServer(lambda t: truth, encoder, np.random.default_rng(0), StreamTiming(100.0), **options)
 
 
 def test_faults_of_the_stream_are_counted_as_for_any_source():

@@ -17,7 +17,7 @@ from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import compiler
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +47,7 @@ def recorded(robot: Robot, hidden: Sequence[str], *, meeting: float = 1.0, secon
         at = rest.pose.position + rest.pose.rotation @ robot.marker
         windows.append(PlannedWindow(f"w{k + 1}", role, rest.lengths, 1e-3 * np.array(displacement), at))
     plan, rng = Plan("elastic", tuple(windows)), np.random.default_rng(3)
-    campaign, truth = simulate_campaign(robot, plan, world, rng, recording=Recording(duration=seconds))
+    campaign, truth = simulate_campaign(robot, plan, world, rng, recording=Sampling(duration=seconds))
     assert not truth["slack"]
     return campaign, world.body
 

@@ -7,7 +7,7 @@ import pytest
 
 from fidim_lab.data.records import Body
 from fidim_lab.errors import RefusedError, SetupError
-from fidim_lab.identification.payload_mass import Known, Payload, find_mass, refuse_other_geometry
+from fidim_lab.identification.payload_mass import KnownBody, Payload, find_mass, refuse_other_geometry
 
 BODY = Body(np.array([0.002, -0.0025, 0.1984]), np.array([0.0569, 0.0627, 0.0314, 2e-4, -2e-4, 1.6e-4]))
 MASS = 11.3
@@ -34,7 +34,7 @@ def pair(payload: Payload = PAYLOAD, *, seed: int | None = None, mass: float = M
     if seed is not None:
         random = np.random.default_rng(seed)
         true = [values + random.multivariate_normal(np.zeros(9), C) for values in true]
-    return Known(true[0], C), Known(true[1], C)
+    return KnownBody(true[0], C), KnownBody(true[1], C)
 
 
 def test_a_payload_is_added_as_a_cloud_of_masses_says():
@@ -103,7 +103,7 @@ def test_inertia_of_a_payload_that_is_no_point_is_off_and_the_stated_mass_is_not
     empty, loaded = pair(scale=0.1)
     values = loaded.values.copy()
     values[3:6] += PAYLOAD.mass * 0.05**2 / (MASS + PAYLOAD.mass)  # 5 cm radius of gyration
-    found = find_mass(empty, Known(values, loaded.covariance), PAYLOAD)
+    found = find_mass(empty, KnownBody(values, loaded.covariance), PAYLOAD)
     assert found.mass.value == pytest.approx(MASS, abs=0.05)
     assert found.with_inertia is not None
     assert abs(found.with_inertia.value - MASS) > 3 * found.with_inertia.sd

@@ -10,7 +10,7 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +22,7 @@ def baseline_of(irma4: Robot) -> Callable[..., Baseline]:
         hidden = tuple(parse_effect(text, irma4.n) for text in texts)
         world = make_world(irma4, np.random.default_rng(seed), hidden)
         rng = np.random.default_rng(seed + 1)
-        campaign, _ = simulate_campaign(irma4, plan, world, rng, recording=Recording(seconds))
+        campaign, _ = simulate_campaign(irma4, plan, world, rng, recording=Sampling(seconds))
         return fit_baseline(campaign, native=True, say=lambda _: None)
 
     return made

@@ -17,7 +17,7 @@ from fidim_lab.mismatch.conclusion.explanation import Verdict, write_explanation
 from fidim_lab.mismatch.explain import explain
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 SHARED = Path(__file__).parents[4] / "shared"
 OPEN = (
@@ -37,7 +37,7 @@ def test_the_command_names_a_hidden_effect(irma4: Robot, tmp_path: Path, capsys:
     plan = random_plan(irma4, "short", 5, 2, 5)
     hidden = parse_effect("swivel-friction:c=0.01", irma4.n)
     world = make_world(irma4, np.random.default_rng(5), (hidden,))
-    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Recording(4.0))
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Sampling(4.0))
     write_campaign(tmp_path / "short", replace(campaign, name="short"))
     file = tmp_path / "explanation.json"
     assert cli.run(["explain", str(tmp_path / "short"), "--json", str(file)]) == 0
@@ -56,7 +56,7 @@ def short_campaign(robot: Robot, seed: int, *hidden: str) -> Campaign:
     plan = random_plan(robot, "short", 5, 2, seed)
     effects = tuple(parse_effect(text, robot.n) for text in hidden)
     world = make_world(robot, np.random.default_rng(seed), effects)
-    return simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Recording(5.0))[0]
+    return simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Sampling(5.0))[0]
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from fidim_lab.mismatch.selection.select import select
 from fidim_lab.mismatch.unknown_force.family import Dependence
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 SINGLES = (
     ("loose-mass:m=0.2,f=3,zeta=0.05", None, {"f": 3.0, "zeta": 0.05}),
@@ -35,7 +35,7 @@ def campaign_with(robot: Robot, *texts: str) -> tuple[Campaign, np.ndarray]:
     effects = tuple(parse_effect(text, robot.n) for text in texts)
     world = make_world(robot, np.random.default_rng(71), effects)
     plan = random_plan(robot, "single", 6, 2, 71)
-    campaign, truth = simulate_campaign(robot, plan, world, np.random.default_rng(72), recording=Recording(5.0))
+    campaign, truth = simulate_campaign(robot, plan, world, np.random.default_rng(72), recording=Sampling(5.0))
     return campaign, np.concatenate([np.array(truth[key], dtype=float) for key in ("s", "I")])
 
 

@@ -9,13 +9,13 @@ from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.online_monitor import FEWEST, Watch
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 def windows_of(robot, *texts, count=4, seconds=3.0):
     plan = random_plan(robot, "session", count, 1, 5)
     world = make_world(robot, np.random.default_rng(5), tuple(parse_effect(text, robot.n) for text in texts))
-    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Recording(seconds))
+    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Sampling(seconds))
     return campaign.windows[:count]
 
 

@@ -19,7 +19,7 @@ from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 EFFECTS = (
     (MarkerOffset(), (4e-3, -3e-3, 2e-3)),
@@ -31,7 +31,7 @@ EFFECTS = (
 def fitted(robot: Robot, hidden: str, effect: NamedEffect, theta: tuple[float, ...], seconds: float) -> Fit:
     plan = random_plan(robot, "short", 3, 0, 31)
     world = make_world(robot, np.random.default_rng(31), (parse_effect(hidden, robot.n),))
-    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(32), recording=Recording(seconds))
+    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(32), recording=Sampling(seconds))
     sd = np.array([10 * parameter.scale for parameter in effect.parameters])
     return fit(Mechanism(robot, (effect,), theta), campaign.of_role(Role.IDENTIFY), theta_sd=sd)
 

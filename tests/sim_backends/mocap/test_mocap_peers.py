@@ -16,7 +16,7 @@ from sim_backends.mocap.datastream import DataStreamEncoder, DataStreamSession
 from sim_backends.mocap.faults import During, Faults, Occlusion
 from sim_backends.mocap.natnet import NatNetEncoder, NatNetServer
 from sim_backends.mocap.qtm import QtmEncoder, QtmSession
-from sim_backends.mocap.server import MocapServer, Timing
+from sim_backends.mocap.server import MocapServer, StreamTiming
 from sim_backends.mocap.sockets import TcpServer
 
 pytestmark = pytest.mark.peer
@@ -117,7 +117,7 @@ def asked_of(script, make):
 
 
 def serving(encoder):
-    return MocapServer(lambda t: [PLACE], encoder, np.random.default_rng(0), Timing(100.0), noise=0.0)
+    return MocapServer(lambda t: [PLACE], encoder, np.random.default_rng(0), StreamTiming(100.0), noise=0.0)
 
 
 def test_the_vendors_client_reads_our_datastream_at_the_sent_pose():
@@ -138,7 +138,9 @@ def test_another_client_reads_our_natnet_server_at_the_sent_places(version):
     encoder = NatNetEncoder([(1, 1), (7, 3)], version)
     hidden = Faults(occlusions=[Occlusion(During(0.0, 1e9), 1)])
     places = [PLACE, (0.0, 0.0, 1.0)]
-    server = MocapServer(lambda t: places, encoder, np.random.default_rng(0), Timing(100.0), noise=0.0, faults=hidden)
+    server = MocapServer(
+        lambda t: places, encoder, np.random.default_rng(0), StreamTiming(100.0), noise=0.0, faults=hidden
+    )
     found = asked_of(READ_NATNET, lambda clock: NatNetServer(server, encoder.about(), clock))
     assert found.pop("number") > 0
     assert found == {

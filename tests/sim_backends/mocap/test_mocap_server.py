@@ -7,7 +7,7 @@ import pytest
 
 from sim_backends.mocap.encoders import TextEncoder
 from sim_backends.mocap.faults import During, Faults, Freeze, Jump, Occlusion
-from sim_backends.mocap.server import MocapServer, ServerFeed, Timing
+from sim_backends.mocap.server import MocapServer, ServerFeed, StreamTiming
 
 PLACE = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 
@@ -26,12 +26,12 @@ class JumpingClock:
 
 
 def make(
-    timing: Timing | None = None, faults: Faults | None = None, *, noise: float = 0.0, seed: int = 1
+    timing: StreamTiming | None = None, faults: Faults | None = None, *, noise: float = 0.0, seed: int = 1
 ) -> MocapServer:
     encoder = TextEncoder(checksum=False, digits=9)
     rng = np.random.default_rng(seed)
     return MocapServer(
-        lambda t: PLACE, encoder, rng, timing=timing or Timing(100.0), noise=noise, faults=faults or Faults()
+        lambda t: PLACE, encoder, rng, timing=timing or StreamTiming(100.0), noise=noise, faults=faults or Faults()
     )
 
 
@@ -61,7 +61,7 @@ def markers(packets: list[tuple[float, bytes]]) -> np.ndarray:
 
 
 def test_packets_come_at_the_rate_with_the_latency_and_drift() -> None:
-    packets = receive(make(Timing(100.0, drift=1e-3, latency=0.037, first_number=500)), 300)
+    packets = receive(make(StreamTiming(100.0, drift=1e-3, latency=0.037, first_number=500)), 300)
     assert numbers(packets) == list(range(500, 800))
     expected = 1000.0 + np.arange(1, 301) * 1.001 / 100.0 + 0.037
     assert np.allclose([due for due, _ in packets], expected, atol=1e-9)
@@ -74,7 +74,7 @@ def test_truth_is_asked_at_the_exposure() -> None:
         asked.append(t)
         return PLACE
 
-    server = MocapServer(truth, TextEncoder(), np.random.default_rng(0), Timing(100.0, latency=0.05))
+    server = MocapServer(truth, TextEncoder(), np.random.default_rng(0), StreamTiming(100.0, latency=0.05))
     receive(server, 10)
     assert np.allclose(asked[:10], 1000.0 + np.arange(1, 11) / 100.0)
 
@@ -88,7 +88,7 @@ def test_noise_has_the_stated_size() -> None:
 def test_faults_of_the_way_change_no_noise() -> None:
     clean = dict(receive_by_number(make(noise=1e-3)))
     faults = Faults(lost=0.2, doubled=0.1)
-    rough = dict(receive_by_number(make(Timing(100.0, jitter=0.01), faults, noise=1e-3)))
+    rough = dict(receive_by_number(make(StreamTiming(100.0, jitter=0.01), faults, noise=1e-3)))
     common = set(clean) & set(rough)
     assert 100 < len(common) < len(clean)
     assert all(clean[number] == rough[number] for number in common)
@@ -99,7 +99,7 @@ def receive_by_number(server: MocapServer) -> list[tuple[int, bytes]]:
 
 
 def test_jitter_delays_and_keeps_the_order() -> None:
-    packets = receive(make(Timing(100.0, latency=0.004, jitter=0.002, spikes=0.05)), 2000)
+    packets = receive(make(StreamTiming(100.0, latency=0.004, jitter=0.002, spikes=0.05)), 2000)
     assert numbers(packets) == list(range(1, 2001))
     delays = np.array([due for due, _ in packets]) - 1000.0 - np.arange(1, 2001) / 100.0 - 0.004
     assert delays.min() > -1e-9
@@ -135,6 +135,6 @@ def test_faults_come_as_often_as_asked(fault: str) -> None:
 
 def test_the_same_seed_gives_the_same_bytes_at_the_same_times() -> None:
     faults = Faults(lost=0.1, doubled=0.1, torn=0.1, garbled=0.1)
-    timing = Timing(100.0, jitter=0.002)
+    timing = StreamTiming(100.0, jitter=0.002)
     assert receive(make(timing, faults, noise=1e-3), 300) == receive(make(timing, faults, noise=1e-3), 300)
     assert receive(make(timing, faults, noise=1e-3, seed=2), 300) != receive(make(timing, faults, noise=1e-3), 300)

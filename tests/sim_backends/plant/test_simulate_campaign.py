@@ -10,10 +10,10 @@ from fidim_lab.errors import InfeasibleError
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 LENGTHS = np.array([1.42, 1.40, 1.45, 1.47])
-SHORT = Recording(duration=1.0, rate=100.0)
+SHORT = Sampling(duration=1.0, rate=100.0)
 
 
 def _plan(*lengths: np.ndarray) -> Plan:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from fidim_lab.app.formats.explanation_parts import EffectTable, HeldOutTable, Part, PlaceTable, RankedTable
+from fidim_lab.app.formats.explanation_parts import EffectTable, ExplanationPart, HeldOutTable, RankedTable, WhereTable
 from fidim_lab.data.files.json_file import read_json_as
 from fidim_lab.identification.results.result_file import BodyNumber, GeometryTable
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict, finite
@@ -17,7 +17,7 @@ from fidim_lab.mismatch.unknown_force.field import Field
 Triple = tuple[float, float, float]
 
 
-class BodyParameterTable(Part):
+class BodyParameterTable(ExplanationPart):
     """One of the nine."""
 
     value: BodyNumber
@@ -25,7 +25,7 @@ class BodyParameterTable(Part):
     nominal: BodyNumber
 
 
-class FamilyTable(Part):
+class FamilyTable(ExplanationPart):
     """One kind of wrench without a name that was weighed."""
 
     label: str
@@ -34,7 +34,7 @@ class FamilyTable(Part):
     log_evidence: float | None
 
 
-class FieldTable(Part):
+class FieldTable(ExplanationPart):
     """Samples of the wrench along the motion, SI, world frame."""
 
     windows: tuple[str, ...]
@@ -53,7 +53,7 @@ class FieldTable(Part):
         return Field(self.windows, *(np.array(getattr(self, name), dtype=float) for name in names))
 
 
-class UnknownTable(Part):
+class UnknownTable(ExplanationPart):
     """The model of what has no name."""
 
     words: tuple[str, ...]
@@ -61,14 +61,14 @@ class UnknownTable(Part):
     field: FieldTable | None = None
 
 
-class ExplanationTable(Part):
+class ExplanationTable(ExplanationPart):
     """The whole file."""
 
     format: Literal["fidim-explanation/1"]
     campaign: str
     verdict: Verdict
     effects: tuple[EffectTable, ...]
-    where: tuple[PlaceTable, ...]
+    where: tuple[WhereTable, ...]
     held_out: HeldOutTable
     ranking: tuple[RankedTable, ...]
     parameters: dict[str, BodyParameterTable]

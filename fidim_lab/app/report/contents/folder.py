@@ -66,7 +66,7 @@ class Drives(_Lenient):
     winches: tuple[DriveTable, ...] = ()
 
 
-class Case(_Lenient):
+class LeftOut(_Lenient):
     """What a simulator left out of the model."""
 
     title: str = ""
@@ -77,7 +77,7 @@ class Truth(_Lenient):
     """truth.json: the body that a simulator hid."""
 
     seed: int | None = None
-    case: Case = Case()
+    case: LeftOut = LeftOut()
     s: Values3
     I: Values6  # noqa: E741 - the file's key, the field's symbol
 
@@ -96,7 +96,7 @@ class Cluster(_Lenient):
     frames: int
 
 
-class Registration(_Lenient):
+class RegistrationTable(_Lenient):
     """How the markers were placed in the robot's frame."""
 
     rms: float
@@ -132,7 +132,7 @@ class Imported(_Lenient):
     name: str
     sources: dict[str, str]
     cluster: Cluster
-    registration: Registration
+    registration: RegistrationTable
     clock: Clocks
     windows: tuple[ImportedWindow, ...]
 

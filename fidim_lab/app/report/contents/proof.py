@@ -36,7 +36,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class ComparedWindow:
     """One window as both models predict it."""
 
     window: Window
@@ -46,15 +46,15 @@ class Compared:
 
 
 @dataclass(frozen=True, eq=False)
-class Proof:
+class ProofOfCause:
     """All windows that could be looked at."""
 
-    windows: tuple[Compared, ...]
+    windows: tuple[ComparedWindow, ...]
     notes: tuple[str, ...]
     """what could not be shown, and why"""
 
 
-def proof(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None = None) -> Proof:
+def proof(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None = None) -> ProofOfCause:
     """Predict held-out windows (identified ones where none is held out) with the body before and the model after."""
     notes: list[str] = []
     before = Model(Mechanism(campaign.robot), _body(found.parameters_before))
@@ -62,14 +62,14 @@ def proof(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None =
     touched = [name for effect in found.effects if effect.id == HAND for name in effect.parameters]
     candidates = campaign.of_role(Role.VALIDATE) or campaign.of_role(Role.IDENTIFY)
     windows = [w for w in candidates if not any(name.startswith(f"{w.id} ") for name in touched)]
-    compared: list[Compared] = []
+    compared: list[ComparedWindow] = []
     for window in windows[:MOST]:
         first = _predicted(before, window, notes)
         if first is not None:
-            compared.append(Compared(window, first, None if after is None else _predicted(after, window, notes)))
+            compared.append(ComparedWindow(window, first, None if after is None else _predicted(after, window, notes)))
     if len(windows) > MOST:
         notes.append(f"Pictures show the first {MOST} of {len(windows)} held-out windows; figures are of all.")
-    return Proof(tuple(compared), tuple(dict.fromkeys(notes)))
+    return ProofOfCause(tuple(compared), tuple(dict.fromkeys(notes)))
 
 
 def _completed(found: ExplanationTable, campaign: Campaign, unknown: Unknown | None, notes: list[str]) -> Model | None:

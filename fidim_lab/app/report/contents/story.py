@@ -29,7 +29,7 @@ KINDS = {
 
 
 @dataclass(frozen=True)
-class Seen:
+class ToldMeasurement:
     """One measurement with what was allowed."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # pyright: ignore[reportUnannotatedClassAttribute]
@@ -42,7 +42,7 @@ class Seen:
     high: float | None = None
 
 
-_SEEN: TypeAdapter[tuple[Seen, ...]] = TypeAdapter(tuple[Seen, ...])
+_SEEN: TypeAdapter[tuple[ToldMeasurement, ...]] = TypeAdapter(tuple[ToldMeasurement, ...])
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Attempt:
     outcome: Outcome = Outcome.UNSET
     """UNSET: broken off"""
     reason: str = ""
-    measurements: tuple[Seen, ...] = ()
+    measurements: tuple[ToldMeasurement, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class TriedStop:
     """m/s"""
     outcome: Outcome
     reason: str
-    measurements: tuple[Seen, ...]
+    measurements: tuple[ToldMeasurement, ...]
     """time (s) and way (m) to standstill, and what it moved afterwards"""
 
 
@@ -259,7 +259,7 @@ class _Reader:
                 reasons = dict.fromkeys(reason for reason in (attempt.reason, entry.reason) if reason)
                 return replace(attempt, outcome=entry.outcome, reason="; ".join(reasons))
 
-    def _seen(self, entry: Entry) -> tuple[Seen, ...]:
+    def _seen(self, entry: Entry) -> tuple[ToldMeasurement, ...]:
         found: Any = entry.data.get("measurements", ())
         try:
             return _SEEN.validate_python(found)
@@ -273,6 +273,6 @@ def _failed(entry: Entry) -> Outcome:
     return Outcome.UNSET if entry.outcome.usable else entry.outcome
 
 
-def not_passed(measurements: Iterable[Seen]) -> tuple[Seen, ...]:
+def not_passed(measurements: Iterable[ToldMeasurement]) -> tuple[ToldMeasurement, ...]:
     """Those that a reader should look at."""
     return tuple(seen for seen in measurements if seen.outcome is not Outcome.PASS)

@@ -20,7 +20,7 @@ WIDTH = 6.4
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class Course:
     """Three coordinates over a time of their own."""
 
     t: Series
@@ -31,9 +31,9 @@ class Line:
 
 @styled
 def trajectory(
-    recorded: Line,
+    recorded: Course,
     rest: Vector3 | None,
-    model: Line | None,
+    model: Course | None,
     points: int = POINTS,
     removed: Sequence[tuple[float, float]] = (),
 ) -> str:
@@ -56,7 +56,7 @@ def trajectory(
 
 
 @styled
-def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Line | None, points: int = POINTS) -> str:
+def residuals(t: Series, epsilon: tuple[Series, np.ndarray] | None, missed: Course | None, points: int = POINTS) -> str:
     """Draw what the model leaves over: ε (N, K) of the equations, and Δ = recorded − model of the main marker in mm.
 
     t: the window's, so that all its pictures have the same abscissa.

@@ -26,7 +26,7 @@ OFF_PATH = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Hanging:
+class DrawnPose:
     """The platform in one window, world frame, m."""
 
     window: str
@@ -42,7 +42,7 @@ class Scene:
 
     anchors: Positions
     """(n, 3) m"""
-    hanging: tuple[Hanging, ...]
+    hanging: tuple[DrawnPose, ...]
 
 
 def scene(campaign: Campaign, mechanism: Mechanism, body: Body) -> Scene:
@@ -50,10 +50,10 @@ def scene(campaign: Campaign, mechanism: Mechanism, body: Body) -> Scene:
     robot = campaign.robot
     attachments = np.array([cable.a for cable in robot.cables])
 
-    def hung(window: Window) -> Hanging:
+    def hung(window: Window) -> DrawnPose:
         pose = _pose_from_markers(robot, window) or _pose_from_lengths(mechanism, body, window)
         held = None if pose is None else pose.position + attachments @ pose.rotation.T
-        return Hanging(window.id, held, window.markers[:, 0])
+        return DrawnPose(window.id, held, window.markers[:, 0])
 
     return Scene(np.array([cable.d for cable in robot.cables]), tuple(hung(window) for window in campaign.windows))
 

@@ -17,7 +17,7 @@ HIGHEST = 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class LabelledSpectrum:
     """Amplitudes over frequency."""
 
     label: str
@@ -27,7 +27,7 @@ class Spectrum:
     """m; a steady sine of amplitude a that fills the record shows as a peak of height a"""
 
 
-def amplitudes(label: str, t: Series, values: np.ndarray) -> Spectrum | None:
+def amplitudes(label: str, t: Series, values: np.ndarray) -> LabelledSpectrum | None:
     """The spectrum of residuals (N, K), root sum of squares over their columns; None where too few were recorded.
 
     Samples are put on an even grid; gaps count as no data (0), a Hann window keeps lines apart.
@@ -42,20 +42,20 @@ def amplitudes(label: str, t: Series, values: np.ndarray) -> Spectrum | None:
     window = np.hanning(len(even))[:, np.newaxis]
     gain = 0.5 * float(window[places].sum())
     lines = np.abs(np.fft.rfft(even * window, axis=0)) / gain
-    return Spectrum(label, np.fft.rfftfreq(len(even), step), np.sqrt((lines**2).sum(axis=1)))
+    return LabelledSpectrum(label, np.fft.rfftfreq(len(even), step), np.sqrt((lines**2).sum(axis=1)))
 
 
-def mean(label: str, spectra: Sequence[Spectrum]) -> Spectrum | None:
+def mean(label: str, spectra: Sequence[LabelledSpectrum]) -> LabelledSpectrum | None:
     """Root mean square over windows, on the frequencies of the one with the finest lines; None of none."""
     if not spectra:
         return None
     f = max((one.frequencies for one in spectra), key=len)
     squares = [np.interp(f, one.frequencies, one.amplitudes**2) for one in spectra]
-    return Spectrum(label, f, np.sqrt(np.mean(squares, axis=0)))
+    return LabelledSpectrum(label, f, np.sqrt(np.mean(squares, axis=0)))
 
 
 @styled
-def picture(spectra: Sequence[Spectrum], noise: float | None = None, points: int = POINTS) -> str:
+def picture(spectra: Sequence[LabelledSpectrum], noise: float | None = None, points: int = POINTS) -> str:
     """Draw spectra over one another, both axes as they are; `noise`: level (m) that white marker noise would have."""
     figure, (axis,) = sheet(WIDTH, 2.6)
     for k, one in enumerate(spectra):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from fidim_lab.app.formats.explanation_parts import BeforeTable, EffectTable
 from fidim_lab.app.report.contents.explanation_file import ExplanationTable, FamilyTable, UnknownTable
-from fidim_lab.app.report.contents.proof import Proof
+from fidim_lab.app.report.contents.proof import ProofOfCause
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.sections import proof_figures
 from fidim_lab.app.report.sections.numerals import decimals, fixed, short
@@ -42,7 +42,7 @@ class ExplanationSection:
     tried: tuple[Table, ...]
 
 
-def explained(found: ExplanationTable, shown: Proof, noise: float) -> ExplanationSection:
+def explained(found: ExplanationTable, shown: ProofOfCause, noise: float) -> ExplanationSection:
     """The section. `shown`: `proof` of the same explanation; noise: of a marker coordinate (m), by the robot file."""
     unknown = found.unknown
     field = None if unknown is None else unknown.field

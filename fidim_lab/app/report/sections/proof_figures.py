@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fidim_lab.app.report.contents.explanation_file import ExplanationTable
-from fidim_lab.app.report.contents.proof import Compared, Proof
+from fidim_lab.app.report.contents.proof import ComparedWindow, ProofOfCause
 from fidim_lab.app.report.drawings import spectra
 from fidim_lab.app.report.drawings.drawing import Drawing
 from fidim_lab.app.report.drawings.figures import WIDTH, legend, plain_ticks, sd_levels
@@ -18,7 +18,7 @@ ARROWS = 220
 VIEWS = (("from above", 0, 1), ("from the side", 0, 2), ("from the front", 1, 2))
 
 
-def drawings(shown: Proof, noise: float) -> tuple[Drawing, ...]:
+def drawings(shown: ProofOfCause, noise: float) -> tuple[Drawing, ...]:
     """The mean spectrum, then the courses of the window that the model before missed most."""
     if not shown.windows:
         return ()
@@ -34,7 +34,7 @@ def drawings(shown: Proof, noise: float) -> tuple[Drawing, ...]:
     return tuple(pictures)
 
 
-def mean_spectrum(shown: Proof, noise: float) -> str | None:
+def mean_spectrum(shown: ProofOfCause, noise: float) -> str | None:
     """Spectra without and with the effects over one another; None where too little was recorded."""
     both = [
         _mean("before", [one.before for one in shown.windows]),
@@ -47,13 +47,13 @@ def mean_spectrum(shown: Proof, noise: float) -> str | None:
     return spectra.picture(known, spectra.noise_level(noise, samples, 3))
 
 
-def _mean(label: str, remainders: Sequence[Remainder]) -> spectra.Spectrum | None:
+def _mean(label: str, remainders: Sequence[Remainder]) -> spectra.LabelledSpectrum | None:
     found = [spectra.amplitudes(label, one.t, one.residuals[:, 0]) for one in remainders]
     return spectra.mean(label, [one for one in found if one is not None])
 
 
 @styled
-def _courses(one: Compared) -> str:
+def _courses(one: ComparedWindow) -> str:
     figure, axes = sheet(WIDTH, 4.6, rows=3)
     for k, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
         for number, (label, left) in enumerate((("before", one.before), ("after", one.after))):

@@ -9,7 +9,7 @@ from itertools import compress
 from pathlib import Path
 
 from fidim_lab.app.report.contents.folder import Contents, GradeRow, Imported, ImportedTakes
-from fidim_lab.app.report.contents.story import Attempt, Seen, Story
+from fidim_lab.app.report.contents.story import Attempt, Story, ToldMeasurement
 from fidim_lab.app.report.drawings.figures import Bar, ParameterRow
 from fidim_lab.app.report.sections.incidents import incident_rows
 from fidim_lab.app.report.sections.numerals import decimals, duration, fixed, short, size
@@ -174,7 +174,7 @@ def _clean(attempt: Attempt) -> str:
     return f"all of {len(attempt.measurements)} checks passed" if attempt.measurements else ""
 
 
-def check_table(measurements: Sequence[Seen]) -> Table:
+def check_table(measurements: Sequence[ToldMeasurement]) -> Table:
     """What the check of a recording measured, against what is allowed."""
     rows = [
         (seen.name, f"{short(seen.value)} {seen.unit}".strip(), _allowed(seen), MARKS[seen.outcome])
@@ -183,7 +183,7 @@ def check_table(measurements: Sequence[Seen]) -> Table:
     return Table("Checks of the recording", ("measurement", "found", "allowed", ""), tuple(rows), numbers=False)
 
 
-def _allowed(seen: Seen) -> str:
+def _allowed(seen: ToldMeasurement) -> str:
     if seen.low is not None and seen.high is not None:
         return f"{seen.low:.4g} to {seen.high:.4g} {seen.unit}".strip()
     if seen.low is not None:
@@ -309,7 +309,7 @@ def trials_table(story: Story) -> Table | None:
     return Table(caption, columns, tuple(rows), numbers=False)
 
 
-def _stop_cells(seen: Sequence[Seen]) -> tuple[str, ...]:
+def _stop_cells(seen: Sequence[ToldMeasurement]) -> tuple[str, ...]:
     """Time and way with what was allowed, and what it moved with power and without it afterwards."""
     cells = ["", "", "", "", "", ""]
     for one in seen:

@@ -9,7 +9,7 @@ from fidim_lab.app.report.contents.folder import Contents
 from fidim_lab.app.report.contents.story import WindowStory, not_passed
 from fidim_lab.app.report.drawings import figures, spectra
 from fidim_lab.app.report.drawings.drawing import Drawing
-from fidim_lab.app.report.drawings.figures import Line
+from fidim_lab.app.report.drawings.figures import Course
 from fidim_lab.app.report.sections.numerals import duration, short
 from fidim_lab.app.report.sections.tables import MARKS, Table, attempt_table, check_table
 from fidim_lab.arrays import CableSeries, Series, Vector3
@@ -130,7 +130,7 @@ def _drawings(
     residual = None if verdict is None else verdict.residual
     if residual is not None or prediction is not None:
         epsilon = None if residual is None else (residual.t, residual.epsilon)
-        missed = None if prediction is None else Line(prediction.t, prediction.residuals[:, 0])
+        missed = None if prediction is None else Course(prediction.t, prediction.residuals[:, 0])
         svg = figures.residuals(window.t, epsilon, missed, points)
         parts = [
             *([] if missed is None else ["Δ = recorded − model of the trajectory"]),
@@ -150,9 +150,9 @@ def _drawings(
 
 def _trajectory(window: Window, prediction: Prediction | None, points: int, removed: Sequence[Removed] = ()) -> Drawing:
     rest: Vector3 | None = window.equilibrium
-    model = None if prediction is None else Line(prediction.t, prediction.markers[:, 0])
+    model = None if prediction is None else Course(prediction.t, prediction.markers[:, 0])
     shaded = sorted((one.t for one in removed), key=lambda t: t[0] - t[1])[:SHADED]
-    svg = figures.trajectory(Line(window.t, window.markers[:, 0]), rest, model, points, shaded)
+    svg = figures.trajectory(Course(window.t, window.markers[:, 0]), rest, model, points, shaded)
     origin = "its mean" if rest is None else "rest"
     over = "" if model is None else "; dashed: the model, let go from its fitted initial state"
     over += "; shaded: left out before anything was fitted" if shaded else ""

@@ -24,7 +24,7 @@ def wall_time() -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Sources:
+class StateSources:
     """From what a state is made."""
 
     clock: Clock
@@ -36,10 +36,10 @@ class Sources:
     hub: Hub
 
 
-class Broadcast:
+class StateBroadcast:
     """Makes states, and tells them. `tell` and `follow_markers` are tasks beside the run."""
 
-    def __init__(self, sources: Sources, guards: Sequence[Guard]) -> None:
+    def __init__(self, sources: StateSources, guards: Sequence[Guard]) -> None:
         self._from = sources
         self._guards = tuple(guards)
         self._late = 0.0

@@ -15,7 +15,7 @@ from pathlib import Path
 from fidim_lab.app.service.codec import encode
 from fidim_lab.app.service.commands import Hello, Message, Request
 from fidim_lab.app.service.messages import Answer, Refusal, Samples
-from fidim_lab.app.service.process.session import ServerSession, Stage
+from fidim_lab.app.service.process.session import ConversationStage, ServerSession
 from fidim_lab.errors import SetupError
 
 BACKLOG = 2 << 20
@@ -61,7 +61,7 @@ class Hub:
     @property
     def clients(self) -> int:
         """Those that have said hello."""
-        return sum(c.session.stage is Stage.TALKING for c in self._connections)
+        return sum(c.session.stage is ConversationStage.TALKING for c in self._connections)
 
     async def listen_unix(self, path: Path) -> None:
         """Listen at a socket of the user's own (mode 0600). Raises SetupError where it cannot be made."""
@@ -94,7 +94,7 @@ class Hub:
             return
         data, live = encode(message), isinstance(message, Samples)
         for connection in tuple(self._connections):
-            if connection.session.stage is Stage.TALKING and (not live or connection.session.hello.samples):
+            if connection.session.stage is ConversationStage.TALKING and (not live or connection.session.hello.samples):
                 connection.write(data)
 
     def close(self) -> None:
@@ -113,7 +113,7 @@ class Hub:
         others = [other for other in self._connections if other.trusted == connection.trusted]
         places = CLIENTS if connection.trusted else CLIENTS_TCP
         if len(others) >= places:
-            silent = [other for other in others if other.session.stage is Stage.EXPECTS_HELLO]
+            silent = [other for other in others if other.session.stage is ConversationStage.EXPECTS_HELLO]
             if not silent:
                 connection.write(encode(Refusal(says=f"There are {places} clients already.")))
                 connection.end()
@@ -207,7 +207,7 @@ class _Connection(asyncio.Protocol):
         self._due()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self.session.stage = Stage.CLOSED
+        self.session.stage = ConversationStage.CLOSED
         self._first = None
         for timer in (self._greeting, self._again):
             if timer is not None:
@@ -290,5 +290,5 @@ class _Connection(asyncio.Protocol):
         self._due()
 
     def _silent(self) -> None:
-        if self.session.stage is Stage.EXPECTS_HELLO:
+        if self.session.stage is ConversationStage.EXPECTS_HELLO:
             self.end()

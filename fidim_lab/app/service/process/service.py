@@ -21,7 +21,7 @@ from fidim_lab.app.service.commands import Request
 from fidim_lab.app.service.latch import Latch
 from fidim_lab.app.service.messages import Answer, Bye, Welcome
 from fidim_lab.app.service.process.board import DefaultAnswer, PromptBoard
-from fidim_lab.app.service.process.broadcast import Broadcast, Sources, wall_time
+from fidim_lab.app.service.process.broadcast import StateBroadcast, StateSources, wall_time
 from fidim_lab.app.service.process.command_handler import CommandHandler, Levers
 from fidim_lab.app.service.process.event_log import EventLog
 from fidim_lab.app.service.process.hub import Hub
@@ -113,10 +113,10 @@ class Service:
         levers = Levers(self._turn.start, self._turn.shutdown, self._quick_stop, self.event_log.note, wall_time)
         self._command_handler = CommandHandler(self.control, self.board, Latch(self.clock.now, self._keeper()), levers)
         guards = standard_guards(names, factors, robot.limits.tension, settings.guard)
-        sources = Sources(
+        sources = StateSources(
             self.clock, self.rig.markers, gauges, self.watcher, self._command_handler, self.board, self.hub
         )
-        self.broadcast = Broadcast(sources, guards)
+        self.broadcast = StateBroadcast(sources, guards)
 
     def listeners(self) -> tuple[Callable[[Event], None], ...]:
         """Whom a run has to tell."""

@@ -7,7 +7,7 @@
 import hmac
 from enum import Enum
 
-from fidim_lab.app.service.codec import LineDecoder, Malformed, encode
+from fidim_lab.app.service.codec import LineDecoder, MalformedLine, encode
 from fidim_lab.app.service.commands import (
     PROTOCOL,
     TO_SERVICE,
@@ -18,7 +18,7 @@ from fidim_lab.app.service.commands import (
 from fidim_lab.app.service.messages import Refusal
 
 
-class Stage(Enum):
+class ConversationStage(Enum):
     """Where the conversation is."""
 
     EXPECTS_HELLO = "expects hello"
@@ -31,7 +31,7 @@ class ServerSession:
 
     def __init__(self, number: int, token: str = "") -> None:
         self.number = number
-        self.stage = Stage.EXPECTS_HELLO
+        self.stage = ConversationStage.EXPECTS_HELLO
         self.hello = Hello()
         self._token = token
         self._decoder = LineDecoder(TO_SERVICE)
@@ -52,32 +52,32 @@ class ServerSession:
 
     def next(self) -> Hello | Request | Refusal | None:
         """The next thing that the client says; None until there is more."""
-        message = None if self.stage is Stage.CLOSED else self._decoder.next()
+        message = None if self.stage is ConversationStage.CLOSED else self._decoder.next()
         if message is None:
             return None
         taken = self._take(message)
         if isinstance(taken, Refusal):
-            self.stage = Stage.CLOSED
+            self.stage = ConversationStage.CLOSED
         return taken
 
     @property
     def waits(self) -> bool:
         """Whether something that was said has not been taken yet."""
-        return self.stage is not Stage.CLOSED and self._decoder.waits
+        return self.stage is not ConversationStage.CLOSED and self._decoder.waits
 
     def send(self, message: Message) -> bytes:
         """The bytes of a message."""
         return encode(message)
 
-    def _take(self, message: Hello | Request | Malformed) -> Hello | Request | Refusal:
+    def _take(self, message: Hello | Request | MalformedLine) -> Hello | Request | Refusal:
         match message:
-            case Malformed(says):
+            case MalformedLine(says):
                 return Refusal(says=f"This is no message of {PROTOCOL}: {says}")
-            case Hello() if self.stage is Stage.EXPECTS_HELLO:
+            case Hello() if self.stage is ConversationStage.EXPECTS_HELLO:
                 return self._greet(message)
             case Hello():
                 return Refusal(says="A second hello.")
-            case Request() if self.stage is Stage.TALKING:
+            case Request() if self.stage is ConversationStage.TALKING:
                 return message
             case _:
                 return Refusal(says="The first message must be hello.")
@@ -87,7 +87,7 @@ class ServerSession:
             return Refusal(says=f"This service speaks {PROTOCOL}, the client {hello.protocol}.")
         if self._token and not hmac.compare_digest(self._token.encode(), hello.token.encode()):
             return Refusal(says="The token is wrong: it is in the file that the service named when it started.")
-        self.hello, self.stage = hello, Stage.TALKING
+        self.hello, self.stage = hello, ConversationStage.TALKING
         return hello
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from fidim_lab.app.tui.keys import choice_keys
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, wrapped
-from fidim_lab.app.tui.view import Contact, View
+from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.units import millimetres
 
 TABS = ("Session", "Rig", "Window", "Result", "Why", "Log")
@@ -29,7 +29,7 @@ PHASES: dict[str, tuple[str, Style]] = {
 }
 
 
-def state_lines(view: View, width: int, notice: str = "") -> list[Line]:
+def state_lines(view: ScreenState, width: int, notice: str = "") -> list[Line]:
     """Whose rig this is, the state, alarms that nobody can overlook, and what was last said to this person."""
     rows = [_rig(view, width), _state(view, width)]
     rows += _alarms(view, width)
@@ -48,10 +48,10 @@ def tab_lines(current: int, width: int) -> list[Line]:
     return [(*spans, Span(left("─" * max(width - used, 0), max(width - used, 0)), "dim"))]
 
 
-def prompt_lines(view: View, width: int, *, typing: bool = False) -> list[Line]:
+def prompt_lines(view: ScreenState, width: int, *, typing: bool = False) -> list[Line]:
     """The open prompt with its keys; nothing where there is none. typing: letters go into a line of text now."""
     question = view.question
-    if question is None or view.contact is not Contact.LIVE:
+    if question is None or view.contact is not Connection.LIVE:
         return []
     rows: list[Line] = [line(Span(left("━━ ANSWER THIS ".ljust(width, "━"), width), "key"))]
     about = f"{question.window}: " if question.window else ""
@@ -79,7 +79,7 @@ def _away(metres: Sequence[float]) -> str:
     return "  ".join(f"{name} {round(millimetres(v)):+d} mm" for name, v in zip("xyz", metres, strict=False))
 
 
-def _displaced(view: View) -> str:
+def _displaced(view: ScreenState) -> str:
     """Where the marker is now, from where it was when the prompt came: what the hand at the platform wants to know."""
     place = None if view.status is None else view.status.mocap.position
     if view.rest is None:
@@ -91,7 +91,7 @@ def _displaced(view: View) -> str:
     )
 
 
-def _default(view: View) -> str:
+def _default(view: ScreenState) -> str:
     question = view.question
     if question is None or question.default_after is None or not question.default:
         return ""
@@ -99,7 +99,7 @@ def _default(view: View) -> str:
     return f"   “{question.default}” by itself in {left_over:.0f} s"
 
 
-def _rig(view: View, width: int) -> Line:
+def _rig(view: ScreenState, width: int) -> Line:
     """A band of its own: a key pressed for the wrong robot is the worst mistake of all."""
     if view.welcome is None:
         return line(Span(left(" no rig yet", width), "rig"))
@@ -108,7 +108,7 @@ def _rig(view: View, width: int) -> Line:
     return line(Span(left(f" RIG  {view.welcome.rig}", width - len(run)) + run, "rig"))
 
 
-def _state(view: View, width: int) -> Line:
+def _state(view: ScreenState, width: int) -> Line:
     status = view.status
     if status is None:
         return line(Span("fidim  ", "dim"), Span(view.contact.value, "warn"))
@@ -123,27 +123,27 @@ def _state(view: View, width: int) -> Line:
     )
 
 
-def _commander(view: View) -> str:
+def _commander(view: ScreenState) -> str:
     holder = None if view.status is None else view.status.commanding
     return "nobody commands" if holder is None else f"client #{holder} commands"
 
 
-def _age(view: View) -> str:
+def _age(view: ScreenState) -> str:
     """Only what is fresh is called live; the age of what is not counts up."""
     if view.fresh:
         return "● live"
     return "○ no state" if view.age is None else f"✗ OLD {view.age:.1f} s"
 
 
-def _alarms(view: View, width: int) -> list[Line]:
+def _alarms(view: ScreenState, width: int) -> list[Line]:
     rows: list[Line] = []
     old = "" if view.age is None else f" – ALL VALUES ARE {view.age:.0f} s OLD"
     match view.contact:
-        case Contact.LOST:
+        case Connection.LOST:
             rows += _alarm(f"✗ SERVICE LOST{old}", width, view.why, LOST_ADVICE)
-        case Contact.SILENT:
+        case Connection.SILENT:
             rows += _alarm(f"✗ THE SERVICE IS SILENT{old}", width, SILENT_ADVICE)
-        case Contact.ENDED:
+        case Connection.ENDED:
             rows += _alarm(f"□ THE SERVICE HAS ENDED{old}", width, view.why, alarm="warn")
         case _:
             pass
@@ -153,7 +153,7 @@ def _alarms(view: View, width: int) -> list[Line]:
     status = view.status
     if status is not None and status.latched:
         was = "" if view.fresh else "when last heard: "
-        ended = view.contact in (Contact.ENDED, Contact.LOST) or status.phase == "ended"
+        ended = view.contact in (Connection.ENDED, Connection.LOST) or status.phase == "ended"
         reset = " r starts the service again." if ended else " r resets it, in two steps."
         why = f"{was}{status.latched_why or 'latched from the start'}.{reset}"
         rows += _alarm("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ ■", width, why)

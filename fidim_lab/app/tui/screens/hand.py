@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, line
-from fidim_lab.app.tui.view import Contact, View
+from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.units import millimetres
 
 SHAPES = {
@@ -38,10 +38,10 @@ def big(text: str, style: Style = "") -> list[Line]:
     return [line(Span(" ".join(SHAPES.get(sign, SHAPES["?"])[row] for sign in text), style)) for row in range(ROWS)]
 
 
-def hand_lines(view: View, height: int) -> list[Line]:
+def hand_lines(view: ScreenState, height: int) -> list[Line]:
     """Wanted and present displacement of an open prompt in at most this many lines; nothing where too few."""
     question = view.question
-    if question is None or not question.displacement or view.contact is not Contact.LIVE:
+    if question is None or not question.displacement or view.contact is not Connection.LIVE:
         return []
     axes = min(height // (ROWS + 1), 3)
     if axes < len(question.displacement):
@@ -60,7 +60,7 @@ def _beside(axis: str, wanted: str, now: str) -> list[Line]:
     return [(Span(" "), *a, Span(" " * 5), *w, Span(" " * GAP), *n) for a, w, n in parts]
 
 
-def _now(view: View) -> Sequence[str]:
+def _now(view: ScreenState) -> Sequence[str]:
     """Of the marker, from where it was when the prompt came; empty where nobody saw that."""
     if view.rest is None or view.status is None:
         return ()

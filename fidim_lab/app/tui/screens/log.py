@@ -3,7 +3,7 @@
 from fidim_lab.app.service.messages import Happening
 from fidim_lab.app.tui.paint import Line, Span, Style, left, line, wrapped
 from fidim_lab.app.tui.screens.check import KIND, check_mark, check_style
-from fidim_lab.app.tui.view import View
+from fidim_lab.app.tui.view import ScreenState
 
 STYLES: dict[str, Style] = {
     "e-stop": "alarm",
@@ -27,7 +27,7 @@ NEWEST = 400
 """lines"""
 
 
-def log_lines(view: View, width: int, wanted: str = "") -> list[Line]:
+def log_lines(view: ScreenState, width: int, wanted: str = "") -> list[Line]:
     """Events in which every word of the filter occurs; -WORD leaves out those with it."""
     found = [event for event in view.events if matches(event, wanted)]
     rows: list[Line] = []

@@ -2,7 +2,7 @@
 
 from fidim_lab.app.service.messages import GuardState, MocapState, Status, WinchState
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, number, right, wrapped
-from fidim_lab.app.tui.view import View
+from fidim_lab.app.tui.view import ScreenState
 from fidim_lab.units import millimetres, percent
 
 OLD = 0.5
@@ -24,7 +24,7 @@ GUARDS: dict[str, tuple[str, Style]] = {
 }
 
 
-def rig_lines(view: View, width: int) -> list[Line]:
+def rig_lines(view: ScreenState, width: int) -> list[Line]:
     """The whole screen."""
     status = view.status
     if status is None:

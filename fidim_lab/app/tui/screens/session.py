@@ -6,7 +6,7 @@ from fidim_lab.app.service.messages import EquilibriumState, Status
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, left, line, number, right, span_of_time, wrapped
 from fidim_lab.app.tui.screens.check import newest_check
 from fidim_lab.app.tui.screens.hand import hand_lines
-from fidim_lab.app.tui.view import View
+from fidim_lab.app.tui.view import ScreenState
 from fidim_lab.units import millimetres
 
 MARKS: dict[str, tuple[str, Style]] = {
@@ -24,7 +24,7 @@ NUMBERS = 3
 """the last columns are numbers"""
 
 
-def session_lines(view: View, width: int, height: int = 0) -> list[Line]:
+def session_lines(view: ScreenState, width: int, height: int = 0) -> list[Line]:
     """The whole screen; where the height leaves room, large figures for the hand at the platform below the table."""
     status = view.status
     if status is None:
@@ -34,11 +34,11 @@ def session_lines(view: View, width: int, height: int = 0) -> list[Line]:
     return [*rows, EMPTY, *figures] if figures else rows
 
 
-def _nothing(view: View) -> list[Line]:
+def _nothing(view: ScreenState) -> list[Line]:
     return [line(Span(f"No service yet: {view.why or 'connecting …'}", "dim"))]
 
 
-def _step(view: View, status: Status, width: int) -> list[Line]:
+def _step(view: ScreenState, status: Status, width: int) -> list[Line]:
     step = status.step
     if status.phase == "ended":
         return [
@@ -57,7 +57,7 @@ def _step(view: View, status: Status, width: int) -> list[Line]:
     return [*rows, line(begin, Span(drawn, "good"), end)]
 
 
-def _what_is_left(view: View, status: Status, width: int) -> list[Line]:
+def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
     """How to go on with a run that was cut off."""
     if view.welcome is None or all(row.state == "done" for row in status.equilibria):
         return []

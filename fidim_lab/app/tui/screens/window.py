@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from fidim_lab.app.tui.foresight import Foreseen
 from fidim_lab.app.tui.paint import Line, Span, left, line, number
 from fidim_lab.app.tui.screens.hand import hand_lines
-from fidim_lab.app.tui.view import Trace, View
+from fidim_lab.app.tui.view import ScreenState, Trace
 from fidim_lab.app.tui.widgets.plot import Curve, canvas, limits
 from fidim_lab.units import millimetres
 
@@ -19,7 +19,7 @@ LEAST = 0.002
 AXES = "xyz"
 
 
-def window_lines(view: View, width: int, height: int, foreseen: Foreseen | None, doubt: str = "") -> list[Line]:
+def window_lines(view: ScreenState, width: int, height: int, foreseen: Foreseen | None, doubt: str = "") -> list[Line]:
     """The whole screen in this many lines; doubt: why there is no prediction."""
     trace = view.trace
     if not view.recording and (figures := hand_lines(view, height)):
@@ -50,7 +50,7 @@ def residuals(trace: Trace, foreseen: Foreseen | None) -> list[float | None]:
     return found
 
 
-def _head(view: View, trace: Trace, known: Foreseen | None, doubt: str, width: int) -> Line:
+def _head(view: ScreenState, trace: Trace, known: Foreseen | None, doubt: str, width: int) -> Line:
     state = "● recording" if view.recording else "○ the last recording"
     begin = f"{trace.window} #{trace.attempt}  {trace.t[-1] - trace.t[0]:.1f} s  {state}  "
     if known is None:

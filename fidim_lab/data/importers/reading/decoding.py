@@ -34,7 +34,7 @@ class UnknownEncodingError(ValueError):
     """A message that is in no encoding read here."""
 
 
-class Decoder:
+class MessageDecoder:
     """Decodes the wanted topics of one file; keeps the types that it has seen."""
 
     def __init__(self, wanted: Callable[[str], bool] = lambda _: True) -> None:

@@ -13,7 +13,7 @@ from drivers.cia402.dictionary.abilities import FRAME, Abilities, Access, abilit
 from drivers.cia402.dictionary.grading import grade
 from drivers.cia402.dictionary.settings import Setting
 from drivers.cia402.profile import Mode
-from drivers.cia402.wire.pdo import Entry, SampleDecoder, mapping_expected, mapping_writes
+from drivers.cia402.wire.pdo import Mappable, SampleDecoder, mapping_expected, mapping_writes
 
 PDOS = (0x1400, 0x1600, 0x1800, 0x1A00)
 I8, I16, I32, U8, U16, U32 = 2, 3, 4, 5, 6, 7
@@ -172,7 +172,7 @@ def test_a_family_takes_away_and_shows():
     wanted = [Setting(index, 0, 1, "x") for index in (0x6083, 0x6084, 0x6085)]
     assert [s.index for s in able.fitting(wanted)] == [0x6085]
     assert [s.index for s in able.kept(wanted)] == [0x6083]
-    assert not able.layout.tells(Entry.MODE_DISPLAY.name)
+    assert not able.layout.tells(Mappable.MODE_DISPLAY.name)
     assert [f"{e.mapping:08X}" for pdo in able.layout.tpdos for e in pdo.entries] == [
         *("60410010", "60640020", "606C0020", "20270020")
     ]

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from drivers.cia402.dictionary import Proof
+from drivers.cia402.dictionary import TrialPassed
 from drivers.cia402.dictionary.requirements import REQUIREMENTS, Grade, Trial, met_by_trial
 
 
-def proof(trial: Trial, serial_number: int = 7, at: str = "2026-11-25T10:00:00") -> Proof:
-    return Proof(trial, serial_number, speed=0.02, time=0.1, distance=1e-3, by="A. Name", at=at)
+def proof(trial: Trial, serial_number: int = 7, at: str = "2026-11-25T10:00:00") -> TrialPassed:
+    return TrialPassed(trial, serial_number, speed=0.02, time=0.1, distance=1e-3, by="A. Name", at=at)
 
 
 def test_what_is_to_be_proven_has_a_trial_and_nothing_else_has():

@@ -4,7 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.cia402.wire.pdo import RPDO, TPDOS, DriveValues, Entry, ObjectValue, PdoMap, SampleDecoder, mapping_writes
+from drivers.cia402.wire.pdo import (
+    RPDO,
+    TPDOS,
+    DriveValues,
+    Mappable,
+    ObjectValue,
+    PdoMap,
+    SampleDecoder,
+    mapping_writes,
+)
 from fidim_lab.errors import OurBugError
 
 FIRST = bytes.fromhex("37 06 FE FF FF FF 01")
@@ -93,4 +102,4 @@ def test_any_frames_in_any_order(frames: list[tuple[int, bytes, int]]) -> None:
 
 def test_a_layout_that_leaves_a_value_out_is_our_bug() -> None:
     with pytest.raises(OurBugError, match="VELOCITY"):
-        SampleDecoder((PdoMap(1, transmit=True, entries=(Entry.STATUSWORD,), transmission=1),))
+        SampleDecoder((PdoMap(1, transmit=True, entries=(Mappable.STATUSWORD,), transmission=1),))

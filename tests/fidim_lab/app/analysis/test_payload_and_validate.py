@@ -14,7 +14,7 @@ from fidim_lab.identification.payload_mass import Payload
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.identification.results.result_file import read_result
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 PAYLOAD = Payload(1.0, np.array([0.12, -0.15, 0.05]))
 WITH_PAYLOAD = ["--mass", "1.000", "--at", "0.12,-0.15,0.05"]
@@ -43,7 +43,7 @@ def pair(irma4: Robot, tmp_path_factory: pytest.TempPathFactory) -> Pair:
     world = make_world(irma4, np.random.default_rng(3))
     heavier = replace(world, mass=world.mass + 1.0, body=loaded(world.body, world.mass, PAYLOAD))
     for name, true in (("empty", world), ("loaded", heavier)):
-        campaign, _ = simulate_campaign(irma4, plan, true, np.random.default_rng(4), recording=Recording(6.0))
+        campaign, _ = simulate_campaign(irma4, plan, true, np.random.default_rng(4), recording=Sampling(6.0))
         write_campaign(folder / name, replace(campaign, name=name))
     return Pair(folder / "empty", folder / "loaded", world.mass)
 

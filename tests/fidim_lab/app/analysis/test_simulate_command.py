@@ -19,7 +19,7 @@ from fidim_lab.data.robot_file import write_robot
 from fidim_lab.identification.random_plan import Taste, random_plan
 from sim_backends.plant.motion import SlackInterval
 from sim_backends.plant.sensors import Noise
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 SMALL = ("--equilibria", "1", "--validate", "1")
 
@@ -41,7 +41,7 @@ def simulated(robot_file, tmp_path_factory) -> Path:
 @pytest.fixture
 def short(monkeypatch):
     """Windows of half a second, where what is in them does not matter."""
-    monkeypatch.setattr(command, "Recording", partial(Recording, duration=0.5))
+    monkeypatch.setattr(command, "Sampling", partial(Sampling, duration=0.5))
     monkeypatch.setattr(
         command, "random_plan", lambda *args, **named: random_plan(*args, **(named | {"taste": Taste(seconds=1.0)}))
     )
@@ -235,7 +235,7 @@ def test_a_window_beyond_the_tension_limits_is_recorded_again_displaced_less(
 ):
     plans = []
 
-    def once_beyond(robot, plan, world, rng, noise: Noise, recording: Recording, *, platform, watch):
+    def once_beyond(robot, plan, world, rng, noise: Noise, recording: Sampling, *, platform, watch):
         plans.append(plan)
         first = len(plans) == 1
 

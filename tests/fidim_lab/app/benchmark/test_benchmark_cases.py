@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from fidim_lab.app.benchmark.cases import DECK, NOT_TOGETHER, Kind, case_of
+from fidim_lab.app.benchmark.cases import DECK, NOT_TOGETHER, SecretKind, case_of
 from fidim_lab.app.benchmark.robots import about_vertical, random_setup
 from fidim_lab.app.benchmark.sizes import EFFECTS, OUTSIDE, SIZES
 from fidim_lab.data.robot_file import read_robot, write_robot
@@ -26,10 +26,10 @@ def test_sizes_are_given_for_the_whole_catalogue_and_all_that_is_outside(irma4_f
 def test_shares_are_those_of_the_issue():
     kinds = Counter(case.kind for case in MANY)
     assert kinds == {kind: 5 * count for kind, count in DECK.items()}
-    effects = kinds[Kind.ONE] + kinds[Kind.TWO] + kinds[Kind.THREE]
-    assert kinds[Kind.TWO] / effects == pytest.approx(1 / 3, abs=0.01)
-    assert kinds[Kind.THREE] / effects == pytest.approx(1 / 10, abs=0.01)
-    assert min(kinds[Kind.NOTHING], kinds[Kind.OUTSIDE]) >= 30
+    effects = kinds[SecretKind.ONE] + kinds[SecretKind.TWO] + kinds[SecretKind.THREE]
+    assert kinds[SecretKind.TWO] / effects == pytest.approx(1 / 3, abs=0.01)
+    assert kinds[SecretKind.THREE] / effects == pytest.approx(1 / 10, abs=0.01)
+    assert min(kinds[SecretKind.NOTHING], kinds[SecretKind.OUTSIDE]) >= 30
 
 
 def test_every_effect_comes_about_equally_often():

@@ -9,8 +9,8 @@ import pytest
 
 from fidim_lab.app import cli
 from fidim_lab.app.benchmark import command
-from fidim_lab.app.benchmark.cases import Kind
-from fidim_lab.app.benchmark.child import Outcome, Verb, in_child
+from fidim_lab.app.benchmark.cases import SecretKind
+from fidim_lab.app.benchmark.child import ChildOutcome, ChildTask, in_child
 from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command, run_benchmark
 from fidim_lab.app.benchmark.folder import BenchmarkFolder, read_json, write_json
 from fidim_lab.data.campaign import read_campaign, write_campaign
@@ -26,7 +26,7 @@ def truth(number: int) -> dict:
     odd = number % 2
     return {
         "case": {"label": ["air-drag-linear"] if odd else []},
-        "kind": (Kind.ONE if odd else Kind.NOTHING).value,
+        "kind": (SecretKind.ONE if odd else SecretKind.NOTHING).value,
         "hidden": [{**DRAG, "size": 0.1 * number}] if odd else [],
         "s": TRUE[:3],
         "I": TRUE[3:],
@@ -55,12 +55,12 @@ class Explainer:
         self.asked: list[str] = []
         self._folder = BenchmarkFolder(out)
 
-    def __call__(self, campaign) -> Outcome:
+    def __call__(self, campaign) -> ChildOutcome:
         assert self._folder.commitment.exists(), "nothing may be explained before the truth is committed to"
         self.asked.append(campaign.name)
         if campaign.name == "b0003":
-            return Outcome(None, "no answer within 10 s", 10.0, 10.0)
-        return Outcome(explanation(campaign.name != "b0002"), "", 2.0, 2.0)
+            return ChildOutcome(None, "no answer within 10 s", 10.0, 10.0)
+        return ChildOutcome(explanation(campaign.name != "b0002"), "", 2.0, 2.0)
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def quick(monkeypatch, tiny, options):
         measured.append(task.name)
         answer = {"chi2_excess": 5000.0 if task.number % 2 else 0.0, "rms_mm": 0.1 * task.number, "whole": True}
         faint = [answer | {"chi2_excess": 500.0}] if task.number == 5 else []
-        write_json(folder.loudness(task.name), Outcome(answer, "", 1.0, 1.0).table | {"each": [answer, *faint]})
+        write_json(folder.loudness(task.name), ChildOutcome(answer, "", 1.0, 1.0).table | {"each": [answer, *faint]})
         return task.name
 
     monkeypatch.setattr(command, "seal", seal)
@@ -146,7 +146,7 @@ def test_a_truth_that_was_changed_proves_nothing(options, quick):
 def test_a_truth_that_changes_while_it_is_explained_is_seen(options, quick):
     folder, explainer = BenchmarkFolder(options.out), Explainer(options.out)
 
-    def cheating(campaign) -> Outcome:
+    def cheating(campaign) -> ChildOutcome:
         write_json(folder.sealed("b0006"), truth(1))
         return explainer(campaign)
 
@@ -168,14 +168,14 @@ def test_a_cut_off_answer_file_is_named(options, quick):
 
 
 def test_a_child_that_uses_up_its_time_is_stopped_and_says_so(tiny):
-    outcome = in_child(Verb.EXPLAIN, tiny, cap=1.0)
+    outcome = in_child(ChildTask.EXPLAIN, tiny, cap=1.0)
     assert outcome.answer is None
     assert "of CPU time" in outcome.why
 
 
 def test_a_refusal_to_explain_is_an_outcome(tiny):
     nothing_to_fit = replace(tiny, windows=tuple(replace(w, role=Role.VALIDATE) for w in tiny.windows))
-    outcome = in_child(Verb.EXPLAIN, nothing_to_fit, cap=60.0)
+    outcome = in_child(ChildTask.EXPLAIN, nothing_to_fit, cap=60.0)
     assert outcome.answer is None
     assert outcome.why.startswith("RefusedError")
     assert 0 < outcome.cpu < 60

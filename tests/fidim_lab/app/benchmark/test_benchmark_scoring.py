@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fidim_lab.app.benchmark.scoring import Grade, grade, grade_without, named
+from fidim_lab.app.benchmark.scoring import Marked, grade, grade_without, named
 
 JUDGES = Path(__file__).parents[5] / "shared" / "tools" / "score.py"
 
@@ -21,23 +21,33 @@ def said(verdict: str, *effects: dict) -> dict:
 
 DRAG, FRICTION = effect("air-drag-linear"), effect("swivel-friction")
 CASES = [
-    (said("nothing-missing"), [], None, Grade.RIGHT),
-    (said("explained", DRAG), [], None, Grade.WRONG),
-    (said("unknown-physics"), [], None, Grade.WRONG),
-    (said("unknown-physics"), ["unknown"], None, Grade.RIGHT),
-    (said("partly-explained", DRAG), ["unknown"], None, Grade.WRONG),
-    (said("sensor-fault"), ["sensor-fault"], None, Grade.RIGHT),
-    (said("nothing-missing"), ["sensor-fault"], None, Grade.WRONG),
-    (said("explained", DRAG), ["air-drag-linear"], None, Grade.RIGHT),
-    (said("explained", FRICTION, DRAG), ["air-drag-linear", "swivel-friction"], None, Grade.RIGHT),
-    (said("explained", DRAG), ["air-drag-linear", "swivel-friction"], None, Grade.WRONG),
-    (said("partly-explained", DRAG), ["air-drag-linear"], None, Grade.CLASS),
-    (said("nothing-missing"), ["air-drag-linear"], None, Grade.WRONG),
-    (said("explained", effect("anchor-offset", 2)), ["anchor-offset"], 2, Grade.RIGHT),
-    (said("explained", effect("anchor-offset", 3)), ["anchor-offset"], 2, Grade.CLASS),
-    (said("explained", effect("gravity-tilt", None, ("constant-force",))), ["constant-force"], None, Grade.CLASS),
-    (said("explained", effect("a", None, ("b", "c", "d", "constant-force"))), ["constant-force"], None, Grade.WRONG),
-    (said("explained", effect("a", None, ("b",)), effect("b", None, ("a",))), ["a", "a"], None, Grade.CLASS),
+    (said("nothing-missing"), [], None, Marked.RIGHT),
+    (said("explained", DRAG), [], None, Marked.WRONG),
+    (said("unknown-physics"), [], None, Marked.WRONG),
+    (said("unknown-physics"), ["unknown"], None, Marked.RIGHT),
+    (said("partly-explained", DRAG), ["unknown"], None, Marked.WRONG),
+    (said("sensor-fault"), ["sensor-fault"], None, Marked.RIGHT),
+    (said("nothing-missing"), ["sensor-fault"], None, Marked.WRONG),
+    (said("explained", DRAG), ["air-drag-linear"], None, Marked.RIGHT),
+    (said("explained", FRICTION, DRAG), ["air-drag-linear", "swivel-friction"], None, Marked.RIGHT),
+    (said("explained", DRAG), ["air-drag-linear", "swivel-friction"], None, Marked.WRONG),
+    (said("partly-explained", DRAG), ["air-drag-linear"], None, Marked.CLASS),
+    (said("nothing-missing"), ["air-drag-linear"], None, Marked.WRONG),
+    (said("explained", effect("anchor-offset", 2)), ["anchor-offset"], 2, Marked.RIGHT),
+    (said("explained", effect("anchor-offset", 3)), ["anchor-offset"], 2, Marked.CLASS),
+    (
+        said("explained", effect("gravity-tilt", None, ("constant-force",))),
+        ["constant-force"],
+        None,
+        Marked.CLASS,
+    ),
+    (
+        said("explained", effect("a", None, ("b", "c", "d", "constant-force"))),
+        ["constant-force"],
+        None,
+        Marked.WRONG,
+    ),
+    (said("explained", effect("a", None, ("b",)), effect("b", None, ("a",))), ["a", "a"], None, Marked.CLASS),
 ]
 
 
@@ -49,12 +59,12 @@ def test_grade(explanation, label, cable, expected):
 @pytest.mark.parametrize(
     ("explanation", "expected"),
     [
-        (said("unknown-physics"), Grade.RIGHT),
-        (said("explained", {**FRICTION, "single": False}), Grade.CLASS),
-        (said("partly-explained", {**FRICTION, "single": False}, {**DRAG, "single": True}), Grade.WRONG),
-        (said("explained", {**FRICTION, "single": True}), Grade.WRONG),
-        (said("nothing-missing"), Grade.WRONG),
-        (None, Grade.WRONG),
+        (said("unknown-physics"), Marked.RIGHT),
+        (said("explained", {**FRICTION, "single": False}), Marked.CLASS),
+        (said("partly-explained", {**FRICTION, "single": False}, {**DRAG, "single": True}), Marked.WRONG),
+        (said("explained", {**FRICTION, "single": True}), Marked.WRONG),
+        (said("nothing-missing"), Marked.WRONG),
+        (None, Marked.WRONG),
     ],
 )
 def test_what_the_catalogue_lacks_must_not_get_a_sure_name(explanation, expected):
@@ -62,7 +72,7 @@ def test_what_the_catalogue_lacks_must_not_get_a_sure_name(explanation, expected
 
 
 def test_no_answer_is_wrong_even_where_nothing_was_hidden():
-    assert grade(None, [], None) is Grade.WRONG
+    assert grade(None, [], None) is Marked.WRONG
     assert named(None) == "no answer"
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fidim_lab.app.benchmark.child import Outcome, Verb, in_child
+from fidim_lab.app.benchmark.child import ChildOutcome, ChildTask, in_child
 from fidim_lab.app.benchmark.seal import MUJOCO_NOISE, MUJOCO_SHARE, SealTask, recipe_of, recipes
 from fidim_lab.app.compose.sealed import MUJOCO, NATIVE
 from fidim_lab.data.robot_file import read_robot, write_robot
@@ -53,11 +53,11 @@ def test_mujoco_takes_its_share_of_what_it_can_hide_and_the_native_world_follows
 
 
 def test_what_goes_to_a_cluster_can_travel(tiny):
-    action = pickle.loads(pickle.dumps(partial(in_child, Verb.EXPLAIN, cap=60.0)))
+    action = pickle.loads(pickle.dumps(partial(in_child, ChildTask.EXPLAIN, cap=60.0)))
     assert action.keywords == {"cap": 60.0}
     again = pickle.loads(pickle.dumps(tiny))
     assert np.array_equal(again.windows[0].markers, tiny.windows[0].markers)
-    outcome = Outcome({"a": 1}, "", 1.0, 2.0)
+    outcome = ChildOutcome({"a": 1}, "", 1.0, 2.0)
     assert pickle.loads(pickle.dumps(outcome)) == outcome
 
 

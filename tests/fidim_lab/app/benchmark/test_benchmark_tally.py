@@ -2,16 +2,16 @@
 
 import pytest
 
-from fidim_lab.app.benchmark.cases import Kind
-from fidim_lab.app.benchmark.scoring import Grade
-from fidim_lab.app.benchmark.tally import Judged, Tally
+from fidim_lab.app.benchmark.cases import SecretKind
+from fidim_lab.app.benchmark.scoring import Marked
+from fidim_lab.app.benchmark.tally import ScoredCampaign, Tally
 from fidim_lab.app.benchmark.words import page
 
 
-def outside(excess: float | None, grade: Grade, after: float) -> Judged:
-    return Judged(
+def outside(excess: float | None, grade: Marked, after: float) -> ScoredCampaign:
+    return ScoredCampaign(
         name="b0001",
-        kind=Kind.OUTSIDE,
+        kind=SecretKind.OUTSIDE,
         label=("unknown",),
         hidden=({"id": "unknown-cubic", "size": 1.0, "unit": "N s³/m³", "hide": "unknown-cubic:c=1"},),
         cable=None,
@@ -33,10 +33,10 @@ def outside(excess: float | None, grade: Grade, after: float) -> Judged:
 def tally() -> Tally:
     return Tally(
         (
-            outside(5000.0, Grade.RIGHT, 1.5),
-            outside(2000.0, Grade.RIGHT, 2.9),
-            outside(1000.0, Grade.WRONG, 1.0),
-            outside(20.0, Grade.WRONG, 1.0),
+            outside(5000.0, Marked.RIGHT, 1.5),
+            outside(2000.0, Marked.RIGHT, 2.9),
+            outside(1000.0, Marked.WRONG, 1.0),
+            outside(20.0, Marked.WRONG, 1.0),
         )
     )
 

@@ -14,7 +14,7 @@ from fidim_lab.app.compose.simulated_motion_capture import mocap_sender
 from fidim_lab.app.doctor.checks import Verdict
 from fidim_lab.app.doctor.mocap_doctor import check_motion_capture
 from fidim_lab.data.rigs.rig_file import read_rig
-from sim_backends.mocap.server import MocapServer, Timing
+from sim_backends.mocap.server import MocapServer, StreamTiming
 
 RIGS = Path(__file__).parents[4] / "examples" / "rigs"
 SIMULATED = RIGS / "simulated.toml"
@@ -36,7 +36,7 @@ class OnePlace:
     """A laboratory whose only marker stands still."""
 
     def mocap_server(self, encoder, rate):
-        return MocapServer(lambda t: [PLACE], encoder, np.random.default_rng(0), Timing(rate), noise=1e-6)
+        return MocapServer(lambda t: [PLACE], encoder, np.random.default_rng(0), StreamTiming(rate), noise=1e-6)
 
 
 def rig(tmp_path, kind):

@@ -38,7 +38,7 @@ from procedures.settings import MotionSettings, Settings
 from procedures.steps import Result
 from procedures.steps.compare import Clarity, Explain
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 Z = (1.33, 1.97, 1.68, 0.76, 0.02, -0.01)
 BIAS = NamedCause("cable-length-bias", 2, ("anchor-offset",), {"bias": EffectParameter(1e-3, 1e-5, "m")}, "")
@@ -49,7 +49,7 @@ TILT = NamedCause("gravity-tilt", None, ("constant-force",), {"rx": EffectParame
 def campaign(irma4):
     plan = random_plan(irma4, "c", 2, 1, 5)
     world = make_world(irma4, np.random.default_rng(5), ())
-    return simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Recording(1.0))[0]
+    return simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Sampling(1.0))[0]
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.app.judging import model_check, model_worker
-from fidim_lab.app.judging.model_check import FEWEST, NO_MORE, Checked, ModelCheck
+from fidim_lab.app.judging.model_check import FEWEST, NO_MORE, Looked, ModelCheck
 from fidim_lab.app.judging.model_worker import Looker, answer_to
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.identification.random_plan import random_plan
@@ -15,7 +15,7 @@ from fidim_lab.mismatch import online_monitor
 from procedures.events import WindowFinished
 from procedures.outcomes import Outcome
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 ECHO = """
 import json, sys
@@ -30,7 +30,7 @@ for line in sys.stdin:
 def session(irma4):
     plan = random_plan(irma4, "session", 3, 0, 5)
     world = make_world(irma4, np.random.default_rng(5), ())
-    return simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Recording(2.0))[0]
+    return simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Sampling(2.0))[0]
 
 
 def finished(window, outcome=Outcome.PASS):
@@ -43,7 +43,7 @@ def checked(monkeypatch, tmp_path, command, events, planned=12, recorded=True):
     for event, _ in events if recorded else ():
         (tmp_path / "windows" / f"{event.window}.csv").touch()
     monkeypatch.setattr(model_check, "COMMAND", command)
-    told: list[Checked] = []
+    told: list[Looked] = []
 
     async def run():
         said = asyncio.Event()

@@ -19,9 +19,9 @@ from fidim_lab.app.cli import run
 from fidim_lab.app.formats.devices_file import (
     DEVICES,
     Devices,
+    DriveObject,
     GradeLine,
-    Parameter,
-    WinchEntry,
+    WinchDevices,
     _read_again,
     read_devices,
     write_devices,
@@ -110,7 +110,7 @@ def test_a_drive_that_is_known_to_be_silent_is_not_asked_afterwards():
         def latest(self) -> Any:
             return self.sample
 
-    entry = WinchEntry(None, (Parameter("605A:0", "quick stop option", "6", "6"),))  # type: ignore[arg-type]
+    entry = WinchDevices(None, (DriveObject("605A:0", "quick stop option", "6", "6"),))  # type: ignore[arg-type]
     for state, after in ((DriveState.QUICK_STOP_ACTIVE, "6"), (DriveState.UNKNOWN, None), (None, None)):
         winch: Any = Winch(state)
         found = asyncio.run(_read_again(winch, entry))
@@ -240,7 +240,7 @@ def test_the_dictionary_of_a_makers_drive_goes_with_the_run(tmp_path):
     grade = GradeLine("speed limit", "good to have", "configured", "607F:0")
     folder = tmp_path / "run"
     folder.mkdir()
-    write_devices(folder, Devices((WinchEntry(config, (), (grade,)),), None))
+    write_devices(folder, Devices((WinchDevices(config, (), (grade,)),), None))
     eds.unlink()
     [found] = read_devices(folder).winches
     assert found.config == replace(config, eds=folder / "eds" / "node7.eds")

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fidim_lab.app.report.drawings import figures
-from fidim_lab.app.report.drawings.figures import Bar, Bout, Line
+from fidim_lab.app.report.drawings.figures import Bar, Bout, Course
 from fidim_lab.app.report.drawings.svg import POINTS, distinct, thin
 
 T = np.arange(0, 10, 0.01)
@@ -39,9 +39,9 @@ def test_a_long_gap_stays_a_gap():
 
 def test_the_same_data_give_the_same_bytes_whatever_the_users_settings():
     draw = figures.trajectory
-    once = draw(Line(T, WAVE), None, Line(T, 0.9 * WAVE))
+    once = draw(Course(T, WAVE), None, Course(T, 0.9 * WAVE))
     with mpl.rc_context({"font.size": 30, "axes.facecolor": "red"}):
-        assert draw(Line(T, WAVE), None, Line(T, 0.9 * WAVE)) == once
+        assert draw(Course(T, WAVE), None, Course(T, 0.9 * WAVE)) == once
         assert mpl.rcParams["font.size"] == 30
 
 
@@ -77,9 +77,9 @@ def test_any_name_can_be_drawn(name):
 
 def test_a_marker_that_was_never_seen_can_be_drawn():
     nothing = np.full_like(WAVE, np.nan)
-    assert "<svg" in figures.trajectory(Line(T, nothing), None, None)
+    assert "<svg" in figures.trajectory(Course(T, nothing), None, None)
     assert "<svg" in figures.tensions(T, nothing, (20.0, 200.0))
-    assert "<svg" in figures.residuals(T, (T, nothing), Line(T, nothing))
+    assert "<svg" in figures.residuals(T, (T, nothing), Course(T, nothing))
 
 
 def test_a_run_in_which_nothing_was_done_can_be_drawn():

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fidim_lab.app.service.codec import LINE_LIMIT, LineDecoder, Malformed, encode
+from fidim_lab.app.service.codec import LINE_LIMIT, LineDecoder, MalformedLine, encode
 from fidim_lab.app.service.commands import (
     REASON,
     TO_SERVICE,
@@ -25,7 +25,7 @@ from fidim_lab.app.service.commands import (
 )
 from fidim_lab.app.service.latch import AT_START, CODE_LIFE, Latch
 from fidim_lab.app.service.messages import TO_CLIENT, Bye, Happening, History, Question, Refusal, Welcome
-from fidim_lab.app.service.process.session import Lease, ServerSession, Stage
+from fidim_lab.app.service.process.session import ConversationStage, Lease, ServerSession
 from fidim_lab.app.service.process.stop_keeper import StopKeeper
 from fidim_lab.app.service.reference import messages_page
 from fidim_lab.data.rigs.stop_file import Stopped, stop_path
@@ -57,7 +57,7 @@ def test_the_wire_is_what_the_page_says(wire, message):
     session = ServerSession(1)
     assert session.receive(HELLO) == [Hello(client="me")]
     assert session.receive(wire) == [message]
-    assert session.stage is Stage.TALKING
+    assert session.stage is ConversationStage.TALKING
     assert session.name == "me #1"
 
 
@@ -105,7 +105,7 @@ def test_texts_of_a_service_are_printable_too(message):
 def test_what_is_wrong_with_a_line_is_said_in_printable_words():
     line = json.dumps({"type": "hello", "\x1b[2J": 1}).encode() + b"\n"
     (taken,) = LineDecoder(TO_SERVICE).receive(line)
-    assert isinstance(taken, Malformed)
+    assert isinstance(taken, MalformedLine)
     assert taken.says.isprintable()
 
 
@@ -132,7 +132,7 @@ def test_what_is_no_message_is_refused_with_why_and_closes(wire, why):
     *_, last = session.receive(wire)
     assert isinstance(last, Refusal)
     assert why in last.says
-    assert session.stage is Stage.CLOSED
+    assert session.stage is ConversationStage.CLOSED
     assert session.receive(HELLO) == []
 
 
@@ -140,7 +140,7 @@ def test_what_is_no_message_is_refused_with_why_and_closes(wire, why):
 def test_a_token_is_asked_for_where_there_is_one(token, good):
     session = ServerSession(1, token="secret")
     session.receive(encode(Hello(token=token)))
-    assert (session.stage is Stage.TALKING) is good
+    assert (session.stage is ConversationStage.TALKING) is good
 
 
 commands = st.one_of(
@@ -168,8 +168,8 @@ def test_no_bytes_raise_and_nothing_is_taken_after_what_is_no_message(data):
     for adapter in (TO_SERVICE, TO_CLIENT):
         decoder = LineDecoder(adapter, limit=100)
         got = decoder.receive(data)
-        if any(isinstance(m, Malformed) for m in got):
-            assert isinstance(got[-1], Malformed)
+        if any(isinstance(m, MalformedLine) for m in got):
+            assert isinstance(got[-1], MalformedLine)
             assert decoder.receive(HELLO) == []
 
 
@@ -180,7 +180,7 @@ def test_no_bytes_raise_and_nothing_is_taken_after_what_is_no_message(data):
 )
 def test_any_json_is_a_message_or_refused(value):
     (got,) = LineDecoder(TO_SERVICE).receive(json.dumps(value).encode() + b"\n")
-    assert isinstance(got, Malformed | Hello | Request)
+    assert isinstance(got, MalformedLine | Hello | Request)
 
 
 def test_one_commands_until_it_lets_go_or_is_overruled():

@@ -12,7 +12,7 @@ from fidim_lab.app.tui.screens.check import check_lines, newest_check
 from fidim_lab.app.tui.screens.hand import ROWS, SHAPES, big, hand_lines
 from fidim_lab.app.tui.screens.log import log_lines
 from fidim_lab.app.tui.screens.why import why_lines
-from fidim_lab.app.tui.view import Contact, View
+from fidim_lab.app.tui.view import Connection, ScreenState
 
 ASKED = Question(
     number=1, kind="displace-and-release", window="i02", text="x", choices=("done", "skip"), displacement=(-0.02, 0.04)
@@ -24,7 +24,7 @@ def asked(fake):
     """A hand that has come half the way."""
     mocap = fake.state.mocap.model_copy(update={"position": (1.09, -0.25, -0.308)})
     status = fake.state.model_copy(update={"mocap": mocap})
-    return View(contact=Contact.LIVE, status=status, age=0.1, question=ASKED, rest=(1.1, -0.27, -0.31))
+    return ScreenState(contact=Connection.LIVE, status=status, age=0.1, question=ASKED, rest=(1.1, -0.27, -0.31))
 
 
 def shown(rows, axis, *figures):
@@ -50,8 +50,8 @@ def test_wanted_and_present_place_stand_in_large_figures(asked):
 def test_figures_leave_room_for_what_there_is(asked):
     assert len(hand_lines(asked, 12)) == 12
     assert hand_lines(asked, 11) == []
-    assert hand_lines(View(contact=Contact.LOST, question=ASKED), 30) == []
-    assert "NOW" not in text_of(hand_lines(View(contact=Contact.LIVE, question=ASKED), 30))
+    assert hand_lines(ScreenState(contact=Connection.LOST, question=ASKED), 30) == []
+    assert "NOW" not in text_of(hand_lines(ScreenState(contact=Connection.LIVE, question=ASKED), 30))
 
 
 def test_all_figures_have_one_size():
@@ -83,7 +83,7 @@ def test_what_the_model_check_suspects_is_said_with_a_mark_on_three_screens():
     assert newest_check((), 79) == []
     assert text_of(check_lines(events, 79)).count("model i0") == 3  # the newest ones
     assert "suspected: air-drag" in text_of(why_lines(ResultFiles(), 79, checked=check_lines(events, 79)))
-    assert "! model: suspected: air-drag" in text_of(log_lines(View(events=events), 79))
+    assert "! model: suspected: air-drag" in text_of(log_lines(ScreenState(events=events), 79))
 
 
 def test_before_there_is_enough_to_tell_the_model_check_is_faint_and_doubts_nothing():
@@ -91,7 +91,7 @@ def test_before_there_is_enough_to_tell_the_model_check_is_faint_and_doubts_noth
     [row] = newest_check(early, 79)
     assert text_of([row]) == "model i01: 1 window so far: 3 are needed to check the model."
     assert {span.style for span in row} == {"dim"}
-    assert "  model: 1 window so far" in text_of(log_lines(View(events=early), 79))
+    assert "  model: 1 window so far" in text_of(log_lines(ScreenState(events=early), 79))
 
 
 def test_a_long_suspicion_is_cut_on_session_where_a_reader_sees_it_and_whole_on_why():
@@ -110,7 +110,7 @@ def test_each_key_below_is_a_button_and_all_fit_in_80_columns():
     assert {span.click for span in row if span.click} == {action for *_, action in KEYS}
     assert [span.click for span in tab_lines(0, 80)[0] if span.click][2] == "screen.turn(2)"
     assert "app.choose('d')" in [
-        span.click for span in prompt_lines(View(contact=Contact.LIVE, question=ASKED), 80)[-1]
+        span.click for span in prompt_lines(ScreenState(contact=Connection.LIVE, question=ASKED), 80)[-1]
     ]
 
 

@@ -29,7 +29,7 @@ from fidim_lab.app.tui.screens.rig import rig_lines, tension_bar
 from fidim_lab.app.tui.screens.session import session_lines
 from fidim_lab.app.tui.screens.why import why_lines
 from fidim_lab.app.tui.screens.window import residuals, window_lines
-from fidim_lab.app.tui.view import Contact, Tracker, View
+from fidim_lab.app.tui.view import Connection, ScreenState, Tracker
 from fidim_lab.app.tui.widgets.plot import Curve, canvas, limits
 from fidim_lab.data.records import PARAMETER_NAMES
 
@@ -69,7 +69,7 @@ def live(fake):
             ),
         ),
     )
-    return View(now=10.0, contact=Contact.LIVE, welcome=WELCOME, status=fake.state, age=0.05)
+    return ScreenState(now=10.0, contact=Connection.LIVE, welcome=WELCOME, status=fake.state, age=0.05)
 
 
 def lines_of(tracker: Tracker) -> str:
@@ -96,7 +96,7 @@ def test_no_line_of_any_screen_is_wider_than_80_columns(live, tmp_path):
 
 def test_an_old_value_of_one_winch_is_grey_and_says_its_age(fake):
     fake.become(winches=fake.winches(age=0.9))
-    rows = rig_lines(View(contact=Contact.LIVE, status=fake.state, age=0.2), 79)
+    rows = rig_lines(ScreenState(contact=Connection.LIVE, status=fake.state, age=0.2), 79)
     old = next(row for row in rows if "winch 1" in text_of([row]))
     assert {span.style for span in old} == {"old"}
     assert "OLD VALUES: 1.1 s" in text_of(rows)
@@ -128,7 +128,7 @@ def test_a_prompt_that_answers_itself_counts_down():
     question = Question(
         number=1, kind="confirm", window="", text="Go on?", choices=("done",), default="done", default_after=30.0
     )
-    shown = text_of(prompt_lines(View(now=12.0, contact=Contact.LIVE, question=question, asked=2.0), 80))
+    shown = text_of(prompt_lines(ScreenState(now=12.0, contact=Connection.LIVE, question=question, asked=2.0), 80))
     assert "“done” by itself in 20 s" in shown
 
 
@@ -320,18 +320,18 @@ def test_nothing_identified_yet_says_which_key_does_it():
 
 def test_a_step_that_nobody_has_begun(fake):
     fake.become(phase="idle", step=None, equilibria=())
-    assert "r resets" in text_of(session_lines(View(status=fake.state), 79))
+    assert "r resets" in text_of(session_lines(ScreenState(status=fake.state), 79))
     fake.become(step=StepState(number=1, step="Hold", window="", text="", phase="preparing", fraction=0, left=1))
-    assert "Hold" in text_of(session_lines(View(status=fake.state), 79))
+    assert "Hold" in text_of(session_lines(ScreenState(status=fake.state), 79))
 
 
 def test_a_run_that_was_cut_off_says_how_it_goes_on_and_one_that_is_whole_does_not(fake):
     fake.become(phase="ended", step=None, latched=True, latched_why="by hand")
-    ended = View(contact=Contact.ENDED, welcome=replace_folder("/r/a run"), status=fake.state, age=3.0)
+    ended = ScreenState(contact=Connection.ENDED, welcome=replace_folder("/r/a run"), status=fake.state, age=3.0)
     assert "What is left goes on with r, or: fidim resume '/r/a run'" in text_of(session_lines(ended, 79))
     assert "r starts the service again" in text_of(state_lines(ended, 80))  # there is none to reset
     fake.become(equilibria=fake.state.equilibria[:1])
-    whole = View(contact=Contact.ENDED, welcome=WELCOME, status=fake.state, age=3.0)
+    whole = ScreenState(contact=Connection.ENDED, welcome=WELCOME, status=fake.state, age=3.0)
     assert "fidim resume" not in text_of(session_lines(whole, 79))
 
 

@@ -21,7 +21,7 @@ from fidim_lab.identification.mle.fit import fit
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import RecordedWindow, Recording, simulate_campaign
+from sim_backends.simulate import RecordedWindow, Sampling, simulate_campaign
 
 
 def silent(_: object) -> None:
@@ -114,7 +114,7 @@ def test_predicted_sd_is_what_the_estimator_states(drawn, small):
     world = make_world(robot, np.random.default_rng(1), body=robot.nominal)
     world = replace(world, mass=robot.mass)
     campaign, _ = simulate_campaign(
-        robot, as_plan(small), world, np.random.default_rng(2), Noise.of(robot), Recording(drawn.task.seconds)
+        robot, as_plan(small), world, np.random.default_rng(2), Noise.of(robot), Sampling(drawn.task.seconds)
     )
     found = fit(Mechanism(robot), campaign.windows)
     stated = np.sqrt(np.diag(found.covariance))[:9]
@@ -132,7 +132,7 @@ def test_an_accepted_design_obeys_its_limits_in_another_simulator(irma4: Robot):
     none = Noise(marker=0.0, encoder=1e-12, current=0.0)
     plan = as_plan(found)
     simulate_campaign(
-        irma4, plan, world, np.random.default_rng(2), none, Recording(task.seconds, 1000.0), watch=seen.append
+        irma4, plan, world, np.random.default_rng(2), none, Sampling(task.seconds, 1000.0), watch=seen.append
     )
     low, high = irma4.limits.tension
     for recorded, window in zip(seen, plan.windows, strict=True):

@@ -22,7 +22,7 @@ from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
 from fidim_lab.mismatch.fitting.baseline import fit_baseline
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def recorded(irma4: Robot):
         plan = random_plan(irma4, "short", 3, 1, seed)
         effects = tuple(parse_effect(text, irma4.n) for text in hidden)
         world = make_world(irma4, np.random.default_rng(seed), effects)
-        return simulate_campaign(irma4, plan, world, np.random.default_rng(seed + 1), recording=Recording(duration))[0]
+        return simulate_campaign(irma4, plan, world, np.random.default_rng(seed + 1), recording=Sampling(duration))[0]
 
     return make
 

@@ -25,7 +25,7 @@ from fidim_lab.mismatch.selection.candidates import Candidate
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def dragged(irma4: Robot) -> Campaign:
     robot = replace(irma4, extra_markers=(np.array([0.1, 0.05, 0.0]),))
     plan = random_plan(robot, "short", 3, 1, 3)
     world = make_world(robot, np.random.default_rng(3), (parse_effect("air-drag-linear:c=0.5", robot.n),))
-    return simulate_campaign(robot, plan, world, np.random.default_rng(4), recording=Recording(4.0))[0]
+    return simulate_campaign(robot, plan, world, np.random.default_rng(4), recording=Sampling(4.0))[0]
 
 
 def unseen(campaign: Campaign, marker: int, places: range) -> Campaign:

@@ -21,13 +21,13 @@ from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.selection.select import select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 def fitted(robot: Robot, *hidden: str, seed: int = 31) -> Baseline:
     plan = random_plan(robot, "short", 3, 1, seed)
     world = make_world(robot, np.random.default_rng(seed), tuple(parse_effect(text, robot.n) for text in hidden))
-    made: Campaign = simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Recording(6.0))[0]
+    made: Campaign = simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Sampling(6.0))[0]
     return fit_baseline(clean(made).campaign, native=True, say=lambda _: None)
 
 

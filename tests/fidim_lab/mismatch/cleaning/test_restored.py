@@ -17,7 +17,7 @@ from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.selection.select import select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 ATTACHMENT = "attachment-offset:cable=1,dx=0.003,dy=-0.002,dz=0.002"
 HAND = "hand-contact:fx=1,fy=-1.5,start=3,stop=4,window=2"
@@ -27,7 +27,7 @@ def recorded(robot: Robot, *hidden: str) -> Campaign:
     plan = random_plan(robot, "short", 5, 1, 21)
     effects = tuple(parse_effect(text, robot.n) for text in hidden)
     world = make_world(robot, np.random.default_rng(21), effects)
-    return simulate_campaign(robot, plan, world, np.random.default_rng(22), recording=Recording(6.0))[0]
+    return simulate_campaign(robot, plan, world, np.random.default_rng(22), recording=Sampling(6.0))[0]
 
 
 def hand(window: str, begin: float, end: float) -> Contact:

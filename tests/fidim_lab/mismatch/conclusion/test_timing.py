@@ -14,14 +14,14 @@ from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 def fitted(robot: Robot, *texts: str, currents: bool = True) -> Completed:
     """Three windows of 2.5 s, fitted by the model as it is."""
     world = make_world(robot, np.random.default_rng(8), tuple(parse_effect(text, robot.n) for text in texts))
     plan = random_plan(robot, "short", 3, 0, 8)
-    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(9), recording=Recording(2.5))
+    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(9), recording=Sampling(2.5))
     windows = campaign.of_role(Role.IDENTIFY)
     if not currents:
         windows = tuple(replace(window, currents=None) for window in windows)

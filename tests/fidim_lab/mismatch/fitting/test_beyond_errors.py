@@ -18,14 +18,14 @@ from fidim_lab.mismatch.fitting.fit_data import short_fit
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 def recorded(robot: Robot, *hidden: str) -> Campaign:
     effects = tuple(parse_effect(text, robot.n) for text in hidden)
     world = make_world(robot, np.random.default_rng(31), effects)
     plan = random_plan(robot, "few", 1, 4, 31)
-    return simulate_campaign(robot, plan, world, np.random.default_rng(32), recording=Recording(3.0))[0]
+    return simulate_campaign(robot, plan, world, np.random.default_rng(32), recording=Sampling(3.0))[0]
 
 
 def chi2(values: list[np.ndarray], noise: float) -> float:

@@ -13,7 +13,7 @@ from fidim_lab.mismatch.fitting.refit import _phases_of, refit
 from fidim_lab.mismatch.selection.select import Selection, select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 def fit_with(ids: list[str], astray: np.ndarray | None) -> SimpleNamespace:
@@ -45,7 +45,7 @@ def searched(start: Baseline, **more: object) -> tuple[Selection, list[str]]:
 def test_what_is_known_to_do_is_not_searched_again(irma4: Robot) -> None:
     world = make_world(irma4, np.random.default_rng(71), (parse_effect("air-drag-linear:c=0.5", irma4.n),))
     plan = random_plan(irma4, "known", 6, 2, 71)
-    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(72), recording=Recording(6.0))
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(72), recording=Sampling(6.0))
     first, _ = searched(fit_baseline(campaign, native=True, say=lambda _: None))
     other = fit_baseline(without(campaign, [Contact("i02", 2.5, 2.8, 3.0, 0.1)]), native=True, say=lambda _: None)
     again, says = searched(other, known=first.best.model)

@@ -23,7 +23,7 @@ from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.sensitivity.grid import FINE
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 CHECKED = ("air-drag-linear", "anchor-offset (cable 2)", "cable-creep (cable 3)", "marker-offset", "periodic-force")
 """one for each way in which an effect enters"""
@@ -32,7 +32,7 @@ CHECKED = ("air-drag-linear", "anchor-offset (cable 2)", "cable-creep (cable 3)"
 def elastic_fit(robot: Robot) -> Fit:
     plan = random_plan(robot, "short", 2, 1, 5)
     world = make_world(robot, np.random.default_rng(5), (parse_effect("cable-elasticity:EA=6e4", robot.n),))
-    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Recording(1.0))
+    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Sampling(1.0))
     return fit(Mechanism(robot, (CableElasticity(),), [1 / 6e4]), campaign.of_role(Role.IDENTIFY))
 
 

@@ -15,7 +15,7 @@ from fidim_lab.mismatch.scores.views import tones, view
 from fidim_lab.mismatch.selection.select import select
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 WINDOWS, SHARED = 8, 3
 
@@ -88,7 +88,7 @@ def fanned(irma4: Robot) -> Campaign:
     plan = random_plan(irma4, "fan", 5, 2, 31)
     hidden = parse_effect("periodic-force:ax=0.3,ay=0.4,az=0.05,f=1.2717", irma4.n)
     world = make_world(irma4, np.random.default_rng(31), (hidden,))
-    return simulate_campaign(irma4, plan, world, np.random.default_rng(32), recording=Recording(8.0))[0]
+    return simulate_campaign(irma4, plan, world, np.random.default_rng(32), recording=Sampling(8.0))[0]
 
 
 @pytest.mark.slow

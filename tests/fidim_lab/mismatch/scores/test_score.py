@@ -18,7 +18,7 @@ from fidim_lab.model.sensitivity.grid import FINE
 from fidim_lab.model.sensitivity.starts import tied
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 CHECKED = (
     "air-drag-linear",
@@ -51,7 +51,7 @@ class Case:
 def make(robot: Robot, *texts: str, seconds: float = 3.0) -> Case:
     plan = random_plan(robot, "short", 4, 1, 5)
     world = make_world(robot, np.random.default_rng(5), tuple(parse_effect(text, robot.n) for text in texts))
-    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Recording(seconds))
+    campaign, _ = simulate_campaign(robot, plan, world, np.random.default_rng(6), recording=Sampling(seconds))
     return Case(campaign, fit(Mechanism(robot), campaign.of_role(Role.IDENTIFY)))
 
 

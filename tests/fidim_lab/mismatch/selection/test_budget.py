@@ -10,14 +10,14 @@ from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.selection.budget import Patience
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 
 @pytest.fixture(scope="module")
 def dragged(irma4: Robot) -> Campaign:
     plan = random_plan(irma4, "short", 3, 1, 3)
     world = make_world(irma4, np.random.default_rng(3), (parse_effect("air-drag-linear:c=0.5", irma4.n),))
-    return simulate_campaign(irma4, plan, world, np.random.default_rng(4), recording=Recording(3.0))[0]
+    return simulate_campaign(irma4, plan, world, np.random.default_rng(4), recording=Sampling(3.0))[0]
 
 
 def test_patience_counts_cpu_time_from_when_it_is_made() -> None:

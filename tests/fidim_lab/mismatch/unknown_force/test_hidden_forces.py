@@ -24,7 +24,7 @@ from sim_backends.plant.mechanics import terms
 from sim_backends.plant.mechanics.kinematics import Platform
 from sim_backends.plant.mechanics.terms import Wrench
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 MAGNET = np.array([1.25, -0.1, -0.05])
 
@@ -137,7 +137,7 @@ def hidden_campaign(
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(terms.TERMS, "unknown", term)  # pyright: ignore[reportArgumentType]
         rng = np.random.default_rng(seed + 1)
-        return simulate_campaign(robot, plan, world, rng, recording=Recording(seconds))[0]
+        return simulate_campaign(robot, plan, world, rng, recording=Sampling(seconds))[0]
 
 
 def explored(campaign: Campaign) -> tuple[Fit, Unknown]:

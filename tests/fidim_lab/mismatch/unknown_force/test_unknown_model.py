@@ -24,7 +24,7 @@ from fidim_lab.mismatch.unknown_force.words import words
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 LENGTHS = np.array([1.42, 1.40, 1.45, 1.47])
 """m; the platform hangs near the middle"""
@@ -41,7 +41,7 @@ def base(irma4: Robot) -> Fit:
     plan = Plan("short", windows)
     hidden = parse_effect("unknown:k=-10", irma4.n)
     world = make_world(irma4, np.random.default_rng(5), (hidden,))
-    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Recording(2.0, 50.0))
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(6), recording=Sampling(2.0, 50.0))
     return fit(Mechanism(irma4), campaign.of_role(Role.IDENTIFY))
 
 

@@ -17,7 +17,7 @@ from fidim_lab.mismatch.whole_motion.weighing import chance, excludes, log_odds,
 from fidim_lab.model.mechanism import Mechanism
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 FRICTION = "attachment-friction:viscous=0.004,dry=0.006"
 BESIDE = ("anchor-offset:dx=0.02,dy=-0.01,dz=0.008,cable=2", "anchor-offset:dx=-0.008,dy=0.01,dz=0.006,cable=4")
@@ -50,7 +50,7 @@ def _recorded(robot: Robot, windows: int, seconds: float) -> Campaign:
     plan = random_plan(robot, "hidden", windows, 4, 7)
     hidden = tuple(parse_effect(text, robot.n) for text in (FRICTION, *BESIDE, NAMELESS))
     world = make_world(robot, np.random.default_rng(7), hidden)
-    made, _ = simulate_campaign(robot, plan, world, np.random.default_rng(8), recording=Recording(seconds))
+    made, _ = simulate_campaign(robot, plan, world, np.random.default_rng(8), recording=Sampling(seconds))
     return made
 
 
