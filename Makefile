@@ -13,7 +13,7 @@ TICKS := awk '/^Collecting/ {n++; printf "\r  %3d  %-50.50s", n, $$2; fflush()} 
 install: $(STAMP)
 
 $(STAMP): requirements.lock pyproject.toml
-	@echo "Setting up .venv with $$(grep -c == requirements.lock) packages, 230 MB to fetch: one to five minutes, once."
+	@echo "Setting up .venv with $$(grep -c == requirements.lock) packages, 255 MB to fetch: one to five minutes, once."
 	@$(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements.lock | $(TICKS)
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
