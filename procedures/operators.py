@@ -1,15 +1,11 @@
-"""Who answers prompts without a simulated hand: a person at the console, or a script.
-
-`ConsoleOperator` needs a loop that waits in real time; `ScriptedOperator` answers at once, by the kind of prompt.
-"""
+"""Who answers prompts without a simulated hand: a person at the console. It needs a loop that waits in real time."""
 
 import asyncio
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
-from drivers.ports import Prompt, PromptKind
-from fidim_lab.errors import SetupError
+from drivers.ports import Prompt
 
 
 class ConsoleOperator:
@@ -67,21 +63,3 @@ class ConsoleOperator:
                     return
             except RuntimeError:  # the loop is closed: nobody asks any more
                 return
-
-
-class ScriptedOperator:
-    """Answers each kind of prompt in a fixed way, at once."""
-
-    def __init__(self, answers: Mapping[PromptKind, str]) -> None:
-        self._answers = dict(answers)
-
-    async def answer(self, prompt: Prompt) -> str:
-        """The answer for its kind. Raises SetupError when the script has none, or one that is not a choice."""
-        answer = self._answers.get(prompt.kind)
-        if answer not in prompt.choices:
-            said = "no answer" if answer is None else f"the answer {answer!r}"
-            raise SetupError(
-                f"The script has {said} for a {prompt.kind} prompt (“{prompt.text}”).",
-                hint=f"Give one of {', '.join(prompt.choices)}.",
-            )
-        return answer

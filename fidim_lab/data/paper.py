@@ -29,8 +29,6 @@ SIGMA_PERP_ABOVE = 1
 CROSS_VALIDATION_WINDOWS = 22
 OPTIMUM_C = 5.94
 """C of the optimised windows, without noise (§5.1)"""
-MARKER_ACCURACY = 2e-4
-"""m, "±0.2 mm for each marker's Cartesian component" (§5.2)"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.ports import Prompt, PromptKind
-from fidim_lab.errors import OurBugError, SetupError
+from fidim_lab.errors import OurBugError
 from procedures.events import Prompted, Publisher
-from procedures.operators import ConsoleOperator, ScriptedOperator
+from procedures.operators import ConsoleOperator
 from procedures.outcomes import Measurement, Outcome, worst
 from procedures.protocols.identify import identify
 from procedures.protocols.listing import Outline
@@ -98,15 +98,6 @@ def test_a_listener_that_fails_is_told_the_rest_and_what_it_raised_is_kept_once(
         publish(Prompted(float(t), "i01", PROMPT))
     assert heard == [0.0, 1.0, 2.0, 3.0]
     assert publish.failed == ["KeyError: 'more1'"]
-
-
-def test_a_script_answers_by_kind_or_says_what_it_lacks():
-    operator = ScriptedOperator({PromptKind.CONFIRM: "done", PromptKind.STEADY: "perhaps"})
-    assert run(operator.answer(PROMPT)) == "done"
-    with pytest.raises(SetupError, match="no answer for a displace-and-release prompt"):
-        run(operator.answer(Prompt(PromptKind.DISPLACE_AND_RELEASE, "Push.")))
-    with pytest.raises(SetupError, match="'perhaps'"):
-        run(operator.answer(Prompt(PromptKind.STEADY, "Calm it.")))
 
 
 def ask_console(typed, prompts=1, early=b""):

@@ -36,7 +36,6 @@ class NodeCounters:
     """cycles in which no whole sample came"""
     malformed: int = 0
     """heartbeats and emergencies that were none"""
-    refused_controlwords: int = 0
     emergencies: int = 0
     unasked: int = 0
     """TPDOs before our first SYNC: somebody else produces SYNC, or a TPDO is sent on its own"""
@@ -129,11 +128,7 @@ class NodeLink:
 
     def answers_controlword(self, frame: CanFrame) -> bool:
         """Whether an SDO answer belongs to a controlword that was sent without waiting, and not to the SDO queue."""
-        if frame.data[1:4] != _CONTROLWORD_MULTIPLEXER:
-            return False
-        if frame.data[0] == 0x80:
-            self.counters.refused_controlwords += 1
-        return True
+        return frame.data[1:4] == _CONTROLWORD_MULTIPLEXER
 
     # frames to the drive --------------------------------------------------------------------------------------------
 

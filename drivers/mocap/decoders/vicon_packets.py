@@ -32,7 +32,6 @@ class PacketBlock(IntEnum):
     FRAME_INFO = 5
     LABELLED = 6
     UNLABELLED = 7
-    GLOBAL_SEGMENTS = 9
     LATENCY = 26
     OBJECT_ENUMS = 100001
     REQUEST_FRAME = 100002

@@ -33,7 +33,6 @@ class Estimate:
     """the body that weighted the equations: residuals must be formed with the same"""
     reduced: Nine | None = None
     """the re-fit without the non-essential parameters (those are 0); None when all are essential"""
-    reduced_sd: Nine | None = None
     non_essential: tuple[str, ...] = ()
     alone: tuple[WindowAlone, ...] = ()
     """windows that identify a body by themselves"""

@@ -137,7 +137,6 @@ def _estimate(problem: Problem, windows: tuple[Sampled, ...], weights: Body) -> 
         sd_bootstrap=bootstrap_sd(blocks, rows, linear.solve),
         weights=weights,
         reduced=None if reduced is None else reduced.values,
-        reduced_sd=None if reduced is None else reduced.sd,
         non_essential=_names(drop),
         sigma_W=error / float(np.linalg.norm(chi)),
         noise_ratio=_noise_ratio(problem, error),

@@ -42,7 +42,6 @@ def estimate(problem: Problem) -> Estimate:
         sd_bootstrap=bootstrap_sd(blocks, rows, _values),
         weights=weights,
         reduced=None if reduced is None else reduced.values,
-        reduced_sd=None if reduced is None else reduced.sd,
         non_essential=tuple(n for n, drop in zip(PARAMETER_NAMES, dropped, strict=True) if drop),
         alone=_alone(windows, blocks, rows),
         sigma_W=full.sigma_W,
