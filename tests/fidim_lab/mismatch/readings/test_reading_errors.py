@@ -15,7 +15,7 @@ from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
 from fidim_lab.mismatch.scores.thresholds import SCORES
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
-from sim_backends.simulate import BETWEEN, Recording, simulate_campaign
+from sim_backends.simulate import BETWEEN, Sampling, simulate_campaign
 
 SEED, WINDOWS, SECONDS = 17, 7, 5.0
 SESSION = (WINDOWS) * BETWEEN / 3600
@@ -85,7 +85,7 @@ def test_a_null_with_more_noise_than_stated_is_told_so(irma4: Robot) -> None:
     plan = random_plan(irma4, "noise", 4, 2, SEED)
     world = make_world(irma4, np.random.default_rng(SEED), ())
     noise = replace(Noise.of(irma4), marker=1.3 * irma4.sensors.marker_noise)
-    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(3), noise, recording=Recording(SECONDS))
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(3), noise, recording=Sampling(SECONDS))
     found = explain(campaign)
     assert found.verdict is Verdict.NOTHING_MISSING
     (noise_told,) = found.readings
@@ -101,7 +101,7 @@ def test_an_encoder_coarser_than_stated_is_the_sensors_fault(irma4: Robot) -> No
     world = make_world(irma4, np.random.default_rng(SEED), ())
     noise = replace(Noise.of(irma4), encoder=3e-4)
     campaign, truth = simulate_campaign(
-        irma4, plan, world, np.random.default_rng(4), noise, recording=Recording(SECONDS)
+        irma4, plan, world, np.random.default_rng(4), noise, recording=Sampling(SECONDS)
     )
     found = explain(campaign)
     assert found.verdict is Verdict.SENSOR_FAULT
