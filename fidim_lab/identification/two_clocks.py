@@ -59,8 +59,7 @@ def by_both(
 
     cleaned: what is identified; its stamps are the recorded ones, or were put on the header's grid.
     """
-    steps = [float(np.median(np.diff(w.t))) for w in cleaned.windows if len(w.t) > 2]
-    now = 1.0 / float(np.median(steps))
+    now = 1.0 / float(np.median([mean_step(np.arange(len(w.t)), w.t) for w in cleaned.windows if _whole(w.t)]))
     other = clocks.header if abs(now / clocks.stamps - 1) < abs(now / clocks.header - 1) else clocks.stamps
     first = identify(cleaned)
     second = identify(_stretched(cleaned, now / other))

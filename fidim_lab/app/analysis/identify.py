@@ -18,7 +18,7 @@ from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.records import Campaign, Role, Window
-from fidim_lab.errors import SetupError
+from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.choice import Choice, suited_method
 from fidim_lab.identification.equations.estimators import Method, method_named
 from fidim_lab.identification.identify import MODEL_ERROR, SPREAD_SEEN, identify
@@ -75,8 +75,11 @@ def identify_posed(
             f"Maximum likelihood failed (--method mle shows it): {result.outcome.value} Total least squares, which "
             "needs no simulated motion, is shown instead."
         )
-        instead = identify(campaign, Method.TLS, recipe, checks, native=native)
-        choice, result = Choice(Method.TLS, why), replace(instead, fallback=why)
+        try:
+            instead = identify(campaign, Method.TLS, recipe, checks, native=native)
+            choice, result = Choice(Method.TLS, why), replace(instead, fallback=why)
+        except RefusedError:  # then what maximum likelihood says, though it failed, is all that there is
+            pass
     said = (choice.why, *posed.notes) if choice.why else posed.notes
     said = (*said, *aligned(campaign))
     own = result.warnings if not posed.notes else tuple(w for w in result.warnings if not w.startswith(OTHER_NOISE))
@@ -193,7 +196,9 @@ def gauge_table(result: IdentificationResult) -> Table:
     table = Table(title="Free of the choice of P: s_z from the plane of the attachments (mean a_z), I about G")
     console.columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %")
     s_z, plane = result.parameters["s_z"], result.attachment_plane
-    relative = Parameter(s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane)
+    relative = Parameter(
+        s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane, seen=s_z.seen
+    )
     table.add_row(*_cells("s_z − a_z", relative))
     for name, parameter in result.about_com().items():
         table.add_row(*_cells(f"{name} about G", parameter))

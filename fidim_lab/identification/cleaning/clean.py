@@ -1,6 +1,7 @@
 """The one cleaning before anything is fitted: a campaign as recorded in, the campaign that may be fitted out.
 
     placeholders   (0, 0, 0) and other constants that stand for a blank become missing
+    labels         markers whose names are exchanged get their own
     filled         samples that were computed from their neighbours become missing
     stamps         times of arrival become the even times of the samples
     clock jumps    only the longest part between jumps of a clock is used
@@ -22,14 +23,15 @@ from fidim_lab.identification.cleaning.clock_jumps import without_clock_jumps
 from fidim_lab.identification.cleaning.filled import without_filled
 from fidim_lab.identification.cleaning.free_motion import hands, lasting, without_hands
 from fidim_lab.identification.cleaning.knocked import without_knocked_markers
+from fidim_lab.identification.cleaning.labels import with_right_labels
 from fidim_lab.identification.cleaning.placeholders import without_placeholders
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, stretches
 from fidim_lab.identification.cleaning.stamps import retimed
 from fidim_lab.identification.data_checks.screening import Screening, screen
 from fidim_lab.identification.markers.finding import Finding
 
-STEPS = (without_placeholders, without_filled, retimed, without_clock_jumps)
-"""what samples alone show; each takes what the one before leaves"""
+STEPS = (without_placeholders, with_right_labels, without_filled, retimed, without_clock_jumps)
+"""what samples and the marker's shape alone show; each takes what the one before leaves"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screene
 
 
 def without_bad_samples(campaign: Campaign) -> CleanRecordings:
-    """What samples alone show, without a look at robot file, geometry or motion."""
+    """What samples and the shape of the markers show, without a look at cables or motion."""
     done = CleanRecordings(campaign)
     for step in STEPS:
         done = done.then(step(done.campaign))

@@ -5,6 +5,8 @@ half of all seconds is found first (least trimmed squares; CAD only fills in wha
 nor a wrong CAD decides. A hand then is where most of the inertial force has no source: what is left over is more than
 half of it, and far above what is usual in that window. Missing physics (friction, drag, a surveyed geometry) leaves
 less, and grows and falls with the motion: it stays in, for `explain`.
+
+Where markers and lengths do not show the pose (two cables, one marker), only a hand that holds still is seen.
 """
 
 from collections.abc import Sequence
@@ -52,6 +54,12 @@ class FreeMotionRule:
     """of all nodes that may be disturbed: with more, the robot file or the frame is wrong, and nothing is cut"""
     shortest: float = 1.0
     """s of free motion, without which a part is not kept"""
+    rests: float = 0.5
+    """s without motion, which no swing has: half a period of 1 Hz"""
+    nothing: float = 1.5
+    """times the marker noise (rms), up to which a coordinate does not move"""
+    loud: float = 20.0
+    """times the marker noise that the whole window moves (rms): less may come to rest by itself"""
 
 
 RULE = FreeMotionRule()
@@ -65,13 +73,39 @@ def hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> Cuts:
     """Where the platform is not free. Windows that do not show their poses say nothing."""
     mechanism = Mechanism(campaign.robot)
     balances = {window.id: found for window in campaign.windows if (found := balance(mechanism, window)) is not None}
-    if not balances:
-        return {}
+    posed = {} if not balances else _unbalanced(balances, campaign, rule)
+    return posed | {
+        w.id: cuts for w in campaign.windows if w.id not in balances and (cuts := _resting(w, campaign, rule))
+    }
+
+
+def _unbalanced(balances: dict[str, Balance], campaign: Campaign, rule: FreeMotionRule) -> Cuts:
+    """Where the equations of motion do not balance."""
     chi = _robust_body(list(balances.values()), parameter_vector(campaign.robot.nominal), rule)
     disturbed = {id: _disturbed(one, chi, rule) for id, one in balances.items()}
     if np.concatenate(list(disturbed.values())).mean() > rule.most:
         return {}
     return {id: cuts for id, one in balances.items() if (cuts := _times(one, disturbed[id]))}
+
+
+def _resting(window: Window, campaign: Campaign, rule: FreeMotionRule) -> list[tuple[float, float]]:
+    """Begins and ends of what does not move (s) in a window that moves."""
+    noise = campaign.robot.sensors.marker_noise
+    tracks = window.markers.reshape(len(window.t), -1)
+    tracks = tracks[:, np.isfinite(tracks).mean(axis=0) > 0.5]
+    if not tracks.shape[1] or np.nanstd(tracks, axis=0).max() < rule.loud * noise:
+        return []
+    still = np.zeros(len(window.t), dtype=bool)
+    ends = np.searchsorted(window.t, window.t + rule.rests)
+    for begin, end in enumerate(ends):
+        seen = tracks[begin:end][np.isfinite(tracks[begin:end]).all(axis=1)]
+        if end < len(window.t) and len(seen) > FEWEST and seen.std(axis=0).max() < rule.nothing * noise:
+            still[begin:end] = True
+    last = len(window.t)
+    return [
+        (-np.inf if a == 0 else float(window.t[a]), np.inf if b >= last - 1 else float(window.t[b - 1]))
+        for a, b in runs(still)
+    ]
 
 
 def without_hands(campaign: Campaign, cuts: Cuts, rule: FreeMotionRule = RULE) -> CleanRecordings:
@@ -195,5 +229,7 @@ def _notes(removed: Sequence[Removed]) -> tuple[str, ...]:
 
 ONE_SAMPLE = 4 * HALF + RULE.averaged + 2 * EVERY
 """s that a cut lasts at most which a single bad sample or a step of a marker makes"""
+FEWEST = 8
+"""samples, by whose scatter rest is told from motion"""
 SHOWN = 4
 """cuts that the sentence names"""

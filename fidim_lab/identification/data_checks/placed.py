@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.data.records import Robot
+from fidim_lab.data.records import Pose, Robot
 from fidim_lab.errors import FidimError
 from fidim_lab.identification.data_checks.placement import Free, Placement, place
 from fidim_lab.identification.data_checks.poses import Sample
@@ -60,14 +60,17 @@ def _markers(mechanism: Mechanism, sample: Sample, noise: tuple[float, float]) -
 
 def resting(mechanism: Mechanism, sample: Sample) -> Float[np.ndarray, "S M 3"]:
     """Where the nominal body's markers would rest with the lengths of each pose, m."""
-    robot = mechanism.robot
-    body = robot.markers[: sample.markers.shape[1]]
-    known: dict[bytes, np.ndarray] = {}
+    body = mechanism.robot.markers[: sample.markers.shape[1]]
+    return np.array([pose.position + body @ pose.rotation.T for pose in rests(mechanism, sample)])
+
+
+def rests(mechanism: Mechanism, sample: Sample) -> list[Pose]:
+    """Where the nominal body would rest with the lengths of each pose. Raises InfeasibleError where it would not."""
+    known: dict[bytes, Pose] = {}
     for lengths in sample.lengths:
         if lengths.tobytes() not in known:
-            pose = pose_from_lengths(mechanism, robot.nominal, lengths).pose
-            known[lengths.tobytes()] = pose.position + body @ pose.rotation.T
-    return np.array([known[lengths.tobytes()] for lengths in sample.lengths])
+            known[lengths.tobytes()] = pose_from_lengths(mechanism, mechanism.robot.nominal, lengths).pose
+    return [known[lengths.tobytes()] for lengths in sample.lengths]
 
 
 def aligned(places: np.ndarray, wanted: np.ndarray) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:

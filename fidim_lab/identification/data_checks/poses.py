@@ -49,31 +49,42 @@ def sampled(
     return Sample(np.array(markers), np.array(lengths))
 
 
-def fit_poses(mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray) -> tuple[Positions, Rotations]:
-    """The best nearly upright poses. Raises InfeasibleError or LinAlgError where the model has none."""
+def fit_poses(
+    mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray, near: Rotations | None = None
+) -> tuple[Positions, Rotations]:
+    """The best poses near these orientations, upright ones unless given.
+
+    Raises InfeasibleError or LinAlgError where the model has none.
+    """
     body = mechanism.robot.markers[: markers.shape[1]]
-    turned = np.tile(np.eye(3), (len(markers), 1, 1))
-    p = (markers - body).mean(axis=1)
+    near = np.tile(np.eye(3), (len(markers), 1, 1)) if near is None else near
+    turned = near
+    p = (markers - np.einsum("nij,mj->nmi", near, body)).mean(axis=1)
     for _ in range(DATA_CHECKS.robot_mistakes_rounds):
-        step = _step(mechanism, lengths, markers, body, p, turned)
+        step = _step(mechanism, lengths, markers, body, p, turned, near)
         p = p + step[:, :3]
         turned = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ turned
     return p, turned
 
 
-def misfit(mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray) -> float:
+def misfit(mechanism: Mechanism, lengths: np.ndarray, markers: np.ndarray, near: Rotations | None = None) -> float:
     """rms of what markers and lengths are off these poses, m; the median over the poses; inf where there are none."""
     try:
-        p, R = fit_poses(mechanism, lengths, markers)
+        p, R = fit_poses(mechanism, lengths, markers, near)
         body = mechanism.robot.markers[: markers.shape[1]]
         left = np.concatenate([_off(markers, body, p, R), lengths - mechanism.lengths(p, R)], axis=1)
     except (FidimError, np.linalg.LinAlgError):
         return np.inf
-    lean = np.linalg.norm(Rotation.from_matrix(R).as_rotvec(), axis=1)
+    lean = np.linalg.norm(_leaning(R, near), axis=1)
     each = np.sqrt((left**2).sum(axis=1) / max(1, left.shape[1] - 6)) + 0.01 * np.maximum(
         0.0, lean - 2 * DATA_CHECKS.robot_mistakes_upright
     )
     return float(np.median(each)) if np.isfinite(each).all() else np.inf
+
+
+def _leaning(R: np.ndarray, near: np.ndarray | None) -> np.ndarray:
+    """Rotation vectors from the orientations near which the platform is thought to be, rad."""
+    return Rotation.from_matrix(R if near is None else R @ np.swapaxes(near, 1, 2)).as_rotvec()
 
 
 def _off(markers: np.ndarray, body: np.ndarray, p: np.ndarray, R: np.ndarray) -> np.ndarray:
@@ -81,7 +92,13 @@ def _off(markers: np.ndarray, body: np.ndarray, p: np.ndarray, R: np.ndarray) ->
 
 
 def _step(
-    made: Mechanism, lengths: np.ndarray, markers: np.ndarray, body: np.ndarray, p: np.ndarray, R: np.ndarray
+    made: Mechanism,
+    lengths: np.ndarray,
+    markers: np.ndarray,
+    body: np.ndarray,
+    p: np.ndarray,
+    R: np.ndarray,
+    near: np.ndarray,
 ) -> np.ndarray:
     """One Gauss–Newton step of all poses, (S, 6)."""
     prior = np.zeros((len(p), 3, 6))
@@ -94,7 +111,7 @@ def _step(
         ],
         axis=1,
     )
-    turned = Rotation.from_matrix(R).as_rotvec()
+    turned = _leaning(R, near)
     right = np.concatenate(
         [
             _off(markers, body, p, R) / DATA_CHECKS.robot_mistakes_close,

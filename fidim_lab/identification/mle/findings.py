@@ -97,7 +97,7 @@ def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) ->
         return Outcome.IMPOSSIBLE_BODY
     if len(found.journey.lost) > MOST_LOST * len(found.remainders):
         return Outcome.LOST_PHASE
-    if not found.settled and not _explained(found):  # the edge of what can move may keep a search from settling
+    if not found.settled and not explained(found):  # the edge of what can move may keep a search from settling
         return Outcome.NOT_CONVERGED
     held = _held_out(windows)
     held_excess = float(np.mean(held)) / found.noise_ratio**2 if held else 0.0
@@ -162,6 +162,7 @@ def closing(result: IdentificationResult) -> str:
     lever = abs(s_z.value - result.attachment_plane)
     error = max(s_z.sd, s_z.spread or 0.0)
     size = f"s_z is good to about {millimetres(error):.2g} mm ({percent(error / lever):.2g} % of its lever)"
+    size = size if s_z.seen else "s_z is not seen"
     held = _held_out(result.windows)
     judged = ""
     if held:
@@ -246,7 +247,7 @@ def _beyond_noise(found: Fit) -> float:
     return sum(left.chi2 for left in found.remainders) / max(expected, 1e-300)
 
 
-def _explained(found: Fit) -> bool:
+def explained(found: Fit) -> bool:
     """Whether nothing but noise is left, by χ²."""
     dof = sum(left.dof for left in found.remainders)
     return (_beyond_noise(found) - 1) * np.sqrt(dof / 2) <= SURPRISE
@@ -260,7 +261,7 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
             f"{OTHER_NOISE} {found.noise_ratio * declared * 1e3:.3g} mm, the robot file says "
             f"{declared * 1e3:.3g} mm (sensors, marker_noise)."
         )
-    if not _explained(found):
+    if not explained(found):
         left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
         said.append(
             f"χ²/dof is {found.chi2_per_dof:.3g}: besides noise, {left:.2g} mm rms are left that the model does not "
@@ -276,7 +277,10 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
     worst = 2 * max(1.0, found.chi2_per_dof)
     bad = [w.id for w in windows if w.role is Role.VALIDATE and (w.chi2_per_dof or 0.0) > worst]
     if bad:
-        said.append(f"Held-out windows {', '.join(bad)} fit at least twice as badly as those of the fit.")
+        said.append(
+            f"Held-out windows {', '.join(bad)} fit at least twice as badly as those of the fit: another body or a "
+            "touch there, or a model that holds only where it was fitted."
+        )
     return said
 
 

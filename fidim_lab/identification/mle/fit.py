@@ -53,6 +53,8 @@ class Fit:
     plausible: Float[np.ndarray, " shared"]
     """how far each parameter may plausibly be from its start"""
     names: tuple[str, ...]
+    doubt: Float[np.ndarray, "body body"] | None = None
+    """covariance of what only seems to be determined (`undetermined`), on top of the nominal one"""
 
     @property
     def values(self) -> Float[np.ndarray, " shared"]:
@@ -124,13 +126,18 @@ class Fit:
     @property
     def covariance(self) -> Float[np.ndarray, "shared shared"]:
         """Nominal: believes model and noise."""
-        return self.quadratic.covariance
+        return self._doubted(self.quadratic.covariance)
 
     @property
     def tempered_covariance(self) -> Float[np.ndarray, "shared shared"]:
         """What may be believed where the model misses more than noise: the data's information over χ²/dof."""
         temper = max(1.0, self.chi2_per_dof)
-        return spread.Quadratic.of(self.tables / np.sqrt(temper), self.prior_rows).covariance
+        return self._doubted(spread.Quadratic.of(self.tables / np.sqrt(temper), self.prior_rows).covariance)
+
+    def _doubted(self, covariance: Float[np.ndarray, "shared shared"]) -> Float[np.ndarray, "shared shared"]:
+        if self.doubt is not None:
+            covariance[:BODY, :BODY] += self.doubt
+        return covariance
 
     @property
     def sd(self) -> Float[np.ndarray, " shared"]:

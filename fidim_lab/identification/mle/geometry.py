@@ -19,7 +19,7 @@ from fidim_lab.identification.mle.trajectories.likelihood import Point
 from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort
 from fidim_lab.identification.mle.warm_start import gone_on
-from fidim_lab.identification.survey import Nuisance, nuisances, prior_sd, usual
+from fidim_lab.identification.survey import Nuisance, prior_sd, stated, usual
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 
@@ -51,15 +51,19 @@ class Surveyed:
     """times a usual survey, chosen by evidence where the file states none"""
 
 
-def fit_surveyed(mechanism: Mechanism, windows: list[Window]) -> Surveyed:
-    """Fit body and geometry; see the module. Raises RefusedError as `fit`."""
-    robot = mechanism.robot
-    if robot.survey is not None:
-        if robot.survey.exact:
-            return Surveyed(fit(mechanism, windows))
-        opened = nuisances(robot, robot.survey)
-        return Surveyed(_opened(mechanism, windows, opened), opened)
-    return _weighed(fit(mechanism, windows), windows)
+def begin_surveyed(mechanism: Mechanism, windows: list[Window]) -> Fit:
+    """The first fit of body and geometry: with the survey that the file states, else with its geometry as it stands.
+
+    Raises RefusedError as `fit`.
+    """
+    opened = stated(mechanism.robot)
+    return _opened(mechanism, windows, opened) if opened else fit(mechanism, windows)
+
+
+def fit_surveyed(begun: Fit, windows: list[Window]) -> Surveyed:
+    """What `begin_surveyed` found; where the file states no survey, with what the recordings say of it (see above)."""
+    robot = begun.likelihood.mechanism.robot
+    return _weighed(begun, windows) if robot.survey is None else Surveyed(begun, stated(robot))
 
 
 def _weighed(exact: Fit, windows: list[Window]) -> Surveyed:

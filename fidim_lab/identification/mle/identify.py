@@ -20,13 +20,15 @@ from fidim_lab.identification.equations.problem import Problem, build
 from fidim_lab.identification.mle import findings, held_out
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.mle.fit import Fit
-from fidim_lab.identification.mle.geometry import Surveyed, fit_surveyed
+from fidim_lab.identification.mle.geometry import Surveyed, begin_surveyed, fit_surveyed
 from fidim_lab.identification.mle.geometry_words import geometry_warnings, told_geometry
 from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.odd_window import contradicts, odd_window
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
 from fidim_lab.identification.mle.trajectories.recordings import prepare
+from fidim_lab.identification.mle.undetermined import tried_out
 from fidim_lab.identification.motion.recipe import BEST
 from fidim_lab.identification.motion.trajectory import Prediction
 from fidim_lab.identification.results import validation
@@ -60,7 +62,8 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     mechanism = Mechanism(campaign.robot, native=native)
     odd = contradicting(mechanism, campaign.windows) if soft is None else {}
     surveyed = _fitted(mechanism, campaign, odd) if soft is None else Surveyed(soft.found)
-    found = surveyed.found
+    found = surveyed.found if soft is not None else tried_out(surveyed.found)
+    surveyed = replace(surveyed, found=found)
     side = _side(replace(campaign, windows=tuple(w for w in campaign.windows if w.id not in odd)))
     predicted = odd | _held_out(campaign, found, soft, odd) if predict else {}
     windows = tuple(_verdict(window, found, predicted, side) for window in campaign.windows)
@@ -91,10 +94,16 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     )
 
 
-def _fitted(mechanism: Mechanism, campaign: Campaign, odd: Mapping[str, str]) -> Surveyed:
-    """On the windows that are not odd; what those are is in its `unused`."""
+def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> Surveyed:
+    """On the windows that are not odd; what those are is in its `unused`, and one more that it finds so in `odd`."""
     windows = campaign.of_role(Role.IDENTIFY)
-    surveyed = fit_surveyed(mechanism, [window for window in windows if window.id not in odd])
+    begun = begin_surveyed(mechanism, [window for window in windows if window.id not in odd])
+    if (name := odd_window(begun)) is not None:
+        without = begin_surveyed(mechanism, [window for window in windows if window.id not in (*odd, name)])
+        if findings.explained(without):
+            odd[name] = contradicts(name, begun, without)
+            begun = without
+    surveyed = fit_surveyed(begun, [window for window in windows if window.id not in odd])
     unused = surveyed.found.unused | {w.id: odd[w.id] for w in windows if w.id in odd}
     return replace(surveyed, found=replace(surveyed.found, unused=unused))
 

@@ -45,9 +45,11 @@ class Quadratic:
 
     @property
     def covariance(self) -> Float[np.ndarray, "shared shared"]:
-        """Inverse of the information."""
+        """Inverse of the information, positive definite also where rounding hides the least of it."""
         scale = 1 / np.sqrt(np.diag(self.information))
-        return np.linalg.inv(self.information * np.outer(scale, scale)) * np.outer(scale, scale)
+        values, axes = np.linalg.eigh(self.information * np.outer(scale, scale))
+        root = scale[:, np.newaxis] * axes / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
+        return root @ root.T
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,16 @@ _CODES = {
     Outcome.IMPOSSIBLE_BODY: "impossible",
 }
 
+MOVED_BY = {
+    "I_xx": ("s_y", "s_z"),
+    "I_yy": ("s_x", "s_z"),
+    "I_zz": ("s_x", "s_y"),
+    "I_xy": ("s_x", "s_y"),
+    "I_xz": ("s_x", "s_z"),
+    "I_yz": ("s_y", "s_z"),
+}
+"""what takes a moment from P to G (parallel-axis theorem)"""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -204,11 +214,17 @@ class IdentificationResult:
         spread = None
         if self.leave_one_out is not None:
             spread = jackknife_sd(np.array([_central(row) for row in self.leave_one_out]))
+        spreads = [None] * 6 if spread is None else [float(each) for each in spread]
         return {
             name: Parameter(
-                float(value[k]), float(sd[k]), None, None if spread is None else float(spread[k]), float(nominal[k])
+                float(value[k]),
+                float(sd[k]),
+                None,
+                spreads[k],
+                float(nominal[k]),
+                seen=all(self.parameters[part].seen for part in (name, *parts)),
             )
-            for k, name in enumerate(("I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz"))
+            for k, (name, parts) in enumerate(MOVED_BY.items())
         }
 
     def to_json(self) -> dict[str, object]:

@@ -53,7 +53,9 @@ def parameter_rows(result: IdentificationResult, true: Body | None) -> tuple[Par
 def gauge_rows(result: IdentificationResult, true: Body | None) -> tuple[ParameterRow, ...]:
     """What does not depend on where P is put: s_z from the plane of the attachments (mean a_z), and I about G."""
     s_z, plane = result.parameters["s_z"], result.attachment_plane
-    relative = Parameter(s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane)
+    relative = Parameter(
+        s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane, seen=s_z.seen
+    )
     central = [None] * 6 if true is None else _central(true)
     return (
         _row("s_z − a_z", relative, None if true is None else float(true.com[2]) - plane),
