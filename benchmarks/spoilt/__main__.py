@@ -25,7 +25,7 @@ TWICE = 0.2
 
 def spoilt(kind: Kind, second: Kind | None, rng: np.random.Generator, seed: int) -> tuple[Campaign, Known]:
     """One campaign, and what is true of it."""
-    kinds = [kind] if second is None else [kind, second]
+    kinds = [one for one in KINDS if one in (kind, second)]
     if kind.yaw:
         known = yawed(rng, drag="dying" in kind.name, several="several" in kind.name)
     else:

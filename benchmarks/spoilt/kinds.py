@@ -13,7 +13,7 @@ FILTER = ("low-passed",)
 MARKER = ("arker is not where", "is not where the robot file has it", "frame")
 
 NOTHING = Kind("nothing", alone=True)
-KINDS: Sequence[Kind] = (
+KINDS: Sequence[Kind] = (  # in the order in which they come about
     NOTHING,
     Kind("held at start", clean=each(motion.held_at_start), words=HAND),
     Kind("held at start of some", clean=each(motion.held_at_start, 0.4), words=HAND),
@@ -21,9 +21,10 @@ KINDS: Sequence[Kind] = (
     Kind("braked at end", clean=each(motion.braked, 0.7), words=HAND),
     Kind("second release", clean=each(motion.second_release, 0.4), words=HAND),
     Kind("another body in one window", words=("nother body",), alone=True),
+    Kind("spikes", noisy=each(samples.spikes), words=("off its neighbours",)),
+    Kind("blanks", noisy=each(samples.unseen), words=GAPS),
     Kind("(0, 0, 0)", noisy=each(samples.zeros), words=GAPS),
     Kind("sentinel", noisy=each(samples.sentinel), words=GAPS),
-    Kind("blanks", noisy=each(samples.unseen), words=GAPS),
     Kind("gaps by lines", noisy=each(samples.gaps("linear")), words=GAPS),
     Kind("gaps by cubics", noisy=each(samples.gaps("cubic")), words=GAPS),
     Kind("gaps held", noisy=each(samples.gaps("held")), words=GAPS),
@@ -42,7 +43,6 @@ KINDS: Sequence[Kind] = (
     Kind("marker knocked", clean=samples.knocked, words=MARKER, several=True),
     Kind("markers exchanged for a while", clean=each(samples.exchanged), words=("exchanged", *MARKER), several=True),
     Kind("markers in another order", clean=samples.mislabelled, words=("order", *MARKER), several=True),
-    Kind("spikes", noisy=each(samples.spikes)),
     Kind("no lengths", noisy=each(samples.without_lengths, 2.0), words=("lengths",)),
     Kind("yaw only", yaw=True, alone=True),
     Kind("yaw only, several lengths", yaw=True, alone=True),

@@ -10,7 +10,7 @@ from fidim_lab.data.records import Window
 
 
 def held_at_start(window: Window, rng: Draw) -> Window:
-    count = round(rng.uniform(0.4, 3.0) / (window.t[1] - window.t[0]))
+    count = round(rng.uniform(0.4, 3.0) / float(np.median(np.diff(window.t))))
     return rows(window, np.concatenate([np.repeat(window.markers[:1], count, axis=0), window.markers]))
 
 
@@ -31,7 +31,7 @@ def braked(window: Window, rng: Draw) -> Window:
 
 
 def second_release(window: Window, rng: Draw) -> Window:
-    step = window.t[1] - window.t[0]
+    step = float(np.median(np.diff(window.t)))
     at, carried, held = (round(x / step) for x in rng.uniform([3.0, 0.5, 0.3], [6.0, 1.5, 2.0]))
     ease = 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, carried))[:, np.newaxis, np.newaxis]
     back = window.markers[at] + ease * (window.markers[0] - window.markers[at])

@@ -25,7 +25,7 @@ def gaps(fill: str) -> Callable[[Window, Draw], Window]:
     def filled(window: Window, rng: Draw) -> Window:
         markers, seen = window.markers.copy(), np.ones(len(window.t), dtype=bool)
         for _ in range(rng.integers(1, 5)):
-            length = round(rng.uniform(0.1, 1.0) / (window.t[1] - window.t[0]))
+            length = round(rng.uniform(0.1, 1.0) / float(np.median(np.diff(window.t))))
             begin = int(rng.integers(3, len(markers) - length - 3))
             end = begin + length
             if not seen[begin - 2 : end + 2].all():
@@ -139,7 +139,7 @@ def unseen(window: Window, rng: Draw) -> Window:
     markers = window.markers.copy()
     for _ in range(rng.integers(1, 8)):
         begin = int(rng.integers(len(markers)))
-        end = begin + round(rng.uniform(0.05, 1.5) / (window.t[1] - window.t[0]))
+        end = begin + round(rng.uniform(0.05, 1.5) / float(np.median(np.diff(window.t))))
         markers[begin:end, rng.integers(markers.shape[1])] = np.nan
     return replace(window, markers=markers)
 

@@ -52,7 +52,7 @@ def each(change: Callable[[Window, Draw], Window], share: float = 1.0) -> Spoil:
 def rows(window: Window, markers: np.ndarray) -> Window:
     """The window with other markers, its clock going on; lengths are held."""
     n = len(markers)
-    step = window.t[1] - window.t[0]
+    step = float(np.median(np.diff(window.t)))
     lengths = None if window.lengths is None else window.lengths[np.arange(n) % len(window.lengths)]
     t = window.t[0] + step * np.arange(n)
     return replace(window, t=t, markers=markers, lengths=lengths, currents=None, further={})

@@ -8,22 +8,24 @@ geometry is asked afterwards: opened wide it bends around such a window.
 
 import numpy as np
 
-from fidim_lab.identification.mle.findings import MISFIT
+from fidim_lab.identification.mle.findings import explained
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.spread import Quadratic
 
 FEWEST = 3
 """windows that must agree without it: two of three may be two that are alike in their error"""
+SHARE = 0.5
+"""of what is left above noise that must go with it, to first order, so that the fit is made again"""
 
 
 def odd_window(found: Fit) -> str | None:
-    """The id of a window without which the others would be explained; None where the fit is good, or none is."""
+    """The id of a window that most of what is left goes with; None where the fit is good, or there is none such."""
     count = len(found.remainders)
-    if found.excess < MISFIT or count <= FEWEST:
+    if count <= FEWEST or explained(found):
         return None
     left = np.array([_foretold(found, out) for out in range(count)])
     best = int(np.argmin(left))
-    return found.likelihood.recordings[best].window.id if left[best] < MISFIT else None
+    return found.likelihood.recordings[best].window.id if left[best] - 1 < SHARE * (found.excess - 1) else None
 
 
 def _foretold(found: Fit, out: int) -> float:
