@@ -33,12 +33,16 @@ EARLIEST = 0.02
 def retimed(campaign: Campaign) -> CleanRecordings:
     """The campaign with even stamps where those of its files were only times of arrival."""
     windows = list(campaign.windows)
+    tried = {k: found for k, w in enumerate(windows) if (found := _evened(w, campaign.sample_rate)) is not None}
+    ratios = [found.even / found.stamped for found in tried.values()]
+    together = bool(ratios) and float(np.sqrt(np.mean(np.square(ratios)))) < SMOOTHER
     moved: dict[str, float] = {}
-    for k, window in enumerate(windows):
-        found = _taken_at(window, campaign.sample_rate)
-        if found is not None:
-            moved[window.id] = float(np.abs(found - window.t).max())
-            windows[k] = replace(window, t=found)
+    for k, found in tried.items():
+        # one recorder wrote all windows: what they show together holds where one alone shows little
+        if found.even < (1.0 if together else SMOOTHER) * found.stamped:
+            window = windows[k]
+            moved[window.id] = float(np.abs(found.times - window.t).max())
+            windows[k] = replace(window, t=found.times)
     if not moved:
         return CleanRecordings(campaign)
     worst = max(moved, key=lambda id: moved[id])
@@ -50,8 +54,20 @@ def retimed(campaign: Campaign) -> CleanRecordings:
     return CleanRecordings(replace(campaign, windows=tuple(windows)), notes=(note,))
 
 
-def _taken_at(window: Window, rate: float) -> Series | None:
-    """Even times at which the samples were taken; None where the stamps are as good."""
+@dataclass(frozen=True, eq=False)
+class _Evened:
+    """Even times at which the samples of a window may have been taken."""
+
+    times: Series
+    """s"""
+    even: float
+    """roughness of the motion on them, m"""
+    stamped: float
+    """on the stamps as they are, m"""
+
+
+def _evened(window: Window, rate: float) -> _Evened | None:
+    """None where the stamps are even already."""
     if len(window.t) < 30:
         return None
     candidates = _candidates(window.t, rate)
@@ -65,7 +81,7 @@ def _taken_at(window: Window, rate: float) -> Series | None:
     chosen = min(skipping, key=lambda one: _skipped(columns, one, rows), default=rows)
     chosen = chosen if _skipped(columns, chosen, rows) < 0 else rows
     even, as_stamped = (_roughness(columns, window.t, chosen, stamped=stamped) for stamped in (False, True))
-    return chosen.times if even < SMOOTHER * as_stamped else None
+    return _Evened(chosen.times, even, as_stamped)
 
 
 @dataclass(frozen=True, eq=False)
