@@ -5,7 +5,7 @@ nothing shows. So both are fitted. Where one explains the recordings better beyo
 deviations are widened to hold both answers, and it is said.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,10 +65,13 @@ def by_both(
     second = identify(_stretched(cleaned, now / other))
     said = f"The time stamps say {clocks.stamps:.6g} Hz, campaign.toml says {clocks.header:.6g} Hz. "
     usual = max(1.0, min(one.noise_ratio or 1.0 for one in (first, second)) ** 2)
-    better = (_chi2(first) - _chi2(second)) / usual
-    if abs(better) > CERTAIN:
-        lead, rate = (second, other) if better > 0 else (first, now)
-        said += f"The recordings are explained better with {rate:.6g} Hz (χ² is {abs(better):.0f} less): it is used."
+    unlike = {w.id for one in (first, second) for w in one.windows if w.chi2_per_dof is None}
+    better = (_chi2(first, unlike) - _chi2(second, unlike)) / usual
+    fewer = _left_out(first) - _left_out(second)
+    if fewer or abs(better) > CERTAIN:
+        lead, rate = (second, other) if (fewer or better) > 0 else (first, now)
+        why = "with the other, windows contradict each other" if fewer else f"χ² is {abs(better):.0f} less"
+        said += f"The recordings are explained better with {rate:.6g} Hz ({why}): it is used."
         return replace(lead, warnings=(said, *lead.warnings))
     said += (
         f"The recordings do not tell which is right: {now:.6g} Hz is used, and each ± is widened by what the other "
@@ -82,10 +85,13 @@ def _stretched(campaign: Campaign, factor: float) -> Campaign:
     return replace(campaign, windows=windows)
 
 
-def _chi2(result: IdentificationResult) -> float:
-    """Of all windows."""
-    fitted = [w for w in result.windows if w.chi2_per_dof is not None]
-    return sum((w.chi2_per_dof or 0.0) * 3 * w.samples for w in fitted)
+def _chi2(result: IdentificationResult, but: Collection[str]) -> float:
+    """Of all windows but these."""
+    return sum((w.chi2_per_dof or 0.0) * 3 * w.samples for w in result.windows if w.id not in but)
+
+
+def _left_out(result: IdentificationResult) -> int:
+    return sum(not w.used for w in result.windows)
 
 
 def _widened(first: IdentificationResult, second: IdentificationResult) -> IdentificationResult:

@@ -11,6 +11,7 @@ from fidim_lab.data.records import Campaign, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.cleaning.clean import clean_recordings
 from fidim_lab.identification.cleaning.low_pass import low_passed
+from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
 
 NOISE = 1e-4
@@ -218,3 +219,55 @@ def test_a_rate_that_header_and_stamps_say_otherwise_widens_or_is_decided(record
     errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
     assert max(errors) < 3.5
     assert "The time stamps say 99.9001 Hz, campaign.toml says 100 Hz" in " ".join(found.warnings)
+
+
+def test_a_rate_is_read_from_all_stamps_where_their_last_digit_hides_it_in_one_step(recorded: Make, true_body):
+    """The median step is that of the header then."""
+    campaign = recorded(noise=NOISE)
+    windows = tuple(replace(w, t=np.round(w.t / 1.0035, 4)) for w in campaign.windows)
+    found = identify(replace(campaign, windows=windows), Method.MLE)
+    errors = [abs(p.value - true) / p.sd for p, true in zip(found.parameters.values(), true_body.vector, strict=True)]
+    assert max(errors) < 3.5
+    assert "The time stamps say 100.35 Hz" in found.warnings[0]
+    assert "better with 100 Hz" in found.warnings[0] or "is widened" in found.warnings[0]
+
+
+def test_markers_get_the_names_of_the_robot_file(recorded: Make):
+    campaign = recorded(noise=NOISE, cluster=True)
+    order = np.array([2, 0, 3, 1])
+    mixed = replace(campaign, windows=tuple(replace(w, markers=w.markers[:, order]) for w in campaign.windows))
+    found = clean_recordings(mixed).recordings
+    for right, mended in zip(campaign.windows, found.campaign.windows, strict=True):
+        np.testing.assert_array_equal(right.markers, mended.markers)
+    assert "its markers 1 to 4 are the recorded 2, 4, 1, 3" in found.notes[0]
+
+
+def test_names_that_are_exchanged_for_a_while_are_put_right(recorded: Make):
+    campaign = recorded(noise=NOISE, cluster=True)
+
+    def exchange(markers: np.ndarray) -> np.ndarray:
+        markers[200:260, [1, 3]] = markers[200:260, [3, 1]]
+        return markers
+
+    found = clean_recordings(each(campaign, exchange)).recordings
+    for right, mended in zip(each(campaign, lambda m: m).windows, found.campaign.windows, strict=True):
+        np.testing.assert_array_equal(right.markers, mended.markers)
+    assert "exchanged in some samples of w1 (60)" in found.notes[0]
+
+
+def test_a_window_that_shows_little_follows_the_others_of_its_clock(recorded: Make):
+    """Arrivals that are 1 ms late hide in the noise of a window that hardly moves; its recorder is that of all."""
+    campaign, random = recorded(noise=NOISE), np.random.default_rng(5)
+    windows = []
+    for k, window in enumerate(campaign.windows):
+        delay = np.sort(random.exponential(4e-3, len(window.t)).reshape(-1, 1), axis=1)[:, 0]
+        markers = window.markers
+        if k == 0:
+            middle = markers.mean(axis=0)
+            markers = middle + 0.05 * (markers - middle) + NOISE * random.standard_normal(markers.shape)
+        t = np.maximum.accumulate(window.t + delay) + 1e-6 * np.arange(len(delay))
+        windows.append(replace(window, t=t, markers=markers))
+    found = clean_recordings(replace(campaign, windows=tuple(windows))).recordings
+    steps = [np.ptp(np.diff(window.t)) for window in found.campaign.windows]
+    assert max(steps[1:]) < 1e-9
+    assert len(found.notes) == 1

@@ -1,0 +1,89 @@
+"""Modes that were never excited do not count as determined, and one odd window does not bend the fit of all."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.spoilt.worlds import yawed
+from fidim_lab.data.records import Body, Campaign, Role
+from fidim_lab.identification.cleaning.free_motion import hands
+from fidim_lab.identification.data_checks.robot_mistakes import find_mistakes
+from fidim_lab.identification.mle.identify import identify
+from fidim_lab.identification.mle.spread import Quadratic
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """Pure yaw of a bifilar pendulum, with marker noise."""
+    known = yawed(np.random.default_rng(4), drag=False, several=False)
+    random, noise = np.random.default_rng(5), known.campaign.robot.sensors.marker_noise
+    windows = tuple(
+        replace(w, markers=w.markers + noise * random.standard_normal(w.markers.shape)) for w in known.campaign.windows
+    )
+    return replace(known.campaign, windows=windows), known.body
+
+
+def test_a_pendulum_that_only_yaws_shows_its_moment_about_the_axis_and_no_other(pendulum):
+    """Its swings are fitted to noise: at that amplitude their frequencies look known."""
+    campaign, body = pendulum
+    found = identify(campaign)
+    assert found.outcome.answers
+    assert found.parameters["I_zz"].seen
+    assert not found.parameters["s_z"].seen
+    assert not found.parameters["I_yy"].seen
+    told = [*found.parameters.values(), *found.about_com().values()]
+    central = body.inertia_about_com[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    errors = [abs(p.value - t) / p.sd for p, t in zip(told, [*body.vector, *central], strict=True) if p.seen]
+    assert max(errors) < 3.5
+
+
+def test_a_moment_about_g_is_seen_where_all_that_moves_it_there_is(pendulum):
+    found = identify(pendulum[0])
+    assert not found.about_com()["I_xx"].seen  # needs s_z
+
+
+def test_a_window_of_another_body_is_left_out_and_named(record, robot_with, truth):
+    robot = robot_with(4)
+    body = truth(robot)
+    heavy = Body(0.97 * body.com, 0.95 * body.inertia)
+    windows = record(robot, 5, seconds=3.0)
+    windows[2] = replace(record(robot, 5, seconds=3.0, body=heavy)[2], id="w3")
+    windows[4] = replace(windows[4], role=Role.VALIDATE)
+    found = identify(Campaign("odd", robot, 100.0, tuple(windows)))
+    assert found.outcome.answers
+    assert [w.id for w in found.windows if not w.used] == ["w3"]
+    assert "Window w3 is not used: its motion contradicts that of the other 3" in " ".join(found.warnings)
+    errors = [abs(p.value - t) / p.sd for p, t in zip(found.parameters.values(), body.vector, strict=True)]
+    assert max(errors) < 3.5
+
+
+def test_a_hand_that_holds_still_is_seen_without_the_pose(record, robot_with):
+    """Two cables and one marker do not show the pose."""
+    robot = replace(robot_with(2), extra_markers=())
+    windows = record(robot, 3, seconds=3.0)
+    random = np.random.default_rng(2)
+    held = []
+    for window in windows:
+        still = window.markers[:1] + robot.sensors.marker_noise * random.standard_normal((120, 1, 3))
+        markers = np.concatenate([still, window.markers])
+        t = np.arange(len(markers)) / 100
+        held.append(replace(window, t=t, markers=markers, lengths=np.tile(window.lengths[0], (len(t), 1))))
+    assert hands(Campaign("free", robot, 100.0, tuple(windows))) == {}
+    cuts = hands(Campaign("held", robot, 100.0, tuple(held)))
+    assert set(cuts) == {"w1", "w2", "w3"}
+    for ((begin, end),) in cuts.values():
+        assert begin == -np.inf
+        assert end == pytest.approx(1.2, abs=0.1)
+
+
+def test_a_platform_that_leans_by_half_a_radian_is_no_mistake_of_the_robot_file(record, robot_with):
+    """It hangs so: its cables are of unlike lengths."""
+    robot = robot_with(3)
+    assert find_mistakes(robot, tuple(record(robot, 4)), 5e-3) == ()
+
+
+def test_a_covariance_has_positive_variances_where_rounding_hides_the_least_information():
+    rows = np.array([[1.0, 1.0, 0.0], [1.0, 1.0 + 1e-12, 0.0]])
+    found = Quadratic.of(rows[np.newaxis].repeat(2, axis=0).reshape(2, 2, 3)).covariance
+    assert (np.diag(found) > 0).all()
