@@ -6,7 +6,8 @@ nor a wrong CAD decides. A hand then is where most of the inertial force has no 
 half of it, and far above what is usual in that window. Missing physics (friction, drag, a surveyed geometry) leaves
 less, and grows and falls with the motion: it stays in, for `explain`.
 
-Where markers and lengths do not show the pose (two cables, one marker), only a hand that holds still is seen.
+Where markers and lengths do not show the pose (two cables, one marker), only a hand that holds still is seen; one that
+does so before the release is seen everywhere, also where noise hides the forces.
 """
 
 from collections.abc import Sequence
@@ -73,10 +74,14 @@ def hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> Cuts:
     """Where the platform is not free. Windows that do not show their poses say nothing."""
     mechanism = Mechanism(campaign.robot)
     balances = {window.id: found for window in campaign.windows if (found := balance(mechanism, window)) is not None}
-    posed = {} if not balances else _unbalanced(balances, campaign, rule)
-    return posed | {
-        w.id: cuts for w in campaign.windows if w.id not in balances and (cuts := _resting(w, campaign, rule))
-    }
+    found = {} if not balances else _unbalanced(balances, campaign, rule)
+    for window in campaign.windows:
+        cuts = [] if window.id in found else _resting(window, campaign, rule)
+        if window.id in balances:  # what comes to rest later may rub: that is for `explain`
+            cuts = [cut for cut in cuts if cut[0] == -np.inf]
+        if cuts:
+            found[window.id] = cuts
+    return found
 
 
 def _unbalanced(balances: dict[str, Balance], campaign: Campaign, rule: FreeMotionRule) -> Cuts:
