@@ -23,7 +23,13 @@ from fidim_lab.mismatch.scores.thresholds import SCORES
 from fidim_lab.mismatch.scores.views import View
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.candidates import candidate
-from fidim_lab.mismatch.selection.general_geometry import first_look, instead_of_a_search, most_of_rivals, opened, rival
+from fidim_lab.mismatch.selection.general_geometry import (
+    first_look,
+    instead_of_a_search,
+    most_of_effects,
+    opened,
+    rival,
+)
 from fidim_lab.mismatch.selection.select import Selection, select
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.model.mechanism import Mechanism
@@ -100,12 +106,22 @@ class Rounds:
         return again if kept else found
 
     def _instead_of_effects(self, recorded: Baseline, seen: View | None) -> ReadingErrors | None:
-        """What the readings are off by, where that takes nearly all and effects or geometry say less."""
+        """What the readings are off by, where that takes nearly all and effects or geometry say less.
+
+        A wrong geometry makes lengths miss by another amount in every window too: an error counts only where it is
+        evident beside an open geometry.
+        """
         errors = reading_errors(recorded.fit, recorded.campaign, SCORES.enough)
-        if errors is None or seen is None:
-            return errors
-        if errors.nats < most_of_rivals(seen, errors.temper) + ODDS:
+        if errors is None or (seen is not None and errors.nats < most_of_effects(seen, errors.temper) + ODDS):
             return None
+        general = None if seen is None else rival(seen)
+        open_fit = opened(recorded, 1.0 if general is None else general.factor, self.say)
+        beside = reading_errors(open_fit.fit, recorded.campaign, SCORES.enough)
+        if beside is None:
+            return None
+        errors = errors if errors.kinds <= beside.kinds else beside
+        if seen is None:
+            return errors
         self.say("fitting the readings as their sensors should have read")
         campaign = errors.put_right(recorded.campaign)
         found = self.of_robot(campaign.robot).fitted(campaign)
@@ -115,10 +131,13 @@ class Rounds:
 
     def _beside_effects(self, found: Reached) -> ReadingErrors | None:
         """What the readings are off by beside effects that leave only noise of the markers."""
-        best = found.last.found.best
+        best, last = found.last.found.best, found.last
         if not (best.is_white and best.model.tried and best.model.whole):
             return None
-        return reading_errors(best.model.fit, found.last.cleaned.campaign, SCORES.enough)
+        general = rival(last.found.last)
+        if general is not None and general.best > ODDS:
+            return None  # a geometry that could be open says as much
+        return reading_errors(best.model.fit, last.cleaned.campaign, SCORES.enough)
 
     def _with_readings_right(self, cleaned: Cleaned, recorded: Baseline, errors: ReadingErrors) -> Reached:
         """All rounds once more, of the readings as they should have been."""
@@ -217,7 +236,7 @@ class Rounds:
         left = SELECTION.geometry_takes * (seen.projected.inflation - noise)
         if not (best.is_white or general.temper - noise < left):
             return first, last
-        again, end = self._gone(cleaned, opened(exact, general, self.say))
+        again, end = self._gone(cleaned, opened(exact, general.factor, self.say))
         after = end.found.best
         if best.is_white or after.is_white:
             return (again, end) if end.unexplained <= last.unexplained else (first, last)

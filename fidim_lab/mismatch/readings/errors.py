@@ -50,6 +50,11 @@ class ReadingErrors:
         """Of all together."""
         return sum(one.nats for one in self.found)
 
+    @property
+    def kinds(self) -> frozenset[str]:
+        """Ids of all kinds."""
+        return frozenset(one.kind.id for one in self.found)
+
     def put_right(self, campaign: Campaign) -> Campaign:
         """The campaign as its sensors should have read it, and with the noise that they have.
 

@@ -114,15 +114,15 @@ def instead_of_a_search(exact: Baseline, seen: View | None, say: Say) -> Baselin
         return None
     if general.best < most_of_effects(seen, general.temper) + ODDS:
         return None
-    found = opened(exact, general, say)
+    found = opened(exact, general.factor, say)
     return found if candidate(found.as_it_is, found.predicted).is_white else None
 
 
-def opened(exact: Baseline, general: Rival, say: Say) -> Baseline:
-    """The model as it is with its geometry open, as far as the rival says that the file is off."""
+def opened(exact: Baseline, factor: float, say: Say) -> Baseline:
+    """The model as it is with its geometry open, so many times as far off as a usual survey."""
     say("opening the geometry: the recordings ask for a survey of it")
     mechanism = exact.short_ground.likelihood.mechanism
-    geometry = usual(exact.campaign.robot, general.factor)
+    geometry = usual(exact.campaign.robot, factor)
     return fit_baseline(
         exact.campaign,
         native=mechanism.native,
@@ -131,12 +131,6 @@ def opened(exact: Baseline, general: Rival, say: Say) -> Baseline:
         geometry=geometry,
         without=exact.without,
     )
-
-
-def most_of_rivals(seen: View, temper: float) -> float:
-    """Nats of the best that effects or an open geometry say, were so much χ²/dof noise to effects."""
-    general = rival(seen)
-    return max(most_of_effects(seen, temper), 0.0 if general is None else general.best)
 
 
 def most_of_effects(seen: View, temper: float) -> float:

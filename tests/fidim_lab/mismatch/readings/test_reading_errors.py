@@ -8,11 +8,15 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.random_plan import random_plan
+from fidim_lab.mismatch.cleaning.clean import clean
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.explain import explain
-from fidim_lab.mismatch.fitting.baseline import Baseline
+from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.readings.errors import ReadingErrors, reading_errors
+from fidim_lab.mismatch.rounds import Rounds
 from fidim_lab.mismatch.scores.thresholds import SCORES
+from fidim_lab.mismatch.selection.budget import Patience
+from fidim_lab.mismatch.selection.general_geometry import opened
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import BETWEEN, Sampling, simulate_campaign
@@ -109,3 +113,20 @@ def test_an_encoder_coarser_than_stated_is_the_sensors_fault(irma4: Robot) -> No
     assert [one.id for one in found.readings] == ["length-scatter"]
     s_z = found.parameters["s_z"]
     assert abs(s_z.value - np.array(truth["s"])[2]) < 4 * s_z.sd
+
+
+def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: Robot) -> None:
+    plan = random_plan(irma4, "survey", 6, 1, SEED)
+    world = make_world(irma4, np.random.default_rng(SEED), ())
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(5), recording=Recording(SECONDS))
+    off = np.random.default_rng(6)
+    cables = tuple(replace(cable, d=cable.d + 5e-4 * off.standard_normal(3)) for cable in irma4.cables)
+    wrong = replace(campaign, robot=replace(irma4, cables=cables))
+    exact = fit_baseline(wrong, native=True, say=lambda _: None)
+    assert reading_errors(exact.fit, wrong, SCORES.enough) is not None
+    geometry_open = opened(exact, 1.0, lambda _: None)
+    assert reading_errors(geometry_open.fit, wrong, SCORES.enough) is None
+    rounds = Rounds(exact.short.likelihood.mechanism, lambda _: None, Patience())
+    reached = rounds.reached(clean(wrong))
+    assert reached.errors is None
+    assert reached.last.baseline.geometry
