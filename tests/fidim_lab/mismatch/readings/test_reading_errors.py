@@ -118,7 +118,7 @@ def test_an_encoder_coarser_than_stated_is_the_sensors_fault(irma4: Robot) -> No
 def test_a_wrong_geometry_looks_like_scatter_but_not_beside_an_open_one(irma4: Robot) -> None:
     plan = random_plan(irma4, "survey", 6, 1, SEED)
     world = make_world(irma4, np.random.default_rng(SEED), ())
-    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(5), recording=Recording(SECONDS))
+    campaign, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(5), recording=Sampling(SECONDS))
     off = np.random.default_rng(6)
     cables = tuple(replace(cable, d=cable.d + 5e-4 * off.standard_normal(3)) for cable in irma4.cables)
     wrong = replace(campaign, robot=replace(irma4, cables=cables))
