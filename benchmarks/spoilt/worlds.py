@@ -18,7 +18,7 @@ from fidim_lab.identification.random_plan import Taste, random_plan
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Noise
 from sim_backends.plant.world import World, make_world, rotation
-from sim_backends.simulate import Recording, simulate_campaign
+from sim_backends.simulate import Sampling, simulate_campaign
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 ROBOTS = (PAPERS_ROBOT, EXAMPLES / "trifilar.toml", EXAMPLES / "bifilar.toml")
@@ -81,7 +81,7 @@ def swung(seed: int, number: int, *, one_marker: bool) -> Known:
 
 def _recorded(robot: Robot, plan: Plan, world: World, noise: Noise, rng: np.random.Generator) -> Campaign | None:
     """None where a cable goes slack."""
-    recording = Recording(SECONDS, RATE)
+    recording = Sampling(SECONDS, RATE)
     campaign, truth = simulate_campaign(robot, plan, world, rng, noise, recording, platform=Plant(world))
     return None if truth["slack"] else campaign
 

@@ -13,7 +13,7 @@ the order in which they stand. Every mistake is a FileError with file and place.
 
 import re
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,8 @@ GROUPS = (
     Group(2, "Grab_prototype_22.json", range(49, 61)),
 )
 
+UNGROUPED = f"no configuration is known for it: takes are 1 to {GROUPS[-1].takes[-1]}"
+
 
 def read_grab(folder: Path, wanted: Callable[[int], bool] = lambda _: True) -> tuple[Takes, ...]:
     """Read the takes whose number is wanted, grouped by how many cables held the platform.
@@ -68,7 +70,11 @@ def read_grab(folder: Path, wanted: Callable[[int], bool] = lambda _: True) -> t
         raise SetupError(f"{folder / 'vicon'} holds no wanted take.", hint="Takes are named by number: --takes 1-36.")
     markers = _markers(folder / "markers" / "marker_pos_rel_to_ref.mat")
     groups = ((group, [number for number in numbers if number in group.takes]) for group in GROUPS)
-    return tuple(_group(folder, group, chosen, found, markers) for group, chosen in groups if chosen)
+    read = [_group(folder, group, chosen, found, markers) for group, chosen in groups if chosen]
+    strays = {f"k{n:02d}": UNGROUPED for n in numbers if not any(n in group.takes for group in GROUPS)}
+    if not read:
+        raise SetupError(f"Takes {', '.join(strays)}: {UNGROUPED}.", hint="Takes are named by number: --takes 1-36.")
+    return (replace(read[0], unread={**read[0].unread, **strays}), *read[1:])
 
 
 def _files(folder: Path) -> Sequence[Path]:
