@@ -32,15 +32,15 @@ KINDS: Mapping[str, tuple[float, tuple[str, ...]]] = {
 """wall seconds allowed, and what is hidden"""
 PARTS: Mapping[str, tuple[str, ...]] = {
     "clean": ("fidim_lab.mismatch.explain.clean",),
-    "baseline": ("fidim_lab.mismatch.explain.fit_baseline",),
-    "audit": ("fidim_lab.mismatch.explain.audit",),
+    "baseline": ("fidim_lab.mismatch.rounds.fit_baseline",),
+    "audit": ("fidim_lab.mismatch.rounds.audit",),
     "scores": ("fidim_lab.mismatch.selection.trials.view", "fidim_lab.mismatch.selection.trials.tones"),
     "refits": tuple(
         f"fidim_lab.mismatch.selection.{place}.refit"
         for place in ("search", "whole_windows", "trials", "additions", "generalise", "confounders")
     ),
     "held-out": ("fidim_lab.mismatch.selection.trials.predict", "fidim_lab.mismatch.fitting.baseline.predict"),
-    "restored": ("fidim_lab.mismatch.explain.restored",),
+    "restored": ("fidim_lab.mismatch.rounds.restored",),
     "told": ("fidim_lab.mismatch.explain.tell",),
     "no name": ("fidim_lab.mismatch.explain.with_unknown",),
 }

@@ -9,7 +9,7 @@ from procedures.expected.nominal_rest import NominalRest
 from procedures.outcomes import Measurement, Outcome, judge
 from procedures.recording.marker_place import BESIDE, place_measurements
 from procedures.recording.recorder import Recording
-from procedures.recording.window_check import SMALLEST, window_measurements
+from procedures.recording.window_check import JUMP, SMALLEST, window_measurements
 from procedures.settings import PlaceSettings
 from procedures.stand import Stand
 from procedures.steps import SLIPPED, Accept, CheckWindow, GiveUp, Lengths, Note, Record, Reject, Result
@@ -37,8 +37,9 @@ async def check_window(stand: Stand, step: CheckWindow) -> Result:
     found = await asyncio.get_running_loop().run_in_executor(None, look)
     outcome, reason = judge(found)
     failed = [one.name for one in found if one.outcome is Outcome.FAIL]
-    slack = any(name.startswith(SMALLEST) for name in failed)  # lets a marker be anywhere
-    if BESIDE in failed and not slack:
+    # a slack cable lets a marker be anywhere, and one that jumps is not where it is seen: the next attempt tells
+    elsewhere = any(name.startswith((SMALLEST, JUMP)) for name in failed)
+    if BESIDE in failed and not elsewhere:
         return Result(outcome, f"{reason}: {SINCE_REST}", found, answer=SLIPPED)
     return Result(outcome, reason, found)
 

@@ -10,6 +10,7 @@ from procedures.recording.recorder import Recording
 from procedures.steps import WindowLimits
 
 SMALLEST = "smallest tension"
+JUMP = "largest jump of"
 FROZEN = 5
 """samples: a position repeated so often, exactly, is no measurement (a noisy sensor does not repeat itself)"""
 
@@ -77,9 +78,9 @@ def _largest_jump(markers: np.ndarray, seen: Mask, allowed: float) -> Measuremen
     places[~seen, 0] = np.nan
     jumps = np.linalg.norm(places[2:] - 2.0 * places[1:-1] + places[:-2], axis=2)
     if np.isnan(jumps).all():
-        return Measurement("largest jump of a marker", None, "m", high=allowed)
+        return Measurement(f"{JUMP} a marker", None, "m", high=allowed)
     marker = int(np.nanargmax(jumps)) % markers.shape[1]
-    return Measurement(f"largest jump of marker {marker + 1}", float(np.nanmax(jumps)), "m", high=allowed)
+    return Measurement(f"{JUMP} marker {marker + 1}", float(np.nanmax(jumps)), "m", high=allowed)
 
 
 def _amplitude(place: Positions) -> float | None:
