@@ -94,19 +94,19 @@ class Rounds:
         """All rounds of a cleaned campaign. Raises RefusedError where no window can be fitted at all."""
         recorded = self.fitted(cleaned.campaign)
         seen = first_look(recorded)
-        errors = self._instead_of_effects(recorded, seen)
-        if errors is not None:
-            return self._with_readings_right(cleaned, recorded, errors)
+        right = self._instead_of_effects(cleaned, recorded, seen)
+        if right is not None:
+            return right.searched(recorded)
         found = self.searched(cleaned, recorded, recorded, seen)
         errors = self._beside_effects(found)
         if errors is None:
             return found
-        again = self._with_readings_right(cleaned, recorded, errors)
+        again = self._put_right(cleaned, errors).searched(recorded)
         kept = again.last.found.best.is_white and again.last.unexplained <= found.last.unexplained
         return again if kept else found
 
-    def _instead_of_effects(self, recorded: Baseline, seen: View | None) -> ReadingErrors | None:
-        """What the readings are off by, where that takes nearly all and effects or geometry say less.
+    def _instead_of_effects(self, cleaned: Cleaned, recorded: Baseline, seen: View | None) -> "_Right | None":
+        """The readings put right, where their errors take nearly all and effects or geometry say less.
 
         A wrong geometry makes lengths miss by another amount in every window too: an error counts only where it is
         evident beside an open geometry.
@@ -120,14 +120,12 @@ class Rounds:
         if beside is None:
             return None
         errors = errors if errors.kinds <= beside.kinds else beside
+        right = self._put_right(cleaned, errors)
         if seen is None:
-            return errors
-        self.say("fitting the readings as their sensors should have read")
-        campaign = errors.put_right(recorded.campaign)
-        found = self.of_robot(campaign.robot).fitted(campaign)
-        before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, found))
+            return right
+        before, after = (candidate(one.as_it_is, one.predicted) for one in (recorded, right.exact))
         takes = after.whiteness.excess < SELECTION.geometry_takes * before.whiteness.excess
-        return errors if after.is_white or takes else None
+        return right if after.is_white or takes else None
 
     def _beside_effects(self, found: Reached) -> ReadingErrors | None:
         """What the readings are off by beside effects that leave only noise of the markers."""
@@ -139,13 +137,12 @@ class Rounds:
             return None  # a geometry that could be open says as much
         return reading_errors(best.model.fit, last.cleaned.campaign, SCORES.enough)
 
-    def _with_readings_right(self, cleaned: Cleaned, recorded: Baseline, errors: ReadingErrors) -> Reached:
-        """All rounds once more, of the readings as they should have been."""
-        self.say("lengths or cameras do not read alike in all windows: looking again with the readings put right")
+    def _put_right(self, cleaned: Cleaned, errors: ReadingErrors) -> "_Right":
+        """The readings as their sensors should have read, fitted."""
+        self.say("lengths or cameras do not read alike in all windows: fitting the readings put right")
         right = replace(cleaned, campaign=errors.put_right(cleaned.campaign))
         rounds = self.of_robot(right.campaign.robot)
-        exact = rounds.fitted(right.campaign)
-        return replace(rounds.searched(right, recorded, exact, first_look(exact)), errors=errors)
+        return _Right(rounds, right, rounds.fitted(right.campaign), errors)
 
     def of_robot(self, robot: Robot) -> "Rounds":
         """The same of a robot whose sensors have another noise."""
@@ -242,6 +239,22 @@ class Rounds:
             return (again, end) if end.unexplained <= last.unexplained else (first, last)
         takes = after.whiteness.excess < SELECTION.geometry_takes * best.whiteness.excess
         return (again, end) if takes else (first, last)
+
+
+@dataclass(frozen=True, eq=False)
+class _Right:
+    """A campaign whose readings were put right, with its baseline."""
+
+    rounds: Rounds
+    """of the robot with the noise that was found"""
+    cleaned: Cleaned
+    exact: Baseline
+    errors: ReadingErrors
+
+    def searched(self, recorded: Baseline) -> Reached:
+        """Where the search of it ends. recorded: the baseline of the campaign as it was recorded."""
+        found = self.rounds.searched(self.cleaned, recorded, self.exact, first_look(self.exact))
+        return replace(found, errors=self.errors)
 
 
 def _all_put_back(cleaned: Cleaned, kept: Cleaned) -> bool:

@@ -33,7 +33,11 @@ def with_readings(told: Explanation, errors: ReadingErrors | None, cleaned: Clea
         return _with_noise(told, cleaned)
     sensors = cleaned.campaign.robot.sensors
     readings = tuple(_reading(one) for one in errors.found)
-    drifts = tuple(_cause(one) for one in errors.found if one.kind.id == DRIFT)
+    drifts = tuple(
+        NamedCause(DRIFT, reading.cable, reading.equivalent_to, reading.parameters, SAYS[DRIFT], single=not one.rivals)
+        for one, reading in zip(errors.found, readings, strict=True)
+        if reading.id == DRIFT
+    )
     verdict = told.verdict
     if verdict is Verdict.NOTHING_MISSING:
         verdict = Verdict.EXPLAINED if drifts else Verdict.SENSOR_FAULT
@@ -67,12 +71,6 @@ def _parameters(error: ReadingError) -> dict[str, EffectParameter]:
         return {"size": EffectParameter(error.size, None, "m")}
     rows = zip(error.kind.names, error.theta, error.sd, strict=True)
     return {name: EffectParameter(float(value), float(sd), "m") for name, value, sd in rows}
-
-
-def _cause(error: ReadingError) -> NamedCause:
-    alike = tuple(dict.fromkeys(other.id for other in error.rivals if other.id != error.kind.id))
-    single = not error.rivals
-    return NamedCause(DRIFT, error.kind.cable, alike, _parameters(error), SAYS[DRIFT], single=single)
 
 
 def _words(error: ReadingError) -> str:
