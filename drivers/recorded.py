@@ -69,6 +69,9 @@ class RecordedBus:
     def send(self, frame_id: int, data: bytes) -> None:
         """Goes nowhere."""
 
+    def ask(self, frame_id: int) -> None:
+        """Goes nowhere."""
+
     def subscribe(self, receiver: Callable[[CanFrame], None]) -> None:
         """Call `receiver` for each delivered frame."""
         self._subscribers.append(receiver)

@@ -7,6 +7,7 @@ For the same nodes on a real python-can bus see `served_bus`.
 import heapq
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from itertools import count
 from typing import TypeVar
 
@@ -26,7 +27,7 @@ class InProcessBus:
 
     Frames that are sent at the same time pass in the order of their identifiers, each to everybody but its sender. A
     subscriber may send from within its callback; that frame joins the queue and has passed when the outermost `send`
-    returns. Not simulated: transmission times and bus load, error frames and counters, remote frames. One thread only.
+    returns. Not simulated: transmission times and bus load, error frames and counters. One thread only.
     """
 
     def __init__(self, clock_now: Callable[[], float]) -> None:
@@ -35,7 +36,7 @@ class InProcessBus:
         self._nodes: list[CanNode] = []
         self._receivers: list[Callable[[CanFrame], None]] = []
         self._observers: list[Callable[[CanFrame], None]] = []
-        self._queue: list[tuple[int, int, bytes, _Sender]] = []
+        self._queue: list[tuple[int, int, bytes, _Sender, bool]] = []
         self._late: list[tuple[float, int, CanFrame, _Sender]] = []
         self._order = count()
         self._passing = False
@@ -59,16 +60,21 @@ class InProcessBus:
 
         Raises BusError while `fault` is set, OurBugError for what is no classic CAN frame.
         """
-        if self.fault is not None:
-            raise BusError(f"cannot send frame {frame_id:#05x}: {self.fault}", hint="Check adapter and cable.")
+        self._require_adapter(frame_id)
         _check(frame_id, data)
         self._push(_MASTER, [(frame_id, data)])
         self._run()
 
-    def inject(self, frame_id: int, data: bytes) -> None:
+    def ask(self, frame_id: int) -> None:
+        """Deliver a remote frame of the master, and the answer. Raises BusError while `fault` is set."""
+        self._require_adapter(frame_id)
+        self._push(_MASTER, [(frame_id, b"")], remote=True)
+        self._run()
+
+    def inject(self, frame_id: int, data: bytes, *, remote: bool = False) -> None:
         """Deliver a frame of somebody else to the master and to all nodes."""
         _check(frame_id, data)
-        self._push(_STRANGER, [(frame_id, data)])
+        self._push(_STRANGER, [(frame_id, data)], remote=remote)
         self._run()
 
     def subscribe(self, receiver: Callable[[CanFrame], None]) -> None:
@@ -104,14 +110,18 @@ class InProcessBus:
     def _live(self, t: float) -> None:
         while self._late and self._late[0][0] <= t:
             _, _, frame, sender = heapq.heappop(self._late)
-            self._deliver(CanFrame(frame.id, frame.data, self._now()), sender)
+            self._deliver(replace(frame, t=self._now()), sender)
         for node in self._nodes:
             self._push(node, node.advance(t))
         self._run()
 
-    def _push(self, sender: _Sender, frames: Iterable[Outgoing]) -> None:
+    def _require_adapter(self, frame_id: int) -> None:
+        if self.fault is not None:
+            raise BusError(f"cannot send frame {frame_id:#05x}: {self.fault}", hint="Check adapter and cable.")
+
+    def _push(self, sender: _Sender, frames: Iterable[Outgoing], *, remote: bool = False) -> None:
         for frame_id, data in frames:
-            heapq.heappush(self._queue, (frame_id, next(self._order), data, sender))
+            heapq.heappush(self._queue, (frame_id, next(self._order), data, sender, remote))
 
     def _run(self) -> None:
         """Let all frames that contend for the bus pass, unless that is going on already."""
@@ -120,8 +130,8 @@ class InProcessBus:
         self._passing = True
         try:
             while self._queue:
-                frame_id, _, data, sender = heapq.heappop(self._queue)
-                self._pass(CanFrame(frame_id, data, self._now()), sender)
+                frame_id, _, data, sender, remote = heapq.heappop(self._queue)
+                self._pass(CanFrame(frame_id, data, self._now(), remote), sender)
         finally:
             self._passing = False
 
@@ -133,7 +143,7 @@ class InProcessBus:
         if rule is None:
             self._deliver(frame, sender)
         elif not rule.drop:
-            changed = CanFrame(frame.id, rule.change(frame.data)[:8] if rule.change else frame.data, frame.t)
+            changed = replace(frame, data=rule.change(frame.data)[:8] if rule.change else frame.data)
             for _ in range(rule.copies):
                 if rule.delay > 0.0:
                     heapq.heappush(self._late, (frame.t + rule.delay, next(self._order), changed, sender))

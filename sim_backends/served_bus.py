@@ -85,8 +85,10 @@ class ServedBus:
 
     def _live(self, message: can.Message | None) -> None:
         t = self._now()
-        if message is not None and not (message.is_error_frame or message.is_extended_id or message.is_remote_frame):
-            self._deliver(CanFrame(message.arbitration_id, bytes(message.data), t), None)
+        if message is not None and not (message.is_error_frame or message.is_extended_id):
+            remote = message.is_remote_frame
+            data = b"" if remote else bytes(message.data)
+            self._deliver(CanFrame(message.arbitration_id, data, t, remote), None)
         for node in self._nodes:
             self._send(node, node.advance(t))
         if self._step is not None:

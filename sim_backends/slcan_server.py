@@ -1,5 +1,7 @@
 r"""A CAN bus over TCP that speaks SLCAN, the text of serial CAN adapters: `t1812AABB\r` is frame 0x181 with AA BB.
 
+`r7011\r` is the remote frame that asks for frame 0x701, of one byte.
+
 Clients open it with python-can: interface "slcan", channel "socket://HOST:PORT". For simulated nodes in a process of
 their own where the kernel has no CAN: nothing is lost, frames keep their order, and a plug that is pulled is noticed.
 """
@@ -23,7 +25,7 @@ _LONGEST_LINE = 64
 class SlcanServerBus(can.BusABC):
     """Our end of the bus, as a python-can bus; each frame goes to all clients but its sender.
 
-    Used from one thread. Not simulated: bit rate and load, error frames, flags, extended and remote frames (ignored).
+    Used from one thread. Not simulated: bit rate and load, error frames, flags, extended frames (ignored).
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -115,17 +117,21 @@ class SlcanServerBus(can.BusABC):
 
 
 def format_line(message: can.Message) -> bytes:
-    """A standard data frame as a line, its end included."""
+    """A standard frame as a line, its end included."""
+    if message.is_remote_frame:
+        return b"r%03X%d\r" % (message.arbitration_id, message.dlc)
     return b"t%03X%d%s\r" % (message.arbitration_id, message.dlc, bytes(message.data).hex().upper().encode())
 
 
 def parse_line(line: bytes) -> can.Message | None:
-    """The standard data frame in a line without its end; None for commands (open, bit rate) and for what is none."""
+    """The standard frame in a line without its end; None for commands (open, bit rate) and for what is none."""
     try:
         text = line.decode("ascii")
-        if text[:1] != "t" or not 0 <= int(text[4]) <= 8:
+        if text[:1] not in ("t", "r") or not 0 <= int(text[4]) <= 8:
             return None
         identifier, length = int(text[1:4], 16), int(text[4])
+        if text[0] == "r" and identifier <= 0x7FF:
+            return can.Message(arbitration_id=identifier, is_remote_frame=True, dlc=length, is_extended_id=False)
         data = bytes.fromhex(text[5 : 5 + 2 * length])
     except (ValueError, IndexError):
         return None

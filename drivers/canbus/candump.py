@@ -22,12 +22,13 @@ LIMIT = 4 << 30
 """bytes, read line by line; a day of four winches at 100 Hz has 3.6 GB"""
 _LONGEST_LINE = 200
 """bytes; ours have 45, and the name of a channel has at most 15"""
-_LINE = re.compile(r"\(([0-9]{1,12}\.[0-9]{1,9})\) (\S+) ([0-9A-Fa-f]{3})#((?:[0-9A-Fa-f]{2}){0,8})(?: [RT])?")
+_LINE = re.compile(r"\(([0-9]{1,12}\.[0-9]{1,9})\) (\S+) ([0-9A-Fa-f]{3})#(R[0-8]?|(?:[0-9A-Fa-f]{2}){0,8})(?: [RT])?")
 
 
 def format_line(frame: CanFrame, channel: str = "can0") -> str:
     """One frame as a line, without line end; time in µs."""
-    return f"({frame.t:017.6f}) {channel} {frame.id:03X}#{frame.data.hex().upper()}"
+    data = "R" if frame.remote else frame.data.hex().upper()
+    return f"({frame.t:017.6f}) {channel} {frame.id:03X}#{data}"
 
 
 class CandumpLog:
@@ -109,4 +110,5 @@ def _parse(path: Path, number: int, line: str) -> CanFrame:
     if match is None:
         raise FileError(path, f"line {number}", f"{ascii(line)[:60]} is not a candump line like '(1.5) can0 181#0011'.")
     time, _, identifier, data = match.groups()
-    return CanFrame(int(identifier, 16), bytes.fromhex(data), float(time))
+    remote = data.startswith("R")
+    return CanFrame(int(identifier, 16), b"" if remote else bytes.fromhex(data), float(time), remote)

@@ -54,7 +54,7 @@ class BusCounters:
     garbled: int = 0
     """lines or frames that the interface could not decode"""
     foreign: int = 0
-    """remote frames and extended identifiers, which CANopen does not use here"""
+    """extended identifiers, which CANopen does not use here"""
     error_frames: int = 0
     warnings: int = 0
     """what the interface raised once, and went on"""
@@ -95,12 +95,13 @@ class _Receiver(can.Listener):
         if msg.is_error_frame:
             counters.error_frames += 1
             return
-        if msg.is_extended_id or msg.is_remote_frame:
+        if msg.is_extended_id:
             counters.foreign += 1
             return
         counters.received += 1
         self._garbled_in_a_row = 0
-        frame = CanFrame(msg.arbitration_id, bytes(msg.data), time.monotonic())
+        remote = msg.is_remote_frame
+        frame = CanFrame(msg.arbitration_id, b"" if remote else bytes(msg.data), time.monotonic(), remote)
         try:
             for call in (*self.observers, *self.subscribers):
                 call(frame)
@@ -216,12 +217,18 @@ class PythonCanTransport:
 
         Raises BusError where that is impossible.
         """
+        self._send(can.Message(arbitration_id=frame_id, data=data, is_extended_id=False))
+
+    def ask(self, frame_id: int) -> None:
+        """Put a remote frame on the bus, for an answer of one byte. Raises BusError as `send`."""
+        self._send(can.Message(arbitration_id=frame_id, is_remote_frame=True, dlc=1, is_extended_id=False))
+
+    def _send(self, message: can.Message) -> None:
         if self._closed:
             raise BusError(f"The CAN bus {self._label} is closed.")
-        message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=False)
         # SYNC and SDO come from different threads; slcan writes text, which must not interleave
         with self._sending:
-            frame = CanFrame(frame_id, data, time.monotonic())
+            frame = CanFrame(message.arbitration_id, bytes(message.data), time.monotonic(), message.is_remote_frame)
             for observer in self._receiver.observers:  # first, so that no answer stands before it in the log
                 observer(frame)
             try:

@@ -14,12 +14,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class CanFrame:
-    """One classic CAN data frame with an 11-bit identifier."""
+    """One classic CAN frame with an 11-bit identifier."""
 
     id: int
     data: bytes
     t: float
     """monotonic s at which it passed; for sent frames the time of sending"""
+    remote: bool = False
+    """a remote frame (RTR), which asks for the data frame of this identifier and has no data"""
 
 
 class CanTransport(Protocol):
@@ -39,8 +41,12 @@ class CanTransport(Protocol):
         """Put one frame on the bus. Raises BusError where that is impossible."""
         ...
 
+    def ask(self, frame_id: int) -> None:
+        """Put a remote frame on the bus: whoever owns the identifier answers with its data frame. Raises BusError."""
+        ...
+
     def subscribe(self, receiver: Callable[[CanFrame], None]) -> None:
-        """Call `receiver` for each frame that arrives from the other nodes."""
+        """Call `receiver` for each frame that arrives from the other nodes, remote ones as well."""
         ...
 
     def tap(self, observer: Callable[[CanFrame], None]) -> None:

@@ -10,7 +10,14 @@ from sim_backends.drive.axis.defects import Defects
 from sim_backends.drive.faults import DriveFaults
 from sim_backends.drive.objects.dictionary import Dictionary
 from sim_backends.drive.objects.emergency import HEARTBEAT_LOST, ErrorLog
-from sim_backends.drive.objects.nmt import HeartbeatProducer, HeartbeatWatch, NmtCommand, NmtState, nmt_command
+from sim_backends.drive.objects.nmt import (
+    HeartbeatProducer,
+    HeartbeatWatch,
+    LifeGuard,
+    NmtCommand,
+    NmtState,
+    nmt_command,
+)
 from sim_backends.drive.objects.pdo_unit import PdoUnit
 from sim_backends.drive.objects.sdo_server import SdoServer
 
@@ -47,6 +54,7 @@ class Communication:
         self._pdos = PdoUnit(od, errors)
         self._producer = HeartbeatProducer(od)
         self._watch = HeartbeatWatch(od)
+        self._guard = LifeGuard(od)
         od.attach(0x1017, watcher=lambda _subindex, _value: self._producer.restart(axis.feedback.now))
         self._late: list[tuple[float, Outgoing]] = []
         self.state = NmtState.INITIALISING
@@ -59,17 +67,23 @@ class Communication:
         """When something is next to be sent or noticed, s."""
         late = self._late[0][0] if self._late else math.inf
         events = self._pdos.due if self.state is NmtState.OPERATIONAL else math.inf
-        return min(late, events, self._producer.due, self._watch.due, self._sync_due)
+        return min(late, events, self._producer.due, self._watch.due, self._guard.due, self._sync_due)
 
     @property
     def lively(self) -> bool:
         """Whether a SYNC may lead to more than the PDOs it asks for."""
         return self._pdos.lively or bool(self._od.number(0x1006))
 
+    def handler(self, frame: CanFrame) -> Callable[[CanFrame], None] | None:
+        """What to do with a frame in the present state; remote frames ask for the node's state and nothing else."""
+        guarding = frame.id == _HEARTBEAT + self._node_id
+        return self.routes.get(frame.id) if frame.remote is guarding else None
+
     def boot(self) -> None:
         """Announce the node, and be pre-operational with the dictionary as it is."""
         self._sdo.reset()
         self._watch.reset()
+        self._guard.reset()
         self._sync_due = math.inf
         self._late.clear()
         self.outbox.append((_HEARTBEAT + self._node_id, b"\x00"))
@@ -84,7 +98,8 @@ class Communication:
             if not self._defects.sync_ignored:
                 self._errors.report(SYNC_LOST)
                 self._axis.abort_connection()
-        if now >= self._watch.due and self._watch.missed(now) and not self._defects.heartbeat_ignored:
+        missed = [watch.missed(now) for watch in (self._watch, self._guard) if now >= watch.due]
+        if any(missed) and not self._defects.heartbeat_ignored:
             self._errors.report(HEARTBEAT_LOST)
             self._axis.abort_connection()
             self.settle(now)
@@ -122,6 +137,7 @@ class Communication:
         if self._pdos.stale:
             self._pdos.rebuild(self._axis.feedback.now)
         routes: dict[int, Callable[[CanFrame], None]] = {_NMT: self._command}
+        routes[_HEARTBEAT + self._node_id] = self._answer_guarding
         if self.state is NmtState.OPERATIONAL:
             for cob_id in self._pdos.receivers:
                 routes[cob_id] = self._process
@@ -176,6 +192,12 @@ class Communication:
 
     def _process(self, frame: CanFrame) -> None:
         self._pdos.receive(frame.id, frame.data)
+
+    def _answer_guarding(self, frame: CanFrame) -> None:
+        if (answer := self._guard.answer(self.state, frame.t)) is not None:
+            self.outbox.append((_HEARTBEAT + self._node_id, answer))
+            if self._guard.first:
+                self._errors.withdraw(HEARTBEAT_LOST)
 
     def _hear(self, frame: CanFrame) -> None:
         if self._watch.hear(frame.id - _HEARTBEAT, frame.data, frame.t):

@@ -114,7 +114,7 @@ class SimulatedDrive:
         if frame.t >= self._due:
             self._live(frame.t)
         self._axis.feedback.sample(frame.t)
-        handler = self._communication.routes.get(frame.id)
+        handler = self._communication.handler(frame)
         if handler is not None and not self.faults.silent:
             handler(frame)
             if frame.id != _SYNC or self._communication.lively:

@@ -26,6 +26,13 @@ def test_golden_lines(line):
     assert format_line(message) == line + b"\r"
 
 
+def test_a_remote_frame_asks_and_has_no_data():
+    message = parse_line(b"r7031")
+    assert message is not None
+    assert (message.arbitration_id, message.is_remote_frame, message.dlc) == (0x703, True, 1)
+    assert format_line(message) == b"r7031\r"
+
+
 @pytest.mark.parametrize("line", [b"", b"O", b"S8", b"t18", b"t1813AABB", b"t1819", b"tFFF0", b"T000001810", b"txyz0"])
 def test_what_is_no_frame(line):
     assert parse_line(line) is None

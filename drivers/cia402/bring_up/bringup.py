@@ -18,7 +18,7 @@ from drivers.cia402.dictionary.settings import Setting, SettingCheck, identity, 
 from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.words import Mode, mode_name
 from drivers.cia402.watch.master import CanopenMaster
-from drivers.cia402.watch.node import HEARTBEAT, NodeLink
+from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.nmt import NmtCommand, NmtState
 from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, ObjectValue, PdoMap, mapping_expected, mapping_writes
 from drivers.cia402.wire.sdo import SdoRefusedError
@@ -62,7 +62,7 @@ async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -
     await _refuse_power(link, config)
     asked = master.clock.now()
     link.send_nmt(NmtCommand.PRE_OPERATIONAL)
-    written = (*limits(config, master.host_id), *interpolation(config, master.period))
+    written = (*limits(config, master.host_id, guarded=link.able.guarded), *interpolation(config, master.period))
     checks += [await _apply(link, setting) for setting in link.able.fitting(written)]
     _refuse(config, checks)
     await _await_nmt(master, link, config, NmtState.PRE_OPERATIONAL, asked)
@@ -76,7 +76,7 @@ async def bring_up(master: CanopenMaster, link: NodeLink, config: WinchConfig) -
 async def graded(link: NodeLink, config: WinchConfig) -> tuple[Graded, ...]:
     """The grade table of a drive: only read, so that it can be asked for at any time. Raises DeviceError."""
     told: dict[str, int] = {}
-    for setting in link.able.kept(limits(config, 0)):
+    for setting in link.able.kept(limits(config, 0, guarded=link.able.guarded)):
         with contextlib.suppress(SdoRefusedError):
             told[setting.object] = await link.sdo.read(setting.index, setting.sub)
     serial_number = 0
@@ -101,7 +101,8 @@ async def forgotten(link: NodeLink, config: WinchConfig, host_id: int) -> list[s
 
     Ramps are left out, which each move sets anew. Raises DeviceError where the drive does not answer.
     """
-    written = [s for s in link.able.fitting(limits(config, host_id)) if s.write and s.object not in OF_A_MOVE]
+    limited = limits(config, host_id, guarded=link.able.guarded)
+    written = [s for s in link.able.fitting(limited) if s.write and s.object not in OF_A_MOVE]
     found = [(setting, await link.sdo.read(setting.index, setting.sub)) for setting in written]
     return [f"{s.object} {s.meaning}: {value} found, {s.words} written" for s, value in found if not s.holds(value)]
 
@@ -142,8 +143,8 @@ async def _refuse_power(link: NodeLink, config: WinchConfig) -> None:
 
 
 async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig, state: NmtState, asked: float) -> None:
-    """By its heartbeat; a drive without has its samples to show that it is operational."""
-    if not link.able.can_write(*HEARTBEAT):
+    """By its heartbeat or its answers to node guarding; one without has its samples to show that it is operational."""
+    if not link.able.tells_its_state:
         return
 
     def there() -> bool:

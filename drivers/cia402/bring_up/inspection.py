@@ -56,7 +56,8 @@ async def inspect(link: NodeLink, config: WinchConfig, host_id: int) -> tuple[In
     found += [await _state(sdo), await _error_register(sdo)]
     if config.sto is not None:
         found.append(await _sto(link, config.sto))
-    found += [await _setting(sdo, setting) for setting in able.fitting(limits(config, host_id))]
+    limited = limits(config, host_id, guarded=able.guarded)
+    found += [await _setting(sdo, setting) for setting in able.fitting(limited)]
     found += [await _pdo(sdo, pdo, link.node_id) for pdo in link.layout.pdos]
     if sdo.knows(0x60C2, 1):
         found.append(await _interpolation(sdo))

@@ -80,6 +80,16 @@ class Abilities:
     registers: Mapping[tuple[int, int], Register]
     layout: PdoLayout
 
+    @property
+    def guarded(self) -> bool:
+        """Whether it misses its host by life guarding (100C, 100D): it watches no heartbeat (1016)."""
+        return not self.can_write(0x1016, 1) and self.can_write(0x100C) and self.can_write(0x100D)
+
+    @property
+    def tells_its_state(self) -> bool:
+        """Whether its network state is heard: by its heartbeat (1017), or by its answers to node guarding."""
+        return self.guarded or self.can_write(0x1017)
+
     def access(self, index: int, sub: int = 0) -> Access:
         """What may be done with an object."""
         register = self.registers.get((index, sub))

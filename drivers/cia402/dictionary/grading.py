@@ -17,9 +17,9 @@ _HOST = 127
 
 def grade(able: Abilities, config: WinchConfig, told: Mapping[str, int], serial_number: int) -> tuple[Graded, ...]:
     """The whole table. told: values of objects that the drive shows and does not let be written (`Abilities.kept`)."""
-    wanted = {setting.object: setting for setting in limits(config, _HOST)}
+    wanted = {setting.object: setting for setting in limits(config, _HOST, guarded=able.guarded)}
     return tuple(
-        _grade(_as_configured(requirement, config), able, config, wanted, told, serial_number)
+        _grade(_as_configured(requirement, able, config), able, config, wanted, told, serial_number)
         for requirement in REQUIREMENTS
     )
 
@@ -52,8 +52,14 @@ def narrowed(config: WinchConfig, table: tuple[Graded, ...]) -> WinchConfig:
     return changed
 
 
-def _as_configured(requirement: Requirement, config: WinchConfig) -> Requirement:
-    """Where the winch's mode or the family puts an object in the place of another."""
+_OF_THE_NETWORK = ("reaction to a lost host", "heartbeat of the drive")
+"""what heartbeats or node guarding give, never both: heartbeats first"""
+
+
+def _as_configured(requirement: Requirement, able: Abilities, config: WinchConfig) -> Requirement:
+    """Where the winch's mode, the drive or the family puts an object in the place of another."""
+    if requirement.key in _OF_THE_NETWORK:
+        return replace(requirement, objects=(requirement.objects[able.guarded],))
     own = {"current limit": config.family.current_limit, "rated current": config.family.rated_current}
     vendor = own.get(requirement.key)
     if vendor is not None:

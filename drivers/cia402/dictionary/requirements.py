@@ -73,7 +73,7 @@ REQUIREMENTS: tuple[Requirement, ...] = (
     Requirement(
         "reaction to a lost host",
         _PROVEN,
-        (("1016:1", "6007:0"),),
+        (("1016:1", "6007:0"), ("100C:0", "100D:0", "6007:0")),
         trials=(Trial.LOST_HEARTBEAT, Trial.LOST_SYNC),
     ),
     Requirement("quick-stop reaction", _PROVEN, (("605A:0", "6085:0"),), trials=(Trial.QUICK_STOP,)),
@@ -87,7 +87,9 @@ REQUIREMENTS: tuple[Requirement, ...] = (
     Requirement("following-error time", _GOOD, (("6066:0",),), "the drive's own"),
     Requirement("communication error", _GOOD, (("1029:1",),), "the drive's own; samples that stop are seen"),
     Requirement("load told", _GOOD, (), "no run: the tension guard stops it, for nothing tells that tension"),
-    Requirement("heartbeat of the drive", _GOOD, (("1017:0",),), "its samples at each SYNC show that it lives"),
+    Requirement(
+        "heartbeat of the drive", _GOOD, (("1017:0",), ("100C:0",)), "its samples at each SYNC show that it lives"
+    ),
     Requirement("following error told", _GOOD, (("60F4:0",),), "the motion guard compares encoder and command"),
     Requirement("rated current", _GOOD, (("6075:0",),), "the rig file's word is taken"),
     Requirement("supported modes", _GOOD, (("6502:0",),), "the displayed mode (6061) counts"),

@@ -12,6 +12,8 @@ STOPS = ("1016:1", "1029:1", "6007:0", "605A:0", "605D:0", "605E:0", "6065:0", "
 """objects by which a drive stops"""
 _PROFILE_402 = 402
 _SYNC_ID = 0x80
+LIFE_TIME_FACTOR = 3
+"""periods of the host's guarding without which a drive stops: as many as its heartbeat may miss"""
 _SYNC_BITS = 0x400007FF  # the identifier, and bit 30: the drive produces SYNC
 
 
@@ -85,15 +87,17 @@ def identity(config: WinchConfig, eds_identity: tuple[int, int]) -> tuple[Settin
     return _as_family_has_it(config, wanted)
 
 
-def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
-    """Heartbeats, stop reactions and limits: written, read back, and a mismatch refused."""
+def limits(config: WinchConfig, host_id: int, *, guarded: bool = False) -> tuple[Setting, ...]:
+    """Heartbeats, stop reactions and limits: written, read back, and a mismatch refused.
+
+    guarded: the host is watched by life guarding in place of its heartbeat (`Abilities.guarded`).
+    """
     scale, stop = config.scale, config.stop
     low, high = sorted(scale.count(length) for length in config.length_limits)
     per_mille = round(1000 * config.current_limit / config.rated_current)
     acceleration = config.drive_acceleration(config.max_acceleration)
     wanted = (
-        Setting(0x1017, 0, _milliseconds(config.heartbeat), "heartbeat of the drive, ms"),
-        Setting(0x1016, 1, host_id << 16 | _milliseconds(config.host_timeout), "watch of the host's heartbeat"),
+        *(_life_guarding(config) if guarded else _heartbeats(config, host_id)),
         Setting(0x1029, 1, stop.communication_error, "behaviour on communication error"),
         Setting(0x6007, 0, stop.connection_lost, "reaction to a lost connection"),
         Setting(0x605A, 0, stop.quick_stop, "quick stop option"),
@@ -111,6 +115,23 @@ def limits(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
         Setting(0x6085, 0, config.drive_acceleration(config.quick_stop_deceleration), "quick stop deceleration"),
     )
     return _as_family_has_it(config, (*wanted, *_current_limit(config)))
+
+
+def _heartbeats(config: WinchConfig, host_id: int) -> tuple[Setting, ...]:
+    return (
+        Setting(0x1017, 0, _milliseconds(config.heartbeat), "heartbeat of the drive, ms"),
+        Setting(0x1016, 1, host_id << 16 | _milliseconds(config.host_timeout), "watch of the host's heartbeat"),
+    )
+
+
+def _life_guarding(config: WinchConfig) -> tuple[Setting, ...]:
+    """CiA 301 forbids both at once: a drive that sends heartbeats is not guarded."""
+    guard_time = max(1, int(1000.0 * config.host_timeout / LIFE_TIME_FACTOR + 1e-9))
+    return (
+        Setting(0x1017, 0, 0, "heartbeat of the drive, ms: none beside node guarding"),
+        Setting(0x100C, 0, guard_time, "guard time, ms"),
+        Setting(0x100D, 0, LIFE_TIME_FACTOR, "life time factor"),
+    )
 
 
 def stop_settings(config: WinchConfig, host_id: int) -> dict[str, int]:

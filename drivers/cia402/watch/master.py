@@ -2,6 +2,7 @@
 
 Make one for a bus, `add_node` for each drive, then run `run()` as a task for as long as drives are in use. The
 heartbeat comes from the same loop: where that hangs or ends, the drives miss it and stop by themselves (1016, 6007).
+Drives that watch no heartbeat are asked for their state by remote frames in its rhythm, and miss those (100C, 100D).
 """
 
 import math
@@ -14,7 +15,7 @@ import canopen
 
 from drivers.canbus.load import MAX_LOAD, bus_load
 from drivers.canbus.transport import CanFrame, CanTransport
-from drivers.cia402.dictionary.abilities import PdoLayout, abilities
+from drivers.cia402.dictionary.abilities import Abilities, abilities
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.profile.machine import Command
 from drivers.cia402.profile.words import controlword
@@ -80,7 +81,7 @@ class CanopenMaster:
         self.host_id = host_id
         self.sync = SyncTimes()
         self.silent = False
-        """neither SYNC nor heartbeat is sent any more: a drive did not obey, its own watchdog shall stop it"""
+        """neither SYNC, heartbeat nor guarding any more: a drive did not obey, its own watchdog shall stop it"""
         self.without_sync = self.without_heartbeat = False
         """withheld for a trial, for a while: does each drive stop by itself?"""
         self.skipped = 0
@@ -91,8 +92,8 @@ class CanopenMaster:
         self._heartbeat_due = float("-inf")
         self._links: dict[int, NodeLink] = {}
         self._strangers = Strangers(host_id, ())
-        self._talk: list[tuple[float, PdoLayout]] = []
-        """period of its heartbeat (s), and its PDOs, for each drive"""
+        self._talk: list[tuple[float, Abilities]] = []
+        """how often it says its state (s), and what it can do, for each drive"""
         self._before_sync: list[Callable[[], None]] = []
         self._receivers: dict[int, Callable[[CanFrame], None]] = {}
         self._network = canopen.Network(cast(can.BusABC, _TransportBus(transport, self._links)))
@@ -109,13 +110,14 @@ class CanopenMaster:
             )
         node = _remote_node(config)
         able = abilities(node.object_dictionary, config)
-        self._refuse_overload(config.heartbeat, able.layout)
+        heard_every = max(config.heartbeat, self._heartbeat_period) if able.guarded else config.heartbeat
+        self._refuse_overload(heard_every, able)
         self._network.add_node(node)
         sdo = SdoChannel(node, self.transport, self.clock, device=config.device, timeout=config.sdo_timeout)
-        link = NodeLink(config.node_id, self.transport, sdo, self.sync, config.heartbeat, able)
+        link = NodeLink(config.node_id, self.transport, sdo, self.sync, heard_every, able)
         self._links[config.node_id] = link
         self._strangers.add(config.node_id)
-        self._talk.append((config.heartbeat, able.layout))
+        self._talk.append((heard_every, able))
         for part, pdo in enumerate(able.layout.tpdos):
             self._receivers[pdo.cob_id(config.node_id)] = partial(link.on_tpdo, part)
         self._receivers[0x080 + config.node_id] = link.on_emergency
@@ -182,6 +184,9 @@ class CanopenMaster:
             self.transport.send(_SYNC, b"")
         if now >= self._heartbeat_due and not self.without_heartbeat:
             self.transport.send(0x700 + self.host_id, heartbeat_frame())
+            for link in self._links.values():
+                if link.able.guarded:
+                    link.guard()
             self._heartbeat_due = now + self._heartbeat_period - self.period / 2.0
 
     def before_sync(self, stream: Callable[[], None]) -> None:
@@ -198,10 +203,12 @@ class CanopenMaster:
 
     def _on_frame(self, frame: CanFrame) -> None:
         receiver = self._receivers.get(frame.id)
-        if receiver is not None:
+        if receiver is not None and not frame.remote:
             receiver(frame)
             return
         self._strangers.hear(frame)
+        if frame.remote:
+            return
         if frame.id == _SYNC:
             for link in self._links.values():
                 link.twins.foreign_sync()
@@ -216,16 +223,17 @@ class CanopenMaster:
         elif not link.answers_controlword(frame):
             self._network.notify(frame.id, bytearray(frame.data), frame.t)
 
-    def _load_with(self, talk: list[tuple[float, PdoLayout]]) -> float:
-        frames = {0: self._rate, 1: 1.0 / self._heartbeat_period + sum(1.0 / period for period, _ in talk)}
-        for _, layout in talk:
-            for pdo in (*layout.tpdos, layout.rpdo):
+    def _load_with(self, talk: list[tuple[float, Abilities]]) -> float:
+        asked = sum(able.guarded for _, able in talk) / self._heartbeat_period
+        frames = {0: self._rate + asked, 1: 1.0 / self._heartbeat_period + sum(1.0 / period for period, _ in talk)}
+        for _, able in talk:
+            for pdo in (*able.layout.tpdos, able.layout.rpdo):
                 size = pdo.format.size
                 frames[size] = frames.get(size, 0.0) + self._rate
         return bus_load(frames, self._bitrate)
 
-    def _refuse_overload(self, heartbeat: float, layout: PdoLayout) -> None:
-        talk = [*self._talk, (heartbeat, layout)]
+    def _refuse_overload(self, heard_every: float, able: Abilities) -> None:
+        talk = [*self._talk, (heard_every, able)]
         load = self._load_with(talk)
         if load > MAX_LOAD:
             raise SetupError(

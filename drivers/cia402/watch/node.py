@@ -24,8 +24,6 @@ _KEPT_EMERGENCIES = 64
 _MISSED_HEARTBEATS = 3.0
 _SAMPLED_LATELY = 0.1
 """s"""
-HEARTBEAT = (0x1017, 0)
-"""where a drive is told to send its heartbeat"""
 
 
 @dataclass
@@ -53,7 +51,7 @@ class NodeLink:
         heartbeat_period: float,
         able: Abilities,
     ) -> None:
-        """`heartbeat_period` (s) is what the drive is told to keep."""
+        """`heartbeat_period` (s) is how often the drive says its state."""
         self.node_id = node_id
         self.sdo = sdo
         self.able = able
@@ -104,7 +102,7 @@ class NodeLink:
                 self.motion.feed(values.position)
 
     def on_heartbeat(self, frame: CanFrame) -> None:
-        """A heartbeat, or a boot-up message."""
+        """A heartbeat, an answer to node guarding, or a boot-up message."""
         heartbeat = decode_heartbeat(frame.data, frame.t)
         if heartbeat is None:
             self.counters.malformed += 1
@@ -136,6 +134,10 @@ class NodeLink:
         """One NMT frame."""
         self._transport.send(0x000, nmt_frame(command, self.node_id))
 
+    def guard(self) -> None:
+        """One remote frame that asks for the node's state; a drive that gets none stops by itself (100C, 100D)."""
+        self._transport.ask(0x700 + self.node_id)
+
     def send_controlword(self, word: int, target: int) -> None:
         """One frame with a controlword, never waiting for an answer.
 
@@ -162,8 +164,8 @@ class NodeLink:
 
     @property
     def nmt_state(self) -> NmtState | None:
-        """As the last heartbeat said, whose age is not looked at; of a drive without, as its samples show."""
-        if self.able.can_write(*HEARTBEAT):
+        """As it said last, whose age is not looked at; of a drive that says nothing, as its samples show."""
+        if self.able.tells_its_state:
             return None if self.heartbeat is None else self.heartbeat.state
         sampled = self.values is not None and self._sync.current - self.values.t <= _SAMPLED_LATELY
         return NmtState.OPERATIONAL if sampled else None
@@ -203,12 +205,13 @@ class NodeLink:
             return ["the drive restarted by itself (power cut?) and must be configured again"]
         if wrong := self.decoder.malformed - self._mapped_otherwise:
             return [f"{wrong} TPDOs had a wrong length: its mapping has changed (restarted?), configure it again"]
-        if not self.able.can_write(*HEARTBEAT):
+        if not self.able.tells_its_state:
             return []
         heartbeat = self.heartbeat
         age = float("inf") if heartbeat is None else now - heartbeat.t
         if heartbeat is None or age > _MISSED_HEARTBEATS * self._heartbeat_period:
-            return [f"no heartbeat for {age:.2g} s, one every {self._heartbeat_period:g} s expected"]
+            what = "answer to node guarding" if self.able.guarded else "heartbeat"
+            return [f"no {what} for {age:.2g} s, one every {self._heartbeat_period:g} s expected"]
         if heartbeat.state is not NmtState.OPERATIONAL:
             return [f"the node is {heartbeat.state.words}, not OPERATIONAL"]
         return []

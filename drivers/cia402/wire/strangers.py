@@ -1,8 +1,8 @@
 """Who else commands the drives on this bus: frames that only a master sends, and that are not ours.
 
-A bus delivers to a node only what others have sent, so every SYNC, NMT command, receive PDO, SDO request or heartbeat
-of the host that arrives here is somebody else's: two masters undo each other's stops. Two drives with one node id both
-take every command; they show by two answers to a question, and by two TPDOs in each cycle that differ.
+A bus delivers to a node only what others have sent, so every SYNC, NMT command, receive PDO, SDO request, guarding or
+heartbeat of the host that arrives here is somebody else's: two masters undo each other's stops. Two drives with one
+node id both take every command; they show by two answers to a question, and by two TPDOs in each cycle that differ.
 """
 
 from collections import Counter
@@ -29,6 +29,8 @@ class Strangers:
             0x700 + host_id: f"heartbeats of node {host_id}, the host's",
         }
         self.heard: Counter[str] = Counter()
+        self._guarded: dict[int, str] = {}
+        """remote frames that ask a drive for its state: they keep it from missing us"""
         for node in nodes:
             self.add(node)
 
@@ -36,10 +38,11 @@ class Strangers:
         """One more drive: who asks or commands it is a master."""
         self._names |= {function + node: f"commands (RPDO) to node {node}" for function in _RPDOS}
         self._names[SDO_REQUEST + node] = f"SDO requests to node {node}"
+        self._guarded[0x700 + node] = f"remote frames (node guarding) to node {node}"
 
     def hear(self, frame: CanFrame) -> None:
         """One frame that somebody else has sent."""
-        what = self._names.get(frame.id)
+        what = (self._guarded if frame.remote else self._names).get(frame.id)
         if what is not None:
             self.heard[what] += 1
 

@@ -119,7 +119,7 @@ async def _listen(file: RigFile, transport: PythonCanTransport, clock: Clock) ->
 
     def hear(frame: CanFrame) -> None:
         if listening:
-            heard[frame.id] += 1
+            heard.update(() if frame.remote else (frame.id,))
             strangers.hear(frame)
 
     listening = True

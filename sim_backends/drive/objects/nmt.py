@@ -1,4 +1,4 @@
-"""Network management of a node: NMT states, its heartbeat, and its watch over other nodes' heartbeats."""
+"""Network management of a node: NMT states, its heartbeat, its watch over others' heartbeats, node guarding."""
 
 import math
 from enum import IntEnum
@@ -49,6 +49,49 @@ class HeartbeatProducer:
         """One was sent at t; the next keeps the rhythm where it can."""
         period = 1e-3 * self._dictionary.number(0x1017)
         self.due = self.due + period if self.due + period > t else t + period
+
+
+class LifeGuard:
+    """Node guarding: answers the master's remote frames with its state, and misses them (life guarding, 100C · 100D).
+
+    It begins with the first of them after 100C and 100D were set. A node that sends heartbeats (1017) is not guarded.
+    """
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self._dictionary = dictionary
+        self._toggle = False
+        self.due = math.inf
+        """when the next one is missed, s"""
+        self.first = False
+        """whether the one that was answered last began the watch"""
+        for index in (0x100C, 0x100D):
+            dictionary.attach(index, watcher=lambda _subindex, _value: self._forget())
+
+    def reset(self) -> None:
+        """The node has started."""
+        self._toggle = False
+        self._forget()
+
+    def answer(self, state: NmtState, t: float) -> bytes | None:
+        """To a remote frame at t: the state below a bit that changes each time; None where there is no such service."""
+        if isinstance(self._dictionary.find(0x100C), AbortCode) or self._dictionary.number(0x1017):
+            return None
+        life = 1e-3 * self._dictionary.number(0x100C) * self._dictionary.number(0x100D)
+        self.first = bool(life) and self.due == math.inf
+        self.due = t + life if life else math.inf
+        data = bytes([self._toggle << 7 | state])
+        self._toggle = not self._toggle
+        return data
+
+    def missed(self, t: float) -> bool:
+        """Whether the master has been silent for too long at t; told once."""
+        late = t >= self.due
+        if late:
+            self._forget()
+        return late
+
+    def _forget(self) -> None:
+        self.due = math.inf
 
 
 class HeartbeatWatch:

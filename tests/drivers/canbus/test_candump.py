@@ -16,13 +16,14 @@ FRAMES = st.builds(
     id=st.integers(0, 0x7FF),
     data=st.binary(max_size=8),
     t=st.integers(0, 10**15).map(lambda us: us / 1e6),
-)
+) | st.builds(CanFrame, id=st.integers(0, 0x7FF), data=st.just(b""), t=st.just(1.0), remote=st.just(True))
 
 
 def test_a_line_as_candump_writes_it() -> None:
     frame = CanFrame(0x181, bytes.fromhex("0011AABB"), 1436509052.249713)
     assert format_line(frame) == "(1436509052.249713) can0 181#0011AABB"
     assert format_line(CanFrame(0x80, b"", 1.5), "vcan1") == "(0000000001.500000) vcan1 080#"
+    assert format_line(CanFrame(0x703, b"", 1.5, remote=True)) == "(0000000001.500000) can0 703#R"
 
 
 @given(st.lists(FRAMES, max_size=30))
@@ -32,7 +33,7 @@ def test_round_trip(tmp_path_factory: pytest.TempPathFactory, frames: list[CanFr
         for frame in frames:
             log.write(frame)
     found = list(read_candump(path))
-    assert [(f.id, f.data) for f in found] == [(f.id, f.data) for f in frames]
+    assert [(f.id, f.data, f.remote) for f in found] == [(f.id, f.data, f.remote) for f in frames]
     assert [f.t for f in found] == pytest.approx([f.t for f in frames], abs=1e-6)
 
 

@@ -67,11 +67,24 @@ def test_frames_in_both_directions(transport: PythonCanTransport, other: can.Bus
 
 def test_what_is_not_for_canopen_is_counted(transport: PythonCanTransport, other: can.BusABC) -> None:
     other.send(can.Message(arbitration_id=0x18181, is_extended_id=True))
-    other.send(can.Message(arbitration_id=0x181, is_extended_id=False, is_remote_frame=True))
     other.send(can.Message(is_error_frame=True))
     counters = transport.counters
     assert eventually(lambda: counters.error_frames)
-    assert (counters.foreign, counters.error_frames, counters.received) == (2, 1, 0)
+    assert (counters.foreign, counters.error_frames, counters.received) == (1, 1, 0)
+
+
+def test_remote_frames_in_both_directions(transport: PythonCanTransport, other: can.BusABC) -> None:
+    received: list[CanFrame] = []
+    seen: list[CanFrame] = []
+    transport.subscribe(received.append)
+    transport.tap(seen.append)
+    other.send(can.Message(arbitration_id=0x705, is_extended_id=False, is_remote_frame=True, dlc=1))
+    assert eventually(lambda: received)
+    transport.ask(0x703)
+    message = other.recv(20.0)
+    assert message is not None
+    assert (message.arbitration_id, message.is_remote_frame, message.dlc) == (0x703, True, 1)
+    assert [(frame.id, frame.data, frame.remote) for frame in seen] == [(0x705, b"", True), (0x703, b"", True)]
 
 
 class FailingBus(can.BusABC):
