@@ -153,7 +153,9 @@ def test_a_guarded_drive_is_configured_without_a_trial(eds):
             assert (lost.met, lost.found) == (Met.CONFIGURED, "100C:0 + 100D:0 + 6007:0")
             assert (heard.met, heard.found) == (Met.CONFIGURED, "100C:0")
             od = bench.drive.od
-            assert (od.number(0x100C), od.number(0x100D), od.number(0x1017)) == (83, 3, 0), "of a host_timeout of 0.25 s"
+            assert (od.number(0x100C), od.number(0x100D), od.number(0x1017)) == (83, 3, 0), (
+                "of a host_timeout of 0.25 s"
+            )
             asked = [frame for frame in bench.log if frame.remote]
             assert {frame.id for frame in asked} == {0x703}
 

@@ -2,23 +2,37 @@
 
 import re
 
-NODE = re.compile(r"\$?NODE_?ID", re.IGNORECASE)
+NODE = re.compile(r"\$?\{?NODE_?ID\}?", re.IGNORECASE)
 _DECIMAL = re.compile(r"[+-]?[0-9]{1,20}")
 _HEXADECIMAL = re.compile(r"([+-]?)(?:0x([0-9a-f]{1,16})|([0-9][0-9a-f]{0,15})h)", re.IGNORECASE)
+_BARE = re.compile(r"[0-9a-f]{2,16}", re.IGNORECASE)
+"""hexadecimal without a sign of it: only where a letter shows it"""
+_FIRST = re.compile(r"([+-]?(?:0x[0-9a-f]+|[0-9][0-9a-f]*h?))(?=[\s;,(])", re.IGNORECASE)
 _WORDS = {"yes": 1, "true": 1, "no": 0, "false": 0}
+_PARTS = re.compile(r"([+|-]?)\s*([^+|\-\s]+)\s*")
 
 
 def number(text: str) -> int | None:
     """The integer of a text; None where it is none, or has more than 64 bits could.
 
-    Decimal with leading zeros is decimal: the standard's octal numbers are in no file that we have seen.
+    Decimal with leading zeros is decimal: the standard's octal numbers are in no file that we have seen. Of a number
+    with words behind it ("0x07 (UNSIGNED32)", "1;why") the number counts.
     """
-    text = text.strip().rstrip("uUlL") if not text.lower().startswith("0x") else text.strip().rstrip("uUL")
+    text = text.strip()
+    if (whole := _whole(text)) is None and (first := _FIRST.match(text)) is not None:
+        whole = _whole(first[1])
+    return whole
+
+
+def _whole(text: str) -> int | None:
+    if text.lower() in _WORDS:
+        return _WORDS[text.lower()]
+    text = text.rstrip("uUL" if text.lower().startswith("0x") else "uUlL")
     if _DECIMAL.fullmatch(text):
         return int(text)
     if (found := _HEXADECIMAL.fullmatch(text)) is not None:
         return int(f"{found[1]}{found[2] or found[3]}", 16)
-    return _WORDS.get(text.lower())
+    return int(text, 16) if _BARE.fullmatch(text) else None
 
 
 def plain(text: str) -> bool:
@@ -27,10 +41,16 @@ def plain(text: str) -> bool:
 
 
 def with_node(text: str) -> int | None:
-    """The sum beside `$NODEID` ("$NODEID+0x180", "0x180 + $NodeID"); None where it is no such sum."""
-    parts = text.strip("() ").split("+")
-    own = [part for part in parts if NODE.fullmatch(part.strip())]
-    numbers = [number(part) for part in parts if not NODE.fullmatch(part.strip())]
-    if len(own) != 1 or any(value is None for value in numbers):
+    """The sum beside `$NODEID` ("$NODEID+0x180", "0x180 + $NodeID", "{NODEID}|0x180"); None where it is no such sum.
+
+    "|" adds as well: an identifier of the predefined set has no bit of a node id.
+    """
+    text = re.sub(r"[()]", " ", text).strip()
+    parts = _PARTS.findall(text)
+    own = [sign for sign, part in parts if NODE.fullmatch(part)]
+    rest = [(sign, number(part)) for sign, part in parts if not NODE.fullmatch(part)]
+    joined = "".join(f"{sign}{part}" for sign, part in parts) == re.sub(r"\s", "", text)
+    unsigned = any(not sign for sign, _ in parts[1:])
+    if not joined or unsigned or own not in ([""], ["+"], ["|"]) or any(value is None for _, value in rest):
         return None
-    return sum(value for value in numbers if value is not None)
+    return sum(-value if sign == "-" else value for sign, value in rest if value is not None)

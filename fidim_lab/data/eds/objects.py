@@ -3,9 +3,10 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from fidim_lab.data.eds.compact import compact_entry, compact_pdos, count_of
 from fidim_lab.data.eds.numbers import NODE, number, plain, with_node
 from fidim_lab.data.eds.standard import (
     BOOLEAN,
@@ -13,6 +14,7 @@ from fidim_lab.data.eds.standard import (
     DOMAIN,
     FLOATS,
     HIGHEST,
+    NAMES,
     SIGNED,
     TEXTS,
     UNSIGNED,
@@ -20,19 +22,18 @@ from fidim_lab.data.eds.standard import (
     known_type,
     same_register,
 )
-from fidim_lab.data.eds.text import EdsSection, Repair, Value
+from fidim_lab.data.eds.text import EdsSection, Repair, no_objects
 from fidim_lab.errors import FileError
 
-MOST_ENTRIES = 20_000
-"""entries of one dictionary, sub-indices counted; the largest of a drive's maker that we know has 3000"""
-_OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})", re.IGNORECASE)
-_SUB = re.compile(r"(?:0x)?([0-9a-f]{1,4})[ _.]*sub[ _.]*(?:0x)?([0-9a-f]{1,4})", re.IGNORECASE)
+MOST_ENTRIES = 60_000
+"""entries of one dictionary, sub-indices counted: 8 s of reading; the largest file of a maker that we know has 3000"""
+_OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})h?", re.IGNORECASE)
+_SUB = re.compile(r"(?:0x)?([0-9a-f]{1,4})h?[ _.]*sub[ _.]*(?:0x)?([0-9a-f]{1,4})", re.IGNORECASE)
 _LIST = re.compile(r"([0-9a-f]{4})(name|value)", re.IGNORECASE)
+_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 _FIRST, _LAST_SUB = 0x1000, 0xFF
 _VARIABLE, _DOMAIN_OBJECT, _RECORD = 7, 2, 9
 _ACCESS = {"readonly": "ro", "writeonly": "wo", "readwrite": "rw", "constant": "const", "r": "ro", "w": "wo"}
-_COUNTED = (0x1003, *range(0x1600, 0x1800), *range(0x1A00, 0x1C00))
-"""whose sub-index 0 is written"""
 
 
 @dataclass
@@ -55,13 +56,17 @@ class _Cleaner:
         self._repairs: list[Repair] = []
         self._lines: list[str] = []
         self._entries = 0
+        self._listed: dict[int, tuple[EdsSection, str]] = {}
+        """objects that a list names, and where"""
 
     def clean(self, sections: Sequence[EdsSection]) -> tuple[str, list[Repair]]:
         objects = self._gather(sections)
         if not objects:
-            raise FileError(
-                self._path, "", "holds no objects", hint="An EDS has sections such as [1000] and [1018sub1]."
-            )
+            raise no_objects(self._path, sections)
+        for index in objects.keys() & set(self._listed):
+            del self._listed[index]
+        for index, (section, key) in self._listed.items():
+            self._say(section, key, f"{index:04X} is listed, and no section [{index:04X}] describes it: passed over")
         self._emit("DeviceInfo")  # canopen misses it aloud
         for index, entry in objects.items():
             self._object(index, entry)
@@ -69,6 +74,7 @@ class _Cleaner:
 
     def _gather(self, sections: Sequence[EdsSection]) -> dict[int, _Object]:
         objects: dict[int, _Object] = {}
+        implied: dict[int, _Object] = {}
         for section in sections:
             if (sub := _SUB.fullmatch(section.name)) is not None:
                 index, at = int(sub[1], 16), int(sub[2], 16)
@@ -84,7 +90,21 @@ class _Cleaner:
                 entry.parent = self._first(entry.parent, section)
             elif (listed := _LIST.fullmatch(section.name)) is not None:
                 objects.setdefault(int(listed[1], 16), _Object()).lists[listed[2].lower()] = section
-        return {index: entry for index, entry in objects.items() if entry.parent is not None or entry.subs}
+            elif (name := section.name.lower()) in _LISTS:
+                self._list(section)
+            elif name == "deviceinfo":
+                described = [(at, subs) for at, subs in compact_pdos(section) if at not in implied]
+                implied |= {
+                    at: _Object(EdsSection(f"{at:04X}", section.at("compactpdo")), subs) for at, subs in described
+                }
+        objects = {index: entry for index, entry in objects.items() if entry.parent is not None or entry.subs}
+        return (implied | objects) if objects else {}
+
+    def _list(self, section: EdsSection) -> None:
+        for key, value in section.values.items():
+            index = number(value.text) if key.isdigit() else None
+            if index is not None and _FIRST <= index <= 0xFFFF:
+                self._listed.setdefault(index, (section, key))
 
     def _first(self, old: EdsSection | None, new: EdsSection) -> EdsSection:
         """Of two sections of one object the first counts, unless they contradict each other in its type."""
@@ -123,11 +143,11 @@ class _Cleaner:
             self._say(parent, "compactsubobj", f"CompactSubObj={compact}: at most 254 are read")
             compact = max(0, min(compact, _LAST_SUB - 1))
         for sub in range(1, compact + 1):
-            subs.setdefault(sub, _compact(index, sub, parent, entry.lists))
+            subs.setdefault(sub, compact_entry(index, sub, parent, entry.lists))
         if 0 not in subs:
-            if not compact:
+            if not compact and parent.values:
                 self._say(parent, "", "has no sub-index 0: added")
-            subs[0] = _count(index, max(subs), parent, subs)
+            subs[0] = count_of(index, max(subs), parent, subs)
         self._emit(f"{index:04X}", ParameterName=parent.text("parametername") or f"object {index:04X}", ObjectType="9")
         for sub in sorted(subs):
             self._variable(index, sub, subs[sub])
@@ -181,7 +201,9 @@ class _Cleaner:
         return number(section.text("objecttype")) if section.text("objecttype") else None
 
     def _type(self, index: int, sub: int, section: EdsSection) -> int:
-        kind, standard = self._integer(section, "datatype"), known_type(index, sub)
+        standard = known_type(index, sub)
+        kind = NAMES.get(re.sub(r"[\W_]", "", section.text("datatype")).upper())
+        kind = self._integer(section, "datatype") if kind is None else self._named(section, kind)
         if kind is not None and kind > HIGHEST:
             kind = self._types.get(kind, kind)
         if kind is None or not 0 < kind <= HIGHEST:
@@ -195,6 +217,10 @@ class _Cleaner:
         if standard is not None and same_register(kind, standard):
             self._say(section, "datatype", f"DataType 0x{kind:02X} has the wrong sign: 0x{standard:02X} is meant")
             return standard
+        return kind
+
+    def _named(self, section: EdsSection, kind: int) -> int:
+        self._say(section, "datatype", f"DataType {section.text('datatype')!r} is a name: 0x{kind:02X}")
         return kind
 
     def _access(self, index: int, section: EdsSection) -> str:
@@ -263,25 +289,3 @@ class _Cleaner:
         elif kind in UNSIGNED and value < 0:
             value += 1 << bits
         return str(value)
-
-
-def _compact(index: int, sub: int, parent: EdsSection, lists: dict[str, EdsSection]) -> EdsSection:
-    """One entry of an array that its file describes once for all (CompactSubObj), with its own name and value."""
-    values = {key: value for key, value in parent.values.items() if key not in ("objecttype", "compactsubobj")}
-    for key, listed in (("parametername", lists.get("name")), ("parametervalue", lists.get("value"))):
-        if listed is not None and (own := listed.values.get(str(sub))) is not None:
-            values[key] = own
-    return replace(parent, name=f"{index:04X}sub{sub:X}", values=values)
-
-
-def _count(index: int, highest: int, parent: EdsSection, subs: dict[int, EdsSection]) -> EdsSection:
-    """A sub-index 0 that the file leaves out."""
-    written = index in _COUNTED and any("w" in s.text("accesstype").lower() for s in subs.values())
-    texts = {
-        "parametername": "Number of entries",
-        "datatype": "0x05",
-        "accesstype": "rw" if written else "ro",
-        "defaultvalue": str(highest),
-    }
-    values = {key: Value(text, parent.line) for key, text in texts.items()}
-    return EdsSection(f"{index:04X}sub0", parent.line, values)

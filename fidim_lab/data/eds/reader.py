@@ -2,19 +2,20 @@
 
 import io
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from canopen.objectdictionary import ObjectDictionary
 from canopen.objectdictionary.eds import import_eds
 
 from fidim_lab.data.eds.objects import clean_objects
-from fidim_lab.data.eds.text import Repair, read_sections
+from fidim_lab.data.eds.text import Repair, eds_bytes, parse_sections
 from fidim_lab.errors import FileError
 
 
 @dataclass(frozen=True, eq=False)
 class EdsFile:
-    """What a file describes, and what had to be repaired to read it."""
+    """What a file describes, and what had to be repaired to read it. Shared by all who read it: nobody changes it."""
 
     path: Path
     vendor: str
@@ -30,7 +31,13 @@ def read_dictionary(path: Path, node_id: int) -> EdsFile:
     Raises FileError with section, line and cure for what cannot be repaired: no object at all, one whose type stands
     twice and differs, a file that is none.
     """
-    sections, repairs = read_sections(path)
+    return _read(path, eds_bytes(path), node_id)
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, data: bytes, node_id: int) -> EdsFile:
+    """Kept for who asks again: a rig asks twice for each winch, and the largest files take seconds."""
+    sections, repairs = parse_sections(path, data)
     text, more = clean_objects(path, sections)
     info = next((s for s in sections if s.name.lower() == "deviceinfo"), None)
     try:

@@ -2,15 +2,18 @@
 
 import codecs
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from fidim_lab.data.files.input_file import MIB, read_bytes
 from fidim_lab.errors import FileError
 
-LIMIT = 4 * MIB
-"""bytes; the largest of a drive's maker that we know has 0.7 MiB"""
+LIMIT = 16 * MIB
+"""bytes; the largest of a drive's maker that we know has 0.7 MiB, drives with thousands of parameters have some"""
 _COMMENT = re.compile(r"(?:^|\s)(?:;|//).*$")
+_OTHER_EDS = ("file", "device", "device classification", "params")
+"""sections of the EDS files of EtherNet/IP and DeviceNet"""
 _TEXTS = ("parametername", "vendorname", "productname")
 """keys whose value is a text: a hash in it is no comment"""
 
@@ -56,9 +59,13 @@ class EdsSection:
         return self.line if value is None else value.line
 
 
-def read_sections(path: Path) -> tuple[list[EdsSection], list[Repair]]:
-    """All sections in their order, doubled ones as they stand. Raises FileError for no file, a large one, or XML."""
-    data = read_bytes(path, LIMIT)
+def eds_bytes(path: Path) -> bytes:
+    """The file. Raises FileError for none, or a large one."""
+    return read_bytes(path, LIMIT)
+
+
+def parse_sections(path: Path, data: bytes) -> tuple[list[EdsSection], list[Repair]]:
+    """All sections in their order, doubled ones as they stand. Raises FileError for XML."""
     text, repairs = _decode(data)
     if text.lstrip().startswith("<"):
         raise FileError(
@@ -83,6 +90,19 @@ def read_sections(path: Path) -> tuple[list[EdsSection], list[Repair]]:
         else:
             _take(sections[-1], line, number, repairs)
     return sections, repairs
+
+
+def no_objects(path: Path, sections: Sequence[EdsSection]) -> FileError:
+    """Why a file without objects is none of ours, and what to do."""
+    known = next((s for s in sections if s.name.lower() in _OTHER_EDS), None)
+    if known is not None:
+        place, what = f"[{known.name}], line {known.line}", "is an EDS of EtherNet/IP or DeviceNet and holds no objects"
+        return FileError(path, place, what, hint="Ask the drive's maker for its CANopen EDS.")
+    if sections:
+        place = f"[{sections[0].name}], line {sections[0].line}"
+        return FileError(path, place, "holds no objects", hint="An EDS has sections such as [1000] and [1018sub1].")
+    hint = "Is it a link, an archive, or an empty download? An EDS has sections such as [1000] and [1018sub1]."
+    return FileError(path, "line 1", "holds no objects, nor any section", hint=hint)
 
 
 def _decode(data: bytes) -> tuple[str, list[Repair]]:
@@ -112,8 +132,11 @@ def _take(section: EdsSection, line: str, number: int, repairs: list[Repair]) ->
     if parted is None:
         repairs.append(Repair(section.name, number, f"{_short(line)} is no KEY=VALUE: passed over"))
         return
-    key = parted[1].strip()
+    key = re.sub(r"\s", "", parted[1])
     value = _COMMENT.sub("", parted[2]).strip()
+    if len(value) > 1 and value[0] == value[-1] and value[0] in "\"'":
+        value = value[1:-1].strip()
+        repairs.append(Repair(section.name, number, "the quotes around the value are passed over"))
     if key.lower() not in _TEXTS and "#" in value:
         value = value.partition("#")[0].strip()
         repairs.append(Repair(section.name, number, "what follows # is taken as a comment"))

@@ -61,6 +61,18 @@ REPAIRED = {
     "before it": (f"EDS of us\n{PLAIN}", "line 1: 'EDS of us' stands before the first section: passed over"),
     "NUL": (f"{PLAIN}\0", "line 8: bytes of 0: passed over"),
     "too many": (variable("2000", ObjectType="8", CompactSubObj="300"), "CompactSubObj=300: at most 254 are read"),
+    "name of a type": (
+        variable("2000", DataType="Unsigned 16"),
+        "[2000], line 4: DataType 'Unsigned 16' is a name: 0x06",
+    ),
+    "quotes": (variable("2000", DataType='"7"'), "[2000], line 4: the quotes around the value are passed over"),
+    "words behind": (variable("2000", DataType="0x7 (UDINT)"), "[2000], line 4: '0x7 (UDINT)' is read as 7"),
+    "comment at once": (variable("2000", PDOMapping="1;yes"), "[2000], line 6: '1;yes' is read as 1"),
+    "bare hexadecimal": (variable("2000", DefaultValue="00FF"), "[2000], line 7: '00FF' is read as 255"),
+    "only listed": (
+        PLAIN + "[OptionalObjects]\nSupportedObjects=1\n1=0x6040\n",
+        "[OptionalObjects], line 10: 6040 is listed, and no section [6040] describes it: passed over",
+    ),
     "variable with subs": (variable("2000") + variable("2000sub1"), "ObjectType says variable, but it has sub-indices"),
 }
 
@@ -79,7 +91,12 @@ def test_a_file_as_it_should_be_needs_no_repair(read):
 
 REFUSED = {
     "nothing": ("", "holds no objects"),
-    "no object": ("[FileInfo]\nFileName=x.eds\n[0005]\nDataType=5\n", "holds no objects"),
+    "an archive": (b"PK\x03\x04" + bytes(range(256)), "line 1: holds no objects, nor any section"),
+    "EtherNet/IP": (
+        '[File]\nDescText = "x";\n[Device]\nVendCode = 1;\n',
+        "[File], line 1: is an EDS of EtherNet/IP or DeviceNet and holds no objects",
+    ),
+    "no object": ("[FileInfo]\nFileName=x.eds\n[0005]\nDataType=5\n", "[FileInfo], line 1: holds no objects"),
     "XML": ('<?xml version="1.0"?>\n<ISO15745ProfileContainer/>', "line 1: is XML or a web page, no EDS file"),
     "contradiction": (
         variable("6040", DataType="6") + variable("6040", DataType="7"),
@@ -87,7 +104,7 @@ REFUSED = {
     ),
     "bomb": (
         "".join(variable(f"{i:04X}", ObjectType="8", CompactSubObj="254") for i in range(0x2000, 0x2100)),
-        "[204Esub6E], line 625: there are more than 20000 entries",
+        "[20EBsub4B], line 1881: there are more than 60000 entries",
     ),
 }
 
@@ -128,9 +145,14 @@ def test_encodings_of_editors(read, encoding):
     assert found.dictionary[0x2000].name == "Größe"
 
 
-SPELT = st.sampled_from(["{}", "0x{:X}", "0X{:x}", " {} ", "00{}", "0x{:x} ; why", "{:x}h".rjust(6, "0")])
+SPELT = st.sampled_from(
+    ["{}", "0x{:X}", "0X{:x}", " {} ", "00{}", "0x{:x} ; why", "0{:x}h", '"{}"', "0x{:X} (why)", "{};why", "0x{:x}UL"]
+)
 SUMS = st.sampled_from(
-    ["$NODEID+0x{:X}", "0x{:x}+$NODEID", "$NodeID + {}", "NODEID+0X{:X}", "($NODEID+{})", "$NODEID+0x{:X}+0"]
+    [
+        *("$NODEID+0x{:X}", "0x{:x}+$NODEID", "$NodeID + {}", "NODEID+0X{:X}", "($NODEID+{})", "$NODEID+0x{:X}+0"),
+        *("{{NODEID}}+{}", "0x{:X} + ($Node_ID)", "$NODEID+0x{:X}+10-0xA", "0{:X}h+$NODEID"),
+    ]
 )
 
 
@@ -153,6 +175,43 @@ def test_a_signed_value_as_hexadecimal(tmp_path_factory, value):
     path = tmp_path_factory.mktemp("eds") / "x.eds"
     path.write_text(variable("607D", DataType="4", DefaultValue=f"0x{value & 0xFFFFFFFF:08X}"))
     assert read_dictionary(path, NODE).dictionary[0x607D].default == value
+
+
+@pytest.mark.parametrize(
+    "sum_", ["$NODEID*2", "$NODEID+", "$NODEID+x", "$NODEID 0x180", "2-$NODEID", "$NODEID+$NODEID"]
+)
+def test_what_is_no_sum_is_passed_over(read, sum_):
+    found = read(variable("2000", DefaultValue=sum_))
+    assert found.dictionary[0x2000].default is None
+    assert "is no value of its type: passed over" in str(found.repairs[0])
+
+
+def test_pdos_described_once_are_there(read):
+    """As generators of masters write them: two of four RPDOs by themselves, the rest by CompactPDO."""
+    info = "[DeviceInfo]\nNrOfRxPDO=4\nNrOfTxPDO=2\nCompactPDO=0x17\n"
+    found = read(info + PLAIN + variable("1400", ObjectType="9") + variable("1400sub1", DefaultValue="0x205"))
+    known = found.dictionary
+    assert [index for index in range(0x1400, 0x1404) if index in known] == [0x1400, 0x1401, 0x1402, 0x1403]
+    assert [sorted(known[index]) for index in (0x1400, 0x1401, 0x1800)] == [[0, 1], [0, 1, 2, 3, 5], [0, 1, 2, 3, 5]]
+    assert known[0x1400][1].default == 0x205, "what has a section of its own counts"
+    assert sorted(known[0x1A01]) == list(range(9))
+    assert known[0x1A01][0].writable
+    assert 0x1802 not in known
+
+
+def test_a_file_is_read_anew_where_it_has_changed(tmp_path):
+    path = tmp_path / "x.eds"
+    for value in (1, 2):
+        path.write_text(variable("2000", DefaultValue=str(value)))
+        assert read_dictionary(path, NODE).dictionary[0x2000].default == value
+
+
+def test_the_largest_file_is_read(read):
+    """Drives with thousands of parameters: 25 000 entries, 3 MB."""
+    rest = "ParameterName=p\nObjectType=7\nDataType=7\nAccessType=rw\nPDOMapping=0"
+    one = "[{0:04X}sub{1:X}]\n{2}\nDefaultValue=0x{1:X}\n"
+    text = "".join(one.format(index, sub, rest) for index in range(0x2000, 0x2000 + 1000) for sub in range(25))
+    assert read(text).dictionary[0x2000 + 999][24].default == 24
 
 
 LINES = st.one_of(
