@@ -1,4 +1,4 @@
-"""What a file describes once for many: arrays (CompactSubObj), PDOs (CompactPDO), a sub-index 0 that goes without saying."""
+"""What a file describes once for many: arrays (CompactSubObj), PDOs (CompactPDO); and a sub-index 0 that it omits."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
