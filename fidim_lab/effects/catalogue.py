@@ -9,12 +9,17 @@ from collections.abc import Callable, Iterable
 from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.cables.cable_mass import CableMass
+from fidim_lab.effects.cables.lay_torque import LayTorque
 from fidim_lab.effects.cables.swivel_inertia import SwivelInertia
 from fidim_lab.effects.dissipation.air_drag import AirDragLinear, AirDragQuadratic
 from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
-from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction
-from fidim_lab.effects.dissipation.rotational_drag import RotationalDrag, RotationalDragPerAxis
-from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction
+from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction, PulleyFrictionByTension
+from fidim_lab.effects.dissipation.rotational_drag import (
+    RotationalDrag,
+    RotationalDragPerAxis,
+    RotationalDragQuadratic,
+)
+from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction, SwivelFrictionGivingWay
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
 from fidim_lab.effects.geometry.attachment_offset import AttachmentOffset
@@ -25,6 +30,7 @@ from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
 from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
 from fidim_lab.effects.geometry.marker_offset import MarkerOffset
 from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
+from fidim_lab.effects.loads.body_force import BodyForce
 from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.effects.loads.damped_springs import DampedElasticity, DampedStiffness, DampedWinch
 from fidim_lab.effects.loads.frame_sway import FrameSway, FrameSwayOwnPhase
@@ -64,15 +70,19 @@ _MAKERS: tuple[Maker, ...] = (
     _once(AirDragLinear),
     _once(AirDragQuadratic),
     _once(RotationalDrag, RotationalDragPerAxis),
+    _once(RotationalDragQuadratic),
     _all_and_each(SwivelFriction),
+    lambda robot: [SwivelFrictionGivingWay(cables=robot.n)],
     _all_and_each(SwivelDamping),
     _all_and_each(SwivelInertia),
     _all_and_each(PulleyFriction),
+    _all_and_each(PulleyFrictionByTension),
     _all_and_each(AttachmentFriction),
     _elasticity,
     _each(DampedWinch),
     _each(CableCreep),
     _once(CableMass),
+    _once(LayTorque),
     _each(AnchorOffset),
     _each(AttachmentOffset),
     _all_and_each(PulleyRadius),
@@ -84,6 +94,7 @@ _MAKERS: tuple[Maker, ...] = (
     _once(TimeOffset),
     _once(PeriodicForce, PeriodicForceOwnPhase),
     _once(ConstantForce),
+    _once(BodyForce),
     _once(Umbilical, UmbilicalWithRest),
     _once(LooseMass, LooseMassOnAxis),
     _once(FrameSway, FrameSwayOwnPhase),

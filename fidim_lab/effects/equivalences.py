@@ -46,6 +46,12 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         "compare the clocks over minutes, or excite what does not scale with gravity (friction, stretch)",
     ),
     Equivalence(
+        ("constant-force", "body-force"),
+        Kind.NEAR,
+        "a platform that keeps upright hardly turns a force of its own against one of the room",
+        "windows at other headings, or with the fan switched off",
+    ),
+    Equivalence(
         ("frame-sway", "periodic-force"),
         Kind.NEAR,
         "a frame that moves by u pushes the platform with −m ü like a force; only what the cameras see of u itself "
@@ -131,6 +137,7 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
 SHARED: Mapping[str, tuple[str, ...]] = {
     "dissipation of rotation": (
         "rotational-drag",
+        "rotational-drag-quadratic",
         "swivel-friction",
         "swivel-damping",
         "pulley-friction",
@@ -149,7 +156,7 @@ SHARED: Mapping[str, tuple[str, ...]] = {
     "cables or winches that yield": ("cable-elasticity", "winch-hold-compliance", "cable-creep"),
     "mass beside the rigid body": ("swivel-inertia", "cable-mass", "loose-mass"),
     "an oscillation": ("periodic-force", "frame-sway"),
-    "a force beside gravity": ("constant-force", "umbilical"),
+    "a force or torque beside gravity": ("constant-force", "body-force", "lay-torque", "umbilical"),
     "clocks": ("clock-rate", "time-offset"),
 }
 """what effects have in common: what is told of a class whose members cannot be told apart"""

@@ -138,10 +138,7 @@ class Effect:
         return ca.SX.zeros(6)
 
     def tension_wrench(self, number: int, state: PlatformState, theta: ca.SX) -> ca.SX:
-        """Wrench (6) on the platform for each newton of cable `number`'s tension, 1 and m, world frame.
-
-        Felt only where that cable is a spring (`elastic`): there its tension is known before the accelerations are.
-        """
+        """Wrench (6) on the platform for each newton of cable `number`'s tension, 1 and m, world frame."""
         del number, state, theta
         return ca.SX(6, 1)
 

@@ -88,6 +88,15 @@ def _rotational_drag(moment: Moment, effect: HiddenEffect) -> Load:
     return np.concatenate([np.zeros(3), -effect["c"] * moment.omega])
 
 
+def _rotational_drag_quadratic(moment: Moment, effect: HiddenEffect) -> Load:
+    return np.concatenate([np.zeros(3), -effect["c"] * float(np.linalg.norm(moment.omega)) * moment.omega])
+
+
+def _body_force(moment: Moment, effect: HiddenEffect) -> Load:
+    both = effect.vector("fx", "fy", "fz"), effect.vector("tx", "ty", "tz")
+    return np.concatenate([moment.rotation @ part for part in both])
+
+
 def _constant_force(moment: Moment, effect: HiddenEffect) -> Load:
     del moment
     return _at_centre(effect.vector("fx", "fy", "fz"))
@@ -127,7 +136,9 @@ FORCES: Mapping[str, Callable[[Moment, HiddenEffect], Load]] = {
     "air-drag-linear": _air_drag_linear,
     "air-drag-quadratic": _air_drag_quadratic,
     "rotational-drag": _rotational_drag,
+    "rotational-drag-quadratic": _rotational_drag_quadratic,
     "constant-force": _constant_force,
+    "body-force": _body_force,
     "periodic-force": _periodic_force,
     "umbilical": _umbilical,
     "hand-contact": _hand_contact,

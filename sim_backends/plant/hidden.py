@@ -73,13 +73,20 @@ CATALOGUE: Mapping[str, HiddenKind] = {
     "air-drag-linear": HiddenKind({"c": Key(0.5, "N s/m", "drag at the centre of mass")}),
     "air-drag-quadratic": HiddenKind({"c": Key(1.0, "N s²/m²", "drag at the centre of mass")}),
     "rotational-drag": HiddenKind({"c": Key(0.04, "N m s", "drag of the rotation")}),
-    "swivel-friction": HiddenKind({"c": Key(0.007, "N m", "dry torque about each swivel axis", low=0.0)}),
+    "rotational-drag-quadratic": HiddenKind({"c": Key(0.1, "N m s²", "drag by the square of the rotation", low=0.0)}),
+    "swivel-friction": HiddenKind(
+        {
+            "c": Key(0.007, "N m", "dry torque about each swivel axis", low=0.0),
+            "give": Key(0.0, "rad", "turn over which it builds up; 0: at once", low=0.0),
+        }
+    ),
     "swivel-damping": HiddenKind({"c": Key(0.02, "N m s", "damping about each swivel axis")}),
     "swivel-inertia": HiddenKind({"J": Key(0.01, "kg m²", "inertia about each swivel axis")}),
     "pulley-friction": HiddenKind(
         {
             "viscous": Key(0.02, "N m s", "against the wrap rate"),
             "dry": Key(0.01, "N m", "against the wrap rate", low=0.0),
+            "arm": Key(0.0, "m", "against the wrap rate, for each newton of tension", low=0.0),
         }
     ),
     "attachment-friction": HiddenKind(
@@ -101,6 +108,7 @@ CATALOGUE: Mapping[str, HiddenKind] = {
         {"delta": Key(0.003, "m", "final creep"), "T": Key(5.0, "s", "time constant", low=0.0)}, one_cable=True
     ),
     "cable-mass": HiddenKind({"mu": Key(0.02, "kg/m", "linear density")}),
+    "lay-torque": HiddenKind({"c": Key(2e-4, "m", "torque about each cable for each newton of its tension")}),
     "anchor-offset": HiddenKind(xyz("d", (0.005, -0.004, 0.003), "m", "true minus stated entry point"), one_cable=True),
     "attachment-offset": HiddenKind(
         xyz("d", (0.003, -0.002, 0.002), "m", "true minus stated attachment"), one_cable=True
@@ -118,6 +126,12 @@ CATALOGUE: Mapping[str, HiddenKind] = {
         {**xyz("a", (0.1, 0.4, 0.05), "N", "amplitude at the centre of mass"), **_OSCILLATION}
     ),
     "constant-force": HiddenKind(xyz("f", (0.3, -0.4, 0.0), "N", "at the centre of mass")),
+    "body-force": HiddenKind(
+        {
+            **xyz("f", (0.3, 0.2, 0.0), "N", "at the centre of mass, body frame"),
+            **xyz("t", (0.0, 0.0, 0.03), "N m", "torque, body frame"),
+        }
+    ),
     "umbilical": HiddenKind(
         {
             "k": Key(4.0, "N/m", "spring", low=0.0),

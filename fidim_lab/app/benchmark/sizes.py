@@ -42,6 +42,11 @@ def _vector(prefix: str, flat: float = 1.0) -> Keys:
     return keys
 
 
+def _thrust(rng: Rng, size: float) -> dict[str, float]:
+    """A force in the body's plane, and a torque about any axis."""
+    return {**_vector("f", 0.3)(rng, size), **_vector("t")(rng, 0.1 * size)}
+
+
 def _friction(rng: Rng, size: float) -> dict[str, float]:
     """Viscous, dry, or both: at 0.5 rad/s both are alike for one size."""
     parts = ((1.0, 0.0), (0.0, 1.0), (0.6, 0.6))[int(rng.integers(3))]
@@ -112,6 +117,7 @@ EFFECTS: Mapping[str, Size] = {
     "air-drag-linear": Size(0.01, 1.5, "N s/m", _one("c"), with_mass=True),
     "air-drag-quadratic": Size(0.03, 3.0, "N s²/m²", _one("c"), with_mass=True),
     "rotational-drag": Size(1e-3, 0.08, "N m s", _one("c"), with_mass=True),
+    "rotational-drag-quadratic": Size(3e-3, 0.2, "N m s²", _one("c"), with_mass=True),
     "swivel-friction": Size(2e-4, 0.02, "N m", _one("c"), with_mass=True),
     "swivel-damping": Size(1e-3, 0.05, "N m s", _one("c"), with_mass=True),
     "swivel-inertia": Size(2e-3, 0.03, "kg m²", _one("J"), with_mass=True),
@@ -125,6 +131,7 @@ EFFECTS: Mapping[str, Size] = {
         1e-4, 5e-3, "m", lambda rng, size: {**_signed("delta")(rng, size), "T": rng.uniform(1.0, 15.0)}, one_cable=True
     ),
     "cable-mass": Size(2e-3, 0.05, "kg/m", _one("mu"), with_mass=True),
+    "lay-torque": Size(2e-5, 1e-3, "m", _signed("c")),
     "anchor-offset": Size(3e-4, 0.01, "m", _vector("d"), one_cable=True),
     "attachment-offset": Size(2e-4, 8e-3, "m", _vector("d"), one_cable=True),
     "pulley-radius": Size(3e-4, 5e-3, "m", _signed("dr")),
@@ -136,6 +143,7 @@ EFFECTS: Mapping[str, Size] = {
     "time-offset": Size(1e-3, 0.03, "s", _signed("offset")),
     "periodic-force": Size(3e-3, 1.0, "N", _oscillating, with_mass=True),
     "constant-force": Size(0.01, 1.0, "N", _vector("f"), with_mass=True),
+    "body-force": Size(0.01, 1.0, "N, and a tenth in N m", _thrust, with_mass=True),
     "umbilical": Size(0.05, 8.0, "N/m", _umbilical, with_mass=True),
     "loose-mass": Size(0.02, 0.5, "kg", _loose, with_mass=True),
     "frame-sway": Size(2e-5, 2e-3, "m", _oscillating),

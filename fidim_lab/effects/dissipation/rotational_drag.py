@@ -1,4 +1,4 @@
-"""Viscous resistance to the platform's rotation: air, a twisted hose, torsion of the cables."""
+"""Resistance to the platform's rotation: air, a twisted hose, torsion of the cables."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +10,9 @@ from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loads.forces import turning
 from fidim_lab.effects.plausibility import Context, Limit
 from fidim_lab.model.slots import PlatformState
+
+REST_RATE = 1e-6
+"""rad/s: keeps the derivative finite at rest"""
 
 
 @dataclass(frozen=True)
@@ -52,3 +55,25 @@ class RotationalDragPerAxis(NamedEffect):
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """That of a sail, about each axis."""
         return {parameter.name: context.rotational_drag for parameter in self.parameters}
+
+
+@dataclass(frozen=True)
+class RotationalDragQuadratic(NamedEffect):
+    """T = −c ‖ω‖ ω."""
+
+    id: ClassVar[str] = "rotational-drag-quadratic"
+    says: ClassVar[str] = "drag of turbulent air on a body that turns, T = −c ‖ω‖ ω"
+    source: ClassVar[str] = "Rayleigh's drag of each surface element, whose speed goes with ω"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("c", "N m s²", "drag takes energy", scale=0.02, low=0.0, high=10.0, start=0.02),
+    )
+
+    def wrench(self, state: PlatformState, theta: ca.SX) -> ca.SX:
+        """−c ‖ω‖ ω."""
+        spin = state.spin
+        return turning(-theta[0] * ca.sqrt(ca.dot(spin, spin) + REST_RATE**2) * spin)
+
+    def limits(self, context: Context) -> Mapping[str, Limit]:
+        """That of a sail which turns about the platform's far side."""
+        drag = context.quadratic_drag
+        return {"c": Limit(drag.size * context.width**3, drag.why)}

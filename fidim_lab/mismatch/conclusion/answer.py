@@ -74,12 +74,13 @@ def _certain(told: Explanation) -> Iterable[str]:
 
 
 def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
-    """Classes, each with its members' sizes."""
+    """Classes, each with its members' sizes and weights, in words."""
     for cause in [cause for cause in effects if not cause.single][:MOST_CAUSES]:
         members = [f"{_name(cause)}{_sizes(cause.parameters)}"]
-        for member in cause.members[:MOST_MEMBERS]:
+        for member in cause.likely[:MOST_MEMBERS]:
             members.append(f"{member.id}{_sizes(member.parameters)}")
-        yield f"{' or '.join(members)}."
+        weight = f" ({100 * cause.weights[0]:.0f} % for the first)" if len(members) > 1 else ""
+        yield f"{' or '.join(members)}{weight}."
 
 
 def _class(cause: NamedCause) -> str:

@@ -63,6 +63,18 @@ class NamedCause:
     single: bool = False
     """odds over 20 against every rival, general geometry among them"""
 
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """Posterior weight of it and of each member, by evidence alone: they add up to 1."""
+        said = np.exp(-np.array([0.0, *(one.loss for one in self.members)]))
+        return tuple((said / said.sum()).tolist())
+
+    @property
+    def likely(self) -> tuple[Member, ...]:
+        """The fewest members with which it holds 95 % of the weight."""
+        held = np.cumsum(self.weights)
+        return tuple(one for one, before in zip(self.members, held, strict=False) if before < CONCLUSION.weight_told)
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -220,7 +232,11 @@ def _effect(cause: NamedCause) -> dict[str, Any]:
         "parameters": _parameters(cause.parameters),
         "says": cause.says,
         "single": cause.single,
-        "members": [{**vars(one), "parameters": _parameters(one.parameters)} for one in cause.members],
+        "weight": cause.weights[0],
+        "members": [
+            {**vars(one), "weight": weight, "parameters": _parameters(one.parameters)}
+            for one, weight in zip(cause.members, cause.weights[1:], strict=True)
+        ],
     }
 
 

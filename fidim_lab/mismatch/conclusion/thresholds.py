@@ -11,6 +11,9 @@ class ConclusionThresholds:
     most_alike: int = 3
     """effects in `equivalent_to` of the file, by spec/formats.md; the others are in `further_equivalent`"""
 
+    weight_told: float = 0.95
+    """of the posterior weight, that the effects hold which are told as not told apart"""
+
     # merge_cleaning
     merge_cleaning_places: int = 6
     """faults that are listed each in a place of its own; the others are counted in the message"""

@@ -2,9 +2,10 @@
 
 All hypotheses ride on one motion. The variational equation of the fitted model is solved once more with a forcing
 column for each scored parameter (`model.motion.forcing`); what acts on the cameras is added directly. Compliant cables,
-loose masses and periodic forces are not differentiated but composed: the influence of a unit of cable acceleration
-times the second derivative of κ τ along the motion (`stretch`), that of a unit of force and torque times what a mass
-that swings along pulls (`resonance`), that of a unit of force times sin and cos.
+loose masses, friction that gives way and periodic forces are not differentiated but composed: the influence of a unit
+of cable acceleration times the second derivative of κ τ along the motion (`stretch`), that of a unit of force and
+torque times what a mass that swings along pulls (`resonance`) or what has built up in the swivels holds (`giving_way`),
+that of a unit of force times sin and cos.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,8 +21,9 @@ from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import LOOSE_POSE, LOOSE_RATE, Likelihood, Simulation
 from fidim_lab.identification.mle.trajectories.recordings import Recording
-from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis
-from fidim_lab.mismatch.linearised.resonance import UnitTorque, pull_of, swings
+from fidim_lab.mismatch.linearised.giving_way import gives_way, holds_of
+from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, rides
+from fidim_lab.mismatch.linearised.resonance import UnitTorque, pull_of
 from fidim_lab.mismatch.linearised.stretch import stretch_of
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.mechanism import Mechanism
@@ -171,7 +173,7 @@ class Scorer:
         force, torque, pull = np.split(table[..., count - 6 - n :], [3, 6], axis=-1)
         parts = [(table[..., chosen], lengths[:, chosen], speeds[:, chosen])]
         parts += [self._compliant(h, one, pull, shared[BODY:]) for h in self.tried.direct if stretches(h.effect)]
-        parts += [self._swinging(h, one, force, torque, shared[:3]) for h in self.tried.direct if swings(h)]
+        parts += [self._riding(h, one, force, torque, shared) for h in self.tried.direct if rides(h)]
         parts += [_forced(f, t, force, n) for f in self._frequencies]
         further, by_lengths, by_speeds = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
         order = self._order()
@@ -188,10 +190,13 @@ class Scorer:
         further = np.einsum("kij,kj->ki", pull, bend)[..., np.newaxis]
         return further, -seen * stretch[0][:, np.newaxis], -rate[0][:, np.newaxis]
 
-    def _swinging(
-        self, tried: Hypothesis, one: Trajectories, force: np.ndarray, torque: np.ndarray, com: np.ndarray
+    def _riding(
+        self, tried: Hypothesis, one: Trajectories, force: np.ndarray, torque: np.ndarray, shared: np.ndarray
     ) -> tuple[np.ndarray, ...]:
-        pulls, turns = pull_of(tried, one, com, self.mechanism.robot.gravity)
+        if gives_way(tried):
+            pulls, turns = holds_of(self.mechanism, shared[BODY:], tried, one, shared[:3])
+        else:
+            pulls, turns = pull_of(tried, one, shared[:3], self.mechanism.robot.gravity)
         further = np.einsum("kij,kj->ki", force, pulls) + np.einsum("kij,kj->ki", torque, turns)
         nothing = np.zeros((self.mechanism.n, 1))
         return further[..., np.newaxis], nothing, nothing
@@ -252,8 +257,8 @@ def loose_rows(likelihood: Likelihood) -> Float[np.ndarray, " own"]:
 
 
 def _composition(tried: Hypothesis) -> int:
-    """How its columns come about, in the order in which they are computed: by its slots, stretch, or swinging."""
-    return 1 if stretches(tried.effect) else 2 if swings(tried) else 0
+    """How its columns come about, in the order in which they are computed: by its slots, stretch, or own states."""
+    return 1 if stretches(tried.effect) else 2 if rides(tried) else 0
 
 
 def scored_places(tried: list[Hypothesis], first: int) -> list[np.ndarray]:

@@ -17,8 +17,7 @@ from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, priors_by
 from fidim_lab.mismatch.linearised.columns import FRAME_SWAY, WindowColumns, frequency_of, scored_places, seen_by, waves
-from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis
-from fidim_lab.mismatch.linearised.resonance import swings
+from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, rides
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity import markers
@@ -137,7 +136,7 @@ class SprungScorer:
 
 def _goes_with(mechanism: Mechanism, tried: Hypothesis) -> bool:
     """Whether it stretches no cable that is rigid in the model, and has no states of its own."""
-    if swings(tried):
+    if rides(tried):
         return False
     if not stretches(tried.effect) or len(sprung(mechanism)) == mechanism.n:
         return True

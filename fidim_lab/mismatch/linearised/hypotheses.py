@@ -12,6 +12,7 @@ import numpy as np
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.catalogue import catalogue
+from fidim_lab.effects.dissipation.swivel_friction import SwivelFrictionGivingWay
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loads.loose_mass import LooseMass
 from fidim_lab.mismatch.linearised.thresholds import LINEARISED
@@ -19,8 +20,9 @@ from fidim_lab.mismatch.linearised.thresholds import LINEARISED
 NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown", "time-offset")
 """found by other means: screening, what is left at the end, motor currents"""
 PERIODIC = ("periodic-force", "frame-sway")
-RIDING = (LooseMass,)
-"""effects whose own states follow from the platform's motion alone where their amplitude is 0 (`resonance`)"""
+RIDING = (LooseMass, SwivelFrictionGivingWay)
+"""effects whose own states follow from the platform's motion alone where their amplitude is 0 (`resonance`,
+`giving_way`)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +112,11 @@ def general(simple: Hypothesis, effect: NamedEffect, start: np.ndarray) -> Hypot
     absent[list(scored)] = 0.0
     prior = np.array([LINEARISED.hypotheses_broad * effect.parameters[k].scale for k in scored])
     return Hypothesis(effect, absent, scored, prior, simple.alike)
+
+
+def rides(tried: Hypothesis) -> bool:
+    """Whether its own states follow from the platform's motion alone."""
+    return isinstance(tried.effect, RIDING)
 
 
 def _can_be_scored(effect: NamedEffect) -> bool:

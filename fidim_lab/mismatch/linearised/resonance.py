@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.mismatch.linearised.hypotheses import RIDING, Hypothesis
+from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
 from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.integrate import Trajectories
 from fidim_lab.model.slots import Effect, PlatformState
@@ -25,11 +25,6 @@ class UnitTorque(Effect):
         """[0; θ]."""
         del state
         return ca.vertcat(ca.SX.zeros(3), theta)
-
-
-def swings(tried: Hypothesis) -> bool:
-    """Whether a hypothesis is one whose score is composed here."""
-    return isinstance(tried.effect, RIDING)
 
 
 def pull_of(

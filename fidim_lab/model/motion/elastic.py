@@ -18,7 +18,7 @@ from fidim_lab.model.batch import function
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.contributions import stretch_dampings
 from fidim_lab.model.motion.dynamics import FreeMotion, default_extra, native_or_not, simulated, stepping
-from fidim_lab.model.motion.equations import MotionEquations, Symbols, motion_equations
+from fidim_lab.model.motion.equations import MotionEquations, Symbols, motion_equations, saddle
 
 STEP = 1e-3
 """s; enough for 10 kg on cables of 1e6 N/m"""
@@ -62,11 +62,8 @@ def springs(mechanism: Mechanism, equations: MotionEquations, lengths: ca.SX) ->
     rigid = [k for k in range(mechanism.n) if k not in compliant]
     tension = spring_tensions(mechanism, equations, lengths[compliant])
     wrench = equations.wrench + equations.wrench_of(compliant, tension)
-    held = equations.structure[rigid, :]
-    system = ca.vertcat(ca.horzcat(equations.mass, held.T), ca.horzcat(held, ca.SX(len(rigid), len(rigid))))
-    diagonal, lower, order = ca.ldl(system, False)
-    pull = ca.vertcat(ca.SX(0, 1), *(equations.pull[k] for k in rigid))
-    found = ca.ldl_solve(ca.vertcat(wrench, pull), diagonal, lower, order)
+    solver = saddle(equations.mass, equations.structure[rigid, :], equations.by_tension[:, rigid])
+    found = solver(wrench, ca.vertcat(ca.SX(0, 1), *(equations.pull[k] for k in rigid)))
     every = ca.SX.zeros(mechanism.n)
     every[compliant] = tension
     for place, k in enumerate(rigid):

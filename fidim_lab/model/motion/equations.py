@@ -1,6 +1,6 @@
 """The completed model's equations of motion: free motion with locked motors and everything that effects add to it.
 
-    (M + A) v̇ + Ξᵀ τ = φ − C v + w − b          per unit mass, τ in N/kg
+    (M + A) v̇ + (Ξᵀ − W) τ = φ − C v + w − b    per unit mass, τ in N/kg; W what effects do for each newton of tension
     Ξ v̇ + Ξ̇ v = l̈,    l = l₀ + drift(t) + stretch
     ξ̇ = the extra states' own rates
 
@@ -90,7 +90,7 @@ class MotionEquations:
     wrench: ca.SX
     """φ − C v + w − b (6)"""
     by_tension: ca.SX
-    """wrench (6 × n) for each N/kg of a cable's tension, beside its pull; felt where cables are springs"""
+    """W: wrench (6 × n) for each N/kg of a cable's tension, beside its pull"""
     drifts: ca.SX
     """how much longer than at time 0 the cables are (n), m"""
     pull: ca.SX
@@ -104,12 +104,14 @@ class MotionEquations:
         """M + A (6 × 6)."""
         return self.body.mass_matrix + self.added_mass
 
+    @property
+    def pulling(self) -> ca.SX:
+        """Ξᵀ − W (6 × n): minus the wrench of each cable for 1 N/kg of its tension."""
+        return self.structure.T - self.by_tension
+
     def factorised(self) -> Solver:
-        """Solve the whole system for [v̇; τ] by LDLᵀ without pivoting: M is positive definite, Ξ has full rank."""
-        n = self.structure.size1()
-        system = ca.vertcat(ca.horzcat(self.mass, self.structure.T), ca.horzcat(self.structure, ca.SX(n, n)))
-        diagonal, lower, order = ca.ldl(system, False)
-        return lambda wrench, pull: ca.ldl_solve(ca.vertcat(wrench, pull), diagonal, lower, order)
+        """Solve the whole system for [v̇; τ]."""
+        return saddle(self.mass, self.structure, self.by_tension)
 
     def solve(self, solver: Solver | None = None) -> ca.SX:
         """[v̇; τ] (6 + n), stretch to first order. `solver` replaces the general factorisation by a better one."""
@@ -121,7 +123,7 @@ class MotionEquations:
     def wrench_of(self, cables: Sequence[int], tensions: ca.SX) -> ca.SX:
         """Wrench (6) of cables (0-based) that are springs with these tensions, N/kg: their pull, what grows with it."""
         chosen = list(cables)
-        return (self.by_tension[:, chosen] - self.structure[chosen, :].T) @ tensions
+        return -self.pulling[:, chosen] @ tensions
 
     def length_constraint(self, solver: Solver | None = None) -> tuple[ca.SX, ca.SX]:
         """What the cables hold at any time: drift + stretch (n), m, and its rate (n), m/s.
@@ -149,6 +151,24 @@ class MotionEquations:
         stretch = self.compliance * rigid[6:]
         rate = self.along(stretch, accelerations)
         return stretch, rate, self.along(rate, accelerations)
+
+
+def saddle(mass: ca.SX, structure: ca.SX, by_tension: ca.SX) -> Solver:
+    """Solve [M Ξᵀ − W; Ξ 0] [v̇; τ] = [f; c] without pivoting: M is positive definite, Ξ has full rank, W is small."""
+    if by_tension.is_zero():
+        n = structure.size1()
+        system = ca.vertcat(ca.horzcat(mass, structure.T), ca.horzcat(structure, ca.SX(n, n)))
+        diagonal, lower, order = ca.ldl(system, False)
+        return lambda wrench, pull: ca.ldl_solve(ca.vertcat(wrench, pull), diagonal, lower, order)
+    factors = ca.ldl(mass, False)
+    spread = ca.ldl_solve(structure.T - by_tension, *factors)
+
+    def solve(wrench: ca.SX, pull: ca.SX) -> ca.SX:
+        free = ca.ldl_solve(wrench, *factors)
+        tensions = ca.solve(structure @ spread, structure @ free - pull)
+        return ca.vertcat(free - spread @ tensions, tensions)
+
+    return solve
 
 
 def motion_equations(mechanism: Mechanism, symbols: Symbols) -> MotionEquations:

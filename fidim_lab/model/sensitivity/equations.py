@@ -25,7 +25,7 @@ from fidim_lab.model.batch import from_rows, function, rows
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.elastic import compliant_cables, spring_tensions
-from fidim_lab.model.motion.equations import MotionEquations, Solver, Symbols, motion_equations
+from fidim_lab.model.motion.equations import MotionEquations, Solver, Symbols, motion_equations, saddle
 from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.elimination import Elimination
 from fidim_lab.model.slots import Effect
@@ -152,10 +152,10 @@ class Sample:
         return ca.vertcat(solution[:6], self.equations.extra_rates, tensions)
 
     def residual(self, solution: ca.SX) -> ca.SX:
-        """[(M + A) v̇ + Ξᵀ τ − f; Ξ v̇ − c], zero for the solution."""
+        """[(M + A) v̇ + (Ξᵀ − W) τ − f; Ξ v̇ − c], zero for the solution."""
         rates, tensions = solution[:6], solution[6:]
         return ca.vertcat(
-            self.equations.mass @ rates + self.structure.T @ tensions - self.wrench,
+            self.equations.mass @ rates + self.equations.pulling[:, list(self.held)] @ tensions - self.wrench,
             self.structure @ rates - self.pull,
         )
 
@@ -188,10 +188,10 @@ def _only_pulling(tensions: ca.SX) -> ca.SX:
 
 
 def _solver(equations: MotionEquations, held: tuple[int, ...]) -> Solver:
-    structure = equations.structure[list(held), :]
-    if equations.added_mass.is_zero():
+    structure, by_tension = equations.structure[list(held), :], equations.by_tension[:, list(held)]
+    if equations.added_mass.is_zero() and by_tension.is_zero():
         return Elimination.of(equations.body, structure).solve
-    return replace(equations, structure=structure).factorised()
+    return saddle(equations.mass, structure, by_tension)
 
 
 def _compile_slopes(mechanism: Mechanism) -> ca.Function:

@@ -311,7 +311,7 @@ def _compile_quiet(mechanism: Mechanism) -> ca.Function:
     """(time, position, rotation, twist, shared) → Ξ M⁻¹ f − c, Ξ M⁻¹ Ξᵀ row by row, κ."""
     sample = Sample.of(mechanism, springs=False)
     equations, symbols = sample.equations, sample.equations.symbols
-    free = ca.solve(equations.mass, ca.horzcat(equations.wrench, equations.structure.T))
+    free = ca.solve(equations.mass, ca.horzcat(equations.wrench, equations.pulling))
     spread = equations.structure @ free[:, 1:]
     pull = equations.structure @ free[:, 0] - equations.pull
     extra = extra_start_at(mechanism, equations.state, symbols.theta)

@@ -1,6 +1,8 @@
 """Newton–Euler about G with cable constraints, as CasADi functions: tensions are the multipliers of the constraints.
 
-    M v̇ + Jᵀ τ = f,    J v̇ = l̈ − (what the motion alone gives),    v = [velocity of G (world); spin (body)]
+    M v̇ + (Jᵀ − W) τ = f,  J v̇ = l̈ − (what the motion alone gives),  v = [velocity of G (world); spin (body)]
+
+W is what goes with a tension beside its pull (friction, a rope that untwists); no part of an impact.
 
 Rigid cables are held by multipliers with Baumgarte's stabilisation, elastic ones (cable-elasticity, a compliant winch)
 pull with k (l − l₀) + c (l̇ − l̇₀) where that is positive. A cable that is not `active` pulls with nothing.
@@ -15,8 +17,8 @@ import casadi as ca
 import numpy as np
 
 from sim_backends.plant.mechanics.inertia import attached_function, needs_attached
-from sim_backends.plant.mechanics.kinematics import HAND_SIZE, Platform, platform, quaternion_rate, size
-from sim_backends.plant.mechanics.terms import applied, hand_push, loose_acceleration
+from sim_backends.plant.mechanics.kinematics import HAND_SIZE, Platform, platform, quaternion_rate, size, sticking
+from sim_backends.plant.mechanics.terms import applied, bending, hand_push, loose_acceleration, per_newton
 from sim_backends.plant.mechanics.wrench import Wrench
 from sim_backends.plant.world import World
 
@@ -72,6 +74,8 @@ class Equations:
     """(6,) of the hand's push alone"""
     jacobian: ca.SX
     """(n, 6) l̇ = J v (+ what the frame's sway gives)"""
+    pulling: ca.SX
+    """(6, n) Jᵀ − W"""
     lengths: ca.SX
     rates: ca.SX
     required: ca.SX
@@ -122,6 +126,7 @@ def equations(world: World, symbols: Inputs) -> Equations:
         force=force,
         hand=generalised(body, hand_push(body, symbols.hand)),
         jacobian=ca.vertcat(*rows),
+        pulling=pulling(body),
         lengths=ca.vertcat(*lengths),
         rates=ca.vertcat(*rates),
         required=ca.vertcat(*required),
@@ -136,6 +141,15 @@ def row_of(body: Platform, i: int) -> ca.SX:
     end = body.cables[i]
     along = end.tangent.along
     return ca.horzcat(along.T, (body.rotation.T @ ca.cross(end.point.arm, along)).T)
+
+
+def pulling(body: Platform) -> ca.SX:
+    """Jᵀ − W (6, n): minus the force of each cable on [velocity of G; spin] for 1 N of its tension."""
+    columns: list[ca.SX] = []
+    for i, end in enumerate(body.cables):
+        effects = [e for e in body.world.effects("lay-torque", "pulley-friction") if e.concerns(i)]
+        columns.append(row_of(body, i).T - generalised(body, per_newton(end, effects)))
+    return ca.horzcat(*columns)
 
 
 def generalised(body: Platform, wrench: Wrench) -> ca.SX:
@@ -157,10 +171,11 @@ def derivative(world: World, symbols: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.S
     if eq.rigid:
         rigid = list(eq.rigid)
         j, active = eq.jacobian[rigid, :], symbols.active[rigid]
-        spread = inverse @ j.T
+        spread = inverse @ eq.pulling[:, rigid]
         mask = ca.diag(active)
         condensed = mask @ (j @ spread) @ mask + ca.diag(1 - active)
-        multipliers = solve_spd(condensed, active * (j @ free - eq.required[rigid]))
+        solve = ca.solve if world.effects("lay-torque", "pulley-friction") else solve_spd
+        multipliers = solve(condensed, active * (j @ free - eq.required[rigid]))
         motion = free - spread @ multipliers
         tension = _scatter(tension, rigid, multipliers)
     rates = [eq.platform.velocity, quaternion_rate(symbols.x[3:7], eq.platform.spin), motion]
@@ -168,6 +183,7 @@ def derivative(world: World, symbols: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.S
     for effect, (_, velocity) in zip(effects, eq.platform.loose, strict=True):
         _, pulled = loose_acceleration(eq.platform, effect)
         rates += [velocity, pulled + ca.DM(world.gravity)]
+    rates += [bending(eq.platform, effect, k) for k, effect in enumerate(sticking(world))]
     return ca.vertcat(*rates), tension, eq.lengths - symbols.lengths, eq.rates - symbols.rates
 
 
@@ -249,7 +265,7 @@ def inverse_of(world: World, mass: ca.SX) -> ca.SX:
 def _free_motion(world: World, eq: Equations) -> tuple[ca.SX, ca.SX]:
     """M⁻¹, and the acceleration without the tension of rigid cables."""
     inverse = inverse_of(world, eq.mass)
-    force = eq.force + gripped(inverse, eq.jacobian, eq.hand) - eq.jacobian.T @ eq.elastic_tension
+    force = eq.force + gripped(inverse, eq.jacobian, eq.hand) - eq.pulling @ eq.elastic_tension
     return inverse, inverse @ force
 
 

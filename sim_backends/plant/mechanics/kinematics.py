@@ -1,8 +1,9 @@
 """Where everything of a moving platform is, as CasADi expressions of the state in redundant coordinates.
 
 State x: centre of mass G (3, world), unit quaternion q (4, scalar first, body → world), velocity of G (3, world),
-angular velocity (3, body); then for each loose mass its position and velocity (3 + 3, world). The reference model uses
-P, a Gibbs vector and a world-frame twist instead.
+angular velocity (3, body); then for each loose mass its position and velocity (3 + 3, world); then for each swivel
+friction that gives way the bend of every swivel's bristles (n). The reference model uses P, a Gibbs vector and a
+world-frame twist instead.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from sim_backends.plant.world import World
 POSE = slice(0, 7)
 TWIST = slice(7, 13)
 LOOSE = 13
-"""index at which the loose masses begin"""
+"""index at which the loose masses begin; after them the bristles of swivels that stick before they slip"""
 HAND_SIZE = 13
 """hand law: where it wants the marker (3), stiffness (3), damping (3), damping of rotation (1), steady force (3)"""
 
@@ -58,6 +59,8 @@ class Platform:
     cables: tuple[CableEnd, ...]
     loose: tuple[tuple[ca.SX, ca.SX], ...]
     """position and velocity of each loose mass"""
+    bristles: tuple[ca.SX, ...]
+    """bend (n), −1 … 1, of the swivels' bristles of each effect that has such"""
     sway: tuple[ca.SX, ca.SX, ca.SX]
     """displacement, velocity, acceleration of the frame"""
     now: ca.SX
@@ -77,6 +80,16 @@ class Platform:
 
 def size(world: World) -> int:
     """Number of states."""
+    return _bristles(world) + world.n * len(sticking(world))
+
+
+def sticking(world: World) -> tuple[HiddenEffect, ...]:
+    """Friction of swivels that builds up over a turn."""
+    return tuple(effect for effect in world.effects("swivel-friction") if effect["give"] > 0)
+
+
+def _bristles(world: World) -> int:
+    """Index at which the bristles begin."""
     return LOOSE + 6 * len(world.effects("loose-mass"))
 
 
@@ -91,7 +104,8 @@ def platform(world: World, x: ca.SX, now: ca.SX, *, still: bool = False) -> Plat
         ends.append(
             CableEnd(point, point.velocity - sway[1], tangent(point.position - ca.DM(cable.d) - sway[0], cable))
         )
-    starts = range(LOOSE, size(world), 6)
+    starts = range(LOOSE, _bristles(world), 6)
+    bends = range(_bristles(world), size(world), world.n)
     return Platform(
         world=world,
         centre=centre,
@@ -100,6 +114,7 @@ def platform(world: World, x: ca.SX, now: ca.SX, *, still: bool = False) -> Plat
         spin=spin,
         cables=tuple(ends),
         loose=tuple((x[i : i + 3], x[i + 3 : i + 6]) for i in starts),
+        bristles=tuple(x[i : i + world.n] for i in bends),
         sway=sway,
         now=now,
         still=still,

@@ -14,7 +14,15 @@ from scipy.optimize import least_squares, minimize
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Pose
 from fidim_lab.errors import InfeasibleError
-from sim_backends.plant.mechanics.dynamics import generalised, gripped, inverse_of, mass_and_force, row_of, stretch_of
+from sim_backends.plant.mechanics.dynamics import (
+    generalised,
+    gripped,
+    inverse_of,
+    mass_and_force,
+    pulling,
+    row_of,
+    stretch_of,
+)
 from sim_backends.plant.mechanics.kinematics import HAND_SIZE, coordinates_of, platform, pose_of, size
 from sim_backends.plant.mechanics.terms import hand_push
 from sim_backends.plant.world import World
@@ -202,7 +210,7 @@ def _residual(world: World, z: ca.SX, tension: ca.SX, lengths: ca.SX, hand: ca.S
     mass, force = mass_and_force(body)
     jacobian = ca.vertcat(*(row_of(body, i) for i in range(world.n)))
     push = generalised(body, hand_push(body, hand))
-    balance = force + gripped(inverse_of(world, mass), jacobian, push) - jacobian.T @ tension
+    balance = force + gripped(inverse_of(world, mass), jacobian, push) - pulling(body) @ tension
     gaps: list[ca.SX] = []
     for i, end in enumerate(body.cables):
         stretch = stretch_of(world, i, end.tangent.free)

@@ -31,6 +31,8 @@ WEIGHTS = (11 / 120, 0.0, 27 / 40, 27 / 40, -4 / 15, -4 / 15, 11 / 120)
 
 USUAL_STEP = 5e-3
 """s; positions within 1e-7 m of the converged ones after 10 s of free motion with rigid cables"""
+SWIVEL_RATE = 3.0
+"""rad/s, more than a platform's swivels turn with: bristles bend and slip within `give` over this"""
 SHORT = 0.5
 """m, a short free cable, for estimating how stiff a world is"""
 
@@ -116,6 +118,7 @@ def longest_step(world: World) -> float:
     lever = max(float(np.linalg.norm(cable.a - world.body.com)) for cable in world.cables)
     mobility = 1.0 / world.mass + lever**2 / inertia
     spring = damper = turning = 0.0
+    step, weight = USUAL_STEP, world.mass * float(np.linalg.norm(world.gravity))
     for effect in world.hidden:
         cables = world.n if effect.cable is None else 1
         match effect.id:
@@ -125,15 +128,18 @@ def longest_step(world: World) -> float:
             case "winch-hold-compliance":
                 spring += effect["k"]
                 damper += effect["c"]
+            case "swivel-friction" if effect["give"] > 0:
+                spring += cables * effect["c"] / effect["give"] / SHORT**2
+                step = min(step, effect["give"] / SWIVEL_RATE)
             case "swivel-friction":
                 damper += cables * effect["c"] / DRY_RATE / SHORT**2
             case "swivel-damping":
                 damper += cables * effect["c"] / SHORT**2
             case "pulley-friction":
-                damper += cables * (effect["viscous"] + effect["dry"] / DRY_RATE) / SHORT**2
+                damper += cables * (effect["viscous"] + (effect["dry"] + effect["arm"] * weight) / DRY_RATE) / SHORT**2
             case "attachment-friction":
                 turning += cables * (effect["viscous"] + effect["dry"] / DRY_RATE)
             case _:
                 pass
     oscillation, decay = np.sqrt(spring * mobility), damper * mobility + turning / inertia
-    return float(min(USUAL_STEP, 0.6 / max(oscillation, 1e-9), 1.5 / max(decay, 1e-9)))
+    return float(min(step, 0.6 / max(oscillation, 1e-9), 1.5 / max(decay, 1e-9)))

@@ -4,12 +4,12 @@ Each term is a function of the `Platform` that gives a `Wrench` about G in the w
 catalogue to them; an id that is absent there enters somewhere else (geometry, stretch, inertia, sensors).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import casadi as ca
 
 from sim_backends.plant.hidden import HiddenEffect
-from sim_backends.plant.mechanics.kinematics import CableEnd, Platform, PlatformPoint, oscillation
+from sim_backends.plant.mechanics.kinematics import CableEnd, Platform, PlatformPoint, oscillation, sticking
 from sim_backends.plant.mechanics.outside_terms import OUTSIDE_TERMS
 from sim_backends.plant.mechanics.wrench import Term, Wrench
 
@@ -63,6 +63,11 @@ def _rotational_drag(platform: Platform, effect: HiddenEffect) -> Wrench:
     return Wrench(ca.SX.zeros(3), -effect["c"] * platform.omega)
 
 
+def _rotational_drag_quadratic(platform: Platform, effect: HiddenEffect) -> Wrench:
+    omega = platform.omega
+    return Wrench(ca.SX.zeros(3), -effect["c"] * ca.sqrt(ca.dot(omega, omega) + 1e-16) * omega)
+
+
 def _at_each_cable(platform: Platform, force: Callable[[CableEnd], ca.SX]) -> Wrench:
     wrenches = [_at(end.point, force(end)) for end in platform.cables]
     return Wrench(sum((w.force for w in wrenches), ca.SX.zeros(3)), sum((w.moment for w in wrenches), ca.SX.zeros(3)))
@@ -73,7 +78,16 @@ def _about_swivel(end: CableEnd, torque: ca.SX) -> ca.SX:
     return torque / end.tangent.lever * end.tangent.across
 
 
+def bending(platform: Platform, effect: HiddenEffect, k: int) -> ca.SX:
+    """Rate (n), 1/s, at which the bristles of the k-th swivel friction that gives way bend (Dahl)."""
+    turned = ca.vertcat(*(end.tangent.swivel_rate(end.velocity) for end in platform.cables))
+    return (turned - ca.fabs(turned) * platform.bristles[k]) / effect["give"]
+
+
 def _swivel_friction(platform: Platform, effect: HiddenEffect) -> Wrench:
+    if effect["give"] > 0:
+        bends = iter(ca.vertsplit(platform.bristles[sticking(platform.world).index(effect)]))
+        return _at_each_cable(platform, lambda end: _about_swivel(end, -effect["c"] * next(bends)))
     return _at_each_cable(
         platform,
         lambda end: _about_swivel(end, -effect["c"] * dry(end.tangent.swivel_rate(end.velocity))),
@@ -111,6 +125,11 @@ def _attachment_friction(platform: Platform, effect: HiddenEffect) -> Wrench:
 
 def _constant_force(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _at_centre(ca.SX(effect.vector("fx", "fy", "fz")))
+
+
+def _body_force(platform: Platform, effect: HiddenEffect) -> Wrench:
+    force, torque = effect.vector("fx", "fy", "fz"), effect.vector("tx", "ty", "tz")
+    return Wrench(platform.rotation @ ca.DM(force), platform.rotation @ ca.DM(torque))
 
 
 def _periodic_force(platform: Platform, effect: HiddenEffect) -> Wrench:
@@ -159,15 +178,29 @@ def _unknown(platform: Platform, effect: HiddenEffect) -> Wrench:
     return _at_centre(effect["k"] * away * ca.exp(-ca.dot(away, away) / 2))
 
 
+def per_newton(end: CableEnd, effects: Sequence[HiddenEffect]) -> Wrench:
+    """What goes with a cable's tension beside its pull: force and moment about G for each newton."""
+    bend = end.tangent
+    force = moment = ca.SX.zeros(3)
+    for effect in effects:
+        if effect.id == "lay-torque":
+            moment = moment + effect["c"] * bend.along
+        if effect.id == "pulley-friction":
+            force = force - effect["arm"] * dry(bend.wrap_rate(end.velocity)) / bend.free * bend.normal
+    return Wrench(force, moment + ca.cross(end.point.arm, force))
+
+
 TERMS: Mapping[str, Term] = {
     "air-drag-linear": _air_drag_linear,
     "air-drag-quadratic": _air_drag_quadratic,
     "rotational-drag": _rotational_drag,
+    "rotational-drag-quadratic": _rotational_drag_quadratic,
     "swivel-friction": _swivel_friction,
     "swivel-damping": _swivel_damping,
     "pulley-friction": _pulley_friction,
     "attachment-friction": _attachment_friction,
     "constant-force": _constant_force,
+    "body-force": _body_force,
     "periodic-force": _periodic_force,
     "umbilical": _umbilical,
     "loose-mass": _loose_mass,

@@ -18,6 +18,7 @@ IDS = [  # spec/model.md §5, in its order
     "air-drag-linear",
     "air-drag-quadratic",
     "rotational-drag",
+    "rotational-drag-quadratic",
     "swivel-friction",
     "swivel-damping",
     "swivel-inertia",
@@ -27,6 +28,7 @@ IDS = [  # spec/model.md §5, in its order
     "winch-hold-compliance",
     "cable-creep",
     "cable-mass",
+    "lay-torque",
     "anchor-offset",
     "attachment-offset",
     "pulley-radius",
@@ -38,6 +40,7 @@ IDS = [  # spec/model.md §5, in its order
     "time-offset",
     "periodic-force",
     "constant-force",
+    "body-force",
     "umbilical",
     "loose-mass",
     "frame-sway",
@@ -55,7 +58,7 @@ def test_every_id_of_the_physics_page_is_there_in_its_order(irma4):
 def test_the_catalogue_is_the_same_every_time_and_says_each_thing_once(irma4):
     every = catalogue(irma4)
     assert every == catalogue(irma4)
-    assert len({effect.label for effect in every}) == len(every) == 78
+    assert len({effect.label for effect in every}) == len(every) == 87
     assert pickle.loads(pickle.dumps(every)) == every
 
 
@@ -67,7 +70,7 @@ def test_each_cable_has_its_own(irma4, id):
 
 def test_one_cable_is_not_named_twice(irma4):
     lone = replace(irma4, cables=irma4.cables[:1])
-    assert [effect.cable for effect in by_id(lone, "swivel-friction")] == [None]
+    assert [effect.cable for effect in by_id(lone, "swivel-damping")] == [None]
     assert [effect.cable for effect in by_id(lone, "anchor-offset")] == [1]
 
 

@@ -18,6 +18,7 @@ DISSIPATIVE = {
     "air-drag-linear": "c",
     "air-drag-quadratic": "c",
     "rotational-drag": "c",
+    "rotational-drag-quadratic": "c",
     "swivel-friction": "c",
     "swivel-damping": "c",
     "pulley-friction": "viscous",

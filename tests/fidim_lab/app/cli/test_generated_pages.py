@@ -61,7 +61,7 @@ def _offered():
 @pytest.mark.parametrize(
     ("line", "found"),
     [
-        ("fidim dry-run --hide rot", "rotational-drag rotational-drag:"),
+        ("fidim dry-run --hide rotational-drag-", "rotational-drag-quadratic rotational-drag-quadratic:"),
         ("fidim run plan.toml --hide cable-elasticity:", "cable= EA= k= c="),
         ("fidim simulate --hide cable-elasticity:k=1,c", "1,cable= 1,c="),
         ("fidim simulators rig.toml --hide cable-elasticity:k=1,k", ""),

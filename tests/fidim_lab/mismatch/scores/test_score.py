@@ -28,9 +28,12 @@ CHECKED = (
     "cable-length-bias (cable 1)",
     "cable-mass",
     "loose-mass",
+    "swivel-friction (giving way)",
+    "lay-torque",
+    "body-force",
 )
 """one for each way in which an effect enters"""
-SCANNED = {"cable-creep": 4.0, "loose-mass": 2.4}
+SCANNED = {"cable-creep": 4.0, "loose-mass": 2.4, "swivel-friction": 0.05}
 """of those with scan points, the one that is checked"""
 
 
@@ -80,7 +83,7 @@ def test_columns_are_derivatives(dragged: Case) -> None:
             scale = np.abs(numeric).max()
             assert np.abs(exact - numeric).max() < 2e-3 * scale, h.label
             checked += 1
-    assert checked == 9
+    assert checked == 17
 
 
 def _residual(case: Case, effect: object, absent: np.ndarray, k: int, change: float) -> np.ndarray:
