@@ -4,7 +4,7 @@ Real and simulated devices differ below these ports only; a procedure cannot tel
 Records are immutable and carry the monotonic time at which they were true; an old value is unknown.
 """
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol, TypeVar
@@ -243,6 +243,13 @@ class TrialBench(Protocol):
         ...
 
 
+PullTaut = Callable[[float, float, float], Awaitable[float]]
+"""Winds an enabled winch with a current (A) at a speed (m/s), over a way (m) at most, until its cable is taut.
+
+Returns the way that it took. Raises RefusedError where its drive cannot, DeviceError where the cable does not become
+taut or pays out, or the drum runs away: it then stands."""
+
+
 @dataclass(frozen=True)
 class MarkerFrame:
     """One frame of motion capture."""
@@ -407,3 +414,5 @@ class Rig:
     """None: the winches share none"""
     trials: tuple[TrialBench, ...] = ()
     """one for each winch, where their stops can be tried"""
+    pulls: tuple[PullTaut, ...] = ()
+    """one for each winch, where slack can be taken up by torque"""

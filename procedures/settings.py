@@ -161,6 +161,8 @@ class ReleaseSettings:
 class HomeSettings:
     """Finding the encoders' zeros."""
 
+    taut: bool = False
+    """take up slack by torque first, and take the counts while the motors pull"""
     by_markers: bool = False
     """measure the pose by three or more markers; else the plan's window says it"""
     over: Seconds = 2.0
@@ -171,6 +173,18 @@ class HomeSettings:
     """m, root mean square of a marker coordinate against the robot file's markers"""
     encoder_still: EncoderStill = 5e-4
     """m by which an encoder may move meanwhile"""
+
+
+@dataclass(frozen=True)
+class TautSettings:
+    """Taking up slack by torque, one cable after another; the platform stands in a jig or on its stand."""
+
+    tension: NotNegative = 0.0
+    """N; 0: the robot's lowest allowed tension"""
+    speed: Annotated[float, Field(gt=0, le=0.2)] = 0.05
+    """m/s at which a slack cable is wound, as a winch's stops are tried"""
+    way: Annotated[float, Field(gt=0, le=2)] = 0.2
+    """m that a cable may be wound until it is taut: more slack is somebody's to look at"""
 
 
 @dataclass(frozen=True)
@@ -348,6 +362,7 @@ class Settings:
     guard: GuardSettings = field(default_factory=GuardSettings)
     hold: HoldSettings = field(default_factory=HoldSettings)
     home: HomeSettings = field(default_factory=HomeSettings)
+    taut: TautSettings = field(default_factory=TautSettings)
     align: AlignSettings = field(default_factory=AlignSettings)
     commission: CommissionSettings = field(default_factory=CommissionSettings)
     release: ReleaseSettings | None = None

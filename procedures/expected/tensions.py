@@ -40,6 +40,13 @@ def by_current(tension: float, moved: int, band: TensionBand | None) -> KnownTen
     return KnownTension(value, band.scatter, f"motor current after {'paying out' if moved > 0 else 'winding'}")
 
 
+def current_for(tension: float, band: TensionBand | None) -> float:
+    """gain · I + offset (N) by which a winch that winds pulls with a tension (N): `by_current` the other way."""
+    if band is None:
+        return tension
+    return tension * (1.0 + band.load_friction) + (0.0 if band.scatter is None else band.friction)
+
+
 def by_load_cell(tension: float, uncertainty: float) -> KnownTension:
     """A load cell's mean reading (N)."""
     return KnownTension(tension, SIGMAS * uncertainty, "load cell")

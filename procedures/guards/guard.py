@@ -109,6 +109,10 @@ class Always(Reacting):
     """A guard that looks as long as any winch has power, while others are still being given it, too."""
 
 
+_NOT_ENABLED = (Phase.PREPARING, Phase.TRYING, Phase.TAKING_UP)
+"""in which not every drive is expected to be enabled: only what looks always does"""
+
+
 async def watch(
     clock: Clock,
     guards: Sequence[Guard],
@@ -130,7 +134,7 @@ async def watch(
         seen = look()
         standstill.look(seen.t)
         for guard in guards:
-            if seen.phase in (Phase.PREPARING, Phase.TRYING) and not isinstance(guard, Always):
+            if seen.phase in _NOT_ENABLED and not isinstance(guard, Always):
                 continue
             says = guard.look(seen)
             if says is None:

@@ -14,6 +14,7 @@ from procedures.handlers.motion import enable, hold, move_to
 from procedures.handlers.placing import compare_place, try_winches
 from procedures.handlers.release import await_held, let_go, take_hold
 from procedures.handlers.rest import check_tension, read_encoders, settle
+from procedures.handlers.taut import take_power, take_up
 from procedures.handlers.window import accept, check_window, give_up, note, record, reject
 from procedures.stand import Stand
 from procedures.steps import (
@@ -47,6 +48,7 @@ from procedures.steps.align import Jog, Told
 from procedures.steps.commission import ProveStop
 from procedures.steps.excitation import IdentifyBody, SeeRecordedSwing, Strokes, Think, WatchSwing
 from procedures.steps.placing import ComparePlace, TryWinches
+from procedures.steps.taut import TakePower, TakeUp
 
 Handler = Callable[[Stand, Any], Awaitable[Result]]
 
@@ -84,6 +86,8 @@ HANDLERS: Mapping[type[Step], Handler] = MappingProxyType(
         IdentifyBody: identify_body,
         Jog: jog,
         ProveStop: prove_stop,
+        TakeUp: take_up,
+        TakePower: take_power,
         Told: give_up,
     }
 )

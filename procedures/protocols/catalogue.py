@@ -19,6 +19,7 @@ from procedures.protocols.experiment import Experiment, Lab, Make, checked_exper
 from procedures.protocols.home import home
 from procedures.protocols.identify import identify
 from procedures.protocols.own import own_procedure
+from procedures.protocols.take_up import take_up
 from procedures.protocols.tension_check import tension_check
 from procedures.recording.resumption import Resumption
 from procedures.settings import Settings
@@ -46,6 +47,10 @@ def _tension_check(lab: Lab) -> Steps:
 
 def _home(lab: Lab) -> Steps:
     return home(lab.plan, lab.robot, lab.settings)
+
+
+def _slack(lab: Lab) -> Steps:
+    return take_up(lab.plan, lab.robot, lab.settings)
 
 
 def _commission(lab: Lab) -> Steps:
@@ -89,6 +94,7 @@ CATALOGUE: Mapping[str, Listed] = MappingProxyType(
             Role.IDENTIFY,
         ),
         "home": Listed("the encoders' zeros, at a known or measured pose, without power", _home),
+        "take-up": Listed("slack taken up by torque, cable by cable, with the platform fixed; brakes hold it", _slack),
         "commission": Listed("every stop of every winch, proven by trial without load (fidim commission)", _commission),
         "align": Listed("how late motion capture is against the encoders, by a jog up and down", _align, alone=True),
         "compare": Listed(

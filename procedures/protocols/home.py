@@ -1,8 +1,9 @@
 """The encoders' zeros, from a pose that is known (a jig, a place measured by hand) or measured by markers.
 
-Nothing moves and no drive has power: the platform stands on a jig, or hangs on its brakes. The plan has one window: its
-`pose` where the platform is put there, else its `lengths`; a robot with three or more markers measures its pose itself
-where `Settings.home.by_markers` says so. What comes out is kept in RIG.home.toml.
+Nothing moves and no drive has power: the platform stands on a jig, or hangs on its brakes. With `Settings.home.taut`
+slack is taken up by torque first, the platform fixed, and the counts are taken while the motors pull. The plan has one
+window: its `pose` where the platform is put there, else its `lengths`; a robot with three or more markers measures its
+pose itself where `Settings.home.by_markers` says so. What comes out is kept in RIG.home.toml.
 """
 
 from collections.abc import Generator
@@ -14,6 +15,7 @@ from fidim_lab.data.records import Plan, PlannedWindow, Robot
 from fidim_lab.errors import SetupError
 from fidim_lab.model.mechanism import Mechanism
 from procedures.outcomes import Outcome
+from procedures.protocols.take_up import ask_for_motion, power_taken, taken_up
 from procedures.settings import HomeSettings, Settings
 from procedures.steps import AskWithoutPower, Configure, Lengths, MeasurePose, Result, SetLengths, Step, Steps, Verdict
 
@@ -49,6 +51,11 @@ def _home(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
         yield Verdict(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
         return
     home = settings.home
+    if home.taut:
+        if (yield ask_for_motion(place, settings)).answer != "done":
+            yield Verdict(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
+            return
+        yield from taken_up(place, robot, settings)
     if home.by_markers:
         lengths = yield from _measured(place, home)
         if lengths is None:
@@ -56,6 +63,8 @@ def _home(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
     else:
         lengths = known_lengths(place, robot)
     result = yield SetLengths(window=place.id, lengths=lengths, over=home.over, still=home.encoder_still)
+    if home.taut:
+        yield power_taken(place, settings)
     changes = ", ".join(f"{change * 1e3:+.1f}" for change in result.values)
     said = result.reason or (f"lengths changed by {changes} mm" if changes else "")
     yield Verdict(window=place.id, outcome=result.outcome, reason=said)
@@ -72,10 +81,13 @@ def _measured(place: PlannedWindow, home: HomeSettings) -> Generator[Step, Resul
 
 def _ask(place: PlannedWindow, settings: Settings) -> AskWithoutPower:
     where = " ".join(f"{value:.3f}" for value in place.position)
+    slack = settings.home.taut
     if settings.home.by_markers:
-        text = f"Is the platform at rest, near marker position {where} m, with all markers in sight and cables taut?"
+        cables = "" if slack else " and cables taut"
+        text = f"Is the platform at rest, near marker position {where} m, with all markers in sight{cables}?"
     else:
-        text = f"Is the platform exactly at the known place (main marker at {where} m), with all cables taut?"
+        cables = "" if slack else ", with all cables taut"
+        text = f"Is the platform exactly at the known place (main marker at {where} m){cables}?"
     prompt = Prompt(PromptKind.CONFIRM, text, choices=("done", "abort"))
     return AskWithoutPower(window=place.id, prompt=prompt, estimate=settings.prompt_estimate)
 

@@ -17,6 +17,8 @@ class Phase(StrEnum):
     """no power yet: drives are not expected to be enabled"""
     TRYING = "trying"
     """without load, one drive after another is made to stop by itself: faults and silence are what is asked for"""
+    TAKING_UP = "taking up"
+    """one winch after another winds its slack by torque: such a drive leaves OPERATION ENABLED for a moment"""
     MOVING = "moving"
     RESTING = "resting"
     HANDLING = "handling"

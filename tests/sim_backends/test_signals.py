@@ -6,9 +6,8 @@ from dataclasses import replace
 import pytest
 
 from drivers.cia402.bring_up import Standing, inspect
-from drivers.cia402.dictionary import GENERIC_EDS, WinchConfig
-from drivers.cia402.motion import Cia402Winch
-from drivers.cia402.motion.modes import pull_taut
+from drivers.cia402.dictionary import GENERIC_EDS, Load, WinchConfig
+from drivers.cia402.motion import Cia402Winch, pull_taut
 from drivers.cia402.profile import Signal
 from drivers.cia402.watch import CanopenMaster, set_brake
 from drivers.cia402.watch.brake import brake_applied
@@ -152,6 +151,50 @@ def test_slack_is_taken_up_by_torque_until_the_cable_is_taut():
     assert abs(sample.velocity) < 1e-3
     assert sample.state is DriveState.OPERATION_ENABLED
     assert limit == CONFIG.drive_speed(CONFIG.max_speed)
+
+
+def test_a_cable_that_is_taut_already_is_left_as_it_is():
+    """By less torque than its load it would be paid out."""
+
+    async def work(winch, drive):
+        await winch.configure()
+        await winch.enable()
+        await CLOCK.sleep(0.1)
+        asked = drive.od.number(0x6071)
+        return await pull_taut(winch, 0.5, 0.1, 0.5), winch.latest(), asked, drive.od.number(0x6071)
+
+    def loaded():
+        shaft = DrumShaft()
+        shaft.set_load(-1.0)
+        return shaft
+
+    wound, sample, before, after = on_a_bus(work, shaft=loaded)
+    assert (wound, after) == (0.0, before)
+    assert sample.state is DriveState.OPERATION_ENABLED
+
+
+def test_a_cable_that_is_paid_out_meanwhile_is_stopped():
+    async def work(winch, drive):
+        await winch.configure()
+        await winch.enable()
+        pulling = asyncio.ensure_future(pull_taut(winch, 0.5, 0.01, 0.5))
+        await CLOCK.sleep(0.2)
+        drive.faults.jump_encoder(round(0.01 * CONFIG.scale.counts_per_metre))
+        with pytest.raises(DeviceError, match="its cable is paid out"):
+            await pulling
+        await CLOCK.sleep(0.3)
+        return winch.latest()
+
+    sample = on_a_bus(work, shaft=Slack)
+    assert sample.velocity == 0.0
+    assert sample.state is DriveState.QUICK_STOP_ACTIVE
+
+
+def test_a_drive_that_tells_torque_is_told_torque():
+    """6071 is a part of the rated torque there: 0.5 A are 0.1 N m, 50 per mille of 2 N m."""
+    by_torque = replace(CONFIG, load=Load.TORQUE, rated_torque=2.0, torque_constant=0.2)
+    assert (CONFIG.torque_digits(0.5), by_torque.torque_digits(0.5)) == (100, 50)
+    assert replace(CONFIG, current_offset=0.1).torque_digits(0.5) == 80, "0.1 A are its ammeter's"
 
 
 class Endless(Slack):

@@ -223,6 +223,11 @@ class WinchConfig:
             return self.rated_current / 1000.0
         return self.rated_torque / self.torque_constant / 1000.0
 
+    def torque_digits(self, current: float) -> int:
+        """What a drive is told (6071, per mille of rated) for a current (A) without direction, as it tells its load."""
+        torque = self.load is Load.TORQUE
+        return round((current - self.current_offset) / (self.ampere_per_mille if torque else self.rated_current / 1e3))
+
     def _range_mistakes(self) -> list[str]:
         positive = {
             key: getattr(self, key)

@@ -4,7 +4,8 @@ In: a master and a WinchConfig. Out: a Winch (drivers.ports).
 """
 
 from drivers.cia402.motion.cyclic import make_winch
+from drivers.cia402.motion.modes import pull_taut
 from drivers.cia402.motion.trials import WinchTrials
 from drivers.cia402.motion.winch import Cia402Winch
 
-__all__ = ["Cia402Winch", "WinchTrials", "make_winch"]
+__all__ = ["Cia402Winch", "WinchTrials", "make_winch", "pull_taut"]

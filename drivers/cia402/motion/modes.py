@@ -22,6 +22,9 @@ SPEED_LIMIT = 0x607F
 """by which a drive in torque mode keeps a slack cable's drum from running away"""
 RUNS_AWAY = 1.5
 """times the speed that was allowed: a drum that goes faster is stopped"""
+GIVES_WAY = 3e-3
+"""m of cable that may be paid out while torque takes over from position, as `guards.motion` allows by default: a load
+beyond the torque pays out at the speed limit, 3 mm in 0.06 s at 0.05 m/s"""
 TAUT = 0.3
 """s for which a pulled drum must stand for its cable to count as taut: a slack one goes on at once"""
 _STILL_WITHIN = 0.5
@@ -77,9 +80,10 @@ async def pull_taut(winch: Cia402Winch, current: float, speed: float, way: float
     """Wind an enabled winch with `current` (A) at most, at `speed` (m/s), until its cable is taut; m of cable wound.
 
     In profile torque mode: for slack before homing, and for a pretension. It holds its place afterwards, in the mode of
-    its config. Raises RefusedError beyond the winch's current or speed, or where the drive keeps its speed limit (607F)
-    to itself; DeviceError where the drum runs away, `way` (m) is not enough (then it stands in quick stop), or as
-    `switch_mode`.
+    its config. A cable that carries as much already is left as it is: less torque than its load would pay it out.
+    Raises RefusedError beyond the winch's current or speed, or where the drive keeps its speed limit (607F) to itself;
+    DeviceError where the drum runs away or the cable is paid out, `way` (m) is not enough (then it stands in quick
+    stop), or as `switch_mode`.
     """
     config, sdo, device = winch.config, winch.link.sdo, winch.config.device
     if not 0.0 < current <= config.current_limit or not 0.0 < speed <= config.max_speed or not way > 0.0:
@@ -90,11 +94,14 @@ async def pull_taut(winch: Cia402Winch, current: float, speed: float, way: float
     if not (winch.link.able.can_write(SPEED_LIMIT) and winch.link.able.can_write(0x6071)):
         raise RefusedError(f"{device} has no speed limit in torque mode (607F): a slack cable's drum would run away.")
     _require_power(winch)
+    sample = winch.latest()
+    if sample is not None and sample.current >= current:
+        return 0.0
     await switch_mode(winch, Mode.PROFILE_TORQUE)
     order, start = winch.drive.begin(), await winch.ask_length()
     try:
         await sdo.write_verified(SPEED_LIMIT, 0, config.drive_speed(speed))
-        await sdo.write(0x6071, 0, round(-config.direction * 1000.0 * current / config.rated_current))
+        await sdo.write(0x6071, 0, -config.direction * config.torque_digits(current))
         winch.drive.send(order, controlword(Command.ENABLE_OPERATION))
         await _until_taut(winch, start, speed, way)
         await sdo.write(0x6071, 0, 0)
@@ -119,7 +126,9 @@ async def _until_taut(winch: Cia402Winch, start: float, speed: float, way: float
         await clock.sleep(0.01)
         values = winch.drive.healthy()
         velocity = abs(winch.config.cable_speed(values.velocity))
-        gone = abs(await winch.ask_length() - start)
+        gone = start - await winch.ask_length()
+        if gone < -GIVES_WAY:
+            raise DeviceError(device, f"its cable is paid out ({-gone * 1e3:.0f} mm): it carries more than the torque.")
         if velocity > RUNS_AWAY * speed:
             raise DeviceError(device, f"its drum runs away at {velocity:.3f} m/s; {speed:g} m/s was allowed.")
         if gone > way or clock.now() > deadline:

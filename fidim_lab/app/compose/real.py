@@ -7,11 +7,12 @@ import contextlib
 from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.bring_up import refuse_other_master
 from drivers.cia402.dictionary import WinchConfig
-from drivers.cia402.motion import Cia402Winch, WinchTrials, make_winch
+from drivers.cia402.motion import Cia402Winch, WinchTrials, make_winch, pull_taut
 from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.mocap.source import StreamMarkerSource
@@ -98,7 +99,8 @@ async def real_rig(
         stack.push_async_callback(markers.close)
         await markers.start()
         await run_serial_devices(stack, serial)
-        rig = Rig(clock, made, markers, answering, serial.release, serial.gauges, master, trials)
+        pulls = tuple(partial(pull_taut, winch) for winch in made)
+        rig = Rig(clock, made, markers, answering, serial.release, serial.gauges, master, trials, pulls)
         yield RealRig(rig, transport, master, made, markers, serial)
 
 

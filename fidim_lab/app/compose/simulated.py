@@ -6,6 +6,7 @@ import time
 from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import can
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanTransport
 from drivers.cia402.dictionary import TemperatureObject, WinchConfig
-from drivers.cia402.motion import Cia402Winch
+from drivers.cia402.motion import Cia402Winch, pull_taut
 from drivers.cia402.watch import CanopenMaster
 from drivers.clock import LoopClock
 from drivers.mocap.decoders import MarkerObjects, ViconUdpDecoder
@@ -152,7 +153,8 @@ async def simulated_rig(
             sender = UdpSender(server, clock, feed.port)
             await sender.start()
             stack.push_async_callback(sender.close)
-        rig = Rig(clock, winches, markers, operator or laboratory.hand(clock), bus=master)
+        pulls = tuple(partial(pull_taut, winch) for winch in winches)
+        rig = Rig(clock, winches, markers, operator or laboratory.hand(clock), bus=master, pulls=pulls)
         yield SimulatedRig(rig, transport, laboratory, drives)
 
 

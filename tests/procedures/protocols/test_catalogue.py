@@ -62,7 +62,7 @@ async def clear(_stand, _step):
     return Result(answer=Clarity.CLEAR)
 
 
-ELSEWHERE = {"align", "home", "commission", "excite", "compare-by-winches"}
+ELSEWHERE = {"align", "home", "take-up", "commission", "excite", "compare-by-winches"}
 """need drives without power, and physics: see their own tests"""
 
 
@@ -75,7 +75,7 @@ def test_each_is_listed_without_hardware_and_runs_as_listed(name, world, lab, tm
     assert [type(e.step).__name__ for e in world.events if isinstance(e, StepStarted)] == listed
 
 
-@pytest.mark.parametrize("name", sorted(set(CATALOGUE) - {"home", "commission"}))
+@pytest.mark.parametrize("name", sorted(set(CATALOGUE) - {"home", "take-up", "commission"}))
 def test_no_winch_moves_before_a_release_has_let_go(name, world, lab, irma4, monkeypatch):
     monkeypatch.setattr(ExciteProtocol, "visit", lambda *_: iter(()))  # excitation is planned elsewhere
     monkeypatch.setattr(ExciteProtocol, "pace", WindowProtocol.pace)

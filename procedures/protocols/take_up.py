@@ -1,0 +1,56 @@
+"""Slack taken up by torque, one cable after another, the platform in a jig or on its stand; the brakes hold it then.
+
+By itself, or before homing (`Settings.home.taut`). The plan has one window, whose lengths do not matter here.
+"""
+
+from collections.abc import Generator
+
+from drivers.ports import Prompt, PromptKind
+from fidim_lab.data.records import Plan, PlannedWindow, Robot
+from fidim_lab.errors import SetupError
+from procedures.outcomes import Outcome
+from procedures.settings import Settings
+from procedures.steps import AskWithoutPower, Configure, Result, Step, Steps, Verdict
+from procedures.steps.taut import TakePower, TakeUp
+
+
+def take_up(plan: Plan, robot: Robot, settings: Settings | None = None) -> Steps:
+    """The steps. Raises SetupError for a plan with more than one window."""
+    settings = settings or Settings()
+    if len(plan.windows) != 1:
+        raise SetupError(f"Plan {plan.name!r} has {len(plan.windows)} windows; slack is taken up at one place.")
+    return _take_up(plan.windows[0], robot, settings)
+
+
+def _take_up(place: PlannedWindow, robot: Robot, settings: Settings) -> Steps:
+    yield Configure(window=place.id)
+    if (yield ask_for_motion(place, settings)).answer != "done":
+        yield Verdict(window=place.id, outcome=Outcome.ABORTED, reason="left as it was by the operator")
+        return
+    taken = yield from taken_up(place, robot, settings)
+    held = yield power_taken(place, settings)
+    worse = held if not held.outcome.usable else taken
+    said = ", ".join(f"{way * 1e3:.0f}" for way in taken.values)
+    yield Verdict(window=place.id, outcome=worse.outcome, reason=worse.reason or (f"{said} mm wound" if said else ""))
+
+
+def taken_up(place: PlannedWindow, robot: Robot, settings: Settings) -> Generator[Step, Result, Result]:
+    """All cables taut, all winches holding."""
+    told = settings.taut
+    tension = told.tension or robot.limits.tension[0]
+    return (yield TakeUp(window=place.id, tension=tension, speed=told.speed, way=told.way, cables=robot.n))
+
+
+def power_taken(place: PlannedWindow, settings: Settings) -> TakePower:
+    """The step after it."""
+    return TakePower(window=place.id, still=settings.hold.still, over=settings.hold.still_for)
+
+
+def ask_for_motion(place: PlannedWindow, settings: Settings) -> AskWithoutPower:
+    """A person's word that slack cables may be wound."""
+    text = (
+        "The winches will wind slack cable, one after another, until each is taut. Is the platform fixed in its jig or "
+        "on its stand, nobody within reach of cables and drums, and the emergency stop at hand?"
+    )
+    prompt = Prompt(PromptKind.CONFIRM, text, choices=("done", "abort"))
+    return AskWithoutPower(window=place.id, prompt=prompt, estimate=settings.prompt_estimate)
