@@ -18,6 +18,7 @@ from fidim_lab.identification.choice import soft_mode
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.restored import without_needless_contacts, without_needless_faults
 from fidim_lab.mismatch.conclusion.answer import with_answer
+from fidim_lab.mismatch.conclusion.certainty import only_certain
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.merge_cleaning import with_cleaning
 from fidim_lab.mismatch.conclusion.message import body_parameters, tell
@@ -78,7 +79,7 @@ def explain(
             whole = with_whole_motion(whole, last.cleaned.campaign, reached.mechanism, say, without)
         else:
             whole = _with_soft_mode(whole, audited.campaign, soft, say)
-    return with_answer(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited))
+    return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
 
 def _beside(before: Baseline, told: Explanation) -> Explanation:

@@ -31,7 +31,7 @@ def with_answer(told: Explanation) -> Explanation:
     names = ", ".join(dict.fromkeys(_class(cause) for cause in told.effects))
     answer = Answer(
         verdict=f"{HEADS[told.verdict].format(names=names)} {_figures(told)}".strip(),
-        certain=" ".join(_certain(told)) or "Nothing beyond the verdict.",
+        certain=" ".join(dict.fromkeys(_certain(told))) or "Nothing beyond the verdict.",
         not_told_apart=" ".join(_open(told.effects)) or "Nothing: each name has odds over 20 against its rivals."
         if told.effects
         else "Nothing was named.",
@@ -79,8 +79,11 @@ def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
         members = [f"{_name(cause)}{_sizes(cause.parameters)}"]
         for member in cause.likely[:MOST_MEMBERS]:
             members.append(f"{member.id}{_sizes(member.parameters)}")
-        weight = f" ({100 * cause.weights[0]:.0f} % for the first)" if len(members) > 1 else ""
-        yield f"{' or '.join(members)}{weight}."
+        if len(members) == 1:
+            members.append("what is not listed")
+        else:
+            members[-1] += f" ({100 * cause.weights[0]:.0f} % for the first)"
+        yield f"{' or '.join(members)}."
 
 
 def _class(cause: NamedCause) -> str:

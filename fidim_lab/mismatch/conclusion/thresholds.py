@@ -7,6 +7,11 @@ from dataclasses import dataclass
 class ConclusionThresholds:
     """One field for each decision."""
 
+    # certainty
+    certainty_many: int = 3
+    """effects, of which none is told as the only one: of 2 that imitated a left-out one all had 3 or more, or left
+    something unexplained"""
+
     # explanation
     most_alike: int = 3
     """effects in `equivalent_to` of the file, by spec/formats.md; the others are in `further_equivalent`"""
