@@ -37,6 +37,8 @@ def with_unknown(
     if not found.terms or not _helps(found):
         said = "No smooth wrench of place, velocity, turning or time models it either."
         return replace(explanation, message=f"{explanation.message} {said}")
+    if not found.halves:
+        found = replace(found, words=())  # the shape of a part would be taken for that of the whole
     return replace(
         explanation,
         chi2_per_dof=Before(explanation.chi2_per_dof.before, found.after.chi2_per_dof),
@@ -63,4 +65,6 @@ def _parameters(found: Unknown, explanation: Explanation) -> dict[str, BodyParam
 def _says(found: Unknown) -> str:
     figures = f"held-out χ²/dof {found.before.chi2_per_dof:.3g} → {found.after.chi2_per_dof:.3g}, rms "
     figures += f"{1e3 * found.before.rms:.3g} → {1e3 * found.after.rms:.3g} mm"
+    if not found.words:
+        return f"A wrench without a name takes less than half of that ({figures}): what it is like would mislead."
     return f"Modelled by a wrench without a name ({figures}): {' '.join(found.words)}"

@@ -1,0 +1,30 @@
+"""What has no name is told in words only where it takes most of what is left."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
+from fidim_lab.mismatch.conclusion.unnamed import with_unknown
+from fidim_lab.mismatch.fitting.holdout import HeldOut
+from fidim_lab.mismatch.unknown_force.unknown import Unknown
+
+WORDS = ("It repeats every 0.2 s: 0.65 N.",)
+
+
+def held(chi2_per_dof: float) -> HeldOut:
+    return HeldOut(1000 * chi2_per_dof, 1000, 1e-3, {})
+
+
+@pytest.mark.parametrize(("after", "told"), [(5.4, True), (5.6, False)])
+def test_a_wrench_that_takes_less_than_half_is_not_described(after: float, told: bool) -> None:
+    wrench = Unknown(("a term",), 0.9, held(10.0), held(after), WORDS, None, (), (), None, 1.0)  # type: ignore[arg-type]
+    model = SimpleNamespace(mechanism=SimpleNamespace(springs=False))
+    base = Explanation(
+        "c", Verdict.UNKNOWN_PHYSICS, (), (), Before(10.0, 10.0), Before(1.0, 1.0), (), {}, {}, None, "Missing.", 1.0
+    )
+    found = with_unknown(base, SimpleNamespace(model=model), None, lambda _: None, wrench)  # type: ignore[arg-type]
+    assert found.unknown is not None
+    assert (WORDS[0] in found.message, found.unknown.words == WORDS) == (told, told)
+    assert found.chi2_per_dof.after == pytest.approx(after)
+    assert ("less than half" in found.message) is not told
