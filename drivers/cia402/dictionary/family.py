@@ -17,9 +17,18 @@ FORMAT = "fidim-drive-family/1"
 FOLDER = Path(__file__).parent / "families"
 LOADS = ("current", "torque")
 MODES_SHOWN = ("always", "enabled")
-_KEYS = {"format", "name", "source", "speed", "velocity", "acceleration", "load", "rated_current", "current_limit"} | {
-    *("absent", "read_only", "not_mappable", "mode_shown")
-}
+_KEYS = {
+    "format",
+    "name",
+    "makers",
+    "source",
+    "speed",
+    "velocity",
+    "acceleration",
+    "load",
+    "rated_current",
+    "current_limit",
+} | {*("absent", "read_only", "not_mappable", "mode_shown")}
 
 
 @dataclass(frozen=True)
@@ -52,6 +61,8 @@ class DriveFamily:
     """One drive family; without arguments it keeps to the profile."""
 
     name: str = "generic CiA 402"
+    makers: tuple[str, ...] = ()
+    """words, in lower case, of which an EDS file's VendorName has one"""
     source: str = ""
     """where what it says comes from"""
     speed: str = "counts/s"
@@ -91,6 +102,12 @@ def built_in() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
+def families_of(vendor: str) -> tuple[str, ...]:
+    """Built-in families for drives of the maker that an EDS file names (its VendorName)."""
+    said = vendor.lower()
+    return tuple(n for n in built_in() if any(word in said for word in read_family(FOLDER / f"{n}.toml").makers))
+
+
 def read_family(path: Path) -> DriveFamily:
     """Read a family file. Raises FileError naming file and key."""
     if not path.exists():
@@ -109,6 +126,7 @@ def read_family(path: Path) -> DriveFamily:
         raise FileError(path, "mode_shown", f"{shown!r}; there are {', '.join(MODES_SHOWN)}")
     return DriveFamily(
         name=str(table.get("name", path.stem)),
+        makers=_words(path, "makers", table.get("makers", [])),
         source=str(table.get("source", "")),
         speed=_unit(path, "speed", table.get("speed", "counts/s")),
         velocity=_unit(path, "velocity", table["velocity"]) if "velocity" in table else "",
@@ -122,6 +140,12 @@ def read_family(path: Path) -> DriveFamily:
         not_mappable=_objects(path, "not_mappable", table),
         mode_shown=shown,
     )
+
+
+def _words(path: Path, key: str, said: Any) -> tuple[str, ...]:
+    if not isinstance(said, list) or not all(isinstance(word, str) and word for word in said):
+        raise FileError(path, key, f"{said!r}; a list of words is expected")
+    return tuple(word.lower() for word in said)
 
 
 def _unit(path: Path, key: str, said: Any) -> str:

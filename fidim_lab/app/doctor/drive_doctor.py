@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from drivers.cia402.dictionary import DriveFamily, Graded, Load, Met, WinchConfig, family_path, read_family
-from drivers.cia402.dictionary.family import GENERIC_FAMILY
+from drivers.cia402.dictionary.family import GENERIC_FAMILY, families_of
 from drivers.cia402.dictionary.fitted import by_file
 from fidim_lab.app.doctor.checks import BY_TRIAL, Check, Verdict
 from fidim_lab.data.eds import EdsFile, Repair, read_dictionary
@@ -44,7 +44,7 @@ def check_dictionary(found: EdsFile, family: DriveFamily) -> list[Check]:
         torque_constant=1.0,
     )
     able, grades = by_file(found.dictionary, config)
-    checks = [_described(found, family.name), *check_repairs(found)]
+    checks = [_described(found, family.name), *check_family(found, family), *check_repairs(found)]
     if not able.has(_CONTROLWORD):
         advice = "give the file of a drive: this one describes an I/O module, a master or an encoder"
         return [*checks, Check("drive", Verdict.FAILED, "no controlword (6040)", advice)]
@@ -54,6 +54,15 @@ def check_dictionary(found: EdsFile, family: DriveFamily) -> list[Check]:
 def _described(found: EdsFile, family: str) -> Check:
     known = ", ".join(filter(None, (found.vendor, found.product))) or "no maker named"
     return Check(f"EDS file {found.path.name}", Verdict.OK, f"{known}: {len(found.dictionary)} objects; {family}")
+
+
+def check_family(found: EdsFile, family: DriveFamily) -> list[Check]:
+    """A warning where a maker's drive goes by the generic family: its units and objects may be others."""
+    known = families_of(found.vendor) if family == GENERIC_FAMILY else ()
+    if not known:
+        return []
+    advice = f"try family {', '.join(known)}: a drive of other units goes at another speed than is meant"
+    return [Check(f"family of {found.path.name}", Verdict.WARNING, f"{family.name}, for {found.vendor}", advice)]
 
 
 def check_repairs(found: EdsFile) -> list[Check]:

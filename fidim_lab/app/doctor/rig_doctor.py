@@ -13,6 +13,7 @@ from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.bring_up import MEANING as ZERO
 from drivers.cia402.bring_up import InspectedObject, Standing, graded, inspect
+from drivers.cia402.dictionary import family_path, read_family
 from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.watch import CanopenMaster
 from drivers.cia402.wire import Strangers
@@ -29,7 +30,7 @@ from fidim_lab.data.rigs.rig import GuardEntry, RigFile
 from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, SetupError
 from procedures.steps import Lengths
 
-from .drive_doctor import check_grades, check_repairs
+from .drive_doctor import check_family, check_grades, check_repairs
 from .place_doctor import check_place
 
 LISTEN = 1.0
@@ -46,9 +47,11 @@ def check_rig(file: RigFile) -> list[Check]:
     """All checks of a rig; what cannot be reached is a check that says so."""
     checks = [Check(f"rig {file.path.name}", Verdict.OK, f"{file.name}: {len(file.winches)} winches, {file.bus.name}")]
     checks += check_tensions(file)
-    for eds in sorted({entry.eds for entry in file.winches if entry.eds is not None}):
+    for eds, name in sorted({(entry.eds, entry.family) for entry in file.winches if entry.eds is not None}):
         with contextlib.suppress(FidimError):  # said with its winch, where the drives are asked
-            checks += check_repairs(read_dictionary(eds, 1))
+            found = read_dictionary(eds, 1)
+            checks += check_family(found, read_family(family_path(name, file.path.parent)))
+            checks += check_repairs(found)
     checks += compose.run_loop(_check_hardware(file), real_time=True)
     return checks + check_guards(file)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.cia402.dictionary import GENERIC_EDS, Load, WinchConfig, family_path, read_family
 from drivers.cia402.dictionary.abilities import used_pdos
-from drivers.cia402.dictionary.family import FOLDER, GENERIC_FAMILY, built_in
+from drivers.cia402.dictionary.family import FOLDER, GENERIC_FAMILY, built_in, families_of
 from drivers.cia402.dictionary.settings import identity, limits
 from drivers.cia402.motion.moves import Beside, make_sample, profile
 from drivers.cia402.wire.pdo import DriveValues
@@ -55,6 +55,26 @@ def test_all_that_come_with_us_are_read():
     for name in built_in():
         assert read_family(FOLDER / f"{name}.toml").name
     assert read_family(FOLDER / "technosoft-ipos.toml").load == "torque"
+
+
+def test_copley_speaks_of_tenths_and_tens_of_counts():
+    objects = wanted(winch(family=read_family(FOLDER / "copley.toml")))
+    assert (objects["6081:0"], objects["607F:0"]) == (200_000, 600_000)
+    assert objects["6083:0"] == 10_000  # 0.5 m/s² · 200 000 counts/m
+
+
+@pytest.mark.parametrize(
+    ("vendor", "families"),
+    [
+        ("maxon motor ag", ("maxon-epos2", "maxon-epos4")),
+        ("Pilz GmbH & Co. KG", ("schunk",)),
+        ("Copley Controls Corp.", ("copley",)),
+        ("Somebody", ()),
+        ("", ()),
+    ],
+)
+def test_a_makers_families_are_found_by_its_name(vendor, families):
+    assert families_of(vendor) == families
 
 
 def test_epos2_speaks_of_rpm_and_milliamperes():
@@ -108,7 +128,7 @@ def test_a_mistake_is_named(tmp_path, case):
 
 def test_an_unknown_name_lists_those_that_there_are(tmp_path):
     with pytest.raises(
-        FileError, match="Built in are elmo-gold, faulhaber, generic, infranor, maxon-epos2, maxon-epos4"
+        FileError, match="Built in are copley, elmo-gold, faulhaber, generic, infranor, maxon-epos2, maxon-epos4"
     ):
         read_family(family_path("brand-x", tmp_path))
 

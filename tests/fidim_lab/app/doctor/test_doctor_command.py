@@ -201,3 +201,17 @@ def test_the_dictionary_of_what_is_no_drive(tmp_path, capsys):
         "\n", " "
     )
     assert cli.run(["doctor", "--family", "generic"]) == 2
+
+
+def test_a_makers_drive_in_the_generic_family_is_warned_of(tmp_path):
+    """Another unit of speed is another speed."""
+    text = GENERIC_EDS.read_text(encoding="utf-8")
+    eds = tmp_path / "drive.eds"
+    eds.write_text(re.sub(r"VendorName=.*", "VendorName=maxon motor ag", text), encoding="utf-8")
+    for family, says in ((None, True), ("maxon-epos4", False)):
+        chosen = ["--family", family] if family else []
+        cli.run(["doctor", "--eds", str(eds), *chosen, "--json", str(tmp_path / "d.json")])
+        checks = _read(tmp_path / "d.json")
+        assert ("family of drive.eds" in checks) is says
+        if says:
+            assert "try family maxon-epos2, maxon-epos4" in checks["family of drive.eds"]["advice"]
