@@ -61,9 +61,10 @@ lock:
 	$(LOCK) pyproject.toml --group dev -c requirements.lock -o tests/requirements.lock
 	$(LOCK) --group pyproject.toml:docs --python-version 3.11 -o docs/requirements.lock
 
-outputs: install
+outputs: $(TOOLS)
 	$(BIN)/python docs/outputs.py
 	$(BIN)/python docs/faults.py
+	$(BIN)/python docs/recording.py
 
 # Pages of docs that are made from the code; tests compare them.
 reference: install
