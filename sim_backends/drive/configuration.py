@@ -22,8 +22,9 @@ _OPTIONS = {
 
 
 def connect(dictionary: Dictionary, axis: Axis, errors: ErrorLog, make: Make = PROFILE) -> None:
-    """Attach sources, guards and watchers; say in 6502 which modes there are."""
-    dictionary.fix(0x6502, 0, sum(1 << mode - 1 for mode in MODES))
+    """Attach sources, guards and watchers; say in 6502 which modes there are, of those that its file names."""
+    ours = sum(1 << mode - 1 for mode in MODES)
+    dictionary.fix(0x6502, 0, dictionary.number(0x6502) & ours or ours)
     feedback = axis.feedback
     dictionary.attach(0x6041, source=axis.statusword)
     dictionary.attach(0x6061, source=lambda: axis.mode)

@@ -212,7 +212,10 @@ async def _choose_mode(master: CanopenMaster, link: NodeLink, config: WinchConfi
     """
     wanted = link.mode = config.mode
     deadline = master.clock.now() + config.step_timeout
-    await link.sdo.write(0x6060, 0, wanted)
+    try:
+        await link.sdo.write(0x6060, 0, wanted)
+    except SdoRefusedError as error:
+        return SettingCheck("6060:0", "mode of operation", mode_name(wanted), error.reason, ok=False)
     found = await link.sdo.read(0x6061)
     while found != wanted and master.clock.now() < deadline:
         await master.clock.sleep(master.period)

@@ -6,6 +6,7 @@ No part of this program asks for a maker: it asks whether an object is there, ma
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import takewhile
 
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
@@ -14,10 +15,13 @@ from drivers.cia402.dictionary.family import DriveFamily
 from drivers.cia402.dictionary.settings import Setting
 from drivers.cia402.profile.words import Mode
 from drivers.cia402.wire.pdo import RPDO, TARGET_RPDO, TPDOS, Mappable, PdoMap, VendorEntry
+from drivers.cia402.wire.sdo import told_by_file
 
 _CODES = {1: "?", 2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I"}
 """CiA 301 data types that a PDO of ours carries"""
 _SIZE = {"?": 1, "b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4}
+_LIMITS = ((0x607D, 1), (0x607D, 2))
+"""lowest and highest position"""
 FRAME = 8
 """bytes of a CAN frame"""
 _PDOS = 4
@@ -45,7 +49,7 @@ class Register:
     """struct code; empty where no PDO of ours could carry it"""
     mappable: bool
     default: int | None
-    """by the file; None where it says none"""
+    """by the file (of a DCF its ParameterValue first); None where it says none"""
 
 
 @dataclass(frozen=True)
@@ -104,8 +108,13 @@ class Abilities:
         return self.access(index, sub) is Access.WRITE
 
     def fitting(self, wanted: Iterable[Setting]) -> tuple[Setting, ...]:
-        """Those that this drive can be told, or compared with: what it lacks or keeps to itself is left out."""
-        return tuple(s for s in wanted if (self.can_write if s.write else self.has)(s.index, s.sub))
+        """Those that this drive can be told, or compared with: what it lacks or keeps to itself is left out.
+
+        A limit without its other end is none: it is not written either.
+        """
+        whole = all(self.can_write(index, sub) for index, sub in _LIMITS)
+        ours = (s for s in wanted if whole or (s.index, s.sub) not in _LIMITS)
+        return tuple(s for s in ours if (self.can_write if s.write else self.has)(s.index, s.sub))
 
     def kept(self, wanted: Iterable[Setting]) -> tuple[Setting, ...]:
         """Those that it shows and does not let be written."""
@@ -130,7 +139,7 @@ def _registers(dictionary: ObjectDictionary, family: DriveFamily) -> Mapping[tup
                 Access.WRITE if written else Access.READ,
                 _CODES.get(variable.data_type or 0, ""),
                 bool(variable.pdo_mappable) and name not in family.not_mappable,
-                variable.default if isinstance(variable.default, int) else None,
+                told_by_file(variable),
             )
     return found
 
@@ -215,14 +224,15 @@ def _records(registers: Mapping[tuple[int, int], Register], like: PdoMap) -> lis
         pdo = replace(like, number=number, entries=())
         count, cob = registers.get((pdo.mapping_index, 0)), registers.get((pdo.communication_index, 1))
         kind = registers.get((pdo.communication_index, 2))
-        places = [n for n in range(1, FRAME + 1) if _writable(registers.get((pdo.mapping_index, n)))]
+        entries = (_writable(registers.get((pdo.mapping_index, n))) for n in range(1, FRAME + 1))
+        places = sum(takewhile(bool, entries))  # one after another: those behind a gap are not reached
         if not (_writable(count) and _writable(cob) and places):
             continue
         fixed = not _writable(kind)
         kinds = {t: fixed for t in (1, 255) if kind is not None and (not fixed or kind.default == t)}
         if pdo.transmit and pdo.transmission not in kinds:
             continue
-        found.append(_Record(replace(pdo, type_fixed=fixed), len(places), kinds, []))
+        found.append(_Record(replace(pdo, type_fixed=fixed), places, kinds, []))
     return found
 
 

@@ -7,12 +7,16 @@ from drivers.cia402.dictionary.abilities import Abilities, Access
 from drivers.cia402.dictionary.config import Load, WinchConfig
 from drivers.cia402.dictionary.requirements import REQUIREMENTS, Graded, Met, Requirement, Trial, met_by_trial
 from drivers.cia402.dictionary.settings import Setting, limits
-from drivers.cia402.profile.words import Mode
+from drivers.cia402.profile.words import Mode, mode_name
 
 _STOPS = {"605D:0": range(1, 5), "605E:0": range(1, 5)}
 """values that stop: any of them will do where the drive does not let it be written"""
 _HOST = 127
 """stands in for the host's node; only whether 1016 can be written counts here"""
+
+
+_COMMANDED = ("6040:0", "6060:0", "607A:0", "6081:0", "6083:0", "60C2:1", "60C2:2")
+"""what a move writes: one that keeps such an object to itself moves otherwise than it is told"""
 
 
 def grade(able: Abilities, config: WinchConfig, told: Mapping[str, int], serial_number: int) -> tuple[Graded, ...]:
@@ -83,6 +87,8 @@ def _grade(
     if requirement.key == "load told":
         return _load(requirement, able, config)
     lacks: list[str] = []
+    if requirement.key == "position command" and (says := _without_mode(config.mode, told)):
+        return Graded(requirement, Met.ABSENT, says)
     for alternative in requirement.objects:
         problems = [says for name in alternative if (says := _problem(name, able, wanted.get(name), told))]
         if not problems:
@@ -103,12 +109,20 @@ def _problem(name: str, able: Abilities, wanted: Setting | None, told: Mapping[s
     access = able.access(index, sub)
     if access is Access.ABSENT:
         return f"no {name}"
-    if access is Access.WRITE or wanted is None:
+    if access is Access.WRITE or (wanted is None and name not in _COMMANDED):
         return ""
+    if wanted is None:
+        return f"{name} is read only"
     value = told.get(name)
     if value is not None and (wanted.holds(value) or value in _STOPS.get(name, ())):
         return ""
     return f"{name} is read only{'' if value is None else f' and {value}'}"
+
+
+def _without_mode(mode: Mode, told: Mapping[str, int]) -> str:
+    """Whether a drive says that it does not have the mode (6502)."""
+    modes = told.get("6502:0")
+    return f"6502:0 is 0x{modes:X}: no {mode_name(mode)}" if modes and not modes >> (mode - 1) & 1 else ""
 
 
 def _load(requirement: Requirement, able: Abilities, config: WinchConfig) -> Graded:

@@ -65,10 +65,9 @@ class SdoChannel:
         return variable is not None and bool(variable.pdo_mappable)
 
     def default(self, index: int, sub: int = 0) -> int:
-        """The EDS file's default value of an object; 0 where it has none."""
+        """What stands in an object by its EDS (or DCF) file; 0 where it says nothing."""
         variable = self._dictionary.get_variable(index, sub)
-        value = None if variable is None else variable.default
-        return value if isinstance(value, int) else 0
+        return 0 if variable is None else told_by_file(variable) or 0
 
     async def read(self, index: int, sub: int = 0) -> int:
         """The number in an object. Raises DeviceError, SdoRefusedError."""
@@ -139,3 +138,9 @@ class SdoChannel:
         return DeviceError(
             self._device, f"a wrong answer to {what}: {error}.", hint="Does another program talk to this drive?"
         )
+
+
+def told_by_file(variable: ODVariable) -> int | None:
+    """What stands in an object by its file; None where it says no integer."""
+    value = variable.default if variable.value is None else variable.value
+    return value if isinstance(value, int) else None

@@ -157,8 +157,9 @@ class Axis:
         return self._modes.get(self.mode) if self._moves else None
 
     def allows_mode(self, mode: int) -> AbortCode | None:
-        """Whether 6060 may be written with `mode`, by 6502."""
-        supported = mode == 0 or (mode > 0 and self._number(0x6502) >> (mode - 1) & 1)
+        """Whether 6060 may be written with `mode`, by 6502; a drive without has all of ours."""
+        told = self._number(0x6502, default=sum(1 << mode - 1 for mode in MODES))
+        supported = mode == 0 or (mode > 0 and told >> (mode - 1) & 1)
         return None if supported else AbortCode.VALUE
 
     def fail(self, code: int, *, register: int | None = None, lasting: bool = False) -> None:

@@ -66,7 +66,7 @@ class SetPoints:
         wanted = self._number(0x607A)
         if word & _RELATIVE:
             wanted += round(self._positioner.target) + reference
-        low, high = self._number(0x607D, 1), self._number(0x607D, 2)
+        low, high = self._number(0x607D, 1, default=-(2**31)), self._number(0x607D, 2, default=2**31 - 1)
         limited = low < high and not self._defects.limit_ignored  # both 0: no limits
         target = min(max(wanted, low), high) if limited else wanted
         self.limited = target != wanted
