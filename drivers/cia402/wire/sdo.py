@@ -20,6 +20,8 @@ from fidim_lab.errors import DeviceError, SetupError
 
 T = TypeVar("T")
 
+_ANSWER = 0x580
+
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # what it says, our errors say in words
 
 
@@ -49,6 +51,10 @@ class SdoChannel:
         self._timeout = timeout
         self._queue = asyncio.Lock()
         self._quiet_until = float("-inf")
+        self._asked = float("-inf")
+        self._late: float | None = None
+        """s from a question that timed out to its answer, where that came after all"""
+        node.network.subscribe(_ANSWER + self._node_id, self._heard)
 
     def knows(self, index: int, sub: int = 0) -> bool:
         """Whether the EDS file describes this object."""
@@ -120,6 +126,7 @@ class SdoChannel:
             wait = self._quiet_until - self._clock.now()
             if wait > 0.0:
                 await self._clock.sleep(wait)
+            self._asked = self._clock.now()
             try:
                 return await self._transport.call(self._node_id, action)
             except SdoAbortedError as error:
@@ -128,13 +135,18 @@ class SdoChannel:
                 self._quiet_until = self._clock.now() + self._timeout
                 raise self._no_answer(what, error) from error
 
+    def _heard(self, _can_id: int, _data: bytearray, stamp: float) -> None:
+        """An answer, at monotonic s; on the receiving thread."""
+        after = stamp - self._asked
+        if after >= self._timeout and stamp < self._quiet_until:
+            self._late = after
+
     def _no_answer(self, what: str, error: SdoCommunicationError) -> DeviceError:
         if "No SDO response" in str(error):
-            return DeviceError(
-                self._device,
-                f"no answer to {what} within {self._timeout:g} s.",
-                hint="Is the drive powered, and is the node id right?",
-            )
+            hint = "Is the drive powered, and is the node id right?"
+            if self._late is not None:
+                hint = f"It answers, but late: one came {self._late:.2f} s after its question. Raise sdo_timeout."
+            return DeviceError(self._device, f"no answer to {what} within {self._timeout:g} s.", hint=hint)
         return DeviceError(
             self._device, f"a wrong answer to {what}: {error}.", hint="Does another program talk to this drive?"
         )

@@ -113,6 +113,22 @@ def test_a_late_answer_is_not_taken_for_the_next_one(jump: Jump) -> None:
     assert talk(jump, wire, script) == 2
 
 
+def test_a_drive_that_answers_late_is_told_apart_from_one_that_does_not(jump: Jump) -> None:
+    async def script(sdo: SdoChannel) -> str:
+        with pytest.raises(DeviceError) as first:
+            await sdo.write(0x605A, 0, 6)
+        assert "Is the drive powered" in str(first.value)
+        sdo._quiet_until += 0.01  # pyright: ignore[reportPrivateUsage] - here a time-out takes no time
+        late = asyncio.get_running_loop().time() + 0.012
+        wire.network.notify(0x583, bytearray.fromhex("605A600000000000"), late)
+        with pytest.raises(DeviceError) as second:
+            await sdo.write(0x605A, 0, 6)
+        return str(second.value)
+
+    wire = Transcript(("2B 5A 60 00 06000000", SILENCE), ("2B 5A 60 00 06000000", SILENCE))
+    assert "It answers, but late: one came 0.01 s after its question. Raise sdo_timeout." in talk(jump, wire, script)
+
+
 def test_somebody_elses_answer(jump: Jump) -> None:
     other = ("40 5A 60 00 00000000", "4B 5E 60 00 02000000")
     with pytest.raises(DeviceError, match=r"a wrong answer to SDO read of 605A:0.*Does another program talk"):
