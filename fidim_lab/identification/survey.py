@@ -6,7 +6,7 @@ and every standard deviation counts what they do not. Combinations that no recor
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -25,6 +25,8 @@ from fidim_lab.model.mechanism import Mechanism
 
 TYPICAL_ANCHOR, TYPICAL_ATTACHMENT = 1e-3, 0.5e-3
 """m: what a total station and a caliper reach on a cable robot; assumed where a robot file says nothing"""
+TYPICAL_MARKER = 1e-3
+"""m: what a ruler reaches from a marker to the platform's frame; assumed where a robot file says nothing"""
 EXACT = 1e-9
 """m and rad: the sd of one coordinate that is exact beside others that are not; a thousandth of what is ever told"""
 
@@ -38,6 +40,12 @@ class Nuisance:
     effect: NamedEffect
     sd: tuple[float, ...]
     """of its θ about 0, m or rad"""
+
+    @property
+    def name(self) -> str:
+        """`what`, with the number of a marker that is not the main one: with `cable`, which piece it is."""
+        number = self.effect.number if isinstance(self.effect, MarkerOffset) else 1
+        return self.what if number == 1 else f"{self.what} {number}"
 
     @property
     def cable(self) -> int | None:
@@ -55,6 +63,11 @@ def usual(robot: Robot, factor: float = 1.0) -> tuple[Nuisance, ...]:
     return nuisances(robot, typical(robot).scaled(factor))
 
 
+def usual_markers(robot: Robot, factor: float = 1.0) -> tuple[Nuisance, ...]:
+    """What a usual survey leaves open of the markers' places on the platform."""
+    return nuisances(robot, replace(Survey.alike(robot.n, 0.0, 0.0), marker=factor * TYPICAL_MARKER))
+
+
 def stated(robot: Robot) -> tuple[Nuisance, ...]:
     """What the robot file's own survey leaves open; nothing where it has none."""
     return () if robot.survey is None else nuisances(robot, robot.survey)
@@ -63,13 +76,14 @@ def stated(robot: Robot) -> tuple[Nuisance, ...]:
 def as_found(mechanism: Mechanism, pieces: Mapping[tuple[str, int | None], Sequence[float]]) -> Mechanism:
     """The mechanism with the geometry that a fit has found, behind its effects; itself where that is the file's.
 
-    pieces: (key of `[survey]`, 1-based cable or None) → by how much, m or rad.
+    pieces: (name of a piece, 1-based cable or None) → by how much, m or rad.
     """
     robot = mechanism.robot
-    opened = [one for one in stated(robot) or usual(robot) if (one.what, one.cable) in pieces]
+    known = stated(robot) or (*usual(robot), *usual_markers(robot))
+    opened = [one for one in known if (one.name, one.cable) in pieces]
     if not opened:
         return mechanism
-    theta = [*mechanism.theta.tolist(), *(float(by) for one in opened for by in pieces[one.what, one.cable])]
+    theta = [*mechanism.theta.tolist(), *(float(by) for one in opened for by in pieces[one.name, one.cable])]
     return Mechanism(robot, (*mechanism.effects, *(one.effect for one in opened)), theta, native=mechanism.native)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from fidim_lab.data.records import Campaign, Robot
 from fidim_lab.identification.cleaning.free_motion import whole_id
-from fidim_lab.identification.mle.geometry import ODDS
+from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.cleaning.contacts import Contact, without
 from fidim_lab.mismatch.cleaning.residual_checks import audit

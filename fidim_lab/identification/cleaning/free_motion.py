@@ -74,23 +74,24 @@ def hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> Cuts:
     """Where the platform is not free. Windows that do not show their poses say nothing."""
     mechanism = Mechanism(campaign.robot)
     balances = {window.id: found for window in campaign.windows if (found := balance(mechanism, window)) is not None}
-    found = {} if not balances else _unbalanced(balances, campaign, rule)
+    found, judged = _unbalanced(balances, campaign, rule) if balances else ({}, set())
     for window in campaign.windows:
         cuts = [] if window.id in found else _resting(window, campaign, rule)
-        if window.id in balances:  # what comes to rest later may rub: that is for `explain`
+        if window.id in judged:  # what comes to rest later may rub: that is for `explain`
             cuts = [cut for cut in cuts if cut[0] == -np.inf]
         if cuts:
             found[window.id] = cuts
     return found
 
 
-def _unbalanced(balances: dict[str, Balance], campaign: Campaign, rule: FreeMotionRule) -> Cuts:
-    """Where the equations of motion do not balance."""
+def _unbalanced(balances: dict[str, Balance], campaign: Campaign, rule: FreeMotionRule) -> tuple[Cuts, set[str]]:
+    """Where the equations of motion do not balance, and the windows that can say so."""
     chi = _robust_body(list(balances.values()), parameter_vector(campaign.robot.nominal), rule)
     disturbed = {id: _disturbed(one, chi, rule) for id, one in balances.items()}
     if np.concatenate(list(disturbed.values())).mean() > rule.most:
-        return {}
-    return {id: cuts for id, one in balances.items() if (cuts := _times(one, disturbed[id]))}
+        return {}, set(balances)
+    judged = {id for id, one in balances.items() if _says(one, chi, rule)}
+    return {id: cuts for id, one in balances.items() if (cuts := _times(one, disturbed[id]))}, judged
 
 
 def _resting(window: Window, campaign: Campaign, rule: FreeMotionRule) -> list[tuple[float, float]]:
@@ -192,12 +193,18 @@ def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule)
     found |= (left > rule.still**2 * inertial) & (left > rule.goes_on**2 * own)
     for begin, end in runs(unmoved & (left > rule.goes_on**2 * own)):
         found[begin:end] = found[begin:end].any()
-    if (left < rule.share**2 * inertial).mean() < rule.balanced:
+    if not _says(one, chi, rule):
         return np.zeros(len(left), dtype=bool)  # noise or missing physics hides what a hand would leave
     if found.any():  # what lies beside a hand must be seen to swing: a platform that is held at rest balances, too
         for begin, end in runs(~found):
             found[begin:end] = left[begin:end].sum() > rule.share**2 * inertial[begin:end].sum()
     return found
+
+
+def _says(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> bool:
+    """Whether enough of it balances, so that the rest says something."""
+    left, inertial = (_averaged(one.t, ((rows @ chi) ** 2).sum(axis=1), rule) for rows in (one.left, one.inertial))
+    return bool((left < rule.share**2 * inertial).mean() >= rule.balanced)
 
 
 def _averaged(t: Series, squares: Series, rule: FreeMotionRule) -> Series:

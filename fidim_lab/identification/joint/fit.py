@@ -22,8 +22,9 @@ from fidim_lab.identification.joint.members import Layout, Member, lay_out
 from fidim_lab.identification.joint.search import JointOptimum, linear_tables, search
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle import spread
+from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.fit import Fit, fit
-from fidim_lab.identification.mle.geometry import FACTORS, ODDS, SAME, over_factors
+from fidim_lab.identification.mle.evidence import FACTORS, ODDS, SAME, over_factors
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.identification.mle.starts.possible import nearest_possible, scales
@@ -110,6 +111,11 @@ class JointFit:
     def excess(self) -> float:
         """χ²/dof for the noise that the residuals show."""
         return self.chi2_per_dof / self.noise_ratio**2
+
+    @property
+    def explained(self) -> bool:
+        """Whether what is left is near noise: how much of it counts is said by the worth of each window."""
+        return self.excess < MISFIT
 
     @property
     def tables(self) -> Float[np.ndarray, "W s s"]:

@@ -51,8 +51,8 @@ class Fitted(Protocol):
         ...
 
     @property
-    def excess(self) -> float:
-        """χ²/dof for the noise that the residuals show."""
+    def explained(self) -> bool:
+        """Whether nothing but noise is left."""
         ...
 
     def without(self, dropped: Bool[np.ndarray, " shared"]) -> Float[np.ndarray, " shared"]:
@@ -69,7 +69,7 @@ def figures_of(found: Fitted, nominal: Body) -> findings.Figures:
     covariance = found.tempered_covariance[:BODY, :BODY]
     nominal_sd = np.sqrt(np.diag(covariance))
     jackknife = None if replicates is None else jackknife_sd(replicates)
-    sd = nominal_sd if found.excess < findings.MISFIT else findings.largest(nominal_sd, bootstrap, jackknife)
+    sd = nominal_sd if found.explained else findings.largest(nominal_sd, bootstrap, jackknife)
     covariance = covariance * np.outer(sd / nominal_sd, sd / nominal_sd)
     body, moved = consistency.nearest_existing(found.body, covariance)
     seen = sd < UNSEEN * scales(found.start)

@@ -12,15 +12,13 @@ from fidim_lab.identification.mle.dissipated import lost_energy
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.starts.possible import distance_to_boundary
 from fidim_lab.identification.mle.trajectories.optimise import Ending
-from fidim_lab.identification.mle.trajectories.stages import Journey
+from fidim_lab.identification.mle.trajectories.stages import TRUSTED, Journey
 from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.model.sensitivity.equations import EASE
 from fidim_lab.units import millimetres, percent
 
 MISFIT = 1.5
 """χ²/dof, for the noise that the residuals themselves show, above which the model does not explain the recordings"""
-SURPRISE = 5.0
-"""standard deviations of χ² above its expectation that are worth a warning"""
 COLOURED = 2.0
 """whiteness above which what is left is not noise"""
 MOST_LOST = 0.5
@@ -30,8 +28,6 @@ OPTIMISM = 3.0
 SOMETHING = "Something is missing from it"
 OTHER_NOISE = "The residuals show a marker noise of"
 """begin of the sentence that says so"""
-UNEVEN = 1.5
-"""times the usual noise that one window may show without something missing from the model"""
 SLACK_SEEN = 0.01
 """s for which a cable must hang slack to be named"""
 CONTRADICTION_MM = 2.0
@@ -95,15 +91,20 @@ def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) ->
     """How it ended; the worst of what applies. Held-out windows count as much as those of the fit."""
     if not consistency.can_exist(figures.body) or figures.moved > consistency.ALLOWED:
         return Outcome.IMPOSSIBLE_BODY
-    if len(found.journey.lost) > MOST_LOST * len(found.remainders):
+    if len(_unfollowed(found.journey)) > MOST_LOST * len(found.remainders):
         return Outcome.LOST_PHASE
-    if not found.settled and not explained(found):  # the edge of what can move may keep a search from settling
+    if not found.settled and not found.explained:  # the edge of what can move may keep a search from settling
         return Outcome.NOT_CONVERGED
     held = _held_out(windows)
     held_excess = float(np.mean(held)) / found.noise_ratio**2 if held else 0.0
     if max(found.excess, held_excess) > MISFIT:
         return Outcome.MISFIT
     return Outcome.DOUBTFUL if doubtful(figures) else Outcome.CONVERGED
+
+
+def _unfollowed(journey: Journey) -> set[int]:
+    """Windows whose motion is lost, or in which a cable gets slack at once: no recording of a free swing begins so."""
+    return {*journey.lost, *(w for w, (time, _) in journey.slack.items() if time < TRUSTED)}
 
 
 def message(ended: Outcome, found: Fit, figures: Figures) -> str:
@@ -238,21 +239,6 @@ def _unpredicted(window: WindowVerdict) -> bool:
     return not window.used and window.role is Role.VALIDATE
 
 
-def _beyond_noise(found: Fit) -> float:
-    """χ²/dof, each window judged by the noise that its own residuals show, if near the usual one: some are noisier."""
-    usual = found.noise_ratio
-    own = [usual if left.noise is None else left.noise / found.likelihood.noise for left in found.remainders]
-    own = np.clip(own, usual / UNEVEN, usual * UNEVEN)
-    expected = sum(left.dof * ratio**2 for left, ratio in zip(found.remainders, own, strict=True))
-    return sum(left.chi2 for left in found.remainders) / max(expected, 1e-300)
-
-
-def explained(found: Fit) -> bool:
-    """Whether nothing but noise is left, by χ²."""
-    dof = sum(left.dof for left in found.remainders)
-    return (_beyond_noise(found) - 1) * np.sqrt(dof / 2) <= SURPRISE
-
-
 def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str]:
     said: list[str] = []
     declared = found.likelihood.noise
@@ -261,7 +247,7 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
             f"{OTHER_NOISE} {found.noise_ratio * declared * 1e3:.3g} mm, the robot file says "
             f"{declared * 1e3:.3g} mm (sensors, marker_noise)."
         )
-    if not explained(found):
+    if not found.explained:
         left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
         said.append(
             f"χ²/dof is {found.chi2_per_dof:.3g}: besides noise, {left:.2g} mm rms are left that the model does not "

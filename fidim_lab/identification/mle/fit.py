@@ -16,7 +16,7 @@ from fidim_lab.data.records import PARAMETER_NAMES, Body, Sensors, Window
 from fidim_lab.errors import RefusedError
 from fidim_lab.identification.equations.refusals import together
 from fidim_lab.identification.mle import spread
-from fidim_lab.identification.mle.judge import Remainder, remainder
+from fidim_lab.identification.mle.judge import Remainder, noise_alone, remainder
 from fidim_lab.identification.mle.starts import springs
 from fidim_lab.identification.mle.starts.possible import nearest_possible, scales
 from fidim_lab.identification.mle.starts.springs import spring_prior, with_springs
@@ -107,6 +107,11 @@ class Fit:
     def excess(self) -> float:
         """χ²/dof for the noise that the residuals show: 1 says that the model is right, whatever noise was stated."""
         return self.chi2_per_dof / self.noise_ratio**2
+
+    @property
+    def explained(self) -> bool:
+        """Whether nothing but noise is left."""
+        return noise_alone(self.remainders, self.likelihood.noise, self.noise_ratio)
 
     @property
     def tables(self) -> Float[np.ndarray, "W s s"]:

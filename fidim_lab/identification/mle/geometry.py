@@ -1,39 +1,26 @@
 """A fit with the geometry as its survey leaves it, and whether the recordings ask for that.
 
-Where the robot file states its survey, that is the prior. Where it states nothing, two models are weighed by their
-evidence: the file's geometry to the micrometre, and a usual survey whose standard deviations are multiplied by a common
-factor that the evidence chooses too. Evidence is Laplace's: half the fall of the sum of squares, prior included, less
-the Occam factor ½ ln det(I + prior covariance × information). Where the model misses more than noise (χ²/dof above 1)
-residuals are no independent samples: the data's part of both is divided by χ²/dof.
+Where the robot file states its survey, that is the prior. Where it states nothing, models are weighed by their evidence
+(`evidence`): the file's geometry to the micrometre, and a usual survey of the cables (anchors and attachments), of the
+markers, or of both. Markers are often put on anew, so each of the two has its own common factor on its standard
+deviations, which the evidence chooses too.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
-from fidim_lab.data.records import Window
+from fidim_lab.data.records import Robot, Window
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.identification.mle.evidence import SAME, Factors, Weighed, weighed
 from fidim_lab.identification.mle.fit import Fit, fit
-from fidim_lab.identification.mle.linearised import Linearised
-from fidim_lab.identification.mle.trajectories.likelihood import Point
-from fidim_lab.identification.mle.trajectories.normal import Prior
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort
-from fidim_lab.identification.mle.warm_start import gone_on
-from fidim_lab.identification.survey import Nuisance, prior_sd, stated, usual
+from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
+from fidim_lab.identification.survey import Nuisance, prior_sd, stated, usual, usual_markers
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.sensitivity.equations import BODY
 
-ODDS = 3.0
-"""nats of evidence (odds of 20) by which either of the two must lead before the file's geometry is called exact or
-not; between them the geometry is left open, which only widens the standard deviations"""
-FACTORS = np.geomspace(0.1, 30.0, 50)
-"""times a usual survey: what robot files are off by, from a tenth of a millimetre to three centimetres"""
-SPREAD_OF_FACTORS = np.log(3.0)
-"""standard deviation of the factor's logarithm about 0, before any data: two of three surveys are within a factor 3"""
 GLANCE = replace(FINAL, rounds=0)
 """one simulation with derivatives, no step"""
-SAME = 1.3
-"""factors nearer than this change standard deviations by less than the spread of 24 draws tells"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +30,8 @@ class Surveyed:
     found: Fit
     geometry: tuple[Nuisance, ...] = ()
     """what was left open; nothing where the geometry counts as exact"""
-    chi2_gain: float = 0.0
-    """by how much the sum of squares falls with an open geometry, in units of χ²/dof; 0 where that was not tried"""
-    log_bayes: float | None = None
-    """evidence of the open geometry over the exact one, nats; None where the survey is stated"""
-    factor: float = 1.0
-    """times a usual survey, chosen by evidence where the file states none"""
+    weighed: Weighed = Weighed()
+    """by evidence where the file states no survey"""
 
 
 def begin_surveyed(mechanism: Mechanism, windows: list[Window]) -> Fit:
@@ -67,23 +50,29 @@ def fit_surveyed(begun: Fit, windows: list[Window]) -> Surveyed:
 
 
 def _weighed(exact: Fit, windows: list[Window]) -> Surveyed:
-    """The exact geometry against a usual survey."""
+    """The exact geometry against a usual survey of cables and markers."""
     robot = exact.likelihood.mechanism.robot
-    opened = usual(robot)
+    opened = _usual(robot, Factors(1.0, 1.0))
     begun = continued(exact, opened, GLANCE)
     if begun is not None and exact.settled:
-        foretold = _evidence(exact, begun, opened)
-        if foretold.log_bayes < -ODDS:
-            return Surveyed(exact, (), foretold.gain, foretold.log_bayes)
-    found = continued(begun, opened) if begun is not None and not exact.journey.lost else None
+        foretold = weighed(exact, begun, opened)
+        if foretold.factors.exact:
+            return Surveyed(exact, (), foretold)
+    found = continued(exact, opened) if begun is not None and not exact.journey.lost else None
     found = _opened(exact.likelihood.mechanism, windows, opened) if found is None else found
-    weighed = _evidence(exact, found, opened)
-    if not 1 / SAME < weighed.factor < SAME:
-        opened = usual(robot, weighed.factor)
-        found = continued(found, opened) or found
-    if weighed.log_bayes < -ODDS or (exact.settled and not found.settled):
-        return Surveyed(exact, (), weighed.gain, weighed.log_bayes)
-    return Surveyed(found, opened, weighed.gain, weighed.log_bayes, weighed.factor)
+    says = weighed(exact, found, opened)
+    if says.factors.exact or (exact.settled and not found.settled):
+        return Surveyed(exact, (), says)
+    if not says.factors.near(Factors(1.0, 1.0)):
+        chosen = _usual(robot, says.factors)
+        again = continued(found, chosen)
+        found, opened = (found, opened) if again is None else (again, chosen)
+    return Surveyed(found, opened, says)
+
+
+def _usual(robot: Robot, factors: Factors) -> tuple[Nuisance, ...]:
+    cables = () if factors.cables is None else usual(robot, factors.cables)
+    return cables if factors.markers is None else (*cables, *usual_markers(robot, factors.markers))
 
 
 def _opened(mechanism: Mechanism, windows: list[Window], opened: tuple[Nuisance, ...]) -> Fit:
@@ -106,60 +95,19 @@ def with_geometry(mechanism: Mechanism, opened: tuple[Nuisance, ...]) -> Mechani
 def continued(found: Fit, opened: tuple[Nuisance, ...], effort: Effort = FINAL) -> Fit | None:
     """A fit gone on from its optimum with this geometry open (about the file's); None where that cannot be simulated.
 
-    The geometry stands behind the fit's own effects. One that is open already keeps its values and takes the new
-    standard deviations.
+    The geometry stands behind the fit's own effects. What is open already keeps its values and takes the new standard
+    deviations; what was open and is not asked for counts as exact again.
     """
-    before = found.likelihood
-    sd = prior_sd(opened)
-    nowhere = np.zeros(len(sd))
-    is_open = before.mechanism.effects[-len(opened) :] == tuple(one.effect for one in opened)
-    kept = len(found.values) - (len(sd) if is_open else 0)
-    values = np.concatenate([found.values, nowhere])[: kept + len(sd)]
-    mechanism = before.mechanism if is_open else with_geometry(before.mechanism, opened)
-    likelihood = replace(before, mechanism=mechanism)
-    plausible = np.concatenate([found.plausible[:kept], sd])
-    mean, spread = found.prior.mean[:kept], found.prior.sd[:kept]
-    prior = Prior(np.concatenate([mean, nowhere]), np.concatenate([spread, sd]), firm=kept)
-    return gone_on(found, likelihood, Point(values, found.journey.optimum.point.states), prior, plausible, effort)
+    before = found.likelihood.mechanism
+    own = tuple(effect for effect in before.effects if effect not in _geometry(before.robot))
+    wanted: list[Newcomer] = []
+    for one in opened:
+        size = len(one.sd)
+        start = found.values[found.place_of(one.effect)] if one.effect in before.effects else [0.0] * size
+        sd = prior_sd((one,))
+        wanted.append(Newcomer(one.effect, start, sd, [-np.inf] * size, [np.inf] * size, [0.0] * size))
+    return rearranged(found, (*own, *wanted), effort)
 
 
-@dataclass(frozen=True)
-class _Evidence:
-    """An open geometry against the exact one."""
-
-    log_bayes: float
-    """nats, averaged over the factor's prior"""
-    factor: float
-    """the most likely"""
-    gain: float
-    """fall of the sum of squares over χ²/dof of the open geometry"""
-
-
-def _evidence(exact: Fit, found: Fit, opened: tuple[Nuisance, ...]) -> _Evidence:
-    """From the linearised problem at a point of the open geometry; see the module."""
-    problem, survey = _linearised(found), prior_sd(opened)
-    before = _cost(exact)
-    gains, evidences = np.zeros(len(FACTORS)), np.zeros(len(FACTORS))
-    for k, factor in enumerate(FACTORS):
-        there, temper = problem.settled(factor * survey)
-        gains[k] = (before - there.left) / temper
-        evidences[k] = 0.5 * (gains[k] - there.strain - there.occam + problem.occam_of_body(temper))
-    log_bayes, best = over_factors(evidences)
-    return _Evidence(log_bayes, float(FACTORS[best]), float(gains[best]))
-
-
-def over_factors(evidences: Float[np.ndarray, " F"]) -> tuple[float, int]:
-    """Evidence averaged over the prior of `FACTORS`, and which of them is the most likely."""
-    weights = -0.5 * (np.log(FACTORS) / SPREAD_OF_FACTORS) ** 2
-    average = float(np.logaddexp.reduce(evidences + weights) - np.logaddexp.reduce(weights))
-    return average, int(np.argmax(evidences + weights))
-
-
-def _linearised(found: Fit) -> Linearised:
-    dof = sum(left.dof for left in found.remainders)
-    return Linearised.of(found.tables, _cost(found), dof, found.values[BODY:])
-
-
-def _cost(found: Fit) -> float:
-    """Of markers, lengths and the windows' own priors: what the shared parameters' prior adds is counted apart."""
-    return found.journey.optimum.simulation.cost
+def _geometry(robot: Robot) -> set[NamedEffect]:
+    return {one.effect for one in _usual(robot, Factors(1.0, 1.0))}

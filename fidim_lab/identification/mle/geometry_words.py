@@ -3,9 +3,10 @@
 import numpy as np
 from jaxtyping import Float
 
-from fidim_lab.identification.mle.geometry import ODDS, Surveyed
+from fidim_lab.identification.mle.evidence import ODDS, Factors
+from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.results.result import Geometry, Moved
-from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT
+from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, TYPICAL_MARKER
 from fidim_lab.units import millimetres
 
 TOLD = 3
@@ -29,8 +30,8 @@ def told_geometry(surveyed: Surveyed, sd: Float[np.ndarray, " shared"] | None = 
     for one in surveyed.geometry:
         place, end = slice(end, end + len(one.sd)), end + len(one.sd)
         by, spread = surveyed.found.values[place], sd[place]
-        moved.append(Moved(one.what, one.cable, tuple(map(float, by)), tuple(map(float, spread))))
-    return Geometry(surveyed.chi2_gain, tuple(moved))
+        moved.append(Moved(one.name, one.cable, tuple(map(float, by)), tuple(map(float, spread))))
+    return Geometry(surveyed.weighed.chi2_gain, tuple(moved))
 
 
 def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
@@ -38,24 +39,33 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     if not surveyed.geometry:
         return ()
     details = [says for says in (furthest(told), _unseen(surveyed, told)) if says]
-    if surveyed.log_bayes is None:
+    weighed = surveyed.weighed
+    if weighed.log_bayes is None:
         return tuple(details)
-    usual = (
-        f"a usual survey ({millimetres(TYPICAL_ANCHOR):g} mm anchors, {millimetres(TYPICAL_ATTACHMENT):g} mm "
-        "attachments)"
-    )
-    if surveyed.log_bayes < ODDS:
+    usual, scaled = _usual(weighed.factors)
+    if weighed.log_bayes < ODDS:
         return (
             f"The robot file has no [survey], and the recordings do not tell whether its geometry is exact: the ± "
             f"assume {usual}.",
         )
     return (
-        f"The robot file's geometry does not hold exactly: with {usual} scaled to "
-        f"{surveyed.factor * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors the recordings fit better (log evidence "
-        f"{surveyed.log_bayes:+.3g}). The geometry was fitted with the body, and the ± count it. State [survey] in the "
-        "robot file.",
+        f"The robot file's geometry does not hold exactly: with {usual} scaled to {scaled} the recordings fit better "
+        f"(log evidence {weighed.log_bayes:+.3g}). The geometry was fitted with the body, and the ± count it. State "
+        "[survey] in the robot file.",
         *details,
     )
+
+
+def _usual(factors: Factors) -> tuple[str, str]:
+    """The usual survey of what is open, and its scale."""
+    known, scaled = list[str](), list[str]()
+    if factors.cables is not None:
+        known.append(f"{millimetres(TYPICAL_ANCHOR):g} mm anchors, {millimetres(TYPICAL_ATTACHMENT):g} mm attachments")
+        scaled.append(f"{factors.cables * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors")
+    if factors.markers is not None:
+        known.append(f"{millimetres(TYPICAL_MARKER):g} mm markers")
+        scaled.append(f"{factors.markers * millimetres(TYPICAL_MARKER):.2g} mm for markers")
+    return f"a usual survey ({', '.join(known)})", " and ".join(scaled)
 
 
 def furthest(told: Geometry) -> str:

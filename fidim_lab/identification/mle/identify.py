@@ -23,9 +23,10 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.geometry import Surveyed, begin_surveyed, fit_surveyed
 from fidim_lab.identification.mle.geometry_words import geometry_warnings, told_geometry
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.odd_window import contradicts, odd_window
+from fidim_lab.identification.mle.odd_window import contradicts, misses_much, odd_window, taken_in_again
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
+from fidim_lab.identification.mle.touched import beside_cuts
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.undetermined import tried_out
@@ -38,6 +39,8 @@ from fidim_lab.model.sensitivity.sampling import sampled
 
 VARIANT = "trajectory"
 """how a window's motion was measured: as a simulated one that fits"""
+CUTS = 3
+"""sixths of a window that are tried to be left out beside a cut: half of it"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,16 +99,32 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
 
 def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> Surveyed:
     """On the windows that are not odd; what those are is in its `unused`, and one more that it finds so in `odd`."""
-    windows = campaign.of_role(Role.IDENTIFY)
-    begun = begin_surveyed(mechanism, [window for window in windows if window.id not in odd])
+    windows = [window for window in campaign.of_role(Role.IDENTIFY) if window.id not in odd]
+    begun = begin_surveyed(mechanism, windows)
+    begun, windows = _without_touched_ends(mechanism, begun, windows)
     if (name := odd_window(begun)) is not None:
-        without = begin_surveyed(mechanism, [window for window in windows if window.id not in (*odd, name)])
-        if findings.explained(without):
+        others = [window for window in windows if window.id != name]
+        without = begin_surveyed(mechanism, others)
+        again = taken_in_again(begun, without) if without.explained else None
+        if again is not None:
+            begun = again
+        elif without.explained and misses_much(begun):
             odd[name] = contradicts(name, begun, without)
-            begun = without
-    surveyed = fit_surveyed(begun, [window for window in windows if window.id not in odd])
-    unused = surveyed.found.unused | {w.id: odd[w.id] for w in windows if w.id in odd}
+            begun, windows = without, others
+    surveyed = fit_surveyed(begun, windows)
+    unused = surveyed.found.unused | {w.id: odd[w.id] for w in campaign.of_role(Role.IDENTIFY) if w.id in odd}
     return replace(surveyed, found=replace(surveyed.found, unused=unused))
+
+
+def _without_touched_ends(mechanism: Mechanism, begun: Fit, windows: list[Window]) -> tuple[Fit, list[Window]]:
+    """The fit without what a hand still touched beside the cuts, if that leaves noise alone; else as it was."""
+    found, kept = begun, windows
+    for _ in range(CUTS):
+        shorter = None if found.explained else beside_cuts(kept, found)
+        if shorter is None:
+            break
+        found, kept = begin_surveyed(mechanism, shorter), shorter
+    return (found, kept) if found.explained else (begun, windows)
 
 
 def _held_out(

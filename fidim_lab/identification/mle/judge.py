@@ -1,5 +1,6 @@
 """What is left of a window after a fit: χ²/dof, rms, whiteness, and the marker noise that its residuals show."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,10 @@ from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Sim
 
 LAGS = 20
 """samples, over which residuals are tested for correlation"""
+SURPRISE = 5.0
+"""standard deviations of χ² above its expectation by which more than noise is left"""
+UNEVEN = 1.5
+"""times the usual noise that one window may show without something missing from the model"""
 EVEN = 0.01
 """share of the sampling interval by which samples may be off and still count as neighbours"""
 
@@ -60,6 +65,18 @@ def remainder(likelihood: Likelihood, simulation: Simulation, w: int) -> Remaind
         whiteness=_whiteness(t, left),
         noise=_noise(t, left),
     )
+
+
+def noise_alone(remainders: Sequence[Remainder], noise: float, usual: float) -> bool:
+    """Whether nothing but noise is left, by χ²: each window is judged by the noise of its own residuals, if near usual.
+
+    noise: m, as stated. usual: times that, of all windows.
+    """
+    own = [usual if left.noise is None else left.noise / noise for left in remainders]
+    own = np.clip(own, usual / UNEVEN, usual * UNEVEN)
+    expected = sum(left.dof * ratio**2 for left, ratio in zip(remainders, own, strict=True))
+    beyond = sum(left.chi2 for left in remainders) / max(expected, 1e-300)
+    return bool((beyond - 1) * np.sqrt(sum(left.dof for left in remainders) / 2) <= SURPRISE)
 
 
 def _whiteness(t: Series, residuals: Float[np.ndarray, "T M 3"]) -> float | None:

@@ -52,9 +52,15 @@ class Linearised:
         data = Quadratic.of(tables)
         return Linearised(here, dof, data.information, data.gradient, theta)
 
-    def settled(self, sd: Float[np.ndarray, " theta"]) -> tuple[There, float]:
-        """The best point of everything with these prior standard deviations, and χ²/dof there (at least 1)."""
+    def settled(
+        self, sd: Float[np.ndarray, " theta"], free: Bool[np.ndarray, " theta"] | None = None
+    ) -> tuple[There, float]:
+        """The best point with these prior standard deviations, and χ²/dof there (at least 1).
+
+        free: which θ; the others are held where they do nothing.
+        """
         every = np.ones(len(self.information), dtype=bool)
+        every[BODY:] = True if free is None else free
         temper = max(1.0, self.here / self.dof)
         for _ in range(SETTLING):
             there = self.where(every, sd, temper)

@@ -3,15 +3,25 @@
 A payload left on the platform, a cable that touched, a window of another robot. Where the fit misses, each window is
 left out in turn to first order; where the others then come down to their noise without one of them, and at least three
 others agree on it, the fit is made again without it. Missing physics is in every window, and leaves none to blame. The
-geometry is asked afterwards: opened wide it bends around such a window. A fit that misses by little is left as it is: a
-wrong clock, too, is explained better by fewer windows.
+geometry is asked afterwards: opened wide it bends around such a window.
+
+The window may be innocent: markers that do not show the pose leave its first orientation to a guess, and from a wrong
+one a search may end in a place of its own. So it is followed anew with the body of the others, and taken in again where
+that explains it. A fit that misses by little keeps the window even so: a wrong clock, too, is explained better by fewer
+windows.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.spread import Quadratic
+from fidim_lab.identification.mle.trajectories.likelihood import Point
+from fidim_lab.identification.mle.warm_start import gone_on
 
 FEWEST = 3
 """windows that must agree without it: two of three may be two that are alike in their error"""
@@ -20,13 +30,42 @@ SHARE = 0.5
 
 
 def odd_window(found: Fit) -> str | None:
-    """The id of a window that most of what is left goes with; None where the fit is good, or there is none such."""
+    """The id of a window that most of what is left goes with; None where nothing is left, or there is none such."""
     count = len(found.remainders)
-    if count <= FEWEST or found.excess < MISFIT:
+    if count <= FEWEST or found.explained:
         return None
     left = np.array([_foretold(found, out) for out in range(count)])
     best = int(np.argmin(left))
     return found.likelihood.recordings[best].window.id if left[best] - 1 < SHARE * (found.excess - 1) else None
+
+
+def misses_much(found: Fit) -> bool:
+    """Whether a window that contradicts the others may be left out."""
+    return found.excess >= MISFIT
+
+
+def taken_in_again(whole: Fit, others: Fit) -> Fit | None:
+    """The fit of all windows from that of all but one; None where the body of the others does not explain that one."""
+    ids = [recording.window.id for recording in others.likelihood.recordings]
+    states, ends = whole.journey.optimum.point.states, np.array([one.end for one in whole.likelihood.recordings])
+    robot = whole.likelihood.mechanism.robot
+    for w, recording in enumerate(whole.likelihood.recordings):
+        if recording.window.id in ids:
+            place = ids.index(recording.window.id)
+            states = states.with_one(w, others.journey.optimum.point.states, place)
+            ends[w] = others.journey.ends[place]
+            continue
+        try:
+            anew = held_out.predict(others.likelihood.mechanism, others.values, recording, robot.sensors)
+        except RefusedError:
+            return None
+        if anew.lost:
+            return None
+        states = states.with_one(w, anew.journey.optimum.point.states, 0)
+        ends[w] = anew.journey.ends[0]
+    begun = replace(whole, journey=replace(whole.journey, ends=ends, slack={}, lost=()))
+    found = gone_on(begun, whole.likelihood, Point(others.values, states), whole.prior, whole.plausible)
+    return found if found is not None and found.explained else None
 
 
 def _foretold(found: Fit, out: int) -> float:

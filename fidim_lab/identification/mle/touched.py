@@ -2,6 +2,9 @@
 
 Whatever else a model lacks, it lacks in the middle of a window too; so an end that is missed by far more than the rest
 of its window is no free motion. Held-out windows are never cut: that would flatter the model.
+
+Where a hand was found before (`cleaning.free_motion`), it may have begun gently: beside such a cut, an end counts as
+touched as soon as it is missed by more than chance, if without it all that is left is noise.
 """
 
 from collections.abc import Sequence
@@ -10,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.data.records import Window
-from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.judge import SURPRISE, Remainder
 
 PART = 1 / 6
 """of a window, at its start and at its end, that is compared with the rest"""
@@ -38,14 +42,46 @@ def untouched(windows: Sequence[Window], left: Sequence[Remainder], noise: float
     return kept, said
 
 
+def beside_cuts(windows: Sequence[Window], found: Fit) -> list[Window] | None:
+    """The windows without more of what lies beside a cut and is missed by more than chance; None where nothing is."""
+    left = {one.window.id: rest for one, rest in zip(found.likelihood.recordings, found.remainders, strict=True)}
+    kept = [_shorter(window, left[window.id]) if window.id in left else window for window in windows]
+    return None if all(new is old for new, old in zip(kept, windows, strict=True)) else kept
+
+
+def _shorter(window: Window, left: Remainder) -> Window:
+    seen = np.flatnonzero(np.isfinite(window.markers).any(axis=(1, 2)))
+    begin, end = float(window.t[seen[0]]), float(window.t[seen[-1]])
+    span = PART * (end - begin)
+    use = np.ones(len(window.t), dtype=bool)
+    if seen[0] > 0 and _beyond_chance(left, early=True):
+        use &= window.t >= begin + span
+    if seen[-1] < len(window.t) - 1 and _beyond_chance(left, early=False):
+        use &= window.t <= end - span
+    return window if use.all() else replace(window, markers=np.where(use[:, None, None], window.markers, np.nan))
+
+
+def _beyond_chance(left: Remainder, *, early: bool) -> bool:
+    part = _end(left, early=early)
+    there, rest = (values[np.isfinite(values)] for values in (left.residuals[part], left.residuals[~part]))
+    if not there.size or not rest.size:
+        return False
+    chance = SURPRISE * np.sqrt(2 / there.size + 2 / rest.size)
+    return float(np.mean(there**2)) > (1 + chance) * float(np.mean(rest**2))
+
+
 _WHY = "are missed by more than twice as much as the rest of it, as if a hand still touched: they were left out."
 
 
 def _stands_out(left: Remainder, *, early: bool, noise: float) -> bool:
-    t = left.t - left.t[0]
-    part = t < PART * t[-1] if early else t > (1 - PART) * t[-1]
+    part = _end(left, early=early)
     there, rest = _rms(left.residuals[part]), _rms(left.residuals[~part])
     return there > FAR_MORE * max(rest, noise)
+
+
+def _end(left: Remainder, *, early: bool) -> np.ndarray:
+    t = left.t - left.t[0]
+    return t < PART * t[-1] if early else t > (1 - PART) * t[-1]
 
 
 def _rms(values: np.ndarray) -> float:

@@ -2,9 +2,9 @@
 
 Where a mode of the motion is not in the recordings, its amplitude is fitted to noise, and at that amplitude its
 frequency looks known. A standard deviation then is the width of one peak of noise, and says nothing of other bodies.
-So where the data leave some of the body open, every other direction is tried out: ten standard deviations away, with
-each window's own state fitted anew, the sum of squares must have risen by ten squared. Where it has not risen by half
-of that, no curvature is believed, and the direction counts as open.
+So where the data leave some of the body open, every direction is tried out: ten standard deviations away, with each
+window's own state fitted anew, the sum of squares must have risen by ten squared. Where it has not risen by half of
+that, there or at the last body on the way that can move, no curvature is believed, and the direction counts as open.
 """
 
 from dataclasses import replace
@@ -18,13 +18,17 @@ from fidim_lab.identification.equations import consistency
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.spread import LOOSE_COMBINATION
-from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR
 from fidim_lab.model.sensitivity.equations import BODY
 
 FAR = 10.0
 """standard deviations: the highest of some hundred peaks of noise in a few windows rises to 5 or 6"""
 RISEN = 0.5
 """of what the curvature foretells: lower, the sum of squares is no parabola over that distance"""
+OPEN = 2.0
+"""times what is plausible: the standard deviation of an open direction, and at least how far the search went along it;
+with it parameters that have half of the direction count as not seen"""
+STEPS = 50
+"""parts of the way that are tried where the whole of it ends at bodies that cannot move: fifths of a deviation"""
 
 
 def tried_out(found: Fit) -> Fit:
@@ -36,26 +40,33 @@ def tried_out(found: Fit) -> Fit:
     values, axes = np.linalg.eigh(covariance[:BODY, :BODY] / np.outer(plausible, plausible))
     if values[-1] < LOOSE_COMBINATION**2:
         return found
+    gone = (found.values[:BODY] - found.start.vector) / plausible
     doubt = np.zeros((BODY, BODY))
     for value, axis in zip(values, axes.T, strict=True):
-        if value < LOOSE_COMBINATION**2 and not _excluded(found, FAR * np.sqrt(value) * axis * plausible):
-            doubt += FAR_PRIOR**2 * np.outer(axis * plausible, axis * plausible)
+        if not _excluded(found, FAR * np.sqrt(value) * axis * plausible):
+            size = np.hypot(OPEN, axis @ gone)
+            doubt += size**2 * np.outer(axis * plausible, axis * plausible)
     return replace(found, doubt=doubt) if doubt.any() else found
 
 
 def _excluded(found: Fit, by: Float[np.ndarray, " body"]) -> bool:
-    """Whether the recordings exclude bodies that are off by so much, either way, as far as such bodies can move."""
+    """Whether the recordings exclude bodies that are off by so much, either way, or the last that can move there."""
     covariance = found.covariance
     others = covariance[BODY:, :BODY] @ np.linalg.solve(covariance[:BODY, :BODY], by)
     step = np.concatenate([by, others])
     least = RISEN * FAR**2 * max(1.0, found.chi2_per_dof)
-    return all(_risen(found, found.values + sign * step) > least for sign in (1.0, -1.0))
+    ways = (found.values + _as_far_as_bodies_move(found.values, way) * way for way in (step, -step))
+    return all(_risen(found, there) > least for there in ways)
+
+
+def _as_far_as_bodies_move(values: Float[np.ndarray, " shared"], way: Float[np.ndarray, " shared"]) -> float:
+    """The largest of some parts of the way (1: all of it) at which the body can move; 0 where it cannot at any."""
+    parts = np.linspace(1.0, 0.0, STEPS, endpoint=False)
+    return next((p for p in parts if consistency.can_move(Body.from_vector((values + p * way)[:BODY]))), 0.0)
 
 
 def _risen(found: Fit, shared: Float[np.ndarray, " shared"]) -> float:
     """Of the sum of squares, the prior's among it, with each window's own state fitted anew; infinite where lost."""
-    if not consistency.can_move(Body.from_vector(shared[:BODY])):
-        return np.inf
     likelihood, ends = found.likelihood, found.journey.ends
     recordings = [one.until(float(end)) for one, end in zip(likelihood.recordings, ends, strict=True)]
     sensors: Sensors = replace(likelihood.mechanism.robot.sensors, marker_noise=likelihood.noise)

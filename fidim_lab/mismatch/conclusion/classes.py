@@ -6,7 +6,7 @@ stands alone where every rival loses odds of 20, general geometry among them.
 
 import numpy as np
 
-from fidim_lab.identification.mle.geometry import ODDS
+from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Member
 from fidim_lab.mismatch.fitting.refit import Completed, evidence
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis

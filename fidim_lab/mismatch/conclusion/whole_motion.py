@@ -7,6 +7,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role
 from fidim_lab.errors import RefusedError
+from fidim_lab.identification.mle.evidence import Weighed
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import told_geometry
 from fidim_lab.identification.mle.soft import ALL_NOISE
@@ -138,7 +139,8 @@ def _geometry(outcome: Outcome, exact: WholeModel, sd: np.ndarray) -> Geometry |
     best = outcome.best
     if not best.geometry:
         return None
-    return told_geometry(Surveyed(best.found, best.geometry, (exact.cost - best.cost) / outcome.temper), sd)
+    weighed = Weighed(chi2_gain=(exact.cost - best.cost) / outcome.temper)
+    return told_geometry(Surveyed(best.found, best.geometry, weighed), sd)
 
 
 def _body(model: WholeModel, sd: np.ndarray, robot: Robot) -> dict[str, BodyParameter]:

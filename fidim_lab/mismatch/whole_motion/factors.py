@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from fidim_lab.identification.mle.geometry import FACTORS, SPREAD_OF_FACTORS
+from fidim_lab.identification.mle.evidence import FACTORS, SPREAD_OF_FACTORS
 from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, Nuisance
 from fidim_lab.mismatch.whole_motion.models import WholeModel

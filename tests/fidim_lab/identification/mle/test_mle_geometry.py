@@ -11,7 +11,8 @@ from fidim_lab.identification.equations.consistency import can_exist, nearest_ex
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
 from fidim_lab.identification.results.result import IdentificationResult, Outcome
-from fidim_lab.identification.survey import nuisances, prior_sd, typical
+from fidim_lab.identification.survey import as_found, nuisances, prior_sd, typical
+from fidim_lab.model.mechanism import Mechanism
 
 NOISE = 1e-4
 
@@ -58,6 +59,30 @@ def test_errors_of_a_file_without_survey_are_found_and_counted(campaign: Campaig
     assert np.abs(errors(found, true_body)).max() < 4
     assert found.outcome is Outcome.CONVERGED
     assert any("[survey]" in warning for warning in found.warnings)
+
+
+def test_a_marker_that_is_elsewhere_is_found_and_the_cables_stay_exact(campaign: Campaign, true_body: Body) -> None:
+    by = np.array([3e-3, -4e-3, 5e-3])
+    windows = tuple(replace(w, markers=w.markers[:, :1]) for w in campaign.windows)
+    robot = replace(campaign.robot, marker=campaign.robot.marker - by, extra_markers=())
+    found = identified(replace(campaign, robot=robot, windows=windows))
+    assert found.geometry is not None
+    (marker,) = found.geometry.moved
+    assert marker.what == "marker"
+    np.testing.assert_allclose(marker.by, by, atol=4 * max(marker.sd))
+    assert np.abs(errors(found, true_body)).max() < 4
+    assert found.outcome.answers
+    assert any("Clearly off: marker by" in warning for warning in found.warnings)
+
+
+def test_a_result_brings_each_of_several_markers_to_its_place(irma4: Robot) -> None:
+    robot = replace(irma4, extra_markers=(irma4.marker + [0.1, 0.0, 0.0],))
+    pieces = {("marker", None): (1e-3, 0.0, 0.0), ("marker 2", None): (0.0, 2e-3, 0.0), ("anchor", 3): (0.0, 0.0, 3e-3)}
+    made = as_found(Mechanism(robot), pieces)
+    assert [(type(effect).__name__, getattr(effect, "number", None)) for effect in made.effects] == [
+        ("AnchorOffset", None), ("MarkerOffset", 1), ("MarkerOffset", 2),
+    ]  # fmt: skip
+    np.testing.assert_allclose(made.theta, [0.0, 0.0, 3e-3, 1e-3, 0.0, 0.0, 0.0, 2e-3, 0.0])
 
 
 def test_a_stated_survey_is_the_prior(campaign: Campaign) -> None:
@@ -107,3 +132,23 @@ def test_the_nearest_body_that_exists() -> None:
     np.testing.assert_allclose(found.inertia[2], outside.inertia[2], atol=3e-5)
     sure = nearest_existing(outside, np.diag((1e-6 * sd) ** 2))[1]
     assert sure > 100, "what is known well is not moved in silence"
+
+
+def test_a_body_that_exists_is_found_from_any_estimate_and_no_farther_than_the_true_one() -> None:
+    random = np.random.default_rng(0)
+    moved = 0
+    for _ in range(60):
+        root = random.normal(size=(4, 4))
+        points = root @ root.T
+        points /= points[3, 3]
+        inertia = np.trace(points[:3, :3]) * np.eye(3) - points[:3, :3]
+        true = np.concatenate([points[:3, 3], inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]])
+        spread = random.normal(size=(9, 9)) * 10 ** random.uniform(-4, 1, (9, 1))
+        covariance = spread @ spread.T
+        estimate = random.multivariate_normal(true, covariance)
+        found, away = nearest_existing(Body.from_vector(estimate), covariance)
+        assert can_exist(found)
+        truly = float(np.sqrt((estimate - true) @ np.linalg.solve(covariance, estimate - true)))
+        assert away < truly + 1.5, "the true one exists; the barrier keeps off the boundary"
+        moved += away > 0
+    assert moved > 20

@@ -8,7 +8,7 @@ import pytest
 
 from fidim_lab.data.records import Robot, Survey
 from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
-from fidim_lab.identification.mle.geometry import ODDS
+from fidim_lab.identification.mle.evidence import ODDS
 from fidim_lab.identification.survey import usual
 from fidim_lab.mismatch.fitting.baseline import Baseline, fit_baseline
 from fidim_lab.mismatch.fitting.refit import refit

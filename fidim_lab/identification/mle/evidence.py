@@ -1,0 +1,145 @@
+"""What the recordings say of a geometry that is left open, against the file's to the micrometre.
+
+Evidence is Laplace's: half the fall of the sum of squares, prior included, less the Occam factor
+½ ln det(I + prior covariance × information). Where the model misses more than noise (χ²/dof above 1) residuals are no
+independent samples: the data's part of both is divided by χ²/dof. All from one linearised problem, at a point where
+cables and markers are open; either is closed, and each one's standard deviations are scaled, within it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fidim_lab.identification.mle.fit import Fit
+from fidim_lab.identification.mle.linearised import Linearised
+from fidim_lab.identification.survey import Nuisance, prior_sd
+from fidim_lab.model.sensitivity.equations import BODY
+
+ODDS = 3.0
+"""nats of evidence (odds of 20) by which either of the two must lead before the file's geometry is called exact or
+not; between them the geometry is left open, which only widens the standard deviations"""
+FACTORS = np.geomspace(0.1, 30.0, 50)
+"""times a usual survey: what robot files are off by, from a tenth of a millimetre to three centimetres"""
+SPREAD_OF_FACTORS = np.log(3.0)
+"""standard deviation of the factor's logarithm about 0, before any data: two of three surveys are within a factor 3"""
+SAME = 1.3
+"""factors nearer than this change standard deviations by less than the spread of 24 draws tells"""
+COARSE = 4
+"""step through `FACTORS` where two of them are sought: 0.47 of a logarithm; the best of them is within `SAME`"""
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Times a usual survey; None for what counts as exact."""
+
+    cables: float | None
+    """anchors and attachments"""
+    markers: float | None
+
+    @property
+    def exact(self) -> bool:
+        """Whether the whole geometry counts as exact."""
+        return self.cables is None and self.markers is None
+
+    def near(self, other: "Factors") -> bool:
+        """Whether the same is open, and about as wide."""
+        pairs = ((self.cables, other.cables), (self.markers, other.markers))
+        return all(a is b is None or (a is not None and b is not None and 1 / SAME < a / b < SAME) for a, b in pairs)
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """An open geometry against the exact one."""
+
+    factors: Factors = Factors(None, None)
+    """what is left open; the most likely factors of it"""
+    log_bayes: float | None = None
+    """nats by which it leads, averaged over the factors' prior; of what was tried where all counts as exact; None where
+    the survey is stated"""
+    chi2_gain: float = 0.0
+    """fall of the sum of squares over χ²/dof of the open geometry; 0 where none was tried"""
+
+
+def weighed(exact: Fit, found: Fit, opened: Sequence[Nuisance]) -> Weighed:
+    """From the linearised problem at a fit with cables and markers open, in the order of its θ.
+
+    Either counts as exact where the evidence for that leads by `ODDS`, whatever of the other is open.
+    """
+    dof = sum(left.dof for left in found.remainders)
+    problem = Linearised.of(found.tables, _cost(found), dof, found.values[BODY:])
+    of_markers = np.concatenate([np.full(len(one.sd), one.what == "marker") for one in opened])
+    cables, markers = ~of_markers, of_markers
+    tried = _Tried(problem, _cost(exact), prior_sd(opened))
+    by_cables, by_markers, by_both = tried.of(cables), tried.of(markers), tried.of_both(cables, markers)
+    exact_cables = max(0.0, by_markers.log_bayes) - max(by_cables.log_bayes, by_both.log_bayes) > ODDS
+    exact_markers = max(0.0, by_cables.log_bayes) - max(by_markers.log_bayes, by_both.log_bayes) > ODDS
+    best = by_both
+    if exact_markers:
+        best = by_cables
+    elif exact_cables:
+        best = by_markers
+    open_cables, open_markers = best.factors
+    factors = Factors(None if exact_cables else open_cables, None if exact_markers else open_markers)
+    return Weighed(factors, best.log_bayes, best.gain)
+
+
+def over_factors(evidences: Float[np.ndarray, " F"]) -> tuple[float, int]:
+    """Evidence averaged over the prior of `FACTORS`, and which of them is the most likely."""
+    return _averaged(evidences, _prior(FACTORS))
+
+
+@dataclass(frozen=True)
+class _One:
+    """What some of the geometry brings."""
+
+    log_bayes: float
+    factors: tuple[float, float]
+    """of cables and markers"""
+    gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """The linearised problem, and what an exact geometry leaves."""
+
+    problem: Linearised
+    before: float
+    survey: Float[np.ndarray, " theta"]
+
+    def of(self, free: Bool[np.ndarray, " theta"]) -> _One:
+        """One of the two by one factor."""
+        found = [self._at(factor * self.survey, free) for factor in FACTORS]
+        log_bayes, best = over_factors(np.array([evidence for evidence, _ in found]))
+        return _One(log_bayes, (float(FACTORS[best]),) * 2, found[best][1])
+
+    def of_both(self, one: Bool[np.ndarray, " theta"], other: Bool[np.ndarray, " theta"]) -> _One:
+        """Both, each by its own."""
+        grid = FACTORS[::COARSE]
+        every = one | other
+        pairs = [(a, b) for a in grid for b in grid]
+        found = [self._at(np.where(one, a, b) * self.survey, every) for a, b in pairs]
+        prior = (_prior(grid)[:, np.newaxis] + _prior(grid)).ravel()
+        log_bayes, best = _averaged(np.array([evidence for evidence, _ in found]), prior)
+        return _One(log_bayes, pairs[best], found[best][1])
+
+    def _at(self, sd: Float[np.ndarray, " theta"], free: Bool[np.ndarray, " theta"]) -> tuple[float, float]:
+        """Evidence with these standard deviations, and the fall of the sum of squares."""
+        there, temper = self.problem.settled(sd, free)
+        gain = (self.before - there.left) / temper
+        return 0.5 * (gain - there.strain - there.occam + self.problem.occam_of_body(temper)), gain
+
+
+def _prior(factors: Float[np.ndarray, " F"]) -> Float[np.ndarray, " F"]:
+    return -0.5 * (np.log(factors) / SPREAD_OF_FACTORS) ** 2
+
+
+def _averaged(evidences: Float[np.ndarray, " F"], prior: Float[np.ndarray, " F"]) -> tuple[float, int]:
+    average = float(np.logaddexp.reduce(evidences + prior) - np.logaddexp.reduce(prior))
+    return average, int(np.argmax(evidences + prior))
+
+
+def _cost(found: Fit) -> float:
+    """Of markers, lengths and the windows' own priors: what the shared parameters' prior adds is counted apart."""
+    return found.journey.optimum.simulation.cost
