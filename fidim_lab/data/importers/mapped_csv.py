@@ -1,7 +1,8 @@
 """Any table of marker places or poses, by a column map "fidim-columns/1":
 
     format = "fidim-columns/1"
-    time = "stamp"                 time_unit = "ms"          s, ms, us or ns, from any zero; found where left out
+    time = "stamp"                 time_unit = "ms"          s, ms, us or ns, from any zero; found where left out,
+                                                             as are dates and times of day (ISO 8601)
     delimiter = ";"                decimal = ","             found where left out
     unit = "mm"                    up = "z"                  found by the robot file where left out
     [[marker]]
@@ -63,8 +64,9 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
         raise FileError(map_file, "", "neither a [[marker]] nor a [[body]]")
     wanted = [said.time, *(column for marker in said.marker for column in marker.columns)]
     wanted += [column for body in said.body for column in (*body.position, *body.quaternion)]
-    values, told = read_columns(path, said, wanted)
-    unit = said.time_unit or time_unit_of(path, values[:, 0])
+    read = read_columns(path, said, wanted)
+    values = read.values
+    unit = "s" if read.dated else said.time_unit or time_unit_of(path, values[:, 0])
     seconds = values[:, 0] * SECONDS[unit]
     t, rate = even_times(path, (values[:, 0] - values[0, 0]) * SECONDS[unit])
     scale = 1.0 if said.unit is None else length_scale(map_file, "unit", said.unit)
@@ -80,7 +82,7 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
     decided = [f"{rate:.4g} Hz by the stamps, which are in {unit}"]
     decided += [f"lengths in {said.unit} by {map_file.name}"] if said.unit else []
     decided += [f"{said.up} upwards by {map_file.name}"] if said.up else []
-    decided += [told] if told else []
+    decided += read.decided
     return MarkerLog(
         path,
         tuple(marker.name for marker in said.marker),

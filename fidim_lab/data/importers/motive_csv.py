@@ -18,7 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.reading.cells import check_near, length_scale, number, read_export, table, times
+from fidim_lab.data.importers.reading.cells import (
+    check_near,
+    decimal_of,
+    delimiter_of,
+    length_scale,
+    number,
+    read_export,
+    table,
+    times,
+)
 from fidim_lab.data.importers.reading.poses import by_quaternions
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
@@ -39,7 +48,9 @@ Columns = dict[tuple[str, str], dict[str, int]]
 def read_motive(path: Path) -> MarkerLog:
     """Read one export. Raises FileError with line and column."""
     try:
-        rows = list(csv.reader(read_export(path).splitlines()))
+        text = read_export(path).splitlines()
+        delimiter = delimiter_of(text[:1])
+        rows = list(csv.reader(text, delimiter=delimiter))
     except csv.Error as error:
         raise FileError(path, "", f"is no CSV: {error}") from None
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False)) if rows else {}
@@ -53,21 +64,23 @@ def read_motive(path: Path) -> MarkerLog:
     things = list(zip(labels["Type"], labels["Name"], strict=False))
     ends = {k for k in range(LEAD, len(things)) if things[k] != things[k - 1]}  # errors and qualities belong to a thing
     ends |= {max(columns.values()) + 1 for columns in found.values()}
-    values = table(path, rows[at + 1 :], at + 2, len(rows[at]), lead=LEAD, ends=ends)
-    unit = head.get("Length Units", "Meters")
-    scale = length_scale(path, "line 1, Length Units", unit)
+    decimal = decimal_of(text[at + 1 : at + 51], delimiter)
+    values = table(path, rows[at + 1 :], at + 2, len(rows[at]), lead=LEAD, ends=ends, decimal=decimal)
+    unit = head.get("Length Units", "")
+    scale = length_scale(path, "line 1, Length Units", unit) if unit else 1.0
     labelled, loose = _markers(found)
     bodies = tuple(_body(path, head, n, at, values, scale) for (kind, n), at in found.items() if kind == BODY)
     if not labelled and not bodies and not loose:
         raise FileError(path, "", "no marker and no rigid body.", hint="Export markers, rigid bodies, or both.")
     positions = _places(values, labelled.values(), scale)
-    check_near(path, positions, "check Length Units in line 1")
-    rate = number(path, 1, 0, head.get("Export Frame Rate") or head.get("Capture Frame Rate") or "")
+    check_near(path, positions if unit else 0.0 * positions, "check Length Units in line 1")
+    said_rate = head.get("Export Frame Rate") or head.get("Capture Frame Rate") or ""
+    rate = number(path, 1, 0, said_rate, decimal=decimal)
     t = times(path, rate, values[:, 0])
-    said = (f"lengths in {unit.lower()}, {rate:g} Hz and y upwards: as line 1 and Motive's own axes say",)
-    return MarkerLog(
-        path, tuple(labelled), rate, t, positions, scale, "y", said, bodies, _places(values, loose.values(), scale)
-    )
+    lengths = f"lengths in {unit.lower()}, " if unit else ""
+    said = (f"{lengths}{rate:g} Hz and y upwards: as line 1 and Motive's own axes say",)
+    seen = _places(values, loose.values(), scale)
+    return MarkerLog(path, tuple(labelled), rate, t, positions, scale, "y", said, bodies, seen, unit_said=bool(unit))
 
 
 def _columns(types: Sequence[str], names: Sequence[str], what: Sequence[str], axes: Sequence[str]) -> Columns:

@@ -60,8 +60,8 @@ def read_robot_log(path: Path, cables: int, map_file: Path | None) -> EncoderLog
     wanted: list[Column] = [said.time, *([] if said.actuator is None else [said.actuator])]
     for cable in said.cable:
         wanted += [c for c in (_counted(cable), cable.swivel, cable.current) if c is not None]
-    values, told = read_columns(path, said, wanted)
-    table = dict(zip(wanted, values.T, strict=True))
+    read = read_columns(path, said, wanted)
+    table = dict(zip(wanted, read.values.T, strict=True))
     parts = [_rows(path, said, cable, table) for cable in said.cable]
     t = parts[0][0]
     for other, _ in parts[1:]:
@@ -71,13 +71,13 @@ def read_robot_log(path: Path, cables: int, map_file: Path | None) -> EncoderLog
     picked = [{name: column[np.searchsorted(at, t)] for name, column in found.items()} for at, found in parts]
     return EncoderLog(
         path,
-        t * SECONDS[said.time_unit or "s"],
+        t * (1.0 if read.dated else SECONDS[said.time_unit or "s"]),
         np.column_stack(
             [_length(map_file or path, cable, found) for cable, found in zip(said.cable, picked, strict=True)]
         ),
         _all([_swivel(cable, found) for cable, found in zip(said.cable, picked, strict=True)]),
         _all([found.get("current") for found in picked]),
-        (told,) if told else (),
+        read.decided,
     )
 
 

@@ -73,25 +73,41 @@ def read_trajectories(path: Path) -> MarkerLog:
     scale = _scale(block, len(names))
     rows = _rows(block, FRAME_COLUMNS + 3 * len(names), 3, rate)
     positions = scale * rows.values.reshape(-1, len(names), 3)
-    _check_near(block, rows, positions)
+    _check_near(block, rows, positions if _units(block) else 0.0 * positions)
     labelled, positions, loose = apart(names, positions)
-    said = (f"lengths in {block.lines[4][FRAME_COLUMNS].strip()} and {rows.rate:g} Hz, as the header says",)
+    lengths = f"lengths in {_units(block)[0]} and " if _units(block) else ""
+    said = (f"{lengths}{rows.rate:g} Hz, as the header says",)
     t = (rows.frames - rows.frames[0]) / rows.rate
-    return MarkerLog(path, labelled, rows.rate, t, positions, scale, "z", said, unlabelled=loose)
+    known = bool(_units(block))
+    beside = _bodies_beside(bodies, rows)
+    return MarkerLog(path, labelled, rows.rate, t, positions, scale, "z", said, beside, loose, unit_said=known)
+
+
+def _bodies_beside(blocks: Sequence[tuple[str, ExportBlock]], rows: BlockRows) -> tuple[BodyTrack, ...]:
+    """Objects of the same frames as the trajectories; none where their rotations are no quaternions."""
+    found: list[BodyTrack] = []
+    for _, block in blocks:
+        try:
+            log = _only_bodies(block, _rate(block))
+        except FileError:  # the trajectories are enough
+            continue
+        if len(log.t) == len(rows.frames) and log.rate == rows.rate:
+            found += log.bodies
+    return tuple(found)
 
 
 def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, ExportBlock]]:
     """Blocks of markers and bodies by name, in order. Raises FileError where there is none."""
     found: list[tuple[str, ExportBlock]] = []
     for top, first in enumerate(text):
-        name = first.strip(" \t;,")
+        name = first.strip(" \t;,").strip('"')
         if name == MARKERS or name in BODIES:
             delimiter = delimiter_of(text[top + 2 : top + HEADER_LINES])
             end = next(
                 (k for k in range(top + HEADER_LINES, len(text)) if not text[k].strip(" \t;,") and k > top + 5),
                 len(text),
             )
-            lines = [line.split(delimiter) for line in text[top:end]]
+            lines = [[cell.strip('"') for cell in line.split(delimiter)] for line in text[top:end]]
             if len(lines) < HEADER_LINES:
                 what = f"{len(lines)} lines; a trajectory export has {HEADER_LINES} before its first frame"
                 raise FileError(path, "", what)
@@ -137,8 +153,15 @@ def _check_axes(block: ExportBlock, markers: int) -> None:
         )
 
 
+def _units(block: ExportBlock) -> list[str]:
+    return [cell.strip() for cell in block.lines[4] if cell.strip()]
+
+
 def _scale(block: ExportBlock, markers: int) -> float:
-    units = [cell.strip() for cell in block.lines[4] if cell.strip()]
+    """Metres in one unit of the header; 1 where it has a row of units that is empty."""
+    units = _units(block)
+    if not units:
+        return 1.0
     if len(units) != 3 * markers or len(set(units)) != 1 or units[0] not in UNITS:
         raise FileError(
             block.path,

@@ -80,9 +80,10 @@ def _inside(body: Body, root: Float[np.ndarray, "9 9"], u: Float[np.ndarray, "9"
         turned = np.linalg.solve(centre + np.tensordot(u, slopes, 1), slopes)
         gradient = u - BARRIER * np.trace(turned, axis1=1, axis2=2)
         step = -np.linalg.solve(np.eye(9) + BARRIER * np.einsum("kij,lji->kl", turned, turned), gradient)
-        size = 1.0
-        while size > SMALLEST and (there := cost(u + size * step)) > now + 0.1 * size * float(gradient @ step):
+        size, there = 1.0, cost(u + step)
+        while size > SMALLEST and there > now + 0.1 * size * float(gradient @ step):
             size *= 0.5
+            there = cost(u + size * step)
         if size <= SMALLEST or now - there < SETTLED:
             break
         u, now = u + size * step, there

@@ -22,9 +22,9 @@ from fidim_lab.identification.joint.members import Layout, Member, lay_out
 from fidim_lab.identification.joint.search import JointOptimum, linear_tables, search
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle import spread
+from fidim_lab.identification.mle.evidence import FACTORS, ODDS, SAME, over_factors
 from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.fit import Fit, fit
-from fidim_lab.identification.mle.evidence import FACTORS, ODDS, SAME, over_factors
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.identification.mle.starts.possible import nearest_possible, scales

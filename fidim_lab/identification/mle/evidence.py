@@ -49,17 +49,24 @@ class Factors:
         return all(a is b is None or (a is not None and b is not None and 1 / SAME < a / b < SAME) for a, b in pairs)
 
 
+ALL_EXACT = Factors(None, None)
+
+
 @dataclass(frozen=True)
 class Weighed:
     """An open geometry against the exact one."""
 
-    factors: Factors = Factors(None, None)
+    factors: Factors = ALL_EXACT
     """what is left open; the most likely factors of it"""
     log_bayes: float | None = None
     """nats by which it leads, averaged over the factors' prior; of what was tried where all counts as exact; None where
     the survey is stated"""
     chi2_gain: float = 0.0
     """fall of the sum of squares over χ²/dof of the open geometry; 0 where none was tried"""
+
+
+NOT_WEIGHED = Weighed()
+"""the survey is stated"""
 
 
 def weighed(exact: Fit, found: Fit, opened: Sequence[Nuisance]) -> Weighed:
@@ -112,7 +119,8 @@ class _Tried:
         """One of the two by one factor."""
         found = [self._at(factor * self.survey, free) for factor in FACTORS]
         log_bayes, best = over_factors(np.array([evidence for evidence, _ in found]))
-        return _One(log_bayes, (float(FACTORS[best]),) * 2, found[best][1])
+        factor = float(FACTORS[best])
+        return _One(log_bayes, (factor, factor), found[best][1])
 
     def of_both(self, one: Bool[np.ndarray, " theta"], other: Bool[np.ndarray, " theta"]) -> _One:
         """Both, each by its own."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.identification.mle.evidence import SAME, Factors, Weighed, weighed
+from fidim_lab.identification.mle.evidence import NOT_WEIGHED, Factors, Weighed, weighed
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort
 from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
@@ -30,7 +30,7 @@ class Surveyed:
     found: Fit
     geometry: tuple[Nuisance, ...] = ()
     """what was left open; nothing where the geometry counts as exact"""
-    weighed: Weighed = Weighed()
+    weighed: Weighed = NOT_WEIGHED
     """by evidence where the file states no survey"""
 
 
@@ -103,8 +103,8 @@ def continued(found: Fit, opened: tuple[Nuisance, ...], effort: Effort = FINAL) 
     wanted: list[Newcomer] = []
     for one in opened:
         size = len(one.sd)
-        start = found.values[found.place_of(one.effect)] if one.effect in before.effects else [0.0] * size
-        sd = prior_sd((one,))
+        start = found.values[found.place_of(one.effect)].tolist() if one.effect in before.effects else [0.0] * size
+        sd = prior_sd((one,)).tolist()
         wanted.append(Newcomer(one.effect, start, sd, [-np.inf] * size, [np.inf] * size, [0.0] * size))
     return rearranged(found, (*own, *wanted), effort)
 

@@ -1,7 +1,9 @@
 """Cells of text exports: delimiters, numbers, units and times as motion-capture programs write them."""
 
 import math
+import re
 from collections.abc import Collection, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
 
@@ -13,6 +15,16 @@ from fidim_lab.errors import FileError
 
 DELIMITERS = "\t;,"
 """tried in this order: a comma may be a decimal sign beside the others"""
+SPACES = " "
+"""as a delimiter: any number of blanks"""
+COMMA, POINT = (
+    re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE),
+    re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.IGNORECASE),
+)
+"""whole cells that are numbers with that decimal sign"""
+DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d")
+CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)")
+"""times of day as cells: hours, minutes, seconds"""
 LENGTH_UNITS = MappingProxyType(
     {"mm": 1e-3, "millimeters": 1e-3, "millimetres": 1e-3, "cm": 1e-2, "centimeters": 1e-2, "centimetres": 1e-2}
     | {"m": 1.0, "meters": 1.0, "metres": 1.0, "in": 0.0254, "inches": 0.0254}
@@ -47,14 +59,58 @@ def read_export(path: Path) -> str:
 
 
 def decimal_of(lines: Sequence[str], delimiter: str) -> str:
-    """The decimal sign of rows of numbers: a comma where it stands in them and delimits nothing."""
-    return "," if delimiter != "," and any("," in line for line in lines) else "."
+    """The decimal sign of rows of numbers: a comma where more cells are numbers with it than with a point."""
+    if delimiter == ",":
+        return "."
+    cells = [cell.strip().strip('"') for line in lines for cell in cells_of(line, delimiter)]
+    return "," if sum(map(bool, map(COMMA.fullmatch, cells))) > sum(map(bool, map(POINT.fullmatch, cells))) else "."
 
 
 def delimiter_of(lines: Sequence[str]) -> str:
-    """The delimiter of a table: the first of tab, semicolon, comma that its longest line has twice."""
+    """The delimiter of a table: the first of tab, semicolon, comma that its longest line has twice, else blanks.
+
+    Commas that only stand within numbers ("1,5 2,5") delimit nothing.
+    """
     longest = max(lines, key=len, default="")
-    return next((mark for mark in DELIMITERS if longest.count(mark) >= 2), ",")
+    for mark in DELIMITERS:
+        words = longest.split()
+        decimal = mark == "," and len(words) > 2 and all(map(COMMA.fullmatch, words))
+        if longest.count(mark) >= 2 and not decimal:
+            return mark
+    return SPACES if len(longest.split()) > 2 else ","
+
+
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """The cells of a line."""
+    return line.split() if delimiter == SPACES else line.split(delimiter)
+
+
+def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".") -> float:
+    """A time: a number, or a date and time of day (ISO 8601), s since 1970, or a time of day, s since midnight.
+
+    Raises FileError otherwise. A time without a zone is taken as UTC: only differences count.
+    """
+    text = cell.strip().strip('"')
+    plain = text.replace(",", ".") if decimal == "," or text.count(":") == 2 else text
+    if clock := CLOCK.fullmatch(plain):
+        hours, minutes, seconds = clock.groups()
+        return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
+    if not DATE.match(plain):
+        return number(path, line, column, cell, decimal=decimal)
+    whole, _, rest = plain.partition(".")
+    digits = rest[: len(rest) - len(rest.lstrip("0123456789"))]
+    try:
+        found = datetime.fromisoformat(whole + rest[len(digits) :])
+        known = found if found.tzinfo else found.replace(tzinfo=UTC)
+        return known.timestamp() + float(f"0.{digits or 0}")
+    except (ValueError, OverflowError):
+        raise FileError(path, f"line {line}, column {column}", f"{text[:40]!r} is no time") from None
+
+
+def is_dated(cell: str) -> bool:
+    """Whether a cell is a time of day, with a date or without: its unit is the second."""
+    text = cell.strip().strip('"').replace(",", ".")
+    return bool(DATE.match(text) or CLOCK.fullmatch(text))
 
 
 def number(path: Path, line: int, column: int, cell: str, *, decimal: str = ".") -> float:

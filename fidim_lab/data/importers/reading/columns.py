@@ -1,6 +1,8 @@
 """Tables whose columns a small map file names: rows of numbers by column, any delimiter, decimal sign and padding."""
 
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,11 +11,25 @@ from jaxtyping import Float
 from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table
-from fidim_lab.data.importers.reading.cells import MIN_FRAMES, decimal_of, delimiter_of, number, read_export
+from fidim_lab.data.importers.reading.cells import (
+    MIN_FRAMES,
+    cells_of,
+    decimal_of,
+    delimiter_of,
+    is_dated,
+    moment,
+    number,
+    read_export,
+)
 from fidim_lab.errors import FileError
 
 Column = str | Annotated[int, Field(ge=1)]
 """a column by its name in the header, or by its number from 1"""
+EXCEL = re.compile(r"sep=(.)", re.IGNORECASE)
+"""first line by which Excel is told the delimiter"""
+COMMENTS = ("#", "%")
+TOP = 50
+"""lines in which names and the first numbers stand"""
 
 
 class TableMap(Table):
@@ -25,40 +41,84 @@ class TableMap(Table):
     decimal: Literal[".", ","] | None = None
 
 
-def read_columns(path: Path, said: TableMap, wanted: Sequence[Column]) -> tuple[Float[np.ndarray, "N K"], str]:
-    """The wanted columns of a table, and what was decided about a last line that was cut off.
+@dataclass(frozen=True)
+class ColumnTable:
+    """The wanted columns of a table."""
 
-    The first line names the columns where one of them is wanted by name, or where it holds no number. Raises FileError
-    with line and column.
+    values: Float[np.ndarray, "N K"]
+    """the first of them is the time"""
+    dated: bool
+    """whether times are dates or times of day: then they are in s"""
+    decided: tuple[str, ...]
+    """what was decided, a sentence each"""
+
+
+def read_columns(path: Path, said: TableMap, wanted: Sequence[Column]) -> ColumnTable:
+    """The wanted columns of a table, the time first.
+
+    The header is the first of the lines at the top that has every wanted name; lines above it, comments and a row of
+    units below it are passed over. Where all columns are numbers, the table begins with the first time. Raises
+    FileError with line and column.
     """
     text = read_export(path)
     numbered = [(line, row) for line, row in enumerate(text.splitlines(), start=1) if row.strip()]
+    mark = said.delimiter
+    if numbered and (named := EXCEL.fullmatch(numbered[0][1].strip())):
+        numbered, mark = numbered[1:], mark or named[1]
     rows = [row for _, row in numbered]
-    delimiter = said.delimiter or delimiter_of(rows[:50])
-    decimal = said.decimal or decimal_of(rows[1:50], delimiter)
+    delimiter = mark or delimiter_of(rows[:TOP])
+    decimal = said.decimal or decimal_of(rows[1:TOP], delimiter)
     if decimal == delimiter:
         raise FileError(path, "", "the decimal sign is the delimiter too")
-    split = [row.split(delimiter) for row in rows]
-    named = any(isinstance(column, str) for column in wanted)
-    headed = named or bool(split and not any(_is_number(cell, decimal) for cell in split[0]))
-    header = [cell.strip().strip('"') for cell in split[0]] if split and headed else []
+    split = [cells_of(row, delimiter) for row in rows]
+    at, header = _header(split, wanted)
     places = [_place(path, header, column) for column in wanted]
-    width = len(header) or max((len(cells) for cells in split[:50]), default=0)
-    told = ""
+    below = split[at + 1 :] if header else split
+    skipped = next((k for k, cells in enumerate(below[:TOP]) if _is_time(cells, places[0], decimal)), 0)
+    first = len(split) - len(below) + skipped
+    width = max(len(header), *(len(cells) for cells in split[first : first + TOP] or [[]]))
+    decided = [f"{skipped} lines below the names of the columns are passed over"] if header and skipped else []
     if split and len(split[-1]) < width and not text.endswith("\n"):
-        split, numbered, told = split[:-1], numbered[:-1], "the last line was cut off and is left out"
+        split, numbered = split[:-1], numbered[:-1]
+        decided.append("the last line was cut off and is left out")
     found: list[list[float]] = []
-    for (line, _), cells in zip(numbered[headed:], split[headed:], strict=True):
+    for (line, row), cells in zip(numbered[first:], split[first:], strict=True):
+        if row.lstrip().startswith(COMMENTS):
+            continue
         if len(cells) != width and not (len(cells) == width + 1 and not cells[-1].strip()):
             raise FileError(path, f"line {line}", f"{len(cells)} columns; {width} were expected")
-        found.append(
-            [number(path, line, at + 1, cells[at], decimal=decimal) if at < width else np.nan for at in places]
-        )
-    if len(found) < MIN_FRAMES:
-        raise FileError(path, "", f"{len(found)} rows; a recording has at least {MIN_FRAMES}")
+        found.append(_numbers(path, line, cells, places, decimal))
     if places and max(places) >= width:
         raise FileError(path, "", f"column {max(places) + 1} is wanted; there are {width}")
-    return np.array(found), told
+    if len(found) < MIN_FRAMES:
+        raise FileError(path, "", f"{len(found)} rows; a recording has at least {MIN_FRAMES}")
+    dated = len(split[first]) > places[0] and is_dated(split[first][places[0]])
+    return ColumnTable(np.array(found), dated, tuple(decided))
+
+
+def _numbers(path: Path, line: int, cells: Sequence[str], places: Sequence[int], decimal: str) -> list[float]:
+    """The wanted cells of a row, NaN beyond its end; the first is a time."""
+    read = [moment, *[number] * (len(places) - 1)]
+    return [
+        one(path, line, at + 1, cells[at], decimal=decimal) if at < len(cells) else np.nan
+        for one, at in zip(read, places, strict=True)
+    ]
+
+
+def _header(split: Sequence[Sequence[str]], wanted: Sequence[Column]) -> tuple[int, list[str]]:
+    """Which row names the columns, and the names; no names where none of them is wanted by name."""
+    names = {column for column in wanted if isinstance(column, str)}
+    if not names:
+        return 0, []
+    rows = [_without_mark(cells) for cells in split[:TOP]]
+    at = next((k for k, row in enumerate(rows) if names <= set(row)), 0)
+    return at, rows[at] if rows else []
+
+
+def _without_mark(cells: Sequence[str]) -> list[str]:
+    """Names of columns without the sign of a comment before them."""
+    cells = cells[1:] if cells and cells[0].strip() in COMMENTS else cells
+    return [cell.strip().lstrip("".join(COMMENTS)).strip().strip('"') for cell in cells]
 
 
 def _place(path: Path, header: Sequence[str], column: Column) -> int:
@@ -69,9 +129,12 @@ def _place(path: Path, header: Sequence[str], column: Column) -> int:
     return header.index(column)
 
 
-def _is_number(cell: str, decimal: str) -> bool:
-    try:
-        float(cell.strip().strip('"').replace(decimal, "."))
-    except ValueError:
+def _is_time(cells: Sequence[str], at: int, decimal: str) -> bool:
+    if at >= len(cells) or "".join(cells).lstrip().startswith(COMMENTS):
         return False
+    text = cells[at].strip().strip('"')
+    try:
+        float(text.replace(decimal, "."))
+    except ValueError:
+        return is_dated(text)
     return True

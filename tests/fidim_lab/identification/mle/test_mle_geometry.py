@@ -76,7 +76,7 @@ def test_a_marker_that_is_elsewhere_is_found_and_the_cables_stay_exact(campaign:
 
 
 def test_a_result_brings_each_of_several_markers_to_its_place(irma4: Robot) -> None:
-    robot = replace(irma4, extra_markers=(irma4.marker + [0.1, 0.0, 0.0],))
+    robot = replace(irma4, extra_markers=(irma4.marker + np.array([0.1, 0.0, 0.0]),))
     pieces = {("marker", None): (1e-3, 0.0, 0.0), ("marker 2", None): (0.0, 2e-3, 0.0), ("anchor", 3): (0.0, 0.0, 3e-3)}
     made = as_found(Mechanism(robot), pieces)
     assert [(type(effect).__name__, getattr(effect, "number", None)) for effect in made.effects] == [
