@@ -128,6 +128,8 @@ class Communication:
             self._axis.abort_connection()
             self.settle(self._axis.feedback.now)
         entering, self.state = state is not self.state, state
+        if state is NmtState.STOPPED:
+            self._sync_due = math.inf  # it hears none
         if entering:
             self._pdos.stale = True
         self.settle(self._axis.feedback.now)
@@ -141,8 +143,8 @@ class Communication:
         if self.state is NmtState.OPERATIONAL:
             for cob_id in self._pdos.receivers:
                 routes[cob_id] = self._process
-            routes[_SYNC] = self._sync
         if self.state is not NmtState.STOPPED:
+            routes[_SYNC] = self._sync
             routes[_SDO_REQUEST + self._node_id] = self._serve
         for node in self._watch.watched:
             routes[_HEARTBEAT + node] = self._hear
@@ -188,7 +190,8 @@ class Communication:
             if period := self._od.number(0x1006):
                 self._sync_due = frame.t + SYNC_PERIODS * 1e-6 * period
                 self._errors.withdraw(SYNC_LOST)
-            self.outbox += self._pdos.sync()
+            if self.state is NmtState.OPERATIONAL:
+                self.outbox += self._pdos.sync()
 
     def _process(self, frame: CanFrame) -> None:
         self._pdos.receive(frame.id, frame.data)

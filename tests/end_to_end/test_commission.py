@@ -207,6 +207,17 @@ def test_the_watch_of_sync_takes_the_place_of_the_heartbeats(tmp_path):
     assert bench.results[2, Trial.LOST_SYNC].outcome is Outcome.PASS
 
 
+def test_a_drive_that_is_not_told_its_quick_stop_ramp_may_be_slower(tmp_path):
+    """It stops on the move's ramp, 0.2 m/s²: proven, and slower from then on; ten times slower still is not."""
+    bench = Bench(lambda drive: drive.od.fix(0x6085, 0, round(0.2 * 2e5)), without("6085:0"))
+    report = bench.commission(tmp_path / "run")
+    assert report.windows[1].outcome is Outcome.PASS, report.windows[1].reason
+    time, _ = bench.results[2, Trial.QUICK_STOP].values
+    assert time == pytest.approx(0.25, abs=0.06)
+    crawling = Bench(lambda drive: drive.od.fix(0x6085, 0, round(0.02 * 2e5)), without("6085:0"))
+    assert crawling.commission(tmp_path / "other").windows[1].outcome is Outcome.FAIL
+
+
 @pytest.mark.parametrize(
     ("absent", "skipped"),
     [

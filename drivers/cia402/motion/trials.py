@@ -47,14 +47,18 @@ class WinchTrials:
         return ""
 
     def stop(self, trial: Trial, speed: float, acceleration: float) -> Stop:
-        """By the config: the reaction that the drive was told, and its ramp. `speed` does not matter to it."""
+        """By the config: the reaction that the drive was told, and its ramp. `speed` does not matter to it.
+
+        A drive that cannot be told its quick-stop ramp (6085) may stop on the move's: its proof makes the winch slower.
+        """
         config = self._winch.config
         option = {Trial.HALT: config.stop.halt, Trial.FOLLOWING_ERROR: config.stop.fault}.get(
             trial, config.stop.quick_stop
         )
         if trial is Trial.POSITION_LIMIT:
             option = 1
-        ramp = acceleration if option in SLOW_RAMPS else config.quick_stop_deceleration
+        own = option in SLOW_RAMPS or not self._winch.link.able.can_write(0x6085)
+        ramp = min(acceleration, config.quick_stop_deceleration) if own else config.quick_stop_deceleration
         withheld = trial in (Trial.LOST_HEARTBEAT, Trial.LOST_SYNC)
         return Stop(config.host_timeout if withheld else 0.0, ramp)
 

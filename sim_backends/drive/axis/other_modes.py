@@ -49,7 +49,7 @@ class _Mode:
     def _limits(self) -> tuple[float, float]:
         """Of the shaft, counts, by 607D; both 0: none."""
         low, high = self._number(0x607D, 1, default=-(2**31)), self._number(0x607D, 2, default=2**31 - 1)
-        if low >= high:
+        if low >= high or self._positioner.unlimited:
             low, high = -(2**31), 2**31 - 1
         return float(low - self._feedback.reference), float(high - self._feedback.reference)
 

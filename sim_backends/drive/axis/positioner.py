@@ -84,6 +84,11 @@ class Positioner:
         if start:
             self.resume(t)
 
+    @property
+    def unlimited(self) -> bool:
+        """A defect: position limits (607D) are ignored."""
+        return self._defects.limit_ignored
+
     def resume(self, t: float) -> None:
         """Go to the target from wherever the shaft is, within 6081, 6083, 6084 and 607F, 60C5, 60C6."""
         number = self._dictionary.number
@@ -101,6 +106,8 @@ class Positioner:
 
     def glide(self, t: float, target: float, period: float) -> None:
         """Straight to `target` (counts) within `period` (s), or as fast as 607F lets it: cyclic position mode."""
+        if self._defects.wrong_direction:
+            target = 2.0 * self._actual.at(t).position - target
         self._positioning, self._waiting, self.target = False, None, target
         position = self._actual.at(t).position
         fastest = max(self._dictionary.number(0x607F, default=0xFFFFFFFF), 1) * self._make.speed
