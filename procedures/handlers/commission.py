@@ -16,6 +16,8 @@ from procedures.timing import POLL, wait_until
 
 STAYS_ENABLED = (Trial.HALT, Trial.POSITION_LIMIT)
 """trials after which a drive may go on holding as before; after the others it must be enabled anew"""
+UNCOMMANDED = (Trial.LOST_HEARTBEAT, Trial.LOST_SYNC)
+"""trials in which nobody tells the drive to stop: one that is in fault afterwards was stopped by its fault reaction"""
 SETTLED = 0.15
 """s without motion after which a winch stands: ten looks and more, so that a slow ramp is not taken for its end"""
 AHEAD = 0.02
@@ -73,7 +75,7 @@ async def prove_stop(stand: Stand, step: ProveStop) -> Result:
         return Result(Outcome.SKIPPED, lack)
     found: list[Measurement] = []
     wrong, powered = list[str](), True
-    runs_on = False
+    runs_on = faulted = False
     try:
         try:
             found += await _stopped(stand, step, winch, bench)
@@ -84,7 +86,8 @@ async def prove_stop(stand: Stand, step: ProveStop) -> Result:
             runs_on = (obeyed := await _made_to_stop(stand, winch)) != ""
             wrong.append(obeyed)
         else:
-            wrong.append(await _stays(stand, step, winch, found))
+            says, faulted = await _stays(stand, step, winch, found)
+            wrong.append(says)
         winch.power_off()
         powered = False
     finally:
@@ -94,6 +97,8 @@ async def prove_stop(stand: Stand, step: ProveStop) -> Result:
     wrong.append(await _without_power(stand, step, winch, found))
     values = tuple(m.value or 0.0 for m in found[:2])
     readings = {"identity": tuple(float(number) for number in await bench.identity())}
+    if faulted and step.trial in UNCOMMANDED:
+        readings["faulted"] = (1.0,)
     outcome, reason = judge(found)
     reason = "; ".join(filter(None, (*wrong, reason)))
     outcome = Outcome.FAIL if any(wrong) else outcome
@@ -179,8 +184,8 @@ async def _at_limit(way: _Way, limit: float, longest: float) -> list[Measurement
     ]
 
 
-async def _stays(stand: Stand, step: ProveStop, winch: Winch, found: list[Measurement]) -> str:
-    """What is wrong with a winch that has stopped: it moves on, or is enabled again by itself."""
+async def _stays(stand: Stand, step: ProveStop, winch: Winch, found: list[Measurement]) -> tuple[str, bool]:
+    """What is wrong with a winch that has stopped (it moves on, or is enabled again), and whether it is in fault."""
     clock = stand.rig.clock
     before, since = await winch.ask_length(), clock.now()
     states: set[DriveState] = set()
@@ -192,8 +197,8 @@ async def _stays(stand: Stand, step: ProveStop, winch: Winch, found: list[Measur
     moved = abs(await winch.ask_length() - before)
     found.append(Measurement("moved after it had stopped", moved, "m", high=stand.settings.hold.still))
     if step.trial not in STAYS_ENABLED and DriveState.OPERATION_ENABLED in states:
-        return f"it is in “{DriveState.OPERATION_ENABLED}” afterwards, by itself"
-    return ""
+        return f"it is in “{DriveState.OPERATION_ENABLED}” afterwards, by itself", False
+    return "", DriveState.FAULT in states
 
 
 async def _without_power(stand: Stand, step: ProveStop, winch: Winch, found: list[Measurement]) -> str:

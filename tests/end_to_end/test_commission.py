@@ -218,6 +218,15 @@ def test_a_drive_that_is_not_told_its_quick_stop_ramp_may_be_slower(tmp_path):
     assert crawling.commission(tmp_path / "other").windows[1].outcome is Outcome.FAIL
 
 
+@pytest.mark.parametrize("absent", [("6065:0", "605E:0", "6007:0"), ("6065:0", "605E:0")])
+def test_a_fault_reaction_is_proven_by_a_lost_host_that_ends_in_fault(tmp_path, absent):
+    """Without 6065 nothing else provokes one. By 6007 it is a quick stop, which shows no fault reaction."""
+    bench = Bench(change=without(*absent))
+    report = bench.commission(tmp_path / "run")
+    assert report.windows[1].outcome is Outcome.PASS, report.windows[1].reason
+    assert ("faulted" in bench.results[2, Trial.LOST_HEARTBEAT].readings) is ("6007:0" in absent)
+
+
 @pytest.mark.parametrize(
     ("absent", "skipped"),
     [

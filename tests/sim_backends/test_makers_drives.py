@@ -47,16 +47,14 @@ MAKES = {
     "Maxon EPOS4": Make("mile800_node1_hm.dcf", "maxon-epos4", frozenset({"halt reaction"})),
     "Nanotec CL4-E": Make("nanotec__CL4-E-2-12.eds", "nanotec", LOST_HOST),
     "Technosoft iPOS": Make("config__technosoft.eds", "technosoft-ipos"),  # by life guarding
-    "Faulhaber MCBL": Make(
-        "eds__Faulhaber__605.3150.67-B-EK-2-60.eds", "faulhaber", NO_STOPS | {"following-error limit"}
-    ),
+    "Faulhaber MCBL": Make("eds__Faulhaber__605.3150.67-B-EK-2-60.eds", "faulhaber", NO_STOPS),
     "Trinamic TMCM-1636": Make("TMCM-1636-CANopen_Hw1.1_Fw1.12.eds", "trinamic-bldc", LOST_HOST),
     "Trinamic TMCM-1160": Make("TMCM_1160.eds", "trinamic-stepper", LOST_HOST, tells_load=False),
     "Elmo Gold": Make("canopen_test_utils__config__Elmo.dcf", "elmo-gold"),
     "Elmo Gold, cyclic": Make("canopen_test_utils__config__Elmo.dcf", "elmo-gold", mode=Mode.CYCLIC_POSITION),
     "Lexium MDrive": Make("SchneiderElectric__NEMA23.eds", "schneider-lexium-mdrive"),  # by life guarding
     "Infranor Easy-ak": Make("Easy-ak_v1.30.eds", "infranor", LOST_HOST | {"halt reaction", "fault reaction"}),
-    "Roboteq": Make("roboteq_motor_controllers_v2.0-30-01-2019.eds", "roboteq", NO_STOPS | {"following-error limit"}),
+    "Roboteq": Make("roboteq_motor_controllers_v2.0-30-01-2019.eds", "roboteq", NO_STOPS),
     "Schunk": Make("canopen_test_utils__config__Schunk_0_63.dcf", "schunk", NO_STOPS),
     "Pilz PRBT": Make("robot_control__prbt_0_1.dcf", "schunk", NO_STOPS),
     "Technosoft ISD860 (two entries a PDO)": Make("ISD860.dcf", "technosoft-ipos", NO_STOPS, tells_load=False),

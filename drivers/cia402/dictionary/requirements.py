@@ -48,6 +48,8 @@ class TrialPassed:
     """who was there"""
     at: str = ""
     """date and time, ISO 8601"""
+    faulted: bool = False
+    """nobody commanded the stop, and the drive was in fault afterwards: its fault reaction has stopped it"""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,8 @@ class Requirement:
     """what takes its place where the drive lacks it; empty: nothing, such a drive is refused"""
     trials: tuple[Trial, ...] = ()
     """any of them proves it"""
+    by_fault: bool = False
+    """so does every trial that the drive has ended in fault by itself"""
 
 
 _MUST, _PROVEN, _GOOD = Grade.MUST, Grade.PROVEN, Grade.GOOD
@@ -78,8 +82,14 @@ REQUIREMENTS: tuple[Requirement, ...] = (
     ),
     Requirement("quick-stop reaction", _PROVEN, (("605A:0", "6085:0"),), trials=(Trial.QUICK_STOP,)),
     Requirement("halt reaction", _PROVEN, (("605D:0",),), trials=(Trial.HALT,)),
-    Requirement("fault reaction", _PROVEN, (("605E:0",),), trials=(Trial.FOLLOWING_ERROR,)),
-    Requirement("following-error limit", _PROVEN, (("6065:0",),), trials=(Trial.FOLLOWING_ERROR,)),
+    Requirement("fault reaction", _PROVEN, (("605E:0",),), trials=(Trial.FOLLOWING_ERROR,), by_fault=True),
+    Requirement(  # where 6065 cannot be written no trial can be made either
+        "following-error limit",
+        _PROVEN,
+        (("6065:0",),),
+        "the motion guard compares encoder and command",
+        trials=(Trial.FOLLOWING_ERROR,),
+    ),
     Requirement("position limits", _GOOD, (("607D:1", "607D:2"),), "each target is checked; smaller allowed area"),
     Requirement("speed limit", _GOOD, (("607F:0",),), "each move's speed is checked, and the motion guard watches it"),
     Requirement("current limit", _GOOD, (("6073:0",), ("6072:0",)), "the tension guard stops"),
@@ -117,5 +127,6 @@ class Graded:
 
 def met_by_trial(requirement: Requirement, proofs: Iterable[TrialPassed], serial_number: int) -> TrialPassed | None:
     """The newest proof of this requirement for the drive with this serial number (1018:4; 0: it has none)."""
-    found = [p for p in proofs if p.trial in requirement.trials and p.serial_number == serial_number]
+    ours = (proof for proof in proofs if proof.serial_number == serial_number)
+    found = [p for p in ours if p.trial in requirement.trials or (requirement.by_fault and p.faulted)]
     return max(found, key=lambda proof: proof.at, default=None)

@@ -49,7 +49,14 @@ def _said(settings: Mapping[str, int], name: str) -> str:
 
 def _proof(kept: KeptProof) -> TrialPassed:
     return TrialPassed(
-        Trial(kept.trial), kept.serial_number, kept.speed, kept.time, kept.distance, by=kept.by, at=kept.at
+        Trial(kept.trial),
+        kept.serial_number,
+        kept.speed,
+        kept.time,
+        kept.distance,
+        by=kept.by,
+        at=kept.at,
+        faulted=kept.faulted,
     )
 
 
@@ -105,6 +112,7 @@ class ProofKeeper:
                 self._by,
                 self._wall_time(),
                 settings,
+                "faulted" in result.readings,
             )
         before = self._writing
         self._writing = asyncio.ensure_future(self._write(before))

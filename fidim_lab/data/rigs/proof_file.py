@@ -46,6 +46,8 @@ class KeptProof:
     """ISO 8601"""
     settings: Mapping[str, int] = field(default_factory=dict[str, int])
     """what the drive was told, by object"""
+    faulted: bool = False
+    """its fault reaction has stopped it, uncommanded"""
 
 
 class _ProofTable(Table):
@@ -61,6 +63,7 @@ class _ProofTable(Table):
     by: Annotated[str, Field(min_length=1)]
     at: str
     settings: dict[str, int]
+    faulted: bool = False
 
 
 class _ProofsTable(Table):

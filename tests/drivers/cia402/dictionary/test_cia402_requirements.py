@@ -1,5 +1,6 @@
 """Requirements in grades: the one list, and where proofs by trial are looked up."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from drivers.cia402.dictionary import TrialPassed
@@ -24,6 +25,15 @@ def test_a_proof_counts_for_its_trial_and_its_drive():
     assert met_by_trial(lost, [newer, proof(Trial.LOST_SYNC)], 7) is newer
 
 
+def test_a_fault_reaction_is_proven_where_a_drive_ended_in_fault_by_itself():
+    reaction = next(r for r in REQUIREMENTS if r.key == "fault reaction")
+    quiet, faulted = proof(Trial.LOST_HEARTBEAT), replace(proof(Trial.LOST_HEARTBEAT), faulted=True)
+    assert met_by_trial(reaction, [quiet], 7) is None
+    assert met_by_trial(reaction, [quiet, faulted], 7) is faulted
+    quick = next(r for r in REQUIREMENTS if r.key == "quick-stop reaction")
+    assert met_by_trial(quick, [faulted], 7) is None
+
+
 def test_the_page_for_people_has_the_same_table():
     page = (Path(__file__).parents[4] / "docs" / "rig.md").read_text(encoding="utf-8")
     rows = [
@@ -34,5 +44,6 @@ def test_the_page_for_people_has_the_same_table():
     for requirement in REQUIREMENTS:
         _, _, grade, instead = table[requirement.key]
         trials = f"trial: {', or '.join(requirement.trials)}" if requirement.trials else ""
+        trials += ", or a lost host that ends in fault" if requirement.by_fault else ""
         assert grade == requirement.grade
-        assert instead == (requirement.instead or trials or "refused")
+        assert instead == ("; ".join(filter(None, (trials, requirement.instead))) or "refused")

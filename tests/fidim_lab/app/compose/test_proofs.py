@@ -57,6 +57,13 @@ def keep(rig, folder, *events):
     return read_proofs(proofs_path(rig))
 
 
+def test_that_a_drive_ended_in_fault_is_kept(rig, tmp_path):
+    event = finished(Trial.LOST_HEARTBEAT)
+    event = replace(event, result=replace(event.result, readings=event.result.readings | {"faulted": (1.0,)}))
+    kept = keep(rig, tmp_path / "run", event, finished(Trial.QUICK_STOP))
+    assert {proof.trial: proof.faulted for proof in kept} == {Trial.LOST_HEARTBEAT: True, Trial.QUICK_STOP: False}
+
+
 def test_what_passes_is_kept_and_what_fails_is_forgotten(rig, tmp_path):
     halt, quick = finished(Trial.HALT), finished(Trial.QUICK_STOP)
     kept = keep(rig, tmp_path / "one", quick, halt, finished(Trial.LOST_SYNC, Outcome.FAIL, reason="does not stop"))
