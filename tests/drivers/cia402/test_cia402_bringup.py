@@ -172,8 +172,20 @@ def test_an_object_that_a_family_lacks_is_not_asked_for_in_moves(on_bench: OnBen
 
 LACKS = {"6007:0": "reaction to a lost host", "605A:0": "quick-stop reaction", "605E:0": "fault reaction"} | {
     "605D:0": "halt reaction",
-    "6065:0": "following-error limit",
 }
+
+
+def test_without_a_following_error_limit_the_host_compares(on_bench: OnBench) -> None:
+    """No trial can be made where 6065 cannot be written."""
+
+    async def script(bench: Any) -> None:
+        bench.drive.refuses = {(0x6065, 0): 0x06020000}
+        await bench.enabled()
+        line = next(line for line in bench.winch.grades if line.requirement.key == "following-error limit")
+        assert (line.met, line.found) == (Met.HOST, "no 6065:0")
+        assert line.requirement.instead == "the motion guard compares encoder and command"
+
+    on_bench(script, family=DriveFamily(absent={"6065:0": "by its EDS file"}))
 
 
 @pytest.mark.parametrize("lacking", LACKS)
