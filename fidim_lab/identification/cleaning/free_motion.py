@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import median_filter
 
 from fidim_lab.arrays import Series, runs
 from fidim_lab.data.records import Campaign, Window
@@ -186,7 +187,7 @@ def _blocks(one: Balance, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> Bool[np.ndarray, " N"]:
     """Nodes at which the platform is not free."""
-    left, inertial = (_averaged(one.t, ((rows @ chi) ** 2).sum(axis=1), rule) for rows in (one.left, one.inertial))
+    left, inertial = (_averaged(one.t, _felt(rows @ chi), rule) for rows in (one.left, one.inertial))
     own = float(np.median(left))
     unmoved = left > rule.share**2 * inertial
     found = unmoved & (left > rule.above**2 * own)
@@ -203,8 +204,16 @@ def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule)
 
 def _says(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> bool:
     """Whether enough of it balances, so that the rest says something."""
-    left, inertial = (_averaged(one.t, ((rows @ chi) ** 2).sum(axis=1), rule) for rows in (one.left, one.inertial))
+    left, inertial = (_averaged(one.t, _felt(rows @ chi), rule) for rows in (one.left, one.inertial))
     return bool((left < rule.share**2 * inertial).mean() >= rule.balanced)
+
+
+def _felt(forces: Float[np.ndarray, "N free"]) -> Series:
+    """Squares at the nodes, without what one of them has alone: its neighbours share samples with it, and feel a force.
+
+    Where a mode turns, noise can put a single pose far away.
+    """
+    return median_filter((forces**2).sum(axis=1), size=3, mode="nearest")
 
 
 def _averaged(t: Series, squares: Series, rule: FreeMotionRule) -> Series:
