@@ -10,7 +10,7 @@ from fidim_lab.identification.markers.finding import Kind
 from fidim_lab.mismatch.cleaning.clean import Cleaned
 from fidim_lab.mismatch.conclusion.explanation import EffectParameter, Explanation, NamedCause, Reading, Verdict
 from fidim_lab.mismatch.readings.errors import ReadingError, ReadingErrors
-from fidim_lab.mismatch.readings.kinds import CAMERA_DRIFT, CAMERA_STEP, DRIFT, SAYS, SCATTER, STEP
+from fidim_lab.mismatch.readings.kinds import CAMERA_DRIFT, CAMERA_STEP, CONSTANT, DRIFT, SAYS, SCATTER, STEP
 from fidim_lab.units import millimetres
 
 NOISE = "marker-noise"
@@ -62,7 +62,7 @@ def _with_noise(told: Explanation, cleaned: Cleaned) -> Explanation:
 
 def _reading(error: ReadingError) -> Reading:
     kind = error.kind
-    alike = tuple(dict.fromkeys(other.id for other in error.rivals if other.id != kind.id))
+    alike = tuple(dict.fromkeys(other.id for other in error.rivals if other.id not in (kind.id, CONSTANT)))
     return Reading(kind.id, kind.cable, alike, _parameters(error), _words(error), NEXT[kind.id])
 
 

@@ -15,7 +15,7 @@ from fidim_lab.data.records import Campaign, Window
 from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.readings.influence import AXES, Influence, influence
-from fidim_lab.mismatch.readings.kinds import ReadingKind, reading_kinds
+from fidim_lab.mismatch.readings.kinds import CONSTANT, ReadingKind, reading_kinds
 from fidim_lab.mismatch.readings.thresholds import READINGS
 
 
@@ -87,7 +87,8 @@ def reading_errors(found: Fit, campaign: Campaign, enough: float) -> ReadingErro
     for _ in range(READINGS.settling):
         chosen = search.chosen(temper, enough)
         temper = seen.temper(search.likeliest(chosen, temper))
-    return ReadingErrors(search.sized(chosen, temper), order, temper) if chosen else None
+    errors = tuple(one for one in search.sized(chosen, temper) if one.kind.id != CONSTANT)
+    return ReadingErrors(errors, order, temper) if errors else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,8 @@
-"""What readings may be off by over a session: a drift, a step between two windows, another amount in every window."""
+"""What readings may be off by over a session: a drift, a step between two windows, another amount in every window.
+
+What is the same in all windows (an encoder's zero, a shift of the capture frame) stands among them as their rival: it is
+geometry, and for the search for effects.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,6 +19,7 @@ STEP = "length-step"
 SCATTER = "length-scatter"
 CAMERA_DRIFT = "camera-drift"
 CAMERA_STEP = "camera-step"
+CONSTANT = "constant"
 SAYS = {
     DRIFT: "Lengths drift over the session (cables that grow, or encoders that lose their zero)",
     STEP: "Lengths jump between two windows (a slip on the drum, or a zero that was set again)",
@@ -22,6 +27,7 @@ SAYS = {
     "or pulley, or slip: not told apart)",
     CAMERA_DRIFT: "The cameras' frame drifts over the session",
     CAMERA_STEP: "The cameras' frame is shifted",
+    CONSTANT: "Lengths, or the cameras' frame, are off by the same amount in all windows",
 }
 
 
@@ -62,6 +68,9 @@ def reading_kinds(cables: int, order: Sequence[str]) -> tuple[tuple[ReadingKind,
     groups: list[tuple[ReadingKind, ...]] = [
         (_each_window(SCATTER, None, lengths, len(order)),),
         tuple(_each_window(SCATTER, k + 1, one, len(order)) for k, one in enumerate(each)),
+        tuple(_course(CONSTANT, k + 1, one, np.ones(len(order)), ("by",)) for k, one in enumerate(each)),
+        (_course(CONSTANT, None, lengths, np.ones(len(order)), own),),
+        (_course(CONSTANT, None, shifts, np.ones(len(order)), axes),),
     ]
     if len(order) < READINGS.fewest:
         return tuple(groups)

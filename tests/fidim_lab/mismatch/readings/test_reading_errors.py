@@ -68,6 +68,17 @@ def test_a_session_without_errors_has_none(errors_of: Callable[..., ReadingError
     assert errors_of("swivel-friction:c=0.01") is None
 
 
+def test_what_is_the_same_in_all_windows_is_geometry(errors_of: Callable[..., ReadingErrors | None]) -> None:
+    assert errors_of("cable-length-bias:cable=1,bias=-0.007") is None
+
+
+def test_a_pose_that_noise_puts_far_away_is_no_hand(irma4: Robot) -> None:
+    noise = replace(Noise.of(irma4), marker=1.85 * irma4.sensors.marker_noise)
+    plan, world = random_plan(irma4, "readings", 7, 4, 18), make_world(irma4, np.random.default_rng(18))
+    made, _ = simulate_campaign(irma4, plan, world, np.random.default_rng(19), noise, recording=Sampling(6.0))
+    assert clean(made).contacts == ()
+
+
 def test_readings_that_are_put_right_have_no_errors(baseline_of: Callable[..., Baseline]) -> None:
     base = baseline_of("length-step:by=0.0004,cable=2,at=170", seed=SEED, windows=WINDOWS, seconds=SECONDS)
     found = reading_errors(base.fit, base.campaign, SCORES.enough)
