@@ -52,18 +52,21 @@ def fit_surveyed(begun: Fit, windows: list[Window]) -> Surveyed:
 def _weighed(exact: Fit, windows: list[Window]) -> Surveyed:
     """The exact geometry against a usual survey of cables and markers."""
     robot = exact.likelihood.mechanism.robot
-    opened = _usual(robot, Factors(1.0, 1.0))
-    begun = continued(exact, opened, GLANCE)
+    once = _usual(robot, Factors(1.0, 1.0))
+    first = Factors(1.0, 1.0)
+    begun = continued(exact, once, GLANCE)
     if begun is not None and exact.settled:
-        foretold = weighed(exact, begun, opened)
+        foretold = weighed(exact, begun, once)
         if foretold.factors.exact:
             return Surveyed(exact, (), foretold)
+        first = Factors(foretold.factors.cables or 1.0, foretold.factors.markers or 1.0)  # one fit, where that holds
+    opened = _usual(robot, first)
     found = continued(exact, opened) if begun is not None and not exact.journey.lost else None
     found = _opened(exact.likelihood.mechanism, windows, opened) if found is None else found
-    says = weighed(exact, found, opened)
+    says = weighed(exact, found, once)
     if says.factors.exact or (exact.settled and not found.settled):
         return Surveyed(exact, (), says)
-    if not says.factors.near(Factors(1.0, 1.0)):
+    if not says.factors.near(first):
         chosen = _usual(robot, says.factors)
         again = continued(found, chosen)
         found, opened = (found, opened) if again is None else (again, chosen)

@@ -119,7 +119,7 @@ def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> Su
 def _without_touched_ends(mechanism: Mechanism, begun: Fit, windows: list[Window]) -> tuple[Fit, list[Window]]:
     """The fit without what a hand still touched beside the cuts, if that leaves noise alone; else as it was."""
     found, kept = begun, windows
-    for _ in range(CUTS):
+    for _ in range(0 if misses_much(begun) else CUTS):  # a fit that misses by much is not mended at its ends
         shorter = None if found.explained else beside_cuts(kept, found)
         if shorter is None:
             break
