@@ -53,7 +53,7 @@ ALL_EXACT = Factors(None, None)
 
 
 @dataclass(frozen=True)
-class Weighed:
+class GeometryOdds:
     """An open geometry against the exact one."""
 
     factors: Factors = ALL_EXACT
@@ -65,11 +65,11 @@ class Weighed:
     """fall of the sum of squares over χ²/dof of the open geometry; 0 where none was tried"""
 
 
-NOT_WEIGHED = Weighed()
+NOT_WEIGHED = GeometryOdds()
 """the survey is stated"""
 
 
-def weighed(exact: Fit, found: Fit, opened: Sequence[Nuisance]) -> Weighed:
+def weighed(exact: Fit, found: Fit, opened: Sequence[Nuisance]) -> GeometryOdds:
     """From the linearised problem at a fit with cables and markers open, in the order of its θ.
 
     Either counts as exact where the evidence for that leads by `ODDS`, whatever of the other is open.
@@ -89,7 +89,7 @@ def weighed(exact: Fit, found: Fit, opened: Sequence[Nuisance]) -> Weighed:
         best = by_markers
     open_cables, open_markers = best.factors
     factors = Factors(None if exact_cables else open_cables, None if exact_markers else open_markers)
-    return Weighed(factors, best.log_bayes, best.gain)
+    return GeometryOdds(factors, best.log_bayes, best.gain)
 
 
 def over_factors(evidences: Float[np.ndarray, " F"]) -> tuple[float, int]:

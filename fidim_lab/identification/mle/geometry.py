@@ -12,7 +12,7 @@ import numpy as np
 
 from fidim_lab.data.records import Robot, Window
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.identification.mle.evidence import NOT_WEIGHED, Factors, Weighed, weighed
+from fidim_lab.identification.mle.evidence import NOT_WEIGHED, Factors, GeometryOdds, weighed
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.optimise import FINAL, Effort
 from fidim_lab.identification.mle.warm_start import Newcomer, rearranged
@@ -30,7 +30,7 @@ class Surveyed:
     found: Fit
     geometry: tuple[Nuisance, ...] = ()
     """what was left open; nothing where the geometry counts as exact"""
-    weighed: Weighed = NOT_WEIGHED
+    weighed: GeometryOdds = NOT_WEIGHED
     """by evidence where the file states no survey"""
 
 
