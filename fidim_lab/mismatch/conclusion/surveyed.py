@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from fidim_lab.data.records import Robot
-from fidim_lab.identification.mle.evidence import SPREAD_OF_FACTORS, Weighed
+from fidim_lab.identification.mle.evidence import SPREAD_OF_FACTORS, GeometryOdds
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import furthest, told_geometry
 from fidim_lab.identification.results.result import Geometry, Moved
@@ -40,7 +40,7 @@ def with_geometry(told: Explanation, baseline: Baseline, exact: Baseline, judged
     gain = sum(left.chi2 for left in exact.fit.remainders) - sum(left.chi2 for left in baseline.fit.remainders)
     same = (exact.whole is None) == (baseline.whole is None)
     gained = gain / max(1.0, baseline.fit.chi2_per_dof) if same else 0.0
-    geometry = told_geometry(Surveyed(judged.named.model.fit, baseline.geometry, Weighed(chi2_gain=gained)))
+    geometry = told_geometry(Surveyed(judged.named.model.fit, baseline.geometry, GeometryOdds(chi2_gain=gained)))
     wrong = is_wrong(baseline.geometry, robot)
     told = replace(told, geometry=geometry, message=f"{told.message} {geometry_says(geometry, robot, wrong)}")
     if not wrong:

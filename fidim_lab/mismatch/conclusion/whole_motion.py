@@ -7,7 +7,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Role
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle.evidence import Weighed
+from fidim_lab.identification.mle.evidence import GeometryOdds
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import told_geometry
 from fidim_lab.identification.mle.soft import ALL_NOISE
@@ -139,7 +139,7 @@ def _geometry(outcome: Outcome, exact: WholeModel, sd: np.ndarray) -> Geometry |
     best = outcome.best
     if not best.geometry:
         return None
-    weighed = Weighed(chi2_gain=(exact.cost - best.cost) / outcome.temper)
+    weighed = GeometryOdds(chi2_gain=(exact.cost - best.cost) / outcome.temper)
     return told_geometry(Surveyed(best.found, best.geometry, weighed), sd)
 
 
