@@ -18,8 +18,9 @@ SEGMENT = 256
 FALLS = 4.0
 """times less power in the highest tenth of the spectrum than in the tenth below its middle: 24 periodograms of white
 noise have 1 ± 0.1; a filter of second order 100 and more, whatever its cutoff"""
-QUIET = 0.2
-"""of the stated noise: less in the upper half of the spectrum is no camera's noise"""
+QUIET, SILENT = 0.2, 0.02
+"""of the stated noise, in the upper half of the spectrum: with less the file's rounding is all that may be left; less
+still is no camera's noise, however good it is beside what was stated (on the paper's robot a fifth)"""
 ROUNDING = 3.0
 """times the file's rounding, below which nothing is told"""
 LOW, MIDDLE, HIGH = (0.2, 0.3), (0.2, 0.5), (0.4, 0.48)
@@ -57,7 +58,8 @@ def low_passed(campaign: Campaign) -> LowPass | None:
     rounding = 2 * max(last_digit(w.markers.reshape(-1, 3)) for w in campaign.windows) ** 2 / 12 / rate
     low, middle, high = (float(power[(f >= a * rate) & (f < b * rate)].mean()) for a, b in (LOW, MIDDLE, HIGH))
     falls = low > FALLS * high and low > ROUNDING * rounding
-    gone = middle < QUIET**2 * stated and stated > ROUNDING**2 * rounding
+    least = QUIET if middle < ROUNDING * rounding else SILENT
+    gone = middle < least**2 * stated and stated > ROUNDING**2 * rounding
     if not falls and not gone:
         return None
     return LowPass(_cutoff(f / rate, power / stated, falls=falls) * rate, low / high)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter, lfilter_zi
+from scipy.signal import butter, lfilter, lfilter_zi, sosfiltfilt
 
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.errors import RefusedError
@@ -209,6 +209,21 @@ def test_low_passed_markers_are_told_with_their_cutoff(recorded: Make, cutoff: f
     assert found is not None
     assert found.cutoff == pytest.approx(cutoff, rel=0.25)
     assert "Export them unfiltered" in found.says
+
+
+def test_cameras_that_are_better_than_stated_are_not_low_passed(recorded: Make) -> None:
+    """Their noise is white, an eighth of what the robot file says."""
+    assert low_passed(each(recorded(noise=NOISE / 8), lambda markers: markers)) is None
+
+
+def test_a_steep_filter_leaves_the_files_rounding_alone(recorded: Make) -> None:
+    sections = butter(8, 12.0, fs=100.0, output="sos")
+    campaign = each(
+        recorded(noise=NOISE), lambda markers: sosfiltfilt(sections, markers, axis=0, padlen=min(60, len(markers) - 1))
+    )
+    found = low_passed(campaign)
+    assert found is not None
+    assert found.cutoff == pytest.approx(12.0, rel=0.4)
 
 
 def test_a_rate_that_header_and_stamps_say_otherwise_widens_or_is_decided(recorded: Make, true_body):
