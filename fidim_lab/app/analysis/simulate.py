@@ -290,5 +290,5 @@ def _says(effect: HiddenEffect) -> str:
     """An effect with its size."""
     where = "" if effect.cable is None else f" of cable {effect.cable}"
     keys = KNOWN[effect.id].keys
-    sizes = ", ".join(f"{name} = {value:g} {keys[name].unit}" for name, value in effect.parameters)
+    sizes = ", ".join(f"{name} = {value:g} {keys[name].unit}" for name, value in effect.parameters if value)
     return f"{effect.id}{where} ({sizes})"

@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fidim_lab.app import cli
@@ -14,7 +15,7 @@ from fidim_lab.app.benchmark.child import ChildOutcome, ChildTask, in_child
 from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command, run_benchmark
 from fidim_lab.app.benchmark.folder import BenchmarkFolder, read_json, write_json
 from fidim_lab.data.campaign import read_campaign, write_campaign
-from fidim_lab.data.records import PARAMETER_NAMES, Role
+from fidim_lab.data.records import PARAMETER_NAMES, Role, Window
 from fidim_lab.errors import RefusedError, SetupError
 
 DRAG = {"id": "air-drag-linear", "size": 0.5, "unit": "N s/m", "hide": "air-drag-linear:c=0.5"}
@@ -168,7 +169,13 @@ def test_a_cut_off_answer_file_is_named(options, quick):
 
 
 def test_a_child_that_uses_up_its_time_is_stopped_and_says_so(tiny):
-    outcome = in_child(ChildTask.EXPLAIN, tiny, cap=1.0)
+    t = np.arange(1000) / 100.0
+    swing = 0.05 * np.sin(2 * np.pi * t)[:, np.newaxis, np.newaxis] * np.array([1.0, 0.5, 0.1])
+    windows = tuple(
+        Window(f"i{k:02d}", Role.IDENTIFY, t, np.array([1.0, -0.5, -0.3]) + (1 + k) * swing, None, None, np.zeros(3))
+        for k in range(6)
+    )
+    outcome = in_child(ChildTask.EXPLAIN, replace(tiny, windows=windows), cap=1.0)
     assert outcome.answer is None
     assert "of CPU time" in outcome.why
 

@@ -155,7 +155,7 @@ def test_settings_are_changed_by_name(tmp_path):
     assert (changed.record.seconds, changed.record.repeats) == (4.0, 1)
     with pytest.raises(SetupError, match=r"--set record\.secs: no such number; there are amplitude"):
         overridden(Settings(), {"record.secs": 1.0})
-    with pytest.raises(SetupError, match=r"there are .*guard, hand, hold, .*motion, place, record, tension"):
+    with pytest.raises(SetupError, match=r"there are .*guard, hand, hold, .*motion, place, record, .*tension"):
         overridden(Settings(), {"speed": 1.0})
 
 
