@@ -187,7 +187,7 @@ def _blocks(one: Balance, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> Bool[np.ndarray, " N"]:
     """Nodes at which the platform is not free."""
-    left, inertial = (_averaged(one.t, _felt(rows @ chi), rule) for rows in (one.left, one.inertial))
+    left, inertial = _forces(one, chi, rule)
     own = float(np.median(left))
     unmoved = left > rule.share**2 * inertial
     found = unmoved & (left > rule.above**2 * own)
@@ -204,16 +204,18 @@ def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule)
 
 def _says(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> bool:
     """Whether enough of it balances, so that the rest says something."""
-    left, inertial = (_averaged(one.t, _felt(rows @ chi), rule) for rows in (one.left, one.inertial))
+    left, inertial = _forces(one, chi, rule)
     return bool((left < rule.share**2 * inertial).mean() >= rule.balanced)
 
 
-def _felt(forces: Float[np.ndarray, "N free"]) -> Series:
-    """Squares at the nodes, without what one of them has alone: its neighbours share samples with it, and feel a force.
+def _forces(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> tuple[Series, Series]:
+    """Squares of what is left over and of the inertial forces, averaged.
 
-    Where a mode turns, noise can put a single pose far away.
+    Of what is left over without what one node has alone: its neighbours share samples with it, and feel a force, while
+    noise can put a single pose far away where a mode turns.
     """
-    return median_filter((forces**2).sum(axis=1), size=3, mode="nearest")
+    left, inertial = (((rows @ chi) ** 2).sum(axis=1) for rows in (one.left, one.inertial))
+    return _averaged(one.t, median_filter(left, size=3, mode="nearest"), rule), _averaged(one.t, inertial, rule)
 
 
 def _averaged(t: Series, squares: Series, rule: FreeMotionRule) -> Series:
