@@ -146,7 +146,7 @@ def main() -> None:
     if options.write:
         kind = " --effects" if options.effects else ""
         title = f"Survey errors{', one loud effect beside them' if options.effects else ' alone'}"
-        command = f"python -m benchmarks.survey_errors --runs {options.runs}{kind}"
+        command = f"python -m benchmarks.survey_errors --runs {options.runs} --first {options.first}{kind}"
         write_section("survey-errors", title, command, report(rows))
 
 
