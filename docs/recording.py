@@ -67,7 +67,7 @@ def record(commands: Sequence[str], folder: Path) -> list[Shown]:
     """All that the screen showed while these commands ran one after the other. Raises SystemExit where one fails."""
     screen = pyte.Screen(COLUMNS, ROWS)
     stream = pyte.ByteStream(screen)
-    at, now, before = 0.5, {}, monotonic()
+    at, now = 0.5, {}
     shown: list[Shown] = []
 
     def look() -> None:
@@ -131,7 +131,7 @@ def _row(screen: pyte.Screen, k: int) -> Row:
     for (color, bold), group in groupby(cells, key=lambda cell: (cell.fg, cell.bold)):
         text = "".join(cell.data for cell in group)
         if text.strip():
-            pieces.append((column, text.rstrip() or text, color, bold))
+            pieces.append((column, text.rstrip(), color, bold))
         column += len(text)
     return tuple(pieces)
 
@@ -146,7 +146,7 @@ def picture(shown: Sequence[Shown]) -> str:
             "<title>A session in a terminal: a dry run with friction hidden in it, and its explanation</title>",
             "<style>",
             f"text{{font:14px 'DejaVu Sans Mono',Menlo,Consolas,monospace;fill:{INK};white-space:pre}}",
-            "b,.b{font-weight:bold}.a{animation:in .01s both}.e{animation:in .01s both,out .01s forwards}",
+            ".b{font-weight:bold}.a{animation:in .01s both}.e{animation:in .01s both,out .01s forwards}",
             "@keyframes in{from{visibility:hidden}to{visibility:visible}}@keyframes out{to{visibility:hidden}}",
             f"@media print{{{still}}}@media(prefers-reduced-motion:reduce){{{still}}}",
             "</style>",

@@ -18,7 +18,14 @@ import numpy as np
 
 from sim_backends.plant.mechanics.inertia import attached_function, needs_attached
 from sim_backends.plant.mechanics.kinematics import HAND_SIZE, Platform, platform, quaternion_rate, size, sticking
-from sim_backends.plant.mechanics.terms import applied, bending, hand_push, loose_acceleration, per_newton
+from sim_backends.plant.mechanics.terms import (
+    applied,
+    bending,
+    hand_push,
+    loose_acceleration,
+    per_newton,
+    with_tension,
+)
 from sim_backends.plant.mechanics.wrench import Wrench
 from sim_backends.plant.world import World
 
@@ -147,7 +154,7 @@ def pulling(body: Platform) -> ca.SX:
     """Jᵀ − W (6, n): minus the force of each cable on [velocity of G; spin] for 1 N of its tension."""
     columns: list[ca.SX] = []
     for i, end in enumerate(body.cables):
-        effects = [e for e in body.world.effects("lay-torque", "pulley-friction") if e.concerns(i)]
+        effects = [effect for effect in with_tension(body.world) if effect.concerns(i)]
         columns.append(row_of(body, i).T - generalised(body, per_newton(end, effects)))
     return ca.horzcat(*columns)
 
@@ -174,7 +181,7 @@ def derivative(world: World, symbols: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.S
         spread = inverse @ eq.pulling[:, rigid]
         mask = ca.diag(active)
         condensed = mask @ (j @ spread) @ mask + ca.diag(1 - active)
-        solve = ca.solve if world.effects("lay-torque", "pulley-friction") else solve_spd
+        solve = ca.solve if with_tension(world) else solve_spd
         multipliers = solve(condensed, active * (j @ free - eq.required[rigid]))
         motion = free - spread @ multipliers
         tension = _scatter(tension, rigid, multipliers)

@@ -12,6 +12,7 @@ from sim_backends.plant.hidden import HiddenEffect
 from sim_backends.plant.mechanics.kinematics import CableEnd, Platform, PlatformPoint, oscillation, sticking
 from sim_backends.plant.mechanics.outside_terms import OUTSIDE_TERMS
 from sim_backends.plant.mechanics.wrench import Term, Wrench
+from sim_backends.plant.world import World
 
 DRY_RATE = 0.01
 """rad/s within which a dry torque builds up: small against 1 rad/s, the rate of a swinging platform's joints"""
@@ -176,6 +177,11 @@ def _hand_contact(platform: Platform, effect: HiddenEffect) -> Wrench:
 def _unknown(platform: Platform, effect: HiddenEffect) -> Wrench:
     away = (platform.centre - ca.DM(effect.vector("x", "y", "z") + platform.world.middle)) / effect["w"]
     return _at_centre(effect["k"] * away * ca.exp(-ca.dot(away, away) / 2))
+
+
+def with_tension(world: World) -> tuple[HiddenEffect, ...]:
+    """What goes with the cables' tensions beside their pull."""
+    return tuple(e for e in world.effects("lay-torque", "pulley-friction") if e["c" if e.id == "lay-torque" else "arm"])
 
 
 def per_newton(end: CableEnd, effects: Sequence[HiddenEffect]) -> Wrench:
