@@ -6,10 +6,11 @@
     plant's statics at the pose in which the first fault came. Not judged: `JOLT` after a drum that turned has lost its
     power: its brake falls at once, whoever drives it.
 (b) No final sentence that the plant contradicts: "stand still" while a drum turns, "held" without power, an accepted
-    window in which a winch moved, the marker was wrong or the lengths are. Wrong is what the rig file's own limits call
-    wrong: a marker that left its true place by more than a jump may (5 mm) within the window, unless the check of the
-    window tells its slow motion; a marker, or the place
-    that the lengths stand for, farther from the truth than "marker against the lengths" allows.
+    window in which a winch moved, a cable slipped, the marker was wrong or the lengths are, and nothing said so. Wrong
+    is what the rig file's own limits call wrong: a drum that turned by more than motors may within the window, a marker
+    that left its true place by more than a jump may (5 mm), unless the check of the window tells its slow motion; a
+    cable that slipped so that the marker rests elsewhere by more than twice "change of that since the place before"; a
+    marker, or the place that the lengths stand for, farther from the truth than "marker against the lengths" allows.
 (c) It ended: no hang, no bug.
 """
 
@@ -118,14 +119,19 @@ def sentences(ended: Ended, truth: Truth, place: Place) -> Iterator[Violation]:
 
 
 def _window(ended: Ended, truth: Truth, name: str, lengths: np.ndarray | None, place: Place) -> Iterator[Violation]:
-    record, allowed = RecordSettings(), PlaceSettings().off
+    record, allowed, change = RecordSettings(), PlaceSettings().off, 2.0 * PlaceSettings().change
     end = [e.t for e in ended.events if isinstance(e, StepFinished) and _is_record(e, name)][-1]
-    true = truth.lengths[truth.between(end - (ended.rows - 1) / 100.0, end)]
-    moved = np.ptp(true, axis=0)
+    during = truth.between(end - (ended.rows - 1) / 100.0, end)
+    true, slipped = truth.lengths[during], truth.slipped[during]
+    moved = np.ptp(true - slipped, axis=0)
     if moved.max() > record.motors_still:
         k = int(moved.argmax())
         says = f"window {name} was accepted; winch {k + 1} moved {1e3 * moved[k]:.1f} mm in it"
         yield Violation("b: a winch moved", says, moved[k] / record.motors_still)
+    went = float(np.linalg.norm(place(true[-1]) - place(true[-1] - slipped[-1] + slipped[0])))
+    if went > change and f"during window {name}" not in ended.report.reason:
+        says = f"window {name} was accepted; a cable slipped in it, by which the marker rests {1e3 * went:.1f} mm away"
+        yield Violation("b: a cable slipped", says, went / change)
     if lengths is not None:
         off = float(np.linalg.norm(place(np.nanmean(lengths, axis=0)) - place(true.mean(axis=0))))
         if off > allowed:

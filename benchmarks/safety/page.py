@@ -30,7 +30,7 @@ def report(outcomes: Sequence[Outcome], seed: int) -> str:
 
 
 RULES = (
-    *("a: tension", "b: stands still", "b: held", "b: a winch moved", "b: lengths are wrong"),
+    *("a: tension", "b: stands still", "b: held", "b: a winch moved", "b: a cable slipped", "b: lengths are wrong"),
     *("b: the marker strays", "b: the marker is off", "c: no end", "c: hang", "c: traceback", "c: bug", "c: no report"),
 )
 

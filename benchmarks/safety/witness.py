@@ -28,6 +28,8 @@ class Truth:
     """(N, n) m/s by the drums"""
     powered: np.ndarray
     """(N, n) whether the drive has power"""
+    slipped: np.ndarray
+    """(N, n) m of `lengths` that came or went without the drum's turning"""
 
     def since(self, t: float) -> slice:
         return slice(int(np.searchsorted(self.t, t - 1e-9)), None)
@@ -52,7 +54,9 @@ class Witness:
             advance(t, lengths, rates, accelerations)
             speeds = np.zeros(plant.world.n) if rates is None else rates
             powered = [drive.state in POWERED for drive in stage.rig.drives]
-            self._rows.append((plant.t + began, plant.tensions, plant.encoder_lengths(), np.array(speeds), powered))
+            slipped = [drum.home_length for drum in stage.rig.laboratory.drums]
+            now = plant.t + began
+            self._rows.append((now, plant.tensions, plant.encoder_lengths(), np.array(speeds), powered, slipped))
 
         plant.advance = note
 

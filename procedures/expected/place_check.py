@@ -37,10 +37,12 @@ class Seen:
 
 
 class PlaceHistory:
-    """Where the marker was off at the last place: set by each comparison of a run."""
+    """Where the marker was off at the last place, and what was accepted since: set by each comparison of a run."""
 
     def __init__(self) -> None:
         self.last: tuple[Seen, Vector3] | None = None
+        self.windows: list[str] = []
+        """accepted since then: what has changed may have changed in them"""
 
 
 def place_measurements(
@@ -61,11 +63,15 @@ def place_measurements(
         changed = off - off_before
         far = float(np.linalg.norm(changed))
         found.append(Measurement("change of that since the place before", far, "m", high=allowed))
-    history.last = (seen, off)
+    history.last, between = (seen, off), history.windows
+    history.windows = []
     wrong = [one for one in found if not one.outcome.usable]
     if not wrong:
         return tuple(found), ""
-    return tuple(found), causes(rest, seen, changed if wrong[0] is not found[0] else off)
+    says = causes(rest, seen, changed if wrong[0] is not found[0] else off)
+    if len(found) > 1 and between:
+        says += f". It may have come during window {', '.join(between)}, accepted since: look before using it"
+    return tuple(found), says
 
 
 def causes(rest: NominalRest, seen: Seen, off: Vector3) -> str:

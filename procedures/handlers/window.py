@@ -56,7 +56,7 @@ def _place(
         drift = drift_measurement(t, place, rest.frequencies(lengths), step.limits.drift)
         if not step.equilibrium:
             return (drift,)
-        return (drift, *place_measurements(rest, lengths, place, np.array(step.equilibrium), settings))
+        return (drift, *place_measurements(rest, lengths, place, recording.rate, np.array(step.equilibrium), settings))
     except FidimError:  # lengths at which it could not rest are told by others
         return ()
 
@@ -65,6 +65,7 @@ async def accept(stand: Stand, step: Accept) -> Result:
     """Make it a part of the campaign."""
     await stand.recorder.accept(step.window)
     await stand.disk.do(lambda: stand.folder.add(step.window, step.role, step.equilibrium))
+    stand.places.windows.append(step.window)
     return Result(step.outcome, step.reason)
 
 
