@@ -26,7 +26,7 @@ from procedures.recording.journal_data import step_data
 from procedures.recording.ledger import Ledger
 from procedures.settings import GuardSettings
 from procedures.stand import Stand
-from procedures.steps import AfterPause, CheckWindow, Enable, Phase, Procedure, Record, Result, Step, Stop
+from procedures.steps import AfterPause, CheckWindow, Enable, Procedure, Record, Result, Step, Stop
 from procedures.stopping import quick_stop
 
 PROGRESS_PERIOD = 0.1
@@ -192,7 +192,7 @@ class Engine:
         left = pulse.left if planned is None else self._pace.total(planned)
         pulse.step, pulse.number, pulse.left, pulse.told = step, pulse.number + 1, left, -1.0
         pulse.begun, pulse.paused = self._rig.clock.now(), False
-        pulse.touched |= isinstance(step, Enable) or step.phase is not Phase.PREPARING
+        pulse.touched |= isinstance(step, Enable) or step.phase.powered
         details = step.details  # of a motion: must be on the disk before it begins
         name, synced = type(step).__name__, bool(details)
         self._journal.write(

@@ -35,6 +35,7 @@ from procedures.recording.run_folder import RunFolder
 from procedures.report import RunReport
 from procedures.stand import Stand
 from procedures.steps import Step
+from procedures.stopping import POWERED
 from procedures.teardown import UNTOUCHED, Held, deferred_interrupts, hold_robot
 from procedures.timing import uninterrupted
 
@@ -196,7 +197,9 @@ class _Run:
 
     async def _hold(self) -> Held:
         pulse, settings = self._engine.pulse, self._experiment.settings
-        if not pulse.touched:
+        samples = (winch.latest() for winch in self._rig.winches)
+        powered = any(sample is not None and sample.state in POWERED for sample in samples)
+        if not pulse.touched and not powered:
             return UNTOUCHED
         latched = pulse.trip is not None and pulse.trip.reaction is Reaction.QUICK_STOP
         return await hold_robot(self._rig.clock, self._rig.winches, settings.hold, settings.guard, latched=latched)

@@ -12,6 +12,8 @@ from drivers.ports import DriveState, Winch
 from procedures.guards.motion_guard import Follower, Tolerance
 from procedures.settings import GuardSettings, HoldSettings
 
+POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+"""states in which a drive keeps the cable by its motor"""
 _NOT_TAKEN = "is still in operation enabled after a quick stop"
 
 
@@ -76,7 +78,8 @@ class Stopping:
         if self.forced:
             return False
         sample = self.winch.latest()
-        had_power = self.winch.commanded is not None  # the others have nothing to obey with
+        powered = sample is not None and sample.state in POWERED  # by somebody else, where we have commanded nothing
+        had_power = self.winch.commanded is not None or powered  # the others have nothing to obey with
         if sample is None or now - sample.t > self._age:
             self.stands, self._unseen = False, True
             self._moves = "has never reported" if sample is None else f"does not answer for {now - sample.t:.2f} s"
@@ -111,7 +114,7 @@ class Stopping:
     def _should_stand(self, now: float) -> bool:
         """Whether its ramp should have ended."""
         commanded = self.winch.commanded
-        return commanded is None or now > max(commanded.end, self._told) + self._tolerance.late
+        return now > max(self._told if commanded is None else commanded.end, self._told) + self._tolerance.late
 
     def asked(self, now: float, first: float | None, last: float | None) -> None:
         """What the encoder answered at two times, after all drives' watchdogs have acted."""

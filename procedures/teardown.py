@@ -15,11 +15,8 @@ from types import FrameType
 from drivers.ports import Clock, DriveState, Winch
 from fidim_lab.errors import FidimError
 from procedures.settings import GuardSettings, HoldSettings
-from procedures.stopping import StoppedWinch, Stopping, quick_stop
+from procedures.stopping import POWERED, StoppedWinch, Stopping, quick_stop
 from procedures.timing import POLL, within
-
-POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
-"""states in which a drive keeps the cable by its motor"""
 
 _MAY_HOLD = (DriveState.OPERATION_ENABLED, DriveState.UNKNOWN)
 
@@ -33,7 +30,7 @@ class Held:
     winches: tuple[StoppedWinch, ...] = ()
 
 
-UNTOUCHED = Held(ok=True, says="Nothing was moved.")
+UNTOUCHED = Held(ok=True, says="This run moved nothing.")
 
 
 async def hold_robot(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks.rehearsal.plans import RATE
+from drivers.canbus.transport import CanFrame
 from fidim_lab.app import compose
 from fidim_lab.data.records import Robot
 from procedures.control import Control
@@ -86,10 +87,10 @@ class Stage:
         """Where the shaft is now, counts."""
         return round(self.rig.laboratory.shafts[cable - 1].motion(self.now()).position)
 
-    def write_pdo(self, cable: int, **values: int) -> None:
+    def write_pdo(self, cable: int, *, unseen: bool = False, **values: int) -> None:
         """Somebody else's RPDO to a drive, in whatever order the drive has its objects mapped; 0 where not given.
 
-        values: controlword, mode, target.
+        values: controlword, mode, target. unseen: by the drive's own port, so that nothing passes on the bus.
         """
         names, codes = {0x6040: "controlword", 0x6060: "mode", 0x607A: "target"}, {8: "b", 16: "H", 32: "i"}
         od = self.drive(cable).od
@@ -97,11 +98,28 @@ class Stage:
         data = b"".join(
             struct.pack("<" + codes[entry & 0xFF], values.get(names.get(entry >> 16, ""), 0)) for entry in mapped
         )
-        self.bus.inject(0x200 + cable, data)
+        self._arrives(0x200 + cable, data, unseen=unseen)
 
-    def write_sdo(self, cable: int, index: int, value: int, subindex: int = 0) -> None:
-        """Somebody else's SDO download of four bytes."""
-        self.bus.inject(0x600 + cable, struct.pack("<BHBi", 0x23, index, subindex, value))
+    def write_sdo(self, cable: int, index: int, value: int, subindex: int = 0, *, unseen: bool = False) -> None:
+        """Somebody else's SDO download of four bytes; unseen: as in `write_pdo`."""
+        self._arrives(0x600 + cable, struct.pack("<BHBi", 0x23, index, subindex, value), unseen=unseen)
+
+    def spin(self, cable: int, speed: float, *, unseen: bool = False) -> None:
+        """A vendor's tool turns a drum in profile velocity mode, m/s of cable."""
+        self.write_sdo(cable, 0x60FF, self.counts(cable, speed), unseen=unseen)
+        self.write_pdo(cable, unseen=unseen, controlword=0x0F, mode=3)
+
+    def send_to(self, cable: int, metres: float, *, unseen: bool = False) -> None:
+        """A second master's set-point, so many metres of cable from here: bit 4 rises."""
+        target = self.place(cable) + self.counts(cable, metres)
+        for word in (0x2F, 0x3F, 0x2F):
+            self.write_pdo(cable, unseen=unseen, controlword=word, mode=1, target=target)
+
+    def _arrives(self, frame_id: int, data: bytes, *, unseen: bool) -> None:
+        if unseen:
+            self.drive(frame_id & 0x7F).receive(CanFrame(frame_id, data, self.now()))
+        else:
+            self.bus.inject(frame_id, data)
 
     def spawn(self, work: Coroutine[Any, Any, Any]) -> None:
         """Let a fault take its time; it ends with the run."""

@@ -153,7 +153,14 @@ def response_cause(one: Response, rest: NominalRest, lengths: Lengths, way: floa
         return "the marker hardly moves: does the winch turn, is the cable taut, is it this robot's marker?"
     best = min(known, key=lambda says: float(np.linalg.norm(known[says] - one.seen)))
     left = float(np.linalg.norm(known[best] - one.seen))
-    return f"{best}?" if left < 0.5 * np.linalg.norm(one.seen) else "no single cause explains it"
+    if left < 0.5 * np.linalg.norm(one.seen):
+        return f"{best}?"
+    seen, model = (" ".join(f"{1e3 * value:+.0f}" for value in way) for way in (one.seen, one.model))
+    return (
+        f"the marker moved by ({seen}) mm, ({model}) mm were expected, and nothing about winches and drums explains "
+        "that: did the platform swing or somebody touch it, does the marker sit loosely, did motion capture take "
+        "another marker for it, or was its origin set anew?"
+    )
 
 
 def common_factor(responses: list[Response], settings: PlaceSettings) -> Measurement:

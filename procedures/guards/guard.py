@@ -109,7 +109,7 @@ class Always(Reacting):
     """A guard that looks as long as any winch has power, while others are still being given it, too."""
 
 
-_NOT_ENABLED = (Phase.PREPARING, Phase.TRYING, Phase.TAKING_UP)
+_NOT_ENABLED = (Phase.PREPARING, Phase.WITHOUT_POWER, Phase.TRYING, Phase.TAKING_UP)
 """in which not every drive is expected to be enabled: only what looks always does"""
 
 

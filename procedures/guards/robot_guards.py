@@ -10,6 +10,10 @@ from procedures.guards.motion_guard import MotionGuard, Tolerance
 from procedures.settings import GuardSettings, Reaction
 from procedures.steps import Phase
 
+PUSHES = (
+    "; a cable cannot push: is the sign of its drive right (direction, 607E), have two drives changed places, or is "
+    "its current measured wrongly?"
+)
 MOVES = 0.02
 """m/s of cable at which a motor certainly works"""
 
@@ -38,6 +42,25 @@ class DriveGuard:
         return _shared(faults, count, "reports a fault:", "report a fault:") or _shared(
             states, count, "is in state", "are in state"
         )
+
+
+class PowerGuard:
+    """A winch has power while no winch may: somebody else gives it, and a person may be at the robot."""
+
+    name = "power"
+    reaction = Reaction.QUICK_STOP
+
+    def __init__(self, winches: Sequence[str]) -> None:
+        self._winches = winches
+
+    def look(self, seen: Observation) -> str | None:
+        """The first that is enabled."""
+        if seen.phase is not Phase.WITHOUT_POWER:
+            return None
+        for winch, sample in zip(self._winches, seen.winches, strict=True):
+            if sample is not None and sample.state is DriveState.OPERATION_ENABLED:
+                return f"{winch} has power that this run did not give it: another program, or a vendor's tool, commands"
+        return None
 
 
 class StaleGuard:
@@ -98,7 +121,8 @@ class TensionGuard:
             if seen.phase is Phase.HANDLING:
                 self._since.pop((cable, "under"), None)
             elif self._lasts(seen.t, (cable, "under"), tension - self._low):
-                return f"cable {cable} has {tension:.1f} N, under {self._low:g} N for {self._lasting:g} s"
+                says = f"cable {cable} has {tension:.1f} N, under {self._low:g} N for {self._lasting:g} s"
+                return says + PUSHES * (tension < 0.0)
             if self._lasts(seen.t, (cable, "over"), self._high - tension):
                 return f"cable {cable} has {tension:.1f} N, over {self._high:g} N for {self._lasting:g} s"
             if self._is_stuck(seen.t, cable, sample):
@@ -205,8 +229,8 @@ def standard_guards(
         BusGuard(winches, settings.bus_lost),
     )
     reactions = settings.reactions
-    motion = MotionGuard(winches, Tolerance.of(settings))
+    always = (MotionGuard(winches, Tolerance.of(settings)), PowerGuard(winches))
     return (
-        Always(motion, reactions.get(motion.name, motion.reaction)),
+        *(Always(guard, reactions.get(guard.name, guard.reaction)) for guard in always),
         *(Reacting(guard, reactions.get(guard.name, guard.reaction)) for guard in guards),
     )

@@ -15,6 +15,8 @@ class Phase(StrEnum):
 
     PREPARING = "preparing"
     """no power yet: drives are not expected to be enabled"""
+    WITHOUT_POWER = "without power"
+    """somebody may be at the robot, and no drive may have power"""
     TRYING = "trying"
     """without load, one drive after another is made to stop by itself: faults and silence are what is asked for"""
     TAKING_UP = "taking up"
@@ -24,6 +26,11 @@ class Phase(StrEnum):
     HANDLING = "handling"
     """somebody touches the platform"""
     RECORDING = "recording"
+
+    @property
+    def powered(self) -> bool:
+        """Whether a run in this phase may have given power."""
+        return self not in (Phase.PREPARING, Phase.WITHOUT_POWER)
 
 
 class AfterPause(StrEnum):

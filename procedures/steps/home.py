@@ -33,7 +33,7 @@ class Configure(Step):
 class AskWithoutPower(Ask):
     """As `Ask`, before there is any power."""
 
-    phase: ClassVar[Phase] = Phase.PREPARING
+    phase: ClassVar[Phase] = Phase.WITHOUT_POWER
 
 
 @dataclass(frozen=True, kw_only=True)

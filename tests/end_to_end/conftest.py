@@ -2,9 +2,10 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.rehearsal import TWO, Ended, Rehearsal, places, short
@@ -65,3 +66,40 @@ def scene(irma4: Robot, tmp_path: Path) -> Scene:
 @pytest.fixture
 def rehearsal(scene: Scene) -> Rehearsal:
     return scene.make()
+
+
+@dataclass
+class Truth:
+    """What the plant did from the fault on; rows are times, columns cables."""
+
+    lengths: list[np.ndarray] = field(default_factory=list)
+    """m, by the shafts"""
+    tensions: list[np.ndarray] = field(default_factory=list)
+    """N"""
+
+    def watch(self, stage):
+        async def sample():
+            laboratory = stage.rig.laboratory
+            while True:
+                now = stage.now()
+                laboratory.refresh(now)
+                motions = [shaft.motion(now) for shaft in laboratory.shafts]
+                ways = [
+                    d.direction * m.position * d.metres_per_count
+                    for m, d in zip(motions, laboratory.drums, strict=True)
+                ]
+                self.lengths.append(np.array(ways))
+                self.tensions.append(np.array(laboratory.plant.tensions))
+                await stage.sleep(0.005)
+
+        stage.spawn(sample())
+
+    @property
+    def moved(self):
+        """m that each cable was paid out or wound since the fault."""
+        return self.lengths[-1] - self.lengths[0]
+
+
+@pytest.fixture
+def truth():
+    return Truth()

@@ -3,8 +3,7 @@
 import asyncio
 import os
 import signal
-import struct
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,61 +21,17 @@ DEAF = FrameRule(frozenset({0x202, 0x602}), drop=True)
 """the receive path of drive 2: RPDO and SDO; what it says itself goes on"""
 
 
-@dataclass
-class Truth:
-    """What the plant did from the fault on."""
-
-    lengths: list[np.ndarray] = field(default_factory=list)
-
-    def watch(self, stage):
-        async def sample():
-            laboratory = stage.rig.laboratory
-            while True:
-                now = stage.now()
-                motions = [shaft.motion(now) for shaft in laboratory.shafts]
-                ways = [
-                    d.direction * m.position * d.metres_per_count
-                    for m, d in zip(motions, laboratory.drums, strict=True)
-                ]
-                self.lengths.append(np.array(ways))
-                await stage.rig.rig.clock.sleep(0.005)
-
-        stage.tasks.append(asyncio.ensure_future(sample()))
-
-    @property
-    def moved(self):
-        """m that each cable was paid out or wound since the fault."""
-        return self.lengths[-1] - self.lengths[0]
-
-
-@pytest.fixture
-def truth():
-    return Truth()
-
-
-def rpdo(word, mode, target):
-    return struct.pack("<Hbi", word, mode, target)
-
-
-def _port(stage, frame_id, data):
-    """By a drive's own port (USB of a vendor's tool): nothing passes on the bus, no guard of the bus sees it."""
-    stage.drive(frame_id & 0x7F).receive(CanFrame(frame_id, data, stage.now()))
+def halts(stage):
+    """Bit 8, by the drive's own port: no guard of the bus sees it."""
+    stage.write_pdo(2, unseen=True, controlword=0x12F, mode=1)
 
 
 def moves(stage, cable, metres):
-    """Somebody else sends a set-point, with a rising bit 4."""
-    drum, shaft = stage.rig.laboratory.drums[cable - 1], stage.rig.laboratory.shafts[cable - 1]
-    target = round(shaft.motion(stage.now()).position + drum.direction * metres / drum.metres_per_count)
-    for word in (0x2F, 0x3F, 0x2F):
-        _port(stage, 0x200 + cable, rpdo(word, 1, target))
+    stage.send_to(cable, metres, unseen=True)
 
 
 def spins(stage):
-    """A vendor's tool turns drum 2 at 0.05 m/s, in profile velocity mode."""
-    drum = stage.rig.laboratory.drums[1]
-    speed = round(drum.direction * 0.05 / drum.metres_per_count)
-    _port(stage, 0x602, struct.pack("<BHBi", 0x23, 0x60FF, 0, speed))
-    _port(stage, 0x202, rpdo(0x0F, 3, 0))
+    stage.spin(2, 0.05, unseen=True)
 
 
 def creeps(stage):
@@ -132,7 +87,7 @@ def test_an_encoder_that_jumps_is_seen_before_the_next_move(rehearsal, scene, st
 
 
 def test_a_drive_that_halts_alone_in_a_move_stops_the_others(rehearsal, truth):
-    rehearsal.at("MoveTo", lambda s: (truth.watch(s), _port(s, 0x202, rpdo(0x12F, 1, 0))), after=0.25)
+    rehearsal.at("MoveTo", lambda s: (truth.watch(s), halts(s)), after=0.25)
     ended = rehearsal.run()
     report = ended.check(opened=False)
     assert ended.trip.guard == "motion"

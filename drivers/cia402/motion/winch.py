@@ -19,7 +19,7 @@ from drivers.cia402.profile.machine import Command, state_of
 from drivers.cia402.profile.scale import LengthScale
 from drivers.cia402.profile.signals import INPUTS, STO_HINT, STO_SAYS
 from drivers.cia402.profile.words import controlword
-from drivers.cia402.watch.health import DEAF_SAYS, HealthPoll
+from drivers.cia402.watch.health import HealthPoll
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.nmt import NmtCommand
@@ -56,7 +56,7 @@ class Cia402Winch:
         self.zeroed: Zeroed | None = None
         """what `set_length` found"""
         self.link.motion = LastMotion(self._scale.magnitude(_TRAVEL))
-        self._health = HealthPoll(self.link, master.clock, config.temperature, config.sto)
+        self._health = HealthPoll(self.link, master.clock, self._scale, config.temperature, config.sto)
         self._commanded: Trajectory | None = None
         self._forced = False
         """stopped by NMT: PDOs are off"""
@@ -259,8 +259,8 @@ class Cia402Winch:
         state = DriveState.UNKNOWN if self._drive.stale(values) else state_of(values.statusword)
         heartbeat, counters = self.link.heartbeat, self.link.counters
         health = self._health.believed()
-        deaf = DEAF_SAYS if self._health.deaf and state is not DriveState.UNKNOWN else ""
-        faults = filter(None, (STO_SAYS if health.sto else "", self._drive.fault(), deaf))
+        doubt = self._health.doubt if state is not DriveState.UNKNOWN else ""
+        faults = filter(None, (STO_SAYS if health.sto else "", self._drive.fault(), doubt))
         beside = Beside(
             "; ".join(faults),
             health,

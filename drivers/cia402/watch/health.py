@@ -1,7 +1,8 @@
 """What a drive says of itself besides its PDOs: following error (60F4), temperature, safe torque off (60FD).
 
-Asked by SDO twice a second; a drive that has none of them tells its statusword. One that sends samples and answers no
-question does not hear: the next stop may not reach it, and nobody would know before it is needed.
+Asked by SDO twice a second, with its encoder (6064). A drive that sends samples and answers no question does not hear:
+the next stop may not reach it, and nobody would know before it is needed. One whose samples stay the same while its
+encoder, asked here, tells another place sends old ones: every guard would look at the past.
 
 By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive lets these objects be mapped. An object
 that the drive refuses is not asked for again; what has not been answered lately is unknown.
@@ -10,6 +11,7 @@ that the drive refuses is not asked for again; what has not been answered lately
 from dataclasses import dataclass, replace
 
 from drivers.cia402.dictionary.config import TemperatureObject
+from drivers.cia402.profile.scale import LengthScale, wrap32
 from drivers.cia402.profile.signals import INPUTS, Signal
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.sdo import SdoRefusedError
@@ -17,10 +19,16 @@ from drivers.ports import Clock
 from fidim_lab.errors import DeviceError
 
 FOLLOWING_ERROR = 0x60F4
+POSITION = 0x6064
 PERIOD = 0.5
 """s between two rounds"""
-STATUSWORD = 0x6041
 DEAF_SAYS = "it sends samples and answers no question (SDO): a stop may not reach it"
+OLD_SAYS = "its samples (TPDO) stay the same, and its encoder, asked by SDO, is {:+.1f} mm elsewhere: they are old"
+OLD = 1e-3
+"""m of cable by which an encoder is elsewhere than samples that stay the same, digit for digit, before and after the
+question: 0 at rest. A drum that turns at 0.05 m/s is found by the second question with any value up to 25 mm"""
+BETWEEN = 0.05
+"""s from the answer to the sample that it is compared with: several SYNCs later"""
 BELIEVED = 5.0
 """periods for which an answer counts"""
 
@@ -46,20 +54,29 @@ class HealthPoll:
     """Asks one drive. `run` is a task beside the control loop; without it nothing is ever told."""
 
     def __init__(
-        self, link: NodeLink, clock: Clock, temperature: TemperatureObject | None, sto: Signal | None = None
+        self,
+        link: NodeLink,
+        clock: Clock,
+        scale: LengthScale,
+        temperature: TemperatureObject | None,
+        sto: Signal | None = None,
     ) -> None:
+        self._scale = scale
         self._sto = sto if sto is not None and link.sdo.knows(INPUTS) else None
         self._link = link
         self._clock = clock
         self._temperature = temperature if temperature and link.sdo.knows(temperature.index, temperature.sub) else None
         self._follows = link.sdo.knows(FOLLOWING_ERROR)
         self._newest = NOTHING_TOLD
-        self._deaf = False
+        self._doubt = ""
 
     @property
-    def deaf(self) -> bool:
-        """Whether it has answered neither the newest question nor its repetition (`SdoChannel.read`)."""
-        return self._deaf and self._link.brought_up
+    def doubt(self) -> str:
+        """Why its samples are no sign that it can be stopped, in words; empty where nothing is wrong.
+
+        It has answered neither the newest question nor its repetition (`SdoChannel.read`), or its samples are old.
+        """
+        return self._doubt if self._link.brought_up else ""
 
     def believed(self) -> Health:
         """The newest answers, or an empty value where they are too old."""
@@ -71,19 +88,31 @@ class HealthPoll:
         while True:
             await self._clock.sleep(PERIOD)
             if not self._link.brought_up:
-                self._deaf = False
+                self._doubt = ""
                 continue
             try:
+                self._doubt = await self._compare()
                 await self._round()
             except DeviceError:
-                self._deaf = True
-            else:
-                self._deaf = False
+                self._doubt = DEAF_SAYS
+
+    async def _compare(self) -> str:
+        """Whether samples and encoder agree; what is wrong where they do not."""
+        before = self._link.values
+        told = await self._number(POSITION, 0)
+        if before is None or told is None:
+            return ""
+        await self._clock.sleep(BETWEEN)
+        after = self._link.values
+        if after is None or after.t <= before.t or after.position != before.position:
+            return ""
+        off = wrap32(told - after.position)
+        if abs(off) <= self._scale.magnitude(OLD):
+            return ""
+        return OLD_SAYS.format(1e3 * (self._scale.length(told) - self._scale.length(after.position)))
 
     async def _round(self) -> None:
         found = Health(t=self._clock.now())
-        if not (self._follows or self._temperature or self._sto):
-            await self._number(STATUSWORD, 0)
         if self._follows:
             lag = await self._number(FOLLOWING_ERROR, 0)
             self._follows = lag is not None

@@ -100,7 +100,7 @@ class Watcher:
 
     def guards(self, guards: Sequence[Guard]) -> tuple[GuardState, ...]:
         """Each guard: armed while there may be power, tripped, or with a warning."""
-        armed = self.phase in ("running", "paused") and self.step is not None and self.step.phase != Phase.PREPARING
+        armed = self.phase in ("running", "paused") and self.step is not None and Phase(self.step.phase).powered
         found: list[GuardState] = []
         for guard in guards:
             state, why = ("armed" if armed else "disarmed"), ""

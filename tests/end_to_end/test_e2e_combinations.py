@@ -1,0 +1,255 @@
+"""Faults that come together, or at odd moments: what the run says beside what the plant did, one row for each."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.rehearsal import rehearsal as rehearsing
+from benchmarks.rehearsal import short
+from fidim_lab.app import compose
+from fidim_lab.data.records import Plan, PlannedWindow, Role
+from fidim_lab.model.equilibria import equilibrium_at
+from fidim_lab.model.mechanism import Mechanism
+from procedures.outcomes import Outcome
+from procedures.protocols.catalogue import experiment
+from sim_backends.bus_faults import FrameRule
+from sim_backends.drive.axis.machine import State
+
+RUN_ON = 0.010
+"""m of one cable against another within which a guard must have ended it"""
+DEAF = "cut the power by hand"
+
+
+def deaf(stage, cable):
+    stage.bus.rules.append(FrameRule(frozenset({0x200 + cable, 0x600 + cable}), drop=True))
+
+
+def frozen(stage, *ids):
+    """Frames with these identifiers have for ever the contents of the first."""
+    for one in ids:
+        first: list[bytes] = []
+
+        def repeat(data, first=first):
+            first.append(data)
+            return first[0]
+
+        stage.bus.rules.append(FrameRule(frozenset({one}), change=repeat))
+
+
+def mixed_up(stage):
+    """Drive 2 answers no question, and drive 3's answers come under its identifier, too."""
+
+    async def copy(data):
+        stage.bus.inject(0x582, data)
+
+    stage.bus.rules.append(FrameRule(frozenset({0x582}), drop=True))
+    stage.bus.tap(lambda frame: stage.spawn(copy(frame.data)) if frame.id == 0x583 else None)
+
+
+def refusing(stage):
+    def refuse(data):
+        return bytes.fromhex("8065600030000906") if data[:4] == bytes.fromhex("60656000") else data
+
+    stage.bus.rules.append(FrameRule(frozenset({0x583}), change=refuse))
+
+
+def never_enabled(stage):
+    rule = FrameRule(frozenset({0x203}), change=lambda data: data[:0] if b"\x0f\x01" in data else data)
+    stage.bus.rules.append(rule)
+
+
+def misses_the_host(stage):
+    stage.bus.rules.append(FrameRule(frozenset({0x82}), drop=True))
+    stage.drive(2).faults.miss_host()
+
+
+def zeros(stage):
+    seen = stage.rig.rig.markers.latest().positions[0]
+    stage.mocap.add("jumps", 1e3, tuple(-one for one in seen))
+
+
+@dataclass(frozen=True)
+class Case:
+    """One combination."""
+
+    step: str
+    after: float
+    strike: Callable[[Any], Any]
+    says: str
+    """part of the reason"""
+    held: str
+    """part of the last sentence"""
+    way: float = RUN_ON
+    """m that one cable may have gone more than another"""
+    outcome: Outcome = Outcome.ERROR
+
+
+CASES = {
+    "cameras and a drive fall silent": Case(
+        "MoveTo",
+        0.25,
+        lambda s: (s.mocap.add("silences", 1e3), setattr(s.drive(2).faults, "silent", True)),
+        "winch 2 does not answer for 0.1",
+        DEAF,
+    ),
+    "a lost host that only one drive misses, unsaid": Case(
+        "MoveTo", 0.25, misses_the_host, "winch 2 is in state “quick stop active”", "stand still, held"
+    ),
+    "a deaf drive, and another that talks nonsense": Case(
+        "MoveTo",
+        0.35,
+        lambda s: (deaf(s, 2), s.bus.inject(0x183, b"\xff" * 7)),
+        "winch 2 reports a fault: it sends samples and answers no question",
+        "winch 2 did not obey the stop",
+    ),
+    "an unseen set-point in mid-move": Case(
+        "MoveTo", 0.25, lambda s: s.send_to(4, -0.3, unseen=True), "winch 4 is -3.", "stand still, held"
+    ),
+    "another winch turns while one is tried": Case(
+        "TryWinches", 0.6, lambda s: s.spin(3, 0.05, unseen=True), "The motion guard", "stand still, held"
+    ),
+    "a drum turns as power comes": Case(
+        "Enable", 0.12, lambda s: s.spin(2, 0.05, unseen=True), "The motion guard", "stand still, held"
+    ),
+    "two drums creep against each other": Case(
+        "Ask",
+        0.3,
+        lambda s: (s.spin(1, 0.002, unseen=True), s.spin(3, -0.002, unseen=True)),
+        "The motion guard",
+        "stand still, held",
+    ),
+    "a deaf drive whose drum turns": Case(
+        "Ask", 0.5, lambda s: (deaf(s, 2), s.spin(2, 0.05, unseen=True)), "The motion guard", "winch 2 did not obey"
+    ),
+    "a disk full and a drum that turns": Case(
+        "Record",
+        0.3,
+        lambda s: (setattr(s.disk, "refuses", 28), s.spin(2, 0.05, unseen=True)),
+        "No space left on device",
+        "stand still, held",
+    ),
+    "samples that are frozen, in a move": Case(
+        "MoveTo", 0.05, lambda s: frozen(s, 0x182, 0x282), "winch 2", "winch 2 did not obey"
+    ),
+    "samples that are frozen while the drum turns": Case(
+        "Ask",
+        0.5,
+        lambda s: (frozen(s, 0x182, 0x282), s.spin(2, 0.05, unseen=True)),
+        "its samples (TPDO) stay the same, and its encoder, asked by SDO, is +",
+        "winch 2 did not obey",
+        way=0.05 * 0.6,
+    ),
+    "a drive answers for another": Case("Settle", 0.0, mixed_up, "answers no question (SDO)", "stand still", way=0.001),
+    "a tension that cannot be": Case(
+        "Settle", 0.0, lambda s: s.add_tension(1, -100.0), "a cable cannot push", "stand still, held", way=0.001
+    ),
+    "the cameras lose the marker and say 0 0 0": Case(
+        "MoveTo", 0.25, zeros, "marker, or the origin of motion capture", "stand still, held", outcome=Outcome.FAIL
+    ),
+    "the marker jumps while winches are tried": Case(
+        "TryWinches",
+        1.5,
+        lambda s: s.mocap.add("jumps", 1e3, (0.0, 0.02, 0.0)),
+        "nothing about winches and drums explains that",
+        "stand still, held",
+        outcome=Outcome.FAIL,
+    ),
+    "a value refused in bring-up": Case("", 0.0, refusing, "6065:0 following error window", "never reported"),
+    "one drive misses its enabling": Case(
+        "", 0.0, never_enabled, "after enable operation expected", "without motor power: winch 3"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.sampled(6)
+def test_what_comes_together_is_stopped_named_and_told_as_it_is(rehearsal, truth, name):
+    case = CASES[name]
+    rehearsal.at(case.step, lambda stage: (truth.watch(stage), case.strike(stage)), after=case.after)
+    ended = rehearsal.run()
+    report = ended.report
+    assert report.outcome is case.outcome
+    assert case.says in report.reason
+    assert case.held in report.held_says
+    assert report.accepted == ()
+    if case.step:
+        assert np.ptp(truth.moved) <= case.way
+        low, high = rehearsal.robot.limits.tension
+        assert low <= np.min(truth.tensions)
+        assert np.max(truth.tensions) <= high
+
+
+def three_cables(rehearsal, monkeypatch):
+    """A heavier platform on three cables, and where it stands and goes."""
+    robot = rehearsal.robot
+    cables = []
+    for angle, cable in zip(np.deg2rad([90.0, 210.0, 330.0]), robot.cables, strict=False):
+        way = np.array([np.cos(angle), np.sin(angle), 0.0])
+        cables.append(replace(cable, d=1.2 * way + (0.0, 0.0, 0.5), a=0.18 * way + (0.0, 0.0, 0.26)))
+    rehearsal.robot = replace(robot, cables=tuple(cables), winches=robot.winches[:3], mass=14.0)
+    windows = []
+    for name, place in {"s": (0.0, 0.0, -0.4), "i01": (0.05, 0.03, -0.33)}.items():
+        rest = equilibrium_at(Mechanism(rehearsal.robot), rehearsal.robot.nominal, np.array(place))
+        aside = np.array([-0.012, 0.018])
+        windows.append(PlannedWindow(name, Role.IDENTIFY, np.asarray(rest.lengths), aside, np.array(place)))
+    stands = Plan("three cables", tuple(windows))
+    monkeypatch.setattr(rehearsing, "STANDS", stands)
+    rehearsal.plan = Plan("one window", stands.windows[1:])
+    settings = short()
+    limits = compose.length_limits(stands)
+    rehearsal.settings = replace(settings, motion=replace(settings.motion, length_limits=limits))
+
+
+THREE = {
+    "a drum turns": (
+        "Ask",
+        lambda s: s.spin(3, 0.05, unseen=True),
+        "winch 3 is +3.",
+        "All winches stand still, held.",
+    ),
+    "one deaf, another at fault": (
+        "MoveTo",
+        lambda s: (deaf(s, 2), s.drive(3).faults.raise_fault(0x2310)),
+        "winch 3 reports a fault: emergency 0x2310",
+        "winch 2 did not obey the stop",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", THREE)
+@pytest.mark.sampled(1)
+def test_a_robot_of_three_cables_is_stopped_alike(rehearsal, truth, monkeypatch, name):
+    three_cables(rehearsal, monkeypatch)
+    step, strike, says, held = THREE[name]
+    rehearsal.at(step, lambda stage: (truth.watch(stage), strike(stage)), after=0.2)
+    report = rehearsal.run().report
+    assert says in report.reason
+    assert held in report.held_says
+    assert np.ptp(truth.moved) <= RUN_ON
+
+
+def test_power_that_somebody_else_gives_while_nobody_may_have_it_is_stopped(rehearsal, scene, truth):
+    """In homing a person is at the platform, and no winch has power."""
+
+    def strike(stage):
+        async def go():
+            for word in (0x06, 0x07, 0x0F):
+                stage.write_pdo(2, unseen=True, controlword=word, mode=1, target=stage.place(2))
+            await stage.sleep(0.3)
+            stage.spin(2, 0.05, unseen=True)
+
+        truth.watch(stage)
+        stage.spawn(go())
+
+    home = experiment("home", Plan("jig", scene.two.windows[:1]), rehearsal.robot, rehearsal.settings)
+    rehearsal.at("AskWithoutPower", strike, after=0.1)
+    ended = rehearsal.run(home)
+    assert ended.trip is not None
+    assert ended.trip.guard == "power"
+    assert "winch 2 has power that this run did not give it" in ended.report.reason
+    assert ended.report.held_says == "All winches stand still, without motor power: winch 1, winch 3, winch 4."
+    assert np.abs(truth.moved).max() <= 1e-4
+    assert [drive.state for drive in ended.drives].count(State.QUICK_STOP_ACTIVE) == 1
