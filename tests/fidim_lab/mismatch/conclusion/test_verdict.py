@@ -14,6 +14,7 @@ def candidate(
     excess: float,
     held_out: float,
     *,
+    fitted: float | None = None,
     white: bool = False,
     windows: int = 6,
     own_phase: bool = False,
@@ -22,7 +23,11 @@ def candidate(
 ):
     term = SimpleNamespace(effect=SimpleNamespace(of_each_window=own_phase, id=id))
     return SimpleNamespace(
-        model=SimpleNamespace(tried=(term,) * terms, fit=SimpleNamespace(chi2_per_dof=held_out), at_an_edge=at_an_edge),
+        model=SimpleNamespace(
+            tried=(term,) * terms,
+            fit=SimpleNamespace(chi2_per_dof=held_out if fitted is None else fitted),
+            at_an_edge=at_an_edge,
+        ),
         held_out=SimpleNamespace(chi2_per_dof=held_out if windows else float("nan"), dof=3000 * windows),
         whiteness=SimpleNamespace(excess=excess),
         is_white=white,
@@ -45,6 +50,18 @@ def test_white_is_explained_or_nothing() -> None:
             outdone=None,
         )
     ).verdict is Verdict.NOTHING_MISSING  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("held_out", "said"),
+    [
+        (1.06, Verdict.EXPLAINED),  # the largest of honest campaigns with an open geometry
+        (1.15, Verdict.PARTLY_EXPLAINED),
+        (1.5, Verdict.UNKNOWN_PHYSICS),  # umbilical, constant and body-fixed force in place of a field of force
+    ],
+)
+def test_what_its_own_errors_excuse_is_not_explained(held_out: float, said: Verdict) -> None:
+    assert verdict(candidate(3, 30.0, held_out, fitted=1.0, white=True)) is said
 
 
 @pytest.mark.parametrize(
