@@ -28,6 +28,7 @@ from fidim_lab.identification.cleaning.placeholders import without_placeholders
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, stretches
 from fidim_lab.identification.cleaning.stamps import retimed
 from fidim_lab.identification.data_checks.screening import Screening, screen
+from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.identification.markers.finding import Finding
 
 STEPS = (without_placeholders, with_right_labels, without_filled, retimed, without_clock_jumps)
@@ -53,14 +54,14 @@ def clean_recordings(campaign: Campaign, *, kinematics: bool = False) -> Screene
     cuts = hands(done.campaign)
     done = done.then(without_hands(done.campaign, lasting(cuts)))
     seen = screen(done.campaign, kinematics=kinematics)
-    _refuse_mistakes(seen)
+    possible = _refuse_mistakes(seen)
     _refuse_gravity(seen.campaign)
     told = len(done.removed)
     done = done.then(_taken_out(done.campaign, seen.campaign))
     done = done.then(without_knocked_markers(done.campaign))
     if len(done.removed) > told or cuts != lasting(cuts):
         done = done.then(without_hands(done.campaign, hands(done.campaign)))
-    return Screened(replace(done, notes=(*faults_in_words(seen.faults), *done.notes)), seen)
+    return Screened(replace(done, notes=(*possible, *faults_in_words(seen.faults), *done.notes)), seen)
 
 
 def without_bad_samples(campaign: Campaign) -> CleanRecordings:
@@ -71,10 +72,14 @@ def without_bad_samples(campaign: Campaign) -> CleanRecordings:
     return done
 
 
-def _refuse_mistakes(seen: Screening) -> None:
+def _refuse_mistakes(seen: Screening) -> tuple[str, ...]:
+    """Notes of what may be a mistake, or a cause that is weighed against others after the fit."""
     if not seen.mistakes:
-        return
+        return ()
     best, *others = seen.mistakes
+    if best.fitted and best.before < DATA_CHECKS.robot_mistakes_fitted:
+        advice = "`fidim register` fits a frame, `fidim explain` weighs it against other errors of the geometry"
+        return (f"Markers and cable lengths contradict the robot file. Perhaps: {best.says} ({advice}.)",)
     hint = "Correct the robot file, or what wrote the windows, and ask again."
     if others:
         hint += " Nearly as good: " + "; ".join(other.says.split(":")[0] for other in others) + "."

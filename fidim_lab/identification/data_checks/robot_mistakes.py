@@ -30,6 +30,8 @@ class Mistake:
     """m, with the change"""
     order: tuple[int, ...] | None = None
     """of the cables, 1-based, where that is the change: cable k of the robot file is order[k − 1] of the recording"""
+    fitted: bool = False
+    """a frame or places of markers that were fitted (`placed`): of a few millimetres, other errors look the same"""
 
 
 def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3) -> tuple[Mistake, ...]:
@@ -49,13 +51,14 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
     tried = sorted(
         ((_misfit(change, sample, unchanged), change) for change in robot_changes(robot)), key=lambda pair: pair[0]
     )
+    fitted: list[tuple[float, Change]] = []
     if not _cures(before, tried[0][0]):  # what people mix up comes first: what is fitted to the data fits better still
         fitted = [(_misfit(change, sample, unchanged), change) for change in placed(robot, sample)]
         tried = sorted((*fitted, *tried), key=lambda pair: pair[0])
     best = tried[0][0]
     if _cures(before, best):
         return tuple(
-            _mistake(change, before, after)
+            _mistake(change, before, after, (after, change) in fitted)
             for after, change in tried[:3]
             if after <= DATA_CHECKS.robot_mistakes_tie * best
         )
@@ -83,12 +86,13 @@ def _misfit(change: Change, sample: Sample, unchanged: Mechanism) -> float:
     return misfit(unchanged if change.robot is unchanged.robot else Mechanism(change.robot), lengths, markers)
 
 
-def _mistake(change: Change, before: float, after: float) -> Mistake:
+def _mistake(change: Change, before: float, after: float, fitted: bool) -> Mistake:
     says = f"{change.says}: with that undone, markers and cable lengths agree within {after * 1e3:.2g} mm; "
     says += f"as the files are, {_missed(before)}."
     if after > DATA_CHECKS.robot_mistakes_part:
         says += " That is still too much: something else is wrong as well."
-    return Mistake(says, before, after, None if change.order is None else tuple(k + 1 for k in change.order))
+    order = None if change.order is None else tuple(k + 1 for k in change.order)
+    return Mistake(says, before, after, order, fitted)
 
 
 def _uncured(nearest: Change, before: float, after: float, tried: int) -> Mistake:

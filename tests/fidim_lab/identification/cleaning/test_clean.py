@@ -186,6 +186,14 @@ def test_another_capture_frame_is_refused_with_its_turn_and_shift(
     assert said in str(refused.value)
 
 
+def test_a_frame_a_little_aside_is_only_perhaps_the_cause(recorded: Make):
+    """Pulleys of another size look the same; a refusal would name one of several causes."""
+    spoilt = each(recorded(noise=NOISE), lambda markers: markers + np.array([0.012, 0.0, 0.0]))
+    (note,) = [one for one in clean_recordings(spoilt).recordings.notes if "contradict the robot file" in one]
+    assert "it is not turned and shifted by (12, 0, 0) mm" in note
+    assert "fidim register" in note
+
+
 def test_a_marker_elsewhere_on_the_body_is_refused_with_its_offset(recorded: Make):
     campaign = recorded(noise=NOISE)
     file = replace(campaign.robot, marker=campaign.robot.marker + np.array([0.03, -0.02, 0.04]))
