@@ -120,7 +120,7 @@ class PlaceSettings:
     acceleration: Positive = 0.1
     """m/s²"""
     over: Seconds = 1.5
-    """s of looking at each answer: longer than the slowest mode's period"""
+    """s of looking at each answer; two periods of the slowest swing where that is longer"""
     response: Annotated[float, Field(gt=0, le=1)] = 0.6
     """part of the model's answer by which a marker's may differ: a reversed winch differs by 2, a doubled one by 1"""
     scale: Annotated[float, Field(gt=0, le=0.5)] = 0.07

@@ -1,7 +1,7 @@
 """Handlers that hold lengths and markers against each other."""
 
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,10 @@ FEWEST = 10
 """frames with the marker, for a mean"""
 ARRIVED = 0.25
 """of the way that may be left; what the encoders say then is what counts"""
+PERIODS = 2.0
+"""of the slowest swing, that a look takes at least: a mean with a Hann window leaves nothing of it then"""
+SLOWEST = 0.1
+"""Hz: what is slower (a freedom without restoring force) drifts, and no look is long enough for it"""
 ROOM = 2.0
 """times the way that must be within the limits to both sides: a winch may turn the wrong way, or twice as far"""
 
@@ -65,14 +69,15 @@ async def try_winches(stand: Stand, step: TryWinches) -> Result:
         return Result(reason="no model to compare with", values=stand.lengths())
     if not await _rests(stand, step):
         return Result(Outcome.FAIL, "the platform does not come to rest", answer=SWINGS)
-    start = await _look(stand, step.over)
+    over = _looking(rest, stand.lengths(), step.over)
+    start = await _look(stand, over)
     if start is None:
         return Result(Outcome.FAIL, "the main marker was seen too seldom to compare it with the lengths")
     placed = _placed(stand, rest, Seen(start.lengths, start.marker))
     if not placed.outcome.usable:
         return placed
     found, responses, untried = list(placed.measurements), list[Response](), list[str]()
-    async for cable, look in _moves(stand, step, start.lengths, untried):
+    async for cable, look in _moves(stand, replace(step, over=over), start.lengths, untried):
         if look is None:
             return Result(Outcome.FAIL, f"the main marker was lost while winch {cable} was tried", tuple(found))
         one = _response(rest, cable, start, look)
@@ -83,6 +88,15 @@ async def try_winches(stand: Stand, step: TryWinches) -> Result:
             cause = response_cause(one, rest, start.lengths, look.lengths[cable - 1] - start.lengths[cable - 1])
             return Result(outcome, f"winch {cable}: {cause} ({reason})", tuple(found))
     return _verdict(stand, found, responses, untried)
+
+
+def _looking(rest: NominalRest, lengths: Lengths, least: float) -> float:
+    """s of each look: a slow robot's swing must not pass for an answer."""
+    try:
+        swings = [one for one in rest.frequencies(lengths) if one > SLOWEST]
+    except InfeasibleError:
+        return least  # that is found and said by the comparison of places
+    return max(least, PERIODS / min(swings)) if swings else least
 
 
 def _verdict(stand: Stand, found: list[Measurement], responses: list[Response], untried: list[str]) -> Result:
