@@ -185,7 +185,9 @@ def slow(robot: Any) -> Any:
 def test_no_answer_of_a_winch_is_its_own_swing(scene: Any, tmp_path: Path, seed: int) -> None:
     """With looks of 1.5 s the errors were up to 0.65 of the answer, and half of these robots were refused."""
     Robot(**vars(slow(scene.robot))).write(tmp_path / "robot.toml")
-    line = f"dry-run --robot {tmp_path / 'robot.toml'} --seed {seed} --equilibria 1 --validate 0 --out {tmp_path / 'run'}"
+    line = (
+        f"dry-run --robot {tmp_path / 'robot.toml'} --seed {seed} --equilibria 1 --validate 0 --out {tmp_path / 'run'}"
+    )
     cli.run(line.split())
     tried = [one for one in read_journal(tmp_path / "run" / "journal.jsonl") if one.step == "TryWinches"]
     assert tried[-1].outcome is Outcome.PASS
