@@ -28,7 +28,6 @@ from fidim_lab.identification.cleaning.placeholders import without_placeholders
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed, stretches
 from fidim_lab.identification.cleaning.stamps import retimed
 from fidim_lab.identification.data_checks.screening import Screening, screen
-from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.identification.markers.finding import Finding
 
 STEPS = (without_placeholders, with_right_labels, without_filled, retimed, without_clock_jumps)
@@ -77,7 +76,7 @@ def _refuse_mistakes(seen: Screening) -> tuple[str, ...]:
     if not seen.mistakes:
         return ()
     best, *others = seen.mistakes
-    if best.fitted and best.before < DATA_CHECKS.robot_mistakes_fitted:
+    if best.doubtful:
         advice = "`fidim register` fits a frame, `fidim explain` weighs it against other errors of the geometry"
         return (f"Markers and cable lengths contradict the robot file. Perhaps: {best.says} ({advice}.)",)
     hint = "Correct the robot file, or what wrote the windows, and ask again."

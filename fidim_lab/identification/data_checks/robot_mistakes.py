@@ -6,7 +6,7 @@ and an upright platform. `find_mistakes` is for a kinematic misfit of several mi
 for the effects of the catalogue.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,8 +30,8 @@ class Mistake:
     """m, with the change"""
     order: tuple[int, ...] | None = None
     """of the cables, 1-based, where that is the change: cable k of the robot file is order[k − 1] of the recording"""
-    fitted: bool = False
-    """a frame or places of markers that were fitted (`placed`): of a few millimetres, other errors look the same"""
+    doubtful: bool = False
+    """a fitted frame or marker (`placed`) that cures some millimetres, not down to noise: other errors look the same"""
 
 
 def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3) -> tuple[Mistake, ...]:
@@ -56,9 +56,14 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
         fitted = [(_misfit(change, sample, unchanged), change) for change in placed(robot, sample)]
         tried = sorted((*fitted, *tried), key=lambda pair: pair[0])
     best = tried[0][0]
+    noise = max(robot.sensors.marker_noise, robot.sensors.encoder_resolution)
+
+    def doubtful(after: float) -> bool:
+        return before < DATA_CHECKS.robot_mistakes_fitted and after > DATA_CHECKS.robot_mistakes_noise * noise
+
     if _cures(before, best):
         return tuple(
-            _mistake(change, before, after, (after, change) in fitted)
+            replace(_mistake(change, before, after), doubtful=(after, change) in fitted and doubtful(after))
             for after, change in tried[:3]
             if after <= DATA_CHECKS.robot_mistakes_tie * best
         )
@@ -86,13 +91,13 @@ def _misfit(change: Change, sample: Sample, unchanged: Mechanism) -> float:
     return misfit(unchanged if change.robot is unchanged.robot else Mechanism(change.robot), lengths, markers)
 
 
-def _mistake(change: Change, before: float, after: float, fitted: bool) -> Mistake:
+def _mistake(change: Change, before: float, after: float) -> Mistake:
     says = f"{change.says}: with that undone, markers and cable lengths agree within {after * 1e3:.2g} mm; "
     says += f"as the files are, {_missed(before)}."
     if after > DATA_CHECKS.robot_mistakes_part:
         says += " That is still too much: something else is wrong as well."
     order = None if change.order is None else tuple(k + 1 for k in change.order)
-    return Mistake(says, before, after, order, fitted)
+    return Mistake(says, before, after, order)
 
 
 def _uncured(nearest: Change, before: float, after: float, tried: int) -> Mistake:

@@ -60,8 +60,10 @@ class DataCheckThresholds:
     robot_mistakes_tie: float = 1.5
     """within this factor of the best, another change is named beside it"""
     robot_mistakes_fitted: float = 0.02
-    """m of misfit, up to which a fitted frame or marker is only perhaps the mistake: pulleys 2.7 mm off make 5 mm, and a
-    frame 17 mm aside imitates them to 0.6 mm"""
+    """m of misfit, up to which a fitted frame or marker is only perhaps the mistake: pulleys 2.7 mm off make 5 mm, and
+    a frame 17 mm aside imitates them to 0.6 mm"""
+    robot_mistakes_noise: float = 3.0
+    """times the noise of markers and encoders that is left where a frame truly is the mistake: 1, and 6 in that case"""
     robot_mistakes_part: float = 5e-3
     """m, from which on something is wrong besides"""
     hopeless: float = 0.05
