@@ -182,6 +182,8 @@ class Status(Message):
     latched_why: str = ""
     commanding: int | None = None
     """number of the client that has the lease"""
+    commander: str = ""
+    """what that client calls itself, with its number"""
     watching: int = 0
     """clients"""
     step: StepState | None = None

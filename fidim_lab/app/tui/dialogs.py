@@ -17,6 +17,8 @@ from fidim_lab.app.tui.paint import Line, Span, line, wrapped
 from fidim_lab.app.tui.widgets.board import Board
 
 WIDTH = 66
+FRAME = 6
+"""columns of a dialog's frame and margin"""
 Result = TypeVar("Result")
 
 
@@ -25,6 +27,11 @@ class Dialog(ModalScreen[Result]):
 
     OWN_KEYS: ClassVar[frozenset[str]] = frozenset()
     """letters with a meaning here: they answer no prompt"""
+
+    @property
+    def room(self) -> int:
+        """Columns for text."""
+        return min(WIDTH, max(self.app.size.width - FRAME, 20))
 
 
 class Palette(CommandPalette):
@@ -48,9 +55,7 @@ class Confirm(Dialog[bool]):
 
     def __init__(self, title: str, says: Sequence[str], yes: str) -> None:
         super().__init__()
-        rows: list[Line] = [line(Span(title, "head")), ()]
-        rows += [line(row) for text in says for row in wrapped(text, WIDTH)]
-        self._lines = [*rows, (), line(Span(f"[y] {yes}   [n] no   F12 stops", "key"))]
+        self._title, self._says, self._yes = title, says, yes
 
     def compose(self) -> ComposeResult:
         """A box with lines."""
@@ -58,9 +63,13 @@ class Confirm(Dialog[bool]):
             yield Board(id="alarms", grow=True)
             yield Board(id="question", grow=True)
 
-    def on_mount(self) -> None:
+    def on_resize(self) -> None:
         """Show the lines."""
-        self.query_one("#question", Board).show(self._lines)
+        width = self.room
+        rows: list[Line] = [*(line(Span(row, "head")) for row in wrapped(self._title, width)), ()]
+        rows += [line(row) for text in self._says for row in wrapped(text, width)]
+        keys = line(Span(f"[y] {self._yes}   [n] no   F12 stops", "key"))
+        self.query_one("#question", Board).show([*rows, (), keys])
 
 
 class Reason(Dialog[str]):
@@ -83,7 +92,7 @@ class Reason(Dialog[str]):
     def on_mount(self) -> None:
         """Show the question; what is typed replaces the proposed reason."""
         keys = line(Span("[Enter] do it   Esc: no   F12: emergency stop", "key"))
-        rows = [line(Span(text, "head")) for text in wrapped(self._title, WIDTH)]
+        rows = [line(Span(text, "head")) for text in wrapped(self._title, self.room)]
         self.query_one("#question", Board).show([*rows, keys])
         self.query_one(Input).focus()
 

@@ -12,7 +12,7 @@ KEYS = (
     ("o", "once more: record the present window again"),
     ("x", "abort the run; the robot is held"),
     ("t", "take command from another client (only one commands; all may watch)"),
-    ("1 … 6", "the screens"),
+    ("1 … 7", "the screens; 7 again: the next quantity to plot"),
     ("i  e", "identify, explain: in a process of their own, from the windows recorded so far"),
     ("/", "filter the log: words that must occur, -word that must not; Esc leaves it"),
     ("d", "… or whatever letter is shown: answers an open prompt"),
@@ -33,6 +33,8 @@ ABOUT = {
     "Why": "What fidim explain found: verdict, named effects with their parameters, where they show, what else was "
     "tried, held-out windows before and after.",
     "Log": "Everything that has happened, newest last.",
+    "Plot": "What the service has told during the last two minutes, a curve for each winch: tension; then, by 7 again, "
+    "length, speed, following error, temperature, the main marker, and bus, control loop and cameras.",
 }
 COLUMN = 12
 
@@ -47,4 +49,5 @@ def help_lines(current: int, width: int) -> list[Line]:
         first, *more = wrapped(says, width - COLUMN)
         rows.append(line(Span(f"{keys:{COLUMN}}", "key"), first))
         rows += [line(" " * COLUMN + text) for text in more]
-    return [*rows, EMPTY, line(Span("Esc closes this. F12 stops the robot from here, too.", "dim"))]
+    last = wrapped("Esc closes this. F12 stops the robot from here, too.", width)
+    return [*rows, EMPTY, *(line(Span(text, "dim")) for text in last)]

@@ -14,11 +14,13 @@ from fidim_lab.app.tui.screens.bars import TABS
 from fidim_lab.app.tui.stage import Stage
 
 HELP_WIDTH = 64
+BESIDE_HELP = 8
+"""columns of a dialog's frame, its margin and its scroll bar"""
 LOG = TABS.index("Log")
 
 
 class MainScreen(Screen[None]):
-    """Six screens by number, help, the log's filter."""
+    """Seven screens by number, help, the log's filter."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1", "help", "help", key_display="?"),
@@ -53,7 +55,8 @@ class MainScreen(Screen[None]):
 
     def action_help(self) -> None:
         """Help on the present screen."""
-        self.app.push_screen(Help(help_lines(self._stage.current, HELP_WIDTH)))
+        room = min(HELP_WIDTH, max(self.size.width - BESIDE_HELP, 20))
+        self.app.push_screen(Help(help_lines(self._stage.current, room)))
 
     def action_filter(self) -> None:
         """Type a filter of the log."""

@@ -139,7 +139,7 @@ class Orders:
             return
         self._person.says(f"{said}The service is there again. r resets the emergency stop, g goes on.")
 
-    async def _lease(self, *, asked: bool = False) -> bool:
+    async def _lease(self, *, asked: bool = False, then: str = "") -> bool:
         """Whether this client commands now; where another does, a person decides."""
         view = self._link.view()
         if view.offer is not None:
@@ -147,12 +147,13 @@ class Orders:
             return False
         if view.commands:
             return True
-        holder = None if view.status is None else view.status.commanding
-        if holder is not None:
-            says = (f"Client #{holder} commands the robot now; only one can. It will go on watching.",)
+        if view.commander:
+            says = (f"{view.commander} commands the robot now; only one can. It will go on watching.",)
+            if then:
+                says = (*says, f"Once you command, what you have ordered is done: {then}.")
             if not await self._person.confirms("Take command?", says, "take command"):
                 return False
-        answer = await self._try(TakeLease(force=holder is not None))
+        answer = await self._try(TakeLease(force=bool(view.commander)))
         if asked and answer is not None:
             self._person.says("you command now")
         return answer is not None
@@ -169,7 +170,7 @@ class Orders:
 
     async def _send(self, command: Command, done: str) -> None:
         free = isinstance(command, AnswerPrompt)
-        if (free or await self._lease()) and await self._try(command) is not None:
+        if (free or await self._lease(then=command.name)) and await self._try(command) is not None:
             self._person.says(done)
 
     async def _try(self, command: Command) -> Answer | None:

@@ -4,7 +4,7 @@ Screens are made of these, so that a test reads what a person reads.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from fidim_lab.say import printable
@@ -81,6 +81,17 @@ def span_of_time(seconds: float | None) -> str:
 def greyed(lines: Iterable[Line]) -> list[Line]:
     """All in the style of what is old: never to be taken for fresh."""
     return [tuple(Span(span.text, "old", span.click) for span in row) for row in lines]
+
+
+def folded(row: Line, width: int, indent: str = "  ") -> list[Line]:
+    """A line on as many as it needs, each piece on the next one where it does not fit."""
+    rows: list[list[Span]] = [[]]
+    for span in row:
+        if rows[-1] and sum(len(one.text) for one in rows[-1]) + len(span.text) > width:
+            rows.append([Span(indent)])
+            span = replace(span, text=span.text.lstrip())
+        rows[-1].append(span)
+    return [tuple(one) for one in rows]
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:

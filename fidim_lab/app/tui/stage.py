@@ -17,6 +17,7 @@ from fidim_lab.app.tui.result_files import ResultFilesWatch
 from fidim_lab.app.tui.screens.bars import TABS, key_lines, prompt_lines, state_lines, tab_lines
 from fidim_lab.app.tui.screens.check import check_lines
 from fidim_lab.app.tui.screens.log import log_lines
+from fidim_lab.app.tui.screens.plot import plot_lines
 from fidim_lab.app.tui.screens.result import result_lines
 from fidim_lab.app.tui.screens.rig import rig_lines
 from fidim_lab.app.tui.screens.session import CURRENT, session_lines
@@ -29,7 +30,7 @@ NOTICE_FOR = 8.0
 """s that a notice stays"""
 CURVES_EVERY = 0.3
 """s between two drawings of the curves: they are long, and nobody reads them faster"""
-WINDOW = TABS.index("Window")
+WINDOW, LOG, PLOT = TABS.index("Window"), TABS.index("Log"), TABS.index("Plot")
 
 
 class Stage:
@@ -51,6 +52,7 @@ class Stage:
         self._given = folder
         self._notice = ("", 0.0)
         self._drawn = -1.0
+        self._quantity = 0
         self._revealed: tuple[int | None, int] = (None, 0)
 
     def compose(self) -> ComposeResult:
@@ -58,19 +60,19 @@ class Stage:
         yield self.state
         yield self.tabs
         with self._room:
-            yield from self.boards[:-1]
+            yield from (board for board in self.boards if board is not self.boards[LOG])
             with Vertical(id="log-pane"):
                 yield self.filter
-                yield self.boards[-1]
+                yield self.boards[LOG]
         yield self.prompt
         yield self.keys
 
     def turn(self, index: int) -> None:
-        """Show another part, and give it the keys."""
+        """Show another part, and give it the keys; the plot once more: its next quantity."""
+        self._quantity += index == self.current == PLOT
         self.current = index
         self._drawn = -1.0
-        last = index == len(self.boards) - 1
-        self._room.current = "log-pane" if last else self.boards[index].id
+        self._room.current = "log-pane" if index == LOG else self.boards[index].id
         self.boards[index].focus()
 
     def tell(self, text: str, now: float) -> None:
@@ -104,13 +106,13 @@ class Stage:
         self.tabs.show(tab_lines(self.current, width))
         self.prompt.show(prompt_lines(view, width, typing=self._typing))
         self.keys.show(key_lines(width))
-        if self.current == WINDOW and view.fresh and view.now - self._drawn < CURVES_EVERY:
+        if self.current in (WINDOW, PLOT) and view.fresh and view.now - self._drawn < CURVES_EVERY:
             return
         self._drawn = view.now
         board = self.boards[self.current]
         room = self._room.size  # a board that was just turned to has no size of its own yet
         lines = self._lines(view, max(room.width - 1, 39), room.height)
-        live = TABS[self.current] in ("Session", "Rig", "Window")
+        live = TABS[self.current] in ("Session", "Rig", "Window", "Plot")
         board.show(greyed(lines) if live and not view.fresh else lines)
         self._reveal(board, view)
 
@@ -143,6 +145,8 @@ class Stage:
                 return session_lines(view, width, height)
             case "Rig":
                 return rig_lines(view, width)
+            case "Plot":
+                return plot_lines(view, width, height, self._quantity)
             case "Window":
                 return window_lines(view, width, height, self.foresight.found, self.foresight.doubt)
             case "Result":

@@ -23,6 +23,8 @@ STALE = 1.0
 """s without a state after which what is shown is called old; the service tells ten a second"""
 EVENTS = 3000
 SAMPLES = 30_000
+REMEMBERED = 1200
+"""states: two minutes of them, for curves of what has just been"""
 
 Position = tuple[float, float, float]
 
@@ -75,11 +77,20 @@ class ScreenState:
     recording: bool = False
     offer: Welcome | None = None
     """another rig's service, which a person may change to"""
+    states: tuple[Status, ...] = ()
+    """the newest ones, oldest first"""
 
     @property
     def fresh(self) -> bool:
         """Whether what is shown is what is."""
         return self.contact is Connection.LIVE and self.status is not None
+
+    @property
+    def commander(self) -> str:
+        """Who has the lease, as people know it; empty where nobody has."""
+        if self.status is None or self.status.commanding is None:
+            return ""
+        return self.status.commander or f"client #{self.status.commanding}"
 
     @property
     def commands(self) -> bool:
@@ -96,6 +107,7 @@ class Tracker:
         self._welcome: Welcome | None = None
         self._status: Status | None = None
         self._status_at: float | None = None
+        self._states: deque[Status] = deque(maxlen=REMEMBERED)
         self._question: Question | None = None
         self._asked = 0.0
         self._greeted = 0.0
@@ -114,6 +126,7 @@ class Tracker:
                 self._begin(message, now)
             case Status():
                 self._status, self._status_at = message, now
+                self._states.append(message)
                 if message.prompt is None:
                     self._question = None
             case History():
@@ -171,6 +184,7 @@ class Tracker:
             trace=self._trace,
             recording=self._recording,
             offer=self._offer,
+            states=tuple(self._states),
         )
 
     def _begin(self, welcome: Welcome, now: float) -> None:
@@ -180,6 +194,7 @@ class Tracker:
         self._welcome, self._contact, self._why = welcome, Connection.LIVE, ""
         self._greeted = now
         self._events.clear()
+        self._states.clear()  # a new service's clock begins anew
         self._status = self._status_at = self._question = None
 
     def _sampled(self, samples: Samples) -> None:

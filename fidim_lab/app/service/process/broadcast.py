@@ -83,6 +83,7 @@ class StateBroadcast:
             latched=latch.latched,
             latched_why=latch.why,
             commanding=of.command_handler.lease.holder,
+            commander=of.command_handler.lease.name,
             watching=of.hub.clients,
             step=of.watcher.step,
             winches=of.gauges.winches(),

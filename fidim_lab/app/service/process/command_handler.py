@@ -59,7 +59,7 @@ class CommandHandler:
         """Do it, or say why not."""
         command = request.command
         if not isinstance(command, FREE) and self.lease.holder != client.number:
-            who = "nobody" if self.lease.holder is None else f"client #{self.lease.holder}"
+            who = "nobody" if self.lease.holder is None else self.lease.name
             return Answer(id=request.id, ok=False, says=f"You may watch; {who} has the lease. Take it to command.")
         match command:
             case TakeLease():
@@ -92,8 +92,8 @@ class CommandHandler:
 
     def _take_lease(self, client: ServerSession, number: int, *, force: bool) -> Answer:
         before = self.lease.holder
-        if not self.lease.take(client.number, force=force):
-            return Answer(id=number, ok=False, says=f"client #{before} has it")
+        if not self.lease.take(client.number, client.name, force=force):
+            return Answer(id=number, ok=False, says=f"{self.lease.name} has it")
         if before != client.number:
             self._levers.note(kind="lease", text=f"{client.name} commands now")
         return Answer(id=number, ok=True)

@@ -96,14 +96,16 @@ class Lease:
 
     def __init__(self) -> None:
         self.holder: int | None = None
+        self.name = ""
+        """of the client that has it"""
 
-    def take(self, client: int, *, force: bool = False) -> bool:
+    def take(self, client: int, name: str = "", *, force: bool = False) -> bool:
         """Whether the client has it now."""
         if self.holder is None or force:
-            self.holder = client
+            self.holder, self.name = client, name
         return self.holder == client
 
     def release(self, client: int) -> None:
         """No effect for a client that does not have it."""
         if self.holder == client:
-            self.holder = None
+            self.holder, self.name = None, ""

@@ -7,7 +7,7 @@ from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, wrappe
 from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.units import millimetres
 
-TABS = ("Session", "Rig", "Window", "Result", "Why", "Log")
+TABS = ("Session", "Rig", "Window", "Result", "Why", "Log", "Plot")
 KEYS = (
     ("F12", "E-STOP", "app.emergency_stop"),
     ("r", "reset", "app.order('reset')"),
@@ -20,6 +20,8 @@ KEYS = (
     ("?", "help", "screen.help"),
 )
 """key, word, action"""
+FIRST_LEFT_OUT = ("o", "k", "x", "p", "q", "g", "r")
+"""keys that a narrow terminal does not show, in this order; the emergency stop and the help, which has all, stay"""
 PHASES: dict[str, tuple[str, Style]] = {
     "idle": ("○ IDLE", "head"),
     "running": ("▶ RUNNING", "good"),
@@ -40,9 +42,10 @@ def state_lines(view: ScreenState, width: int, notice: str = "") -> list[Line]:
 def tab_lines(current: int, width: int) -> list[Line]:
     """The screens by number; the present one in brackets."""
     spans: list[Span] = []
+    narrow = width < sum(len(name) + 4 for name in TABS)
     for index, name in enumerate(TABS):
         here = index == current
-        text = f"[{index + 1} {name}]" if here else f" {index + 1} {name} "
+        text = f"[{index + 1} {name}]" if here else f" {index + 1} " if narrow else f" {index + 1} {name} "
         spans.append(Span(text, "head" if here else "dim", f"screen.turn({index})"))
     used = sum(len(span.text) for span in spans)
     return [(*spans, Span(left("─" * max(width - used, 0), max(width - used, 0)), "dim"))]
@@ -67,9 +70,14 @@ def prompt_lines(view: ScreenState, width: int, *, typing: bool = False) -> list
 
 def key_lines(width: int) -> list[Line]:
     """The keys that work on every screen, the emergency stop first."""
-    gap = " " * min(max((width - sum(len(f"{key} {name}") for key, name, _ in KEYS)) // len(KEYS), 1), 3)
+    shown = [*KEYS]
+    for left_out in FIRST_LEFT_OUT:
+        if sum(len(f"{key} {name} ") for key, name, _ in shown) - 1 <= width:
+            break
+        shown = [one for one in shown if one[0] != left_out]
+    gap = " " * min(max((width - sum(len(f"{key} {name}") for key, name, _ in shown)) // len(shown), 1), 3)
     spans: list[Span] = []
-    for key, name, action in KEYS:
+    for key, name, action in shown:
         stop: Style = "alarm" if key == "F12" else "key"
         spans += [Span(key, stop, action), Span(f" {name}", "alarm" if stop == "alarm" else "", action), Span(gap)]
     return [tuple(spans[:-1])]
@@ -124,8 +132,7 @@ def _state(view: ScreenState, width: int) -> Line:
 
 
 def _commander(view: ScreenState) -> str:
-    holder = None if view.status is None else view.status.commanding
-    return "nobody commands" if holder is None else f"client #{holder} commands"
+    return f"{view.commander} commands, t takes over" if view.commander else "nobody commands, t takes command"
 
 
 def _age(view: ScreenState) -> str:
@@ -136,7 +143,7 @@ def _age(view: ScreenState) -> str:
 
 
 def _alarms(view: ScreenState, width: int) -> list[Line]:
-    rows: list[Line] = []
+    rows = _latched(view, width)
     old = "" if view.age is None else f" – ALL VALUES ARE {view.age:.0f} s OLD"
     match view.contact:
         case Connection.LOST:
@@ -150,14 +157,19 @@ def _alarms(view: ScreenState, width: int) -> list[Line]:
     if view.offer is not None:
         there = f"“{view.offer.rig}” has a service (run “{view.offer.run}”). t, then y, changes to that rig."
         rows += _alarm("ANOTHER RIG IS THERE, AND THIS SCREEN DOES NOT ANSWER FOR IT", width, there, alarm="warn")
-    status = view.status
-    if status is not None and status.latched:
-        was = "" if view.fresh else "when last heard: "
-        ended = view.contact in (Connection.ENDED, Connection.LOST) or status.phase == "ended"
-        reset = " r starts the service again." if ended else " r resets it, in two steps."
-        why = f"{was}{status.latched_why or 'latched from the start'}.{reset}"
-        rows += _alarm("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ ■", width, why)
     return rows
+
+
+def _latched(view: ScreenState, width: int) -> list[Line]:
+    """Before all else: where there is no room for everything, this is seen."""
+    status = view.status
+    if status is None or not status.latched:
+        return []
+    was = "" if view.fresh else "when last heard: "
+    ended = view.contact in (Connection.ENDED, Connection.LOST) or status.phase == "ended"
+    reset = " r starts the service again." if ended else " r resets it, in two steps."
+    why = f"{was}{status.latched_why or 'latched from the start'}.{reset}"
+    return _alarm("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ ■", width, why)
 
 
 LOST_ADVICE = "Its drives stop by themselves without its heartbeat. THE KEY HERE STOPS NOTHING: use the hardware stop."
@@ -167,5 +179,7 @@ SILENT_ADVICE = "Connected, but no state comes. Do not rely on this screen; use 
 def _alarm(title: str, width: int, *says: str, alarm: Style = "alarm") -> list[Line]:
     rows: list[Line] = [line(Span(title.center(width), alarm))]
     for text in says:
-        rows += [line(Span(row, "bad" if alarm == "alarm" else "warn")) for row in wrapped(text, width)[:2]]
+        first, *more = wrapped(text, width) or [""]
+        shown = [first, *more[:1]] if len(more) < 2 else [first, left(f"{more[0]} {more[1]}", width)]
+        rows += [line(Span(row, "bad" if alarm == "alarm" else "warn")) for row in shown if row]
     return [row for row in rows if row is not EMPTY]

@@ -1,13 +1,17 @@
 """Rig: each winch, motion capture, the bus, the guards."""
 
 from fidim_lab.app.service.messages import GuardState, MocapState, Status, WinchState
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, number, right, wrapped
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, folded, left, line, number, right, wrapped
 from fidim_lab.app.tui.view import ScreenState
 from fidim_lab.units import millimetres, percent
 
 OLD = 0.5
 """s after which a device's own value is called old"""
 BAR = 12
+WHOLE = 78
+"""columns of a winch's row; a narrower terminal shows drive, length and tension"""
+NARROW = 20
+"""columns of the drive's state there"""
 DRIVES: dict[str, tuple[str, Style]] = {
     "operation enabled": ("● operation enabled", "good"),
     "quick stop active": ("■ quick stop active", "warn"),
@@ -30,10 +34,17 @@ def rig_lines(view: ScreenState, width: int) -> list[Line]:
     if status is None:
         return [line(Span("No state of the rig has come yet.", "dim"))]
     since = view.age or 0.0
-    rows: list[Line] = [line(Span(_winch_head(), "dim"))]
+    rows: list[Line] = [line(Span(_winch_head(width), "dim"))]
     for winch in status.winches:
         rows += _winch(winch, since, width)
-    return [*rows, EMPTY, *_mocap(status.mocap, since, width), _bus(status), EMPTY, *_guards(status.guards, width)]
+    return [
+        *rows,
+        EMPTY,
+        *_mocap(status.mocap, since, width),
+        *folded(_bus(status), width),
+        EMPTY,
+        *_guards(status.guards, width),
+    ]
 
 
 def tension_bar(tension: float | None, limits: tuple[float, float], cells: int = BAR) -> Span:
@@ -51,7 +62,9 @@ def tension_bar(tension: float | None, limits: tuple[float, float], cells: int =
     return Span("─" * at + "┃" + "─" * (cells - at - 1), "warn" if near else "good")
 
 
-def _winch_head() -> str:
+def _winch_head(width: int) -> str:
+    if width < WHOLE:
+        return left("winch", 9) + left("drive", NARROW) + right("length m", 9) + right("N", 7)
     cells = (right("length m", 9), right("mm/s", 6), right("N", 7), left("  low … high", BAR + 3))
     return left("winch", 9) + left("drive", 20) + "".join(cells) + right("°C", 4) + right("err mm", 8)
 
@@ -62,18 +75,16 @@ def _winch(winch: WinchState, since: float, width: int) -> list[Line]:
     drive, style = DRIVES.get(winch.drive, (f"○ {winch.drive}", ""))
     speed = None if winch.speed is None else millimetres(winch.speed)
     error = None if winch.following_error is None else millimetres(winch.following_error)
-    row = line(
-        left(winch.name, 9),
-        Span(left(drive, 20), style),
-        Span(right(number(winch.length, 4), 9), _length_style(winch)),
-        right(number(speed, 0), 6),
-        right(number(winch.tension, 1), 7),
-        "  ",
-        tension_bar(winch.tension, winch.tension_limits),
-        " ",
-        right(number(winch.temperature, 0), 4),
-        right(number(error, 2), 8),
-    )
+    whole = width >= WHOLE
+    length = Span(right(number(winch.length, 4), 9), _length_style(winch))
+    row = line(left(winch.name, 9), Span(left(drive, 20 if whole else NARROW), style), length)
+    tension = right(number(winch.tension, 1), 7)
+    if whole:
+        between = tension_bar(winch.tension, winch.tension_limits)
+        last = right(number(winch.temperature, 0), 4), right(number(error, 2), 8)
+        row = (*row, *line(right(number(speed, 0), 6), tension, "  ", between, " ", *last))
+    else:
+        row = (*row, Span(tension, _tension_style(winch)))
     further: list[Line] = []
     if old:
         says = "nothing has ever come" if age is None else f"OLD VALUES: {age:.1f} s"
@@ -86,6 +97,11 @@ def _winch(winch: WinchState, since: float, width: int) -> list[Line]:
     return [row, *further]
 
 
+def _tension_style(winch: WinchState) -> Style:
+    low, high = winch.tension_limits
+    return "" if winch.tension is None or low <= winch.tension <= high else "bad"
+
+
 def _length_style(winch: WinchState) -> Style:
     if winch.length is None or winch.length_limits is None:
         return ""
@@ -96,13 +112,9 @@ def _length_style(winch: WinchState) -> Style:
 def _mocap(mocap: MocapState, since: float, width: int) -> list[Line]:
     age = None if mocap.age is None else mocap.age + since
     slow = mocap.measured_rate < 0.9 * mocap.rate
-    rows: list[Line] = [
-        line(
-            Span("motion capture  ", "head"),
-            Span(f"{mocap.measured_rate:.0f} of {mocap.rate:.0f} Hz", "warn" if slow else "good"),
-            f"  latency {_ms(mocap.latency)}  newest {_ms(age)} ago  {mocap.markers_seen} markers seen",
-        )
-    ]
+    rate = Span(f"{mocap.measured_rate:.0f} of {mocap.rate:.0f} Hz", "warn" if slow else "good")
+    more = f"  latency {_ms(mocap.latency)}", f"  newest {_ms(age)} ago", f"  {mocap.markers_seen} markers seen"
+    rows = folded(line(Span("motion capture  ", "head"), rate, *more), width)
     old = age is None or age > OLD
     if mocap.position is None:
         rows.append(line(Span("  main marker not seen", "bad")))
@@ -126,7 +138,8 @@ def _bus(status: Status) -> Line:
     return line(
         Span("bus  ", "head"),
         Span(f"load {load}", busy),
-        f"  {number(bus.frames, 0, 'frames/s')}  control loop late by {millimetres(late):.0f} ms",
+        f"  {number(bus.frames, 0, 'frames/s')}",
+        f"  control loop late by {millimetres(late):.0f} ms",
     )
 
 

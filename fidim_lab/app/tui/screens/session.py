@@ -1,6 +1,8 @@
 """Session: the step at hand and the table of equilibria."""
 
 import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from fidim_lab.app.service.messages import EquilibriumState, Status
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, bar, left, line, number, right, span_of_time, wrapped
@@ -17,11 +19,36 @@ MARKS: dict[str, tuple[str, Style]] = {
     "aborted": ("✗ aborted", "bad"),
     "error": ("✗ error", "bad"),
 }
-COLUMNS = (("window", 8), ("role", 10), ("state", 9), ("margin", 8), ("amplitude", 10), ("tries", 6))
+
+
+@dataclass(frozen=True)
+class Column:
+    """Of the table of equilibria."""
+
+    name: str
+    width: int
+    number: bool = False
+
+
+COLUMNS = (
+    Column("window", 8),
+    Column("role", 10),
+    Column("state", 9),
+    Column("margin", 8, number=True),
+    Column("amplitude", 10, number=True),
+    Column("tries", 6, number=True),
+)
+FIRST_LEFT_OUT = ("role", "tries", "amplitude", "margin")
+"""columns that a narrow terminal does not show, in this order"""
+VERDICT = 12
+"""columns of the longest verdict, with the gap before it"""
+LEAST_BAR = 5
+BEGIN = (
+    "Nothing has begun. r resets the emergency stop (it is latched at first), then g starts the run. Prompts stand "
+    "below and are answered by the letter shown; F12 stops everything at any time; ? explains each screen."
+)
 CURRENT = "▶"
 """begins the row of the present window"""
-NUMBERS = 3
-"""the last columns are numbers"""
 
 
 def session_lines(view: ScreenState, width: int, height: int = 0) -> list[Line]:
@@ -43,18 +70,32 @@ def _step(view: ScreenState, status: Status, width: int) -> list[Line]:
     if status.phase == "ended":
         return [
             line(Span(f"The run has ended: {_done(status)}.", "head")),
+            *_why_it_ended(view, width),
             *_what_is_left(view, status, width),
             line("i identifies, e asks what the model leaves out; q leaves."),
         ]
     if step is None:
-        keys = ": r resets the emergency stop, then g starts the run" if status.phase == "idle" else ""
-        return [line(Span(f"Nothing has begun{keys}.", "head"))]
+        begin = BEGIN if status.phase == "idle" else "Nothing has begun."
+        return [line(Span(text, "head")) for text in wrapped(begin, width)]
     text = step.text or step.step
     begin = f"step {step.number}, {step.phase}  "
     end = f" {100 * step.fraction:3.0f} %  {_done(status)}  left {span_of_time(step.left)}"
-    drawn = bar(step.fraction, max(width - len(begin) - len(end), 5))
     rows = [line(Span(row, "head")) for row in wrapped(f"{step.window}  {text}", width)] or [EMPTY]
+    if len(begin) + LEAST_BAR + len(end) > width:
+        drawn = bar(step.fraction, max(width - len(begin), LEAST_BAR))
+        return [*rows, line(begin, Span(drawn, "good")), line(end.strip())]
+    drawn = bar(step.fraction, width - len(begin) - len(end))
     return [*rows, line(begin, Span(drawn, "good"), end)]
+
+
+def _why_it_ended(view: ScreenState, width: int) -> list[Line]:
+    """All that the run's last sentence says: the alarms above have room for its beginning only."""
+    last = next((event for event in reversed(view.events) if event.kind == "run-finished"), None)
+    if last is None:
+        return []
+    style: Style = "" if last.outcome == "pass" else "bad"
+    said = f"{MARKS.get(last.outcome, (last.outcome, style))[0]}: {last.reason or last.text}"
+    return [line(Span(text, style)) for text in wrapped(said, width)]
 
 
 def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
@@ -66,35 +107,53 @@ def _what_is_left(view: ScreenState, status: Status, width: int) -> list[Line]:
 
 
 def _done(status: Status) -> str:
-    done = sum(row.state == "done" for row in status.equilibria)
-    return f"{done}/{len(status.equilibria)} windows"
+    """Skipped windows and those that were given up are not done."""
+    states = [_state(row) for row in status.equilibria]
+    said = f"{states.count('done')}/{len(states)} windows"
+    return said + "".join(f", {count} {state}" for state in ("skipped", "given up") if (count := states.count(state)))
+
+
+def _state(row: EquilibriumState) -> str:
+    if row.state != "done":
+        return row.state
+    return {"pass": "done", "marginal": "done", "skipped": "skipped"}.get(row.verdict, "given up")
 
 
 def _table(status: Status, width: int) -> list[Line]:
-    head = "  " + "".join(
-        (right if index >= len(COLUMNS) - NUMBERS else left)(name, size) for index, (name, size) in enumerate(COLUMNS)
-    )
+    shown = [*COLUMNS]
+    for name in FIRST_LEFT_OUT:
+        if 2 + sum(column.width for column in shown) + VERDICT <= width:
+            break
+        shown = [column for column in shown if column.name != name]
+    head = "  " + "".join((right if column.number else left)(column.name, column.width) for column in shown)
     rows: list[Line] = [line(Span(f"{head}  verdict", "dim"))]
     for row in status.equilibria:
-        rows += _row(row, width)
+        rows += _row(row, shown, width)
     return rows
 
 
-def _row(row: EquilibriumState, width: int) -> list[Line]:
+def _row(row: EquilibriumState, shown: Sequence[Column], width: int) -> list[Line]:
     current = row.state == "current"
     verdict, style = MARKS.get(row.verdict, (row.verdict, ""))
-    margin: Style = "bad" if row.margin is not None and row.margin <= 0 else ""
     amplitude = None if row.amplitude is None else millimetres(row.amplitude)
-    cells = [left(text, COLUMNS[k][1]) for k, text in enumerate((row.window, row.role, row.state))]
-    begin = line(
-        Span(f"{CURRENT} " if current else "  ", "head"),
-        Span("".join(cells), "head" if current else "dim" if row.state == "waiting" else ""),
-        Span(right(number(row.margin, 1, "N"), COLUMNS[3][1]), margin),
-        right(number(amplitude, 0, "mm"), COLUMNS[4][1]),
-        right(str(row.attempts or "–"), COLUMNS[5][1]),
-        "  ",
-        Span(verdict, style),
-    )
+    texts = {
+        "window": row.window,
+        "role": row.role,
+        "state": _state(row),
+        "margin": number(row.margin, 1, "N"),
+        "amplitude": number(amplitude, 0, "mm"),
+        "tries": str(row.attempts or "–"),
+    }
+    words: Style = "head" if current else "dim" if row.state == "waiting" else ""
+    styles: dict[str, Style] = {"margin": "bad" if row.margin is not None and row.margin <= 0 else ""}
+    cells = [
+        Span(
+            (right if column.number else left)(texts[column.name], column.width),
+            styles.get(column.name, "" if column.number else words),
+        )
+        for column in shown
+    ]
+    begin = line(Span(f"{CURRENT} " if current else "  ", "head"), *cells, "  ", Span(verdict, style))
     used = sum(len(span.text) for span in begin)
     if not row.reason:
         return [begin]

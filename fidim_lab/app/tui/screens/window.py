@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from fidim_lab.app.tui.foresight import Foreseen
-from fidim_lab.app.tui.paint import Line, Span, left, line, number
+from fidim_lab.app.tui.paint import Line, Span, left, line, number, wrapped
 from fidim_lab.app.tui.screens.hand import hand_lines
 from fidim_lab.app.tui.view import ScreenState, Trace
 from fidim_lab.app.tui.widgets.plot import Curve, canvas, limits
@@ -25,7 +25,8 @@ def window_lines(view: ScreenState, width: int, height: int, foreseen: Foreseen 
     if not view.recording and (figures := hand_lines(view, height)):
         return figures
     if len(trace.t) < 2:
-        return [line(Span("Nothing has been recorded since this screen came; the curves grow while it is.", "dim"))]
+        says = "Nothing has been recorded since this screen came; the curves grow while a window is recorded."
+        return [line(Span(text, "dim")) for text in wrapped(says, width)]
     known = foreseen if foreseen is not None and foreseen.of == (trace.window, trace.attempt) else None
     rows = [_head(view, trace, known, doubt, width)]
     left_over = residuals(trace, known)

@@ -231,7 +231,7 @@ def test_command_is_taken_from_another_client_only_after_a_question(opened, fake
 
     async def see(screen):
         await screen.press("p")
-        assert "Client #77 commands" in screen.over
+        assert "client #77 commands the robot now" in screen.over
         await screen.press("n")
         assert fake.commands() == []
         await screen.press("p", "y")
