@@ -44,8 +44,15 @@ class DriveGuard:
         )
 
 
+ALLOWED = {Phase.WITHOUT_POWER: 0, Phase.TRYING: 1}
+"""winches that may have power"""
+
+
 class PowerGuard:
-    """A winch has power while no winch may: somebody else gives it, and a person may be at the robot."""
+    """A winch has power while no winch may, or another than the one that is tried: somebody else gives it.
+
+    A person may be at the robot, and nothing is compared with an encoder that nobody here has commanded.
+    """
 
     name = "power"
     reaction = Reaction.QUICK_STOP
@@ -54,13 +61,14 @@ class PowerGuard:
         self._winches = winches
 
     def look(self, seen: Observation) -> str | None:
-        """The first that is enabled."""
-        if seen.phase is not Phase.WITHOUT_POWER:
+        """Those that are enabled, where they are too many."""
+        samples = zip(self._winches, seen.winches, strict=True)
+        enabled = [winch for winch, sample in samples if sample and sample.state is DriveState.OPERATION_ENABLED]
+        if len(enabled) <= ALLOWED.get(seen.phase, len(enabled)):
             return None
-        for winch, sample in zip(self._winches, seen.winches, strict=True):
-            if sample is not None and sample.state is DriveState.OPERATION_ENABLED:
-                return f"{winch} has power that this run did not give it: another program, or a vendor's tool, commands"
-        return None
+        names, have = " and ".join(enabled), "has" if len(enabled) == 1 else "have"
+        alone = " at once, one alone is tried" if seen.phase is Phase.TRYING else ""
+        return f"{names} {have} power{alone}: another program, or a vendor's tool, gives it"
 
 
 class StaleGuard:

@@ -2,11 +2,13 @@
 
 import asyncio
 import math
+import struct
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from drivers.canbus.transport import CanFrame
 from drivers.cia402.dictionary import GENERIC_EDS, DriveFamily, WinchConfig
 from drivers.cia402.motion import Cia402Winch, WinchTrials
 from drivers.cia402.watch import CanopenMaster
@@ -14,7 +16,7 @@ from drivers.clock import LoopClock
 from drivers.ports import DriveState, MarkerFrame, Rig, Trial
 from fidim_lab.data.records import Plan, PlannedWindow, Role
 from fidim_lab.data.robot_file import read_robot, robot_path
-from procedures.events import StepFinished
+from procedures.events import StepFinished, StepStarted
 from procedures.outcomes import Outcome
 from procedures.protocols.catalogue import experiment
 from procedures.run import run_procedure
@@ -71,6 +73,7 @@ class Bench:
     def __init__(self, spoil=lambda drive: None, change=lambda config: config, wanted=("w2",)):
         self.spoil, self.change, self.wanted = spoil, change, wanted
         self.results = {}
+        self.heard = [self.hear]
 
     def _build(self):
         self.bus = InProcessBus(CLOCK.now)
@@ -119,7 +122,7 @@ class Bench:
             self._build()
             tasks = [asyncio.ensure_future(work) for work in (self.master.run(), self._live())]
             try:
-                report = await run_procedure(made, self.rig, folder, wall_time=lambda: "now", listeners=(self.hear,))
+                report = await run_procedure(made, self.rig, folder, wall_time=lambda: "now", listeners=self.heard)
                 self.states = {winch.latest().state for winch in self.winches}
                 return report
             finally:
@@ -245,3 +248,21 @@ def test_a_drive_that_lacks_an_object_is_tried_in_all_else(tmp_path, absent, ski
         [skipped] if skipped else []
     )
     assert report.windows[1].outcome is Outcome.PASS, report.windows[1].reason
+
+
+def test_another_winch_that_gets_power_meanwhile_is_stopped(tmp_path):
+    """By its own port: nobody here commands it, so that nothing else is compared with its encoder."""
+    bench = Bench()
+
+    def strike(event):
+        if isinstance(event, StepStarted) and isinstance(event.step, ProveStop) and not struck:
+            struck.append(event.t)
+            for word in (0x06, 0x07, 0x0F):
+                bench.drives[2].receive(CanFrame(0x203, struct.pack("<Hbi", word, 1, 0), CLOCK.now()))
+
+    struck = []
+    bench.heard.append(strike)
+    report = bench.commission(tmp_path / "run")
+    assert report.reason.startswith("The power guard stopped the run")
+    assert "winch 2 and winch 3 have power at once, one alone is tried" in report.reason
+    assert report.held_says.startswith("All winches stand still")
