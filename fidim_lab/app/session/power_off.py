@@ -19,9 +19,11 @@ from fidim_lab.app.service.place import place_of
 from fidim_lab.app.terminal import console
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_file import read_rig
-from fidim_lab.errors import DeviceError, HardwareError, SetupError
+from fidim_lab.errors import DeviceError, HardwareError, RefusedError, SetupError
 
 FORMAT = "fidim-power-off/1"
+QUESTION = "Without power only brakes and stands hold the platform. Is the load secured?"
+ENDED_FIRST = "A service holds the load with the drives' power. End it first; then this takes the power."
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,9 @@ def power_off_command(options: PowerOffOptions) -> int:
     """
     file = read_rig(options.rig)
     if (other := holder(place_of(file, embedded=False))) is not None:
-        raise SetupError(in_use(other))
-    if not options.yes:
-        click.confirm("Without power only brakes and stands hold the platform. Is the load secured?", abort=True)
+        raise SetupError(in_use(other), hint=ENDED_FIRST)
+    if not options.yes and not click.confirm(QUESTION):
+        raise RefusedError("The drives keep what power they have; nothing was sent to them.")
     drives: list[dict[str, object]] = []
     code = compose.run_loop(_power_off(file, options.acknowledged_by, drives), real_time=True)
     write_answer(options.json_file, FORMAT, {"exit_code": code, "drives": drives})

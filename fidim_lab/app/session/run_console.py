@@ -14,14 +14,22 @@ from fidim_lab.errors import HardwareError
 from procedures.operators import ConsoleOperator
 
 EXIT_INTERRUPTED = 130
+STAYS = (
+    "The service stays (--stay), and this terminal with it. In another one: fidim ui goes on, fidim shutdown ends it; "
+    "power is taken from the drives after that (fidim power-off)."
+)
 
 
 class Console:
     """The terminal as a client: says what happens, asks what is to be answered, aborts at Ctrl-C."""
 
-    def __init__(self, service: ServiceClient, *, asks: bool) -> None:
+    def __init__(self, service: ServiceClient, *, asks: bool, stays: bool = False) -> None:
+        """asks: whether prompts are answered here; stays: the service goes on after its run."""
         self._service = service
-        self._operator = ConsoleOperator(lambda text: console.err.print(text, end="", markup=False)) if asks else None
+        self._stays = stays
+        self._operator = ConsoleOperator(self._show) if asks else None
+        self._midline = False
+        """the cursor stands behind an open question"""
         self._asking: dict[int, asyncio.Task[None]] = {}
         self._aborting: asyncio.Task[None] | None = None
 
@@ -50,7 +58,11 @@ class Console:
     def _take(self, message: Message) -> None:
         match message:
             case Happening():
+                if self._midline:
+                    self._show("\n")
                 _print(message)
+                if message.kind == "run-finished" and self._stays:
+                    console.err.print(STAYS, markup=False)
             case Question() if self._operator is not None:
                 self._asking[message.number] = asyncio.ensure_future(self._ask(message, self._operator))
             case PromptClosed():
@@ -59,9 +71,14 @@ class Console:
             case _:
                 pass
 
+    def _show(self, text: str) -> None:
+        console.err.print(text, end="", markup=False)
+        self._midline = not text.endswith("\n")
+
     async def _ask(self, question: Question, operator: ConsoleOperator) -> None:
         prompt = Prompt(PromptKind(question.kind), question.text, question.choices, question.displacement)
         choice = await operator.answer(prompt)
+        self._midline = False
         self._asking.pop(question.number, None)  # its closing is our own doing
         with suppress(ServiceGoneError):
             await self._service.answer(question.number, choice)

@@ -82,7 +82,7 @@ async def _watch(spec: RunSpec, place: Place, process: "subprocess.Popen[bytes]"
         await service.take_lease()
         await service.reset(known)
         await service.require(Start())
-        return await Console(service, asks=not spec.alone).watch(spec.out)
+        return await Console(service, asks=not spec.alone, stays=spec.stay).watch(spec.out)
 
 
 async def until_it_listens(place: Place, process: "subprocess.Popen[bytes]") -> None:

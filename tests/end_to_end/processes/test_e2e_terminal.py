@@ -1,68 +1,27 @@
-"""A whole dry run as a person does it: a terminal (tmux, 80 × 24), keys, and what stands on the screen."""
+"""A robot as a person has it: a terminal (tmux), commands, keys, and what stands on the screen."""
 
-import shutil
+import socket
 import subprocess
-import sys
-import time
+from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 
-SIZE = ("80", "24")
-FIDIM = "from fidim_lab.app.cli import main; main()"
-PATIENCE = 240.0
-"""s, on a computer that others use too"""
-
-
-class Terminal:
-    def __init__(self, folder, command):
-        self._tmux = ["tmux", "-S", str(folder / "tmux")]
-        self._call("new-session", "-d", "-s", "lab", "-x", SIZE[0], "-y", SIZE[1], command)
-
-    def press(self, *keys):
-        self._call("send-keys", "-t", "lab", *keys)
-
-    def screen(self):
-        return self._call("capture-pane", "-p", "-t", "lab")
-
-    def until(self, *wanted):
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end:
-            shown = self.screen()
-            found = next((text for text in wanted if text in shown), None)
-            if found is not None:
-                return found
-            time.sleep(0.3)  # noqa: TID251 - the terminal's own time
-        pytest.fail(f"none of {wanted} came within {PATIENCE:g} s; the screen shows\n{self.screen()}")
-
-    def close(self):
-        subprocess.run([*self._tmux, "kill-server"], capture_output=True, check=False)
-
-    def _call(self, *words):
-        return subprocess.run([*self._tmux, *words], capture_output=True, text=True, check=True).stdout
-
-
-@pytest.fixture
-def terminal(tmp_path):
-    if shutil.which("tmux") is None:
-        pytest.skip("tmux is not installed (apt install tmux)")
-    opened = []
-
-    def open_terminal(*words):
-        command = " ".join(
-            [f"FIDIM_RUNTIME_DIR={tmp_path / 'rt'}", "TERM=tmux-256color", sys.executable, "-c", f"'{FIDIM}'", *words]
-        )
-        folder = tmp_path / f"t{len(opened)}"
-        folder.mkdir()
-        opened.append(Terminal(folder, command))
-        return opened[-1]
-
-    yield open_terminal
-    for each in opened:
-        each.close()
+LARGE = (140, 40)
+RIG = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
+PLAN = """
+format = "fidim-plan/1"
+name = "one"
+[[window]]
+id = "i01"
+lengths = [1.30283, 1.39119, 1.52772, 1.41231]
+displacement = [-0.02, 0.03]
+position = [1.111, -0.271, -0.315]
+"""
 
 
 @pytest.mark.slow
-def test_a_dry_run_by_keys_with_an_emergency_stop_left_and_attached_again(terminal, tmp_path):
+def test_a_dry_run_by_keys_with_an_emergency_stop_left_and_attached_again(terminal, tmp_path, fidim):
     run = tmp_path / "run"
     lab = terminal("dry-run", "--ui", "--equilibria", "1", "--validate", "0", "--out", str(run))
     lab.until("L A T C H E D")
@@ -93,7 +52,7 @@ def test_a_dry_run_by_keys_with_an_emergency_stop_left_and_attached_again(termin
     other.press("i")
     assert other.until("converged", "not-converged", "misfit", "refused", "✗ fidim identify") != "✗ fidim identify"
     other.press("q")
-    check = [sys.executable, "-c", FIDIM, "verify", str(run)]
+    check = [*fidim, "verify", str(run)]
     assert "intact" in subprocess.run(check, capture_output=True, text=True, check=True).stdout
     assert list((run / "windows").glob("i01*"))
 
@@ -138,3 +97,78 @@ def test_after_the_emergency_stop_key_a_run_goes_on_by_keys_alone(terminal, tmp_
     lab.until("RUNNING")
     lab.until("[d] done")
     lab.press("q")
+
+
+def free_ports(number):
+    with ExitStack() as open_:
+        sockets = [open_.enter_context(socket.socket()) for _ in range(number)]
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [one.getsockname()[1] for one in sockets]
+
+
+@pytest.fixture
+def rig(tmp_path, terminal):
+    """Simulated devices with power of their own, as drives have it."""
+    text = RIG.read_text(encoding="utf-8")
+    for old, new in zip(("20100", "20101", "20102"), free_ports(3), strict=True):
+        text = text.replace(old, str(new))
+    text = text.replace("heartbeat = 0.3 ", "heartbeat = 1.0 ").replace("age = 1.0 ", "age = 2.0 ")  # a busy computer
+    path = tmp_path / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
+    terminal("simulators", str(path), "--plan", str(tmp_path / "plan.toml")).until("ready")
+    return path
+
+
+def answer_both(lab):
+    lab.until("1 of 2: has the cause gone?")
+    lab.press("yes", "Enter")
+    lab.until("2 of 2: is nobody at the platform and the cables?")
+    lab.press("yes", "Enter")
+
+
+@pytest.mark.slow
+def test_power_is_taken_in_every_state_where_no_service_holds_the_load(terminal, rig, tmp_path):
+    run, plan = tmp_path / "run", tmp_path / "plan.toml"
+
+    def power_off(says, *, answer=""):
+        other = terminal("power-off", str(rig), size=LARGE)
+        if answer:
+            other.until("Is the load secured?")
+            other.press(answer, "Enter")
+        other.until(says)
+        other.until("exit code")
+        return other.screen()
+
+    idle = power_off("winch 4 (node 4): switch on disabled → switch on disabled", answer="y")
+    assert "exit code 0" in idle
+
+    lab = terminal("run", str(plan), "--rig", str(rig), "--out", str(run), size=LARGE)
+    lab.until("RUN-STARTED")
+    assert "exit code 2" in power_off("A service holds the load with the drives' power")  # running
+    lab.until("[done")
+    assert "exit code 2" in power_off("A service holds the load with the drives' power")  # asked
+    screen = terminal("ui", str(run), size=LARGE)
+    screen.until("[d] done")
+    screen.press("F12")
+    screen.until("L A T C H E D")
+    lab.until("exit code 3")
+    assert any(" GUARD-TRIPPED " in row[:30] for row in lab.screen().splitlines()), "not behind the open question"
+    assert "exit code 1" in power_off("The drives keep what power they have", answer="n")  # latched
+    assert "exit code 0" in power_off("winch 4 (node 4): quick stop active → switch on disabled", answer="y")
+    screen.press("q")
+
+    lab = terminal("run", str(plan), "--rig", str(rig), "--out", f"{run}2", "--stay", size=LARGE)
+    answer_both(lab)
+    lab.until("RUN-STARTED")
+    terminal("stop", "--rig", str(rig)).until("exit code 0")
+    lab.until("The service stays (--stay)")
+    assert "exit code 2" in power_off("A service holds the load with the drives' power")  # the service alone
+    terminal("shutdown", "--rig", str(rig)).until("exit code 0")
+    lab.until("exit code 3")
+    assert "exit code 0" in power_off("→ switch on disabled", answer="y")
+
+    reset = terminal("reset", "--rig", str(rig))
+    answer_both(reset)
+    reset.until("The emergency stop is reset.")
