@@ -97,7 +97,14 @@ class CableTable(Table):
     def _triad(self) -> "CableTable":
         axes = np.array([self.x, self.y, self.z])
         if np.abs(axes @ axes.T - np.eye(3)).max() > AXIS_TOLERANCE:
-            raise ValueError("x, y, z are not unit vectors at right angles")
+            lengths = np.linalg.norm(axes, axis=1)
+            wrong = [
+                f"{name} has length {one:.6g}"
+                for name, one in zip("xyz", lengths, strict=True)
+                if abs(one - 1) > AXIS_TOLERANCE
+            ]
+            why = ", ".join(wrong) or "they are not at right angles: y = z × x"
+            raise ValueError(f"x, y, z are not unit vectors at right angles: {why}")
         if np.abs(np.cross(self.x, self.y) - self.z).max() > AXIS_TOLERANCE:
             raise ValueError("x × y is not z: the swivel's axes must be right-handed")
         return self

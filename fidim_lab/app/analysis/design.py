@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from fidim_lab.app.analysis.design_picture import write_picture
-from fidim_lab.app.analysis.design_robot import doubting, require_possible
 from fidim_lab.app.analysis.design_study import study_command
+from fidim_lab.app.analysis.possible_robot import doubting, require_possible
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.spread_out import workers
 from fidim_lab.app.terminal.windows_table import windows_table

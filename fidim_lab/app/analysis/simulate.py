@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app import compose
+from fidim_lab.app.analysis.possible_robot import require_possible
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.terminal import console
 from fidim_lab.arrays import PerCable, Vector3
@@ -24,7 +25,7 @@ from fidim_lab.data.campaign import INDEX, refuse_taken, write_campaign
 from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Campaign, Plan, Pose, Robot, Window
-from fidim_lab.data.robot_file import read_robot
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.errors import InfeasibleError, SetupError
 from fidim_lab.identification.random_plan import WITHIN_LIMITS, Trial, random_plan
 from fidim_lab.units import millimetres
@@ -92,6 +93,8 @@ def run_simulate(options: SimulateOptions) -> tuple[Simulated, World]:
     cannot swing as asked. Nothing is left behind then, nor after Ctrl-C.
     """
     robot = _declared(read_robot(options.robot), options.noise)
+    if options.robot != PAPERS_ROBOT:
+        require_possible(options.robot, robot)
     world = compose.simulated_world(robot, options.seed, options.hide)
     platform = _platform(world, options.backend)
     with _new_folder(options.out) as part:

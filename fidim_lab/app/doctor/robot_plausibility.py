@@ -8,6 +8,7 @@ import numpy as np
 
 from fidim_lab.app.doctor.finding import Finding
 from fidim_lab.app.doctor.robot_cables import copies, pulleys, roll
+from fidim_lab.app.doctor.robot_order import order, what_would_rest
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, InfeasibleError
 from fidim_lab.identification.equations.consistency import can_exist
@@ -22,6 +23,8 @@ LARGEST_PULLEY = 0.5
 """m"""
 REACH = 1.0
 """m from P within which attachments and markers of such platforms lie"""
+ASIDE = 2.0
+"""of their spread, by which the middle of the attachments may be away from P: a corner of the platform is 1 away"""
 GYRATION = 1.5
 """of the platform's reach from G: no body has a larger radius of gyration than its farthest point"""
 USUAL, FEWEST = 0.7, 0.1
@@ -38,6 +41,8 @@ STOP_BAND = 10.0
 """Hz, of the low-pass before differentiation (§5.2)"""
 SLOWEST = 0.2
 """Hz: two swings in a window of 10 s"""
+EARTH = (9.77, 9.84)
+"""m/s², from the equator's mountains to the poles, with a margin of 0.01"""
 NEUTRAL = 1e-3
 """Hz"""
 
@@ -51,7 +56,7 @@ def plausibility(robot: Robot) -> list[Finding]:
     rests = middle_rests(mechanism)
     findings.append(rest(robot, rests))
     if rests:
-        findings += [pulleys(mechanism, rests), soft_modes(mechanism, rests)]
+        findings += [order(robot, rests), pulleys(mechanism, rests), soft_modes(mechanism, rests)]
     if rests and can_exist(robot.nominal):
         findings.append(frequencies(mechanism, rests))
     return findings
@@ -80,9 +85,17 @@ def attachments(robot: Robot) -> Finding:
     reach |= {f"marker {k}": float(np.linalg.norm(m)) for k, m in enumerate(robot.markers, start=1)}
     key = max(reach, key=lambda name: reach[name])
     found = f"The farthest point of the platform is the {key}, {reach[key]:.3f} m from P."
-    ok = reach[key] <= REACH
-    advice = "a and markers are in the body frame, from P; a platform wider than a metre is unusual."
-    return Finding("attachments", ok, found, "" if ok else advice)
+    if reach[key] <= REACH:
+        return Finding("attachments", True, found)
+    frame, wide = (_spread(np.array([getattr(cable, key) for cable in robot.cables])) for key in ("d", "a"))
+    aside = float(np.linalg.norm(np.mean([cable.a for cable in robot.cables], axis=0)))
+    advice = "a and markers are in the body frame, from P, in metres; a platform wider than a metre is unusual."
+    if reach[key] <= frame and aside <= ASIDE * wide:
+        return Finding("attachments", True, found, advice)
+    found += (
+        f" The anchors (d) lie within {frame:.3f} m of their middle, that of the attachments is {aside:.3f} m from P."
+    )
+    return Finding("attachments", False, found, advice)
 
 
 def inertia(robot: Robot) -> Finding:
@@ -134,7 +147,18 @@ def weight(robot: Robot) -> Finding:
     if low >= pull:
         advice = "Each cable would have to pull with more than the whole weight: check mass and limits.tension (N)."
         return Finding("weight", False, found, advice)
-    return Finding("weight", True, found)
+    return Finding("weight", True, found, _unusual_gravity(robot))
+
+
+def _unusual_gravity(robot: Robot) -> str:
+    """What to look at where gravity is not that of a frame whose upward axis counts upwards, on Earth."""
+    size, axis = float(np.linalg.norm(robot.gravity)), int(np.abs(robot.gravity).argmax())
+    if not EARTH[0] <= size <= EARTH[1]:
+        return f"gravity is {size:g} m/s²; on Earth it is 9.78 to 9.83."
+    if robot.gravity[axis] > 0:
+        name = "xyz"[axis]
+        return f"gravity points along +{name}: right only where {name} counts downwards in all coordinates."
+    return ""
 
 
 def middle_rests(mechanism: Mechanism) -> list[Equilibrium]:
@@ -155,14 +179,15 @@ def rest(robot: Robot, rests: list[Equilibrium]) -> Finding:
     held = [tension for r in rests for tension in [r.tensions_in_newton(robot.mass)]]
     good = [tension.min() >= low and tension.max() <= high for tension in held]
     tried = f"{len(DEPTHS)} depths under the middle of the anchors"
+    advice = "" if all(good) and held else what_would_rest(robot)
     if any(good):
         place = [r.marker_position(robot.marker)[2] for r, ok in zip(rests, good, strict=True) if ok]
         found = (
             f"At {sum(good)} of {tried} the platform rests with all tensions within {low:g} to {high:g} N "
             f"(marker at z = {min(place):.2f} to {max(place):.2f} m)."
         )
-        return Finding("rest", True, found)
-    advice = "Check d and a (world and body frame), the order of the cables, gravity, mass and limits.tension."
+        return Finding("rest", True, found, advice)
+    advice = advice or "Check d and a (world and body frame), order of the cables, gravity, mass and limits.tension."
     if not held:
         return Finding(
             "rest", False, f"At none of {tried} the platform rests with taut cables in their limits.", advice
@@ -231,3 +256,8 @@ def frequencies(mechanism: Mechanism, rests: list[Equilibrium]) -> Finding:
 
 def _largest(values: np.ndarray) -> float:
     return float(np.abs(values).max())
+
+
+def _spread(points: np.ndarray) -> float:
+    """Largest distance from their mean, m."""
+    return float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from fidim_lab.app import compose
 from fidim_lab.app.analysis.identify import run_identify, summary
+from fidim_lab.app.analysis.possible_robot import require_possible
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Looked, ModelCheck
 from fidim_lab.app.report.pages.write import write_report
@@ -68,6 +69,8 @@ class DryRunOptions:
 def run_dry_run(options: DryRunOptions) -> int:
     """Rehearse, identify, report; returns the exit code. Raises FidimError before anything has moved."""
     robot = read_robot(options.robot or PAPERS_ROBOT)
+    if options.robot is not None:
+        require_possible(options.robot, robot)
     folder = options.out or _free_folder(options.seed)
     if options.ui:
         from fidim_lab.app.session.ui_dry_run import run_ui_dry_run

@@ -14,6 +14,7 @@ from pathlib import Path
 import tomli_w
 
 from fidim_lab.app import compose
+from fidim_lab.app.analysis.possible_robot import require_possible
 from fidim_lab.app.service.client import ServiceGoneError, connect
 from fidim_lab.app.service.commands import Shutdown, TakeLease
 from fidim_lab.app.service.lock import holder, in_use
@@ -72,6 +73,8 @@ def run_ui_dry_run(options: DryRunOptions, folder: Path) -> int:
 def make_spec(options: DryRunOptions, folder: Path, inputs: Path) -> RunSpec:
     """What the service is to run, its files in `inputs`. Raises SetupError for an effect that nobody knows."""
     robot = with_winches(read_robot(options.robot or PAPERS_ROBOT))
+    if options.robot is not None:
+        require_possible(options.robot, robot)
     compose.simulated_world(robot, options.seed, options.hide)  # an effect that nobody knows is said before planning
     plan = planned(options, robot)
     write_plan(inputs / "plan.toml", plan)

@@ -30,6 +30,8 @@ _TEXTS = re.compile(
 _LONG_NAME = re.compile(rf"(?<![\w'-])(?:[\w'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
 _TOGETHER = 300
 """characters of the mistakes that are told at once"""
+_SHOWN = 80
+"""characters of a line that is no TOML"""
 _BRACKETS = re.compile(r"[\[\]{}]")
 
 
@@ -50,8 +52,19 @@ def read_toml_table(path: Path, commands: Collection[str] = ()) -> dict[str, Any
     except NotAllowedError as error:
         raise FileError(path, place_words(error.place), error.problem) from None
     except (ValueError, RecursionError) as error:  # also whole numbers of thousands of digits
-        raise FileError(path, "", f"is not TOML: {error}") from None
+        raise FileError(path, "", f"is not TOML: {error}{_the_line(text, str(error))}") from None
     return table
+
+
+def _the_line(text: str, problem: str) -> str:
+    """The line that a parser complains of, and what is usual there: a decimal comma."""
+    found = re.search(r"at line (\d+)", problem)
+    rows = text.splitlines()
+    if found is None or not 0 < int(found[1]) <= len(rows):
+        return ""
+    row = rows[int(found[1]) - 1].strip()[:_SHOWN]
+    comma = re.fullmatch(r"[^#\[\]\"\']*=\s*[-+]?\d+,\d+.*", row)
+    return f": {row}{'; numbers have a decimal point, no comma' if comma else ''}"
 
 
 def read_toml(path: Path, schema: type[Schema], wanted_format: str, commands: Collection[str] = ()) -> Schema:

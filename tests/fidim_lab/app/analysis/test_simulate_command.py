@@ -217,7 +217,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing(robot_file, tmp_path, monkeypat
 
 
 def test_a_robot_that_cannot_swing_is_refused(irma4, tmp_path, capsys):
-    heavy = replace(irma4, mass=100.0)
+    heavy = replace(irma4, mass=75.0)
     write_robot(tmp_path / "robot.toml", heavy)
     options = ["--robot", str(tmp_path / "robot.toml"), "--out", str(tmp_path / "camp")]
     assert cli.run(["simulate", *options, "--equilibria", "1", "--validate", "0"]) == 1

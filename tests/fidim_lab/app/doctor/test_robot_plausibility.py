@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fidim_lab.app import cli
 from fidim_lab.app.doctor.finding import Finding
 from fidim_lab.app.doctor.robot_plausibility import middle_rests, plausibility
 from fidim_lab.app.doctor.robot_text import robot_views
 from fidim_lab.app.report.drawings.robot_picture import robot_picture
 from fidim_lab.data.records import Body, Cable, Limits, Robot
-from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot, write_robot
 from fidim_lab.errors import FileError
 from fidim_lab.model.mechanism import Mechanism
 
@@ -56,6 +57,7 @@ def test_the_papers_robot_is_plausible(irma4: Robot):
         "body",
         "weight",
         "rest",
+        "order",
         "pulleys",
         "soft modes",
         "frequencies",
@@ -140,7 +142,7 @@ def test_cables_in_the_wrong_order_have_no_rest(irma4: Robot):
     cables = tuple(replace(c, a=a) for c, a in zip(irma4.cables, attachments, strict=True))
     finding = _by_name(replace(irma4, cables=cables))["rest"]
     assert not finding.ok
-    assert "order of the cables" in finding.advice
+    assert "in this order it rests" in finding.advice
 
 
 @pytest.mark.parametrize(("cable", "like"), list(itertools.permutations(range(4), 2)))
@@ -241,3 +243,45 @@ def test_a_tiny_inertia_swings_faster_than_the_filter_lets_through(irma4: Robot)
     finding = _by_name(replace(irma4, nominal=nominal))["frequencies"]
     assert finding.advice
     assert "Hz" in finding.found
+
+
+def _in_order(robot: Robot, order: tuple[int, ...]) -> Robot:
+    return replace(
+        robot, cables=tuple(replace(one, a=robot.cables[k].a) for one, k in zip(robot.cables, order, strict=True))
+    )
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(4)))[1:])
+def test_attachments_in_any_other_order_than_the_anchors_are_seen(irma4: Robot, order: tuple[int, ...]):
+    found = _by_name(_in_order(irma4, order))
+    says = found["rest"].advice + (found["order"].advice if "order" in found else "")
+    assert "in this order it rests" in says or "that of the same cable's d" in says
+
+
+def test_gravity_along_another_axis_is_named(irma4: Robot):
+    finding = _by_name(replace(irma4, gravity=np.array([0.0, -9.81, 0.0])))["rest"]
+    assert "With gravity = [0, 0, -9.81] it rests" in finding.advice
+
+
+@pytest.mark.parametrize(
+    ("gravity", "says"), [((0.0, 0.0, 9.81), "gravity points along +z"), ((0.0, 0.0, -9810.0), "gravity is 9810 m/s²")]
+)
+def test_unusual_gravity_is_warned_of(irma4: Robot, gravity: tuple[float, ...], says: str):
+    limits = Limits((5.0, 3e5))
+    assert says in _by_name(replace(irma4, gravity=np.array(gravity), limits=limits))["weight"].advice
+
+
+def test_a_wide_platform_below_a_wider_frame_is_only_unusual(irma4: Robot):
+    wide = replace(irma4, cables=tuple(replace(one, d=5.0 * one.d, a=5.0 * one.a) for one in irma4.cables))
+    finding = _by_name(wide)["attachments"]
+    assert finding.ok
+    assert "wider than a metre is unusual" in finding.advice
+
+
+def test_a_dry_run_of_a_robot_file_in_millimetres_says_so_before_it_plans(irma4: Robot, tmp_path: Path, capsys):
+    file = tmp_path / "robot.toml"
+    write_robot(file, replace(irma4, cables=tuple(replace(one, d=1e3 * one.d) for one in irma4.cables)))
+    for command in ("dry-run", "simulate"):
+        assert cli.run([command, "--robot", str(file), "--out", str(tmp_path / command)]) == 2
+        assert "Lengths are in metres: divide millimetres by 1000" in capsys.readouterr().err
+        assert not (tmp_path / command).exists()

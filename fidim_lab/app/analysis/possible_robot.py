@@ -1,4 +1,4 @@
-"""Is it the robot file, where `fidim design` finds nothing? The checks of `fidim doctor --robot`, before limits.
+"""Is the robot file to blame? The checks of `fidim doctor --robot`, before a design, a simulation or a dry run.
 
 Limits protect the machine: nobody is told to widen them for a marker in millimetres or a mass in grams.
 """
@@ -7,24 +7,40 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from fidim_lab.app.doctor.robot_plausibility import Finding, attachments, body, inertia, plausibility, units, weight
+from fidim_lab.app.doctor.robot_plausibility import (
+    Finding,
+    attachments,
+    body,
+    inertia,
+    middle_rests,
+    plausibility,
+    rest,
+    units,
+    weight,
+)
 from fidim_lab.app.terminal import console
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FileError, InfeasibleError
+from fidim_lab.model.mechanism import Mechanism
 
 IMPOSSIBLE = (units, body, weight)
-"""no design of a robot that fails one of these means anything"""
+"""no design, simulation or run of a robot that fails one of these means anything"""
 UNUSUAL = (attachments, inertia)
-"""such a robot may exist, and a design be found, but more often it is a mistake"""
+"""such a robot may exist, but more often it is a mistake"""
 
 
 def require_possible(path: Path, robot: Robot) -> None:
-    """Warn of what is unusual. Raises FileError for wrong units, a body that cannot exist or that cannot be carried."""
+    """Warn of what is unusual, as where it cannot rest.
+
+    Raises FileError for wrong units, a body that cannot exist or that cannot be carried.
+    """
     for check in IMPOSSIBLE:
         finding = check(robot)
         if not finding.ok:
             raise FileError(path, finding.what, finding.found, hint=finding.advice)
-    found = (check(robot) for check in UNUSUAL)
+    found = [check(robot) for check in UNUSUAL]
+    if robot.n > 2:  # with fewer the middle is no place to rest
+        found.append(rest(robot, middle_rests(Mechanism(robot))))
     console.warn([f"{path}: {one.what}: {one.found} {one.advice}" for one in found if not one.ok])
 
 
