@@ -169,6 +169,11 @@ class Winch(Protocol):
         """Where the cable (m) was told to be, by the last command; None while the winch has not been given power."""
         ...
 
+    @property
+    def powered(self) -> bool:
+        """Whether it was given power here, and that was not taken since, whatever it says of itself."""
+        ...
+
 
 class Trial(StrEnum):
     """What a trial withholds or commands, at low speed and without load."""

@@ -31,7 +31,8 @@ class FidimError(Exception):
         self.hint = hint
 
     def __str__(self) -> str:
-        return f"{self.message} {self.hint}".strip()
+        stop = "." if self.hint and not self.message.endswith((".", "?", "!", ":", "…")) else ""
+        return f"{self.message}{stop} {self.hint}".strip()
 
 
 class SetupError(FidimError):

@@ -79,7 +79,7 @@ class Stopping:
             return False
         sample = self.winch.latest()
         powered = sample is not None and sample.state in POWERED  # by somebody else, where we have commanded nothing
-        had_power = self.winch.commanded is not None or powered  # the others have nothing to obey with
+        had_power = self.winch.powered or powered  # the others have nothing to obey with
         if sample is None or now - sample.t > self._age:
             self.stands, self._unseen = False, True
             self._moves = "has never reported" if sample is None else f"does not answer for {now - sample.t:.2f} s"
@@ -98,6 +98,16 @@ class Stopping:
         if final:
             self._wrong = self._wrong or self._moves
         return bool(self._wrong) and had_power
+
+    def quick_stop(self, now: float) -> None:
+        """A quick stop where a hold was refused, or not answered: from now on the drive must show that it heard it."""
+        quick_stop(self.winch)
+        if not self._quick_stopped:
+            self._quick_stopped, self._told, self._follower = True, now, Follower(self._tolerance)
+
+    def waited_for(self, now: float) -> bool:
+        """Whether a quick stop was given so lately that it cannot have shown yet."""
+        return self._quick_stopped and now <= self._told + self._tolerance.late + self._settings.still_for
 
     def escalate(self, now: float, *, final: bool) -> None:
         """What was commanded last is not obeyed: a quick stop, and NMT stop after that; both where there is no time."""

@@ -44,15 +44,14 @@ async def hold_robot(
     """
     stops = [Stopping(winch, clock.now(), settings, guard, quick_stopped=latched) for winch in winches]
     holds = [
-        asyncio.ensure_future(_hold(clock, winch, settings.timeout, guard.sample_age, latched=latched))
-        for winch in winches
+        asyncio.ensure_future(_hold(clock, stop, settings.timeout, guard.sample_age, latched=latched)) for stop in stops
     ]
     deadline = clock.now() + settings.timeout
     while not all(hold.done() for hold in holds) or not all(stop.stands for stop in stops):
         with contextlib.suppress(asyncio.CancelledError):  # the loop is being closed: go on until it is verified
             await clock.sleep(POLL)
         now = clock.now()
-        final = now >= deadline
+        final = now >= deadline and not any(stop.waited_for(now) for stop in stops)
         for stop, hold in zip(stops, holds, strict=True):
             if not stop.look(now, final=final):
                 continue
@@ -100,14 +99,15 @@ def _held(winches: Sequence[Winch], stopped: Sequence[StoppedWinch], refusals: S
     else:
         sentence = "All winches stand still, held."
     says = [one.says for one in stopped if one.says]
-    says += [f"{w.name} was quick-stopped ({why})" for w, why in zip(winches, refusals, strict=True) if why]
+    says += [f"{w.name} was quick-stopped ({why.rstrip('.')})" for w, why in zip(winches, refusals, strict=True) if why]
     if not ok and (stand := [one.name for one in stopped if one.stands and one.obeyed]):
         says.append(f"{', '.join(stand)} {'stands' if len(stand) == 1 else 'stand'} still")
     return Held(ok, " ".join([sentence, *(f"{part}." for part in says)]), tuple(stopped))
 
 
-async def _hold(clock: Clock, winch: Winch, timeout: float, sample_age: float, *, latched: bool) -> str:
+async def _hold(clock: Clock, stop: Stopping, timeout: float, sample_age: float, *, latched: bool) -> str:
     """Hold one winch; returns why a quick stop was given instead, empty if it was not."""
+    winch = stop.winch
     if latched:
         quick_stop(winch)
         return ""
@@ -117,7 +117,7 @@ async def _hold(clock: Clock, winch: Winch, timeout: float, sample_age: float, *
     try:
         await within(clock, timeout, winch.hold())
     except (Exception, asyncio.CancelledError) as error:  # whatever it was, this winch must stop
-        quick_stop(winch)
+        stop.quick_stop(clock.now())
         return str(error) or "no answer to the hold command"
     return ""
 

@@ -18,7 +18,9 @@ from procedures.outcomes import Outcome
 from procedures.protocols.catalogue import experiment
 from procedures.run import run_procedure
 from procedures.settings import Settings, TautSettings
+from sim_backends.bus_faults import FrameRule
 from sim_backends.drive.axis import DrumShaft
+from sim_backends.drive.axis.machine import State
 from sim_backends.drive.node import SimulatedDrive
 from sim_backends.drive.objects import read_eds
 from sim_backends.in_process_bus import InProcessBus
@@ -65,7 +67,9 @@ class Nobody:
         return "done"
 
 
-def carry_out(folder, mode, way=0.2):
+def carry_out(folder, mode, way=0.2, strike=None):
+    """strike(drives, bus): what fails 0.3 s after all have power, while the first is pulled."""
+
     async def main():
         bus = InProcessBus(CLOCK.now)
         master = CanopenMaster(bus, CLOCK, sync_rate=100.0)
@@ -100,10 +104,18 @@ def carry_out(folder, mode, way=0.2):
                 bus.advance(CLOCK.now())
                 await CLOCK.sleep(min(max(bus.due - CLOCK.now(), 1e-4), 0.05))
 
-        tasks = [asyncio.ensure_future(work) for work in (master.run(), live())]
+        async def later():
+            while {drive.state for drive in drives} != {State.OPERATION_ENABLED}:
+                await CLOCK.sleep(0.01)
+            await CLOCK.sleep(0.3)
+            if strike is not None:
+                strike(drives, bus)
+
+        health = [winch.watch_health() for winch in winches]
+        tasks = [asyncio.ensure_future(work) for work in (master.run(), live(), later(), *health)]
         try:
             report = await run_procedure(made, rig, folder, wall_time=lambda: "now")
-            lengths = [await winch.ask_length() for winch in winches]
+            lengths = None if strike else [await winch.ask_length() for winch in winches]
             return report, lengths, [winch.latest().state for winch in winches]
         finally:
             for task in tasks:
@@ -129,3 +141,40 @@ def test_more_slack_than_is_allowed_ends_it_with_all_held(tmp_path):
     assert lengths[2] == pytest.approx(1.37, abs=5e-3)
     assert lengths[3] == pytest.approx(1.4), "it was not its turn"
     assert DriveState.SWITCH_ON_DISABLED not in states
+
+
+def repeats(drives, bus):
+    """Drive 1's samples are frozen."""
+    first = []
+
+    def repeat(data):
+        first.append(data)
+        return first[0]
+
+    bus.rules.append(FrameRule(frozenset({0x181}), change=repeat))
+
+
+FAILS = {
+    "deaf": (
+        lambda _, bus: bus.rules.append(FrameRule(frozenset({0x201, 0x601}), drop=True)),
+        "NOT VERIFIED that the robot is held: cut the power by hand before you go near it. winch 1 did not obey",
+    ),
+    "silent": (
+        lambda drives, _: setattr(drives[0].faults, "silent", True),
+        "cut the power by hand before you go near it. winch 1 was not seen to stop",
+    ),
+    "frozen samples": (repeats, "but cut the power by hand before you go near the robot. winch 1 did not obey"),
+    "fault of another": (
+        lambda drives, _: drives[2].faults.raise_fault(0x2310),
+        "winch 1 was quick-stopped (winch 1 (node 1): does not hold its place in profile torque (4)).",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAILS)
+@pytest.mark.sampled(2)
+def test_a_winch_that_pulls_is_left_in_no_torque_that_would_give_way(tmp_path, name):
+    strike, says = FAILS[name]
+    report, _, _ = carry_out(tmp_path / "run", Mode.PROFILE_POSITION, strike=strike)
+    assert report.outcome is Outcome.ERROR
+    assert says in report.held_says

@@ -52,6 +52,7 @@ class FakeWinch:
         self.creep = 0.0
         self._from, self._to, self._begin, self._speed = 1.4, 1.4, 0.0, 1.0
         self.commanded: Trajectory | None = None
+        self.powered = False
         self._answers = False
         """by SDO, after its PDOs were taken away"""
 
@@ -68,6 +69,7 @@ class FakeWinch:
     async def enable(self) -> None:
         self._command("enable")
         self.commanded = Trajectory.standing(self.world.now(), self.length(self.world.now()))
+        self.powered = True
         await self.world.clock.sleep(0.1)
         self.state = DriveState.OPERATION_ENABLED
 

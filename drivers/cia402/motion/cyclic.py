@@ -13,7 +13,8 @@ from dataclasses import replace
 
 from drivers.cia402.dictionary.config import WinchConfig
 from drivers.cia402.motion.moves import refuse_beyond_limits
-from drivers.cia402.motion.winch import STANDSTILL, Cia402Winch, begin_hold, begin_move
+from drivers.cia402.motion.orders import begin_hold, begin_move
+from drivers.cia402.motion.winch import STANDSTILL, Cia402Winch
 from drivers.cia402.profile.machine import Command, state_of
 from drivers.cia402.profile.scale import wrap32
 from drivers.cia402.profile.words import Mode, controlword

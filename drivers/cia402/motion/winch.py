@@ -14,6 +14,7 @@ from drivers.cia402.dictionary.requirements import Graded
 from drivers.cia402.dictionary.settings import SettingCheck
 from drivers.cia402.motion.drive import Drive
 from drivers.cia402.motion.moves import Beside, make_sample, profile, refuse_beyond_limits
+from drivers.cia402.motion.orders import begin_hold, begin_move, quick_stop
 from drivers.cia402.profile.last_motion import LastMotion
 from drivers.cia402.profile.machine import Command, state_of
 from drivers.cia402.profile.scale import LengthScale
@@ -23,7 +24,6 @@ from drivers.cia402.watch.health import HealthPoll
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
 from drivers.cia402.wire.nmt import NmtCommand
-from drivers.cia402.wire.pdo import DriveValues
 from drivers.ports import Clock, DriveState, WinchSample
 from drivers.trajectory import Trajectory
 from fidim_lab.errors import DeviceError, RefusedError
@@ -60,6 +60,8 @@ class Cia402Winch:
         self._commanded: Trajectory | None = None
         self._forced = False
         """stopped by NMT: PDOs are off"""
+        self.powered = False
+        """whether it was given power here, and that was not taken since"""
         self.on_trial = False
         """its stops are being tried (`trials`), which looks at it itself"""
 
@@ -96,7 +98,7 @@ class Cia402Winch:
         """
         self._drive.begin()
         self._prepared = self._commanded = None
-        self._forced = False
+        self._forced = self.powered = False
         found = await self._configure(self._master, self.link, self.config)
         self.checks, self.grades = found.checks, found.grades
 
@@ -127,6 +129,7 @@ class Cia402Winch:
                 hint="Configure it again.",
             )
         self.stands()
+        self.powered = True
         await self._drive.walk_to_operation(order)
         await self._take_over(order)
 
@@ -205,7 +208,7 @@ class Cia402Winch:
 
     def power_off(self) -> None:
         """Take the power away: one frame, never waits."""
-        self._commanded = None
+        self._commanded, self.powered = None, False
         self._drive.send(self._drive.begin(), controlword(Command.DISABLE_VOLTAGE))
 
     async def reset_fault(self, acknowledged_by: str) -> None:
@@ -274,34 +277,3 @@ class Cia402Winch:
     async def watch_health(self) -> None:
         """Ask the drive what its PDOs do not carry, for ever: a task beside `CanopenMaster.run()`."""
         await self._health.run()
-
-
-def begin_move(drive: Drive, device: str) -> int:
-    """The order of a move. Raises DeviceError where there is a fault or no power."""
-    order = drive.begin()
-    state = state_of(drive.healthy().statusword)
-    if state is not DriveState.OPERATION_ENABLED:
-        raise DeviceError(device, f"cannot move: {state}.", hint="Enable it first.")
-    return order
-
-
-def begin_hold(drive: Drive, device: str) -> tuple[int, DriveValues]:
-    """The order of a hold, and what the drive told last: it is enabled, or already in its quick stop.
-
-    Raises DeviceError where it has no power, and where its state is unknown: then a quick stop has been sent.
-    """
-    order = drive.begin()
-    try:
-        values = drive.believed()
-    except DeviceError:
-        quick_stop(drive)
-        raise
-    state = state_of(values.statusword)
-    if state not in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
-        raise DeviceError(device, f"cannot hold, it has no power: {state}.")
-    return order, values
-
-
-def quick_stop(drive: Drive) -> None:
-    """Stop on the quick-stop ramp: one frame, never waits."""
-    drive.send(drive.begin(), controlword(Command.QUICK_STOP))

@@ -50,7 +50,7 @@ class Slack:
     def _power_off(self, winch):
         def power_off():
             winch.commands.append("power_off")
-            winch.state, winch.commanded = DriveState.SWITCH_ON_DISABLED, None
+            winch.state, winch.commanded, winch.powered = DriveState.SWITCH_ON_DISABLED, None, False
 
         return power_off
 
