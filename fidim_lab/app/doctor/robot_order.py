@@ -33,7 +33,7 @@ def order(robot: Robot, rests: Sequence[Equilibrium]) -> Finding:
     says = [f"cables {j} and {k} cross" for j, k in crossed]
     says += [f"cable {', '.join(far)} is tied to the far side of the platform"] if far and robot.n > 2 else []
     if not says:
-        return Finding("order", True, "Seen from above no cables cross: each attachment belongs to its anchor.")
+        return Finding("order", True, f"Seen from above none of the {robot.n} cables cross.")
     advice = "Is each a that of the same cable's d? Such cables are seldom built."
     return Finding("order", True, f"Seen from above {'; '.join(says)}.", advice)
 

@@ -33,7 +33,7 @@ def matrix(values: Float[np.ndarray, "9 9"]) -> str:
     )
     for (row, column), value in np.ndenumerate(values):
         colour = "white" if abs(value) > DARK else "black"
-        axis.text(column + 0.5, row + 0.5, f"{100 * value:.0f}", ha="center", va="center", fontsize=8, color=colour)
+        axis.text(column + 0.5, row + 0.5, f"{round(100 * value)}", ha="center", va="center", fontsize=8, color=colour)
     axis.set_xticks(np.arange(size) + 0.5, list(PARAMETER_NAMES))
     axis.set_yticks(np.arange(size) + 0.5, list(PARAMETER_NAMES))
     axis.tick_params(length=0)

@@ -1,5 +1,5 @@
 "use strict";
-// Three helpers of the page, each of which the page does without: turn the robot, zoom a picture, copy a text.
+// Helpers of the page, each of which the page does without: turn the robot, zoom a picture, copy a text, open a window.
 (function () {
   function button(text, label, act) {
     const made = document.createElement("button");
@@ -195,6 +195,17 @@
     block.append(bar(done));
   }
 
+  // A link to a window opens it.
+  function open() {
+    const wanted = location.hash && document.getElementById(location.hash.slice(1));
+    if (wanted instanceof HTMLDetailsElement) {
+      wanted.open = true;
+      wanted.scrollIntoView();
+    }
+  }
+
+  addEventListener("hashchange", open);
+  open();
   document.querySelectorAll("[data-solid]").forEach(solid);
   document.querySelectorAll(".card.zoom").forEach(zoom);
   document.querySelectorAll(".copyable").forEach(copyable);
