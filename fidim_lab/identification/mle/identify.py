@@ -23,7 +23,7 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.geometry import Surveyed, begin_surveyed, fit_surveyed
 from fidim_lab.identification.mle.geometry_words import geometry_warnings, told_geometry
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.odd_window import contradicts, misses_much, odd_window, taken_in_again
+from fidim_lab.identification.mle.odd_window import contradicts, costs_much, misses_much, odd_window, taken_in_again
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
 from fidim_lab.identification.mle.touched import beside_cuts
@@ -105,10 +105,10 @@ def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> Su
     if (name := odd_window(begun)) is not None:
         others = [window for window in windows if window.id != name]
         without = begin_surveyed(mechanism, others)
-        again = taken_in_again(begun, without) if without.explained else None
+        again = taken_in_again(begun, without) if without.explained and not begun.explained else None
         if again is not None:
             begun = again
-        elif without.explained and misses_much(begun):
+        elif without.explained and (misses_much(begun) or costs_much(begun, without, name)):
             odd[name] = contradicts(name, begun, without)
             begun, windows = without, others
     surveyed = fit_surveyed(begun, windows)
