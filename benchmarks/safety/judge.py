@@ -4,7 +4,7 @@
     of one cable, or of each cable that the faults may move alone; more where a fault's own reaction time times the
     speed it then had is more, or the fault itself moved the cable. What a length does to a tension is taken from the
     plant's statics at the pose in which the first fault came. Not judged: `JOLT` after a drum that turned has lost its
-    power: its brake falls at once, whoever drives it.
+    power: its brake falls at once, whoever drives it; and what comes before any drive has power.
 (b) No final sentence that the plant contradicts: "stand still" while a drum turns, "held" without power, an accepted
     window in which a winch moved, a cable slipped, the marker was wrong or the lengths are, and nothing said so. Wrong
     is what the rig file's own limits call wrong: a drum that turned by more than motors may within the window, a marker
@@ -72,7 +72,8 @@ def room(stiffness: np.ndarray, struck: Sequence[Planted], truth: Truth, since: 
 
 def tension(truth: Truth, limits: tuple[float, float], allowed: Room) -> tuple[float, list[Violation]]:
     """The largest part of the room that was used, and what went beyond it."""
-    judged = ~_jolted(truth)
+    begun = np.maximum.accumulate(truth.powered.any(axis=1))
+    judged = begun & ~_jolted(truth)
     beyond = np.maximum(limits[0] - truth.tensions, truth.tensions - limits[1])
     used = np.where(judged[:, np.newaxis], beyond / allowed.newton, -np.inf)
     worst = float(used.max())

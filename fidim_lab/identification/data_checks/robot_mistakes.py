@@ -18,6 +18,9 @@ from fidim_lab.identification.data_checks.robot_changes import Change, robot_cha
 from fidim_lab.identification.data_checks.thresholds import DATA_CHECKS
 from fidim_lab.model.mechanism import Mechanism
 
+PLACED = ("a capture frame that is not the robot's", "a marker that is not where the robot file has it on the body")
+"""what `placed` fits, where the recordings determine it"""
+
 
 @dataclass(frozen=True)
 class Mistake:
@@ -67,7 +70,9 @@ def find_mistakes(robot: Robot, windows: tuple[Window, ...], least: float = 3e-3
             for after, change in tried[:3]
             if after <= DATA_CHECKS.robot_mistakes_tie * best
         )
-    return (_uncured(tried[0][1], before, best, len(tried)),) if before > DATA_CHECKS.hopeless else ()
+    if before <= DATA_CHECKS.hopeless:
+        return ()
+    return (_uncured(tried[0][1], before, best, len(tried), open_=len(fitted) < len(PLACED)),)
 
 
 def _hanging(unchanged: Mechanism, sample: Sample) -> float:
@@ -100,10 +105,12 @@ def _mistake(change: Change, before: float, after: float) -> Mistake:
     return Mistake(says, before, after, order)
 
 
-def _uncured(nearest: Change, before: float, after: float, tried: int) -> Mistake:
+def _uncured(nearest: Change, before: float, after: float, tried: int, *, open_: bool) -> Mistake:
     says = f"Markers and cable lengths contradict it: {_missed(before)}. None of {tried} simple changes cures that "
     says += "(order of cables, units, axes, turns); nearest: "
     says += f"{nearest.says[0].lower()}{nearest.says[1:]} ({after * 1e3:.2g} mm)."
+    if open_:
+        says += f" These recordings do not show whether it is {' or '.join(PLACED)}: look there next."
     return Mistake(says, before, after)
 
 

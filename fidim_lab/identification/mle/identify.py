@@ -26,7 +26,7 @@ from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.odd_window import contradicts, costs_much, misses_much, odd_window, taken_in_again
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
-from fidim_lab.identification.mle.touched import beside_cuts
+from fidim_lab.identification.mle.touched import IN_VAIN, LEFT_OUT, beside_cuts, untouched
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.undetermined import tried_out
@@ -40,7 +40,7 @@ from fidim_lab.model.sensitivity.sampling import sampled
 VARIANT = "trajectory"
 """how a window's motion was measured: as a simulated one that fits"""
 CUTS = 3
-"""sixths of a window that are tried to be left out beside a cut: half of it"""
+"""sixths of a window that are tried to be left out at an end: half of it"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     soft = fit_soft(campaign, native=native) if soft_mode(campaign) is not None else None
     mechanism = Mechanism(campaign.robot, native=native)
     odd = contradicting(mechanism, campaign.windows) if soft is None else {}
-    surveyed = _fitted(mechanism, campaign, odd) if soft is None else Surveyed(soft.found)
+    surveyed, touched = _fitted(mechanism, campaign, odd) if soft is None else (Surveyed(soft.found), soft.sentences)
     found = surveyed.found if soft is not None else tried_out(surveyed.found)
     surveyed = replace(surveyed, found=found)
     side = _side(replace(campaign, windows=tuple(w for w in campaign.windows if w.id not in odd)))
@@ -83,7 +83,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         C=None if side is None else side.estimate.C,
         windows=windows,
         warnings=(
-            *(() if soft is None else soft.sentences),
+            *touched,
             *geometry_warnings(surveyed, geometry),
             *findings.warnings(found, figures, windows),
         ),
@@ -97,11 +97,14 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
     )
 
 
-def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> Surveyed:
-    """On the windows that are not odd; what those are is in its `unused`, and one more that it finds so in `odd`."""
+def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> tuple[Surveyed, tuple[str, ...]]:
+    """On the windows that are not odd; what those are is in its `unused`, and one more that it finds so in `odd`.
+
+    Also returns what is said of ends of windows that seem to be touched.
+    """
     windows = [window for window in campaign.of_role(Role.IDENTIFY) if window.id not in odd]
     begun = begin_surveyed(mechanism, windows)
-    begun, windows = _without_touched_ends(mechanism, begun, windows)
+    begun, windows, said = _without_touched_ends(mechanism, begun, windows)
     if (name := odd_window(begun)) is not None:
         others = [window for window in windows if window.id != name]
         without = begin_surveyed(mechanism, others)
@@ -113,18 +116,31 @@ def _fitted(mechanism: Mechanism, campaign: Campaign, odd: dict[str, str]) -> Su
             begun, windows = without, others
     surveyed = fit_surveyed(begun, windows)
     unused = surveyed.found.unused | {w.id: odd[w.id] for w in campaign.of_role(Role.IDENTIFY) if w.id in odd}
-    return replace(surveyed, found=replace(surveyed.found, unused=unused))
+    return replace(surveyed, found=replace(surveyed.found, unused=unused)), said
 
 
-def _without_touched_ends(mechanism: Mechanism, begun: Fit, windows: list[Window]) -> tuple[Fit, list[Window]]:
-    """The fit without what a hand still touched beside the cuts, if that leaves noise alone; else as it was."""
-    found, kept = begun, windows
-    for _ in range(0 if misses_much(begun) else CUTS):  # a fit that misses by much is not mended at its ends
-        shorter = None if found.explained else beside_cuts(kept, found)
-        if shorter is None:
+def _without_touched_ends(
+    mechanism: Mechanism, begun: Fit, windows: list[Window]
+) -> tuple[Fit, list[Window], tuple[str, ...]]:
+    """The fit without what a hand still touched, if that leaves noise alone; else as it was. And what is said of it."""
+    found, kept, said = begun, windows, list[str]()
+    for _ in range(CUTS):
+        shorter, cut = (kept, []) if found.explained else _shorter(kept, found)
+        if all(new is old for new, old in zip(shorter, kept, strict=True)):
             break
+        said += cut
         found, kept = begin_surveyed(mechanism, shorter), shorter
-    return (found, kept) if found.explained else (begun, windows)
+    if found.explained:
+        return found, kept, tuple(f"{one}{LEFT_OUT}" for one in said)
+    return begun, windows, tuple(f"{one}{IN_VAIN}" for one in said)
+
+
+def _shorter(windows: list[Window], found: Fit) -> tuple[list[Window], list[str]]:
+    """Without the ends that stand out by much; where little is missed, without those beside a cut."""
+    if not misses_much(found):
+        return beside_cuts(windows, found), []
+    noise = found.noise_ratio * found.likelihood.noise
+    return untouched(windows, found.likelihood.recordings, found.remainders, noise)
 
 
 def _held_out(

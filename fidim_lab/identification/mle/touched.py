@@ -15,21 +15,31 @@ import numpy as np
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.judge import SURPRISE, Remainder
+from fidim_lab.identification.mle.trajectories.recordings import Recording
 
 PART = 1 / 6
 """of a window, at its start and at its end, that is compared with the rest"""
 FAR_MORE = 2.0
-"""times the rms of the rest"""
+"""times the rms of the rest: 3 and 4.6 where a hand brakes the end, 1.4 where drag or friction is missing"""
+LEFT_OUT = ": they were left out."
+IN_VAIN = "; without them, too, something is left."
 
 
-def untouched(windows: Sequence[Window], left: Sequence[Remainder], noise: float) -> tuple[list[Window], list[str]]:
-    """The windows without touched ends, and a sentence for each end that was cut.
+def untouched(
+    windows: Sequence[Window], recordings: Sequence[Recording], left: Sequence[Remainder], noise: float
+) -> tuple[list[Window], list[str]]:
+    """The windows without touched ends, and for each end that was cut a sentence without its end (`LEFT_OUT`).
 
-    left: what a fit left of each window, in their order. noise: m; ends missed by less than twice that are kept.
+    left: what a fit left of each recording, in their order. noise: m; ends missed by less than twice that are kept.
     """
     kept: list[Window] = []
     said: list[str] = []
-    for window, remainder in zip(windows, left, strict=True):
+    remainders = {one.window.id: rest for one, rest in zip(recordings, left, strict=True)}
+    for window in windows:
+        remainder = remainders.get(window.id)
+        if remainder is None:
+            kept.append(window)
+            continue
         begin, end = float(window.t[0]), float(window.t[-1])
         span = PART * (end - begin)
         if _stands_out(remainder, early=True, noise=noise):
@@ -42,11 +52,10 @@ def untouched(windows: Sequence[Window], left: Sequence[Remainder], noise: float
     return kept, said
 
 
-def beside_cuts(windows: Sequence[Window], found: Fit) -> list[Window] | None:
-    """The windows without more of what lies beside a cut and is missed by more than chance; None where nothing is."""
+def beside_cuts(windows: Sequence[Window], found: Fit) -> list[Window]:
+    """The windows without more of what lies beside a cut and is missed by more than chance."""
     left = {one.window.id: rest for one, rest in zip(found.likelihood.recordings, found.remainders, strict=True)}
-    kept = [_shorter(window, left[window.id]) if window.id in left else window for window in windows]
-    return None if all(new is old for new, old in zip(kept, windows, strict=True)) else kept
+    return [_shorter(window, left[window.id]) if window.id in left else window for window in windows]
 
 
 def _shorter(window: Window, left: Remainder) -> Window:
@@ -70,7 +79,7 @@ def _beyond_chance(left: Remainder, *, early: bool) -> bool:
     return float(np.mean(there**2)) > (1 + chance) * float(np.mean(rest**2))
 
 
-_WHY = "are missed by more than twice as much as the rest of it, as if a hand still touched: they were left out."
+_WHY = "are missed by more than twice as much as the rest of it, as if a hand still touched"
 
 
 def _stands_out(left: Remainder, *, early: bool, noise: float) -> bool:
