@@ -202,7 +202,7 @@ def test_reactions_of_the_rig_file_reach_the_guards():
     settings = rig_settings(rig)
     guards = {guard.name: guard for guard in standard_guards(["w"] * 4, [34.0] * 4, (20.0, 200.0), settings.guard)}
     told = {"following error", "temperature", "bus errors"}  # what drives say of themselves
-    assert set(guards) == {"drive", "stale winch", "tension", "marker", "motion", "slip"} | told
+    assert set(guards) == {"drive", "power", "stale winch", "tension", "marker", "motion", "slip"} | told
     assert guards["slip"].reaction is Reaction.REJECT_WINDOW
     assert guards["marker"].reaction is Reaction.HOLD
     assert guards["motion"].reaction is Reaction.QUICK_STOP
