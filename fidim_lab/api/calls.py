@@ -57,15 +57,16 @@ def identify(
     return Identified(identify_posed(posed, method, paper=paper))
 
 
-def explain(campaign: AnyCampaign, *, patience: float = PATIENCE, without: Sequence[str] = ()) -> Explained:
+def explain(campaign: AnyCampaign, *, patience: float = PATIENCE, without: str | Sequence[str] = ()) -> Explained:
     """Name the physics that the model leaves out, and show it on held-out windows.
 
     `patience`: CPU seconds until what there is, is told. `without`: effects that the catalogue is to lack.
-    Raises FileError for a wrong campaign, RefusedError where no window can be fitted.
+    Raises FileError for a wrong campaign, SetupError for an effect that there is not or a patience below 0,
+    RefusedError where no window can be fitted.
     """
     from fidim_lab.mismatch.explain import explain as search
 
-    return Explained(search(_in_memory(campaign), patience=patience, without=tuple(without)))
+    return Explained(search(_in_memory(campaign), patience=patience, without=_several(without)))
 
 
 def validate(
@@ -90,7 +91,7 @@ def simulate(
     robot: Path | str,
     out: Path | str,
     *,
-    hide: Sequence[str] = (),
+    hide: str | Sequence[str] = (),
     backend: Literal["native", "mujoco"] = "native",
     noise: float | None = None,
     seed: int = 1,
@@ -111,7 +112,7 @@ def simulate(
     options = SimulateOptions(
         robot=robot_path(str(robot)),
         out=Path(out),
-        hide=tuple(hide),
+        hide=_several(hide),
         backend=backend,
         noise=noise,
         seed=seed,
@@ -170,6 +171,11 @@ def report(folder: Path | str, out: Path | str | None = None, *, pictures: Path 
     return write_report(
         Path(folder), out=None if out is None else Path(out), pictures=None if pictures is None else Path(pictures)
     )
+
+
+def _several(given: str | Sequence[str]) -> tuple[str, ...]:
+    """A single one may be given as it is."""
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _in_memory(campaign: AnyCampaign) -> records.Campaign:

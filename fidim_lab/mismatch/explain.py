@@ -13,7 +13,7 @@ from dataclasses import replace
 from time import perf_counter
 
 from fidim_lab.data.records import Campaign
-from fidim_lab.errors import RefusedError
+from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.choice import soft_mode
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.restored import without_needless_contacts, without_needless_faults
@@ -34,6 +34,7 @@ from fidim_lab.mismatch.conclusion.verdict import Judged, judge
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
 from fidim_lab.mismatch.fitting.baseline import Baseline, ready
 from fidim_lab.mismatch.fitting.refit import Completed
+from fidim_lab.mismatch.linearised.hypotheses import check_known
 from fidim_lab.mismatch.rounds import Reached, Rounds
 from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
 from fidim_lab.say import Say
@@ -55,8 +56,12 @@ def explain(
     native: with compiled C where there is a compiler, as `identify`. say: is told of progress, in sentences.
     patience: s of CPU time after which no further model is tried, and what there is, is told.
     without: ids of effects that are taken as unknown: the catalogue less these.
-    Raises RefusedError where no window can be fitted at all, or where the robot file is grossly and simply wrong.
+    Raises SetupError for what cannot be left out or waited for, RefusedError where no window can be fitted at all, or
+    where the robot file is grossly and simply wrong.
     """
+    check_known(without)
+    if not patience >= 0:
+        raise SetupError(f"patience = {patience:g} s: it is at least 0 s of CPU time.")
     begin, until = perf_counter(), Patience(patience)
     cleaned = clean(campaign, say=say)
     rounds = Rounds(ready(campaign.robot, native=native), say, until, frozenset(without))

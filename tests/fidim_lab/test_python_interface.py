@@ -138,3 +138,16 @@ def _timeless(path: Path) -> dict[str, object]:
     told = json.loads(path.read_text())
     del told["seconds"]
     return told
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"), [({"without": "air"}, "without air: no such effect"), ({"patience": -1}, "-1 s")]
+)
+def test_explain_refuses_what_it_would_silently_ignore(folder, wrong, says):
+    with pytest.raises(fl.FidimError, match=says):
+        fl.explain(folder, **wrong)
+
+
+def test_one_effect_may_be_hidden_by_its_text_alone(tmp_path):
+    campaign = fl.simulate("irma4", tmp_path / "c", hide="gravity-tilt", equilibria=1, validate=0, seed=3)
+    assert len(campaign.windows) == 1

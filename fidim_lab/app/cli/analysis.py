@@ -12,6 +12,7 @@ import click
 from fidim_lab.app.cli.completion import hide_option
 from fidim_lab.app.cli.outputs import OUT_FILE, OUT_FILE_DEEP, OUT_FOLDER, Writing
 from fidim_lab.app.cli.root import FILE, FOLDER, ROBOT, Number, example, fidim, given, not_with, nothing_but, only_with
+from fidim_lab.errors import SetupError
 from fidim_lab.mismatch.selection.budget import PATIENCE
 
 
@@ -210,14 +211,12 @@ def _scored(effects: tuple[str, ...]) -> None:
     """Raises UsageError for what no search tries, naming what it does try."""
     if not effects:
         return
-    from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-    from fidim_lab.effects.catalogue import catalogue
-    from fidim_lab.mismatch.linearised.hypotheses import NOT_BY_SCORE
+    from fidim_lab.mismatch.linearised.hypotheses import check_known
 
-    known = {effect.id for effect in catalogue(read_robot(PAPERS_ROBOT))} - {*NOT_BY_SCORE}
-    for effect in effects:
-        if effect not in known:
-            raise click.UsageError(f"--without {effect}: no such effect. There are: {', '.join(sorted(known))}.")
+    try:
+        check_known(effects)
+    except SetupError as error:
+        raise click.UsageError(f"--{error.message} {error.hint}") from error
 
 
 @fidim.group(invoke_without_command=True)

@@ -11,10 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fidim_lab.data.records import Robot
+from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.effects.dissipation.swivel_friction import SwivelFrictionGivingWay
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loads.loose_mass import LooseMass
+from fidim_lab.errors import SetupError
 from fidim_lab.mismatch.linearised.thresholds import LINEARISED
 
 NOT_BY_SCORE = ("hand-contact", "sensor-fault", "unknown", "time-offset")
@@ -129,3 +131,13 @@ def _at_scan_points(effect: NamedEffect, alike: int) -> Iterable[Hypothesis]:
     scored = tuple(k for k, scanned in enumerate(effect.scanned) if not scanned)
     prior = np.array([LINEARISED.hypotheses_broad * effect.parameters[k].scale for k in scored])
     return [Hypothesis(effect, point, scored, prior, alike) for point in effect.scan_points]
+
+
+def check_known(effects: Collection[str]) -> None:
+    """Raises SetupError for what no search tries, naming what it does try."""
+    if not effects:
+        return
+    known = {effect.id for effect in catalogue(read_robot(PAPERS_ROBOT))} - {*NOT_BY_SCORE}
+    for effect in effects:
+        if effect not in known:
+            raise SetupError(f"without {effect}: no such effect.", hint=f"There are: {', '.join(sorted(known))}.")
