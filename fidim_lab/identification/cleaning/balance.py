@@ -5,18 +5,18 @@ themselves (Eq. 21). Markers are differentiated by a quartic through `HALF` seco
 enough to say when a hand lets go, and with nodes up to the ends of a recording.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.arrays import Series
-from fidim_lab.data.records import Motion, Window
+from fidim_lab.data.records import Motion, Robot, Window
 from fidim_lab.errors import FidimError, InfeasibleError
 from fidim_lab.identification.motion import rigid, surface
 from fidim_lab.identification.motion.measured import held_lengths, rest_pose
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.regressor import platform_regressor
+from fidim_lab.model.regressor import parameter_vector, platform_regressor
 
 EVERY = 0.1
 """s between nodes"""
@@ -40,6 +40,9 @@ class Balance:
     """times χ: what does not balance, m/s²"""
     inertial: Float[np.ndarray, "N free 10"]
     """times χ: the inertial part of it, m/s²"""
+    noise: Series
+    """(N,) (m/s²)²: mean square of what does not balance that noise of the markers makes, for the nominal body; large
+    where few markers hardly show a free motion (three cables, one marker)"""
 
 
 def balance(mechanism: Mechanism, window: Window) -> Balance | None:
@@ -55,12 +58,26 @@ def balance(mechanism: Mechanism, window: Window) -> Balance | None:
     try:
         motion = _motion(mechanism, window, nodes, body[seen])
         free = surface.free_directions(mechanism.structure_matrix(motion.positions, motion.rotations))
+        noise = _noise(mechanism.robot, motion, free, body[seen]) * nodes.gains[np.searchsorted(nodes.t, motion.t)] ** 2
     except (FidimError, np.linalg.LinAlgError):
         return None
     across = np.swapaxes(free, 1, 2)
     left = across @ platform_regressor(motion, robot.gravity)
     inertial = across @ platform_regressor(motion, np.zeros(3))
-    return Balance(window, motion.t, left, inertial)
+    return Balance(window, motion.t, left, inertial, noise)
+
+
+def _noise(robot: Robot, motion: Motion, free: Float[np.ndarray, "N 6 free"], body: Float[np.ndarray, "M 3"]) -> Series:
+    """(N,) mean square of what does not balance (m/s²)², for accelerations of markers whose noise is `marker_noise`.
+
+    That of accelerations alone: places are better known by far than gravity makes of their errors.
+    """
+    still = replace(motion, twists=np.zeros_like(motion.twists))
+    units = (replace(still, accelerations=np.tile(one, (len(motion.t), 1))) for one in np.eye(6))
+    columns = [platform_regressor(unit, np.zeros(3)) @ parameter_vector(robot.nominal) for unit in units]
+    shown = np.linalg.pinv(surface.marker_jacobian(motion.rotations, body) @ free)
+    made = np.swapaxes(free, 1, 2) @ np.stack(columns, axis=2) @ free @ shown
+    return robot.sensors.marker_noise**2 * (made**2).sum(axis=(1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +86,11 @@ class _Nodes:
     place: Float[np.ndarray, "N M 3"]
     speed: Float[np.ndarray, "N M 3"]
     acceleration: Float[np.ndarray, "N M 3"]
+    gains: Series
+    """1/s²: standard deviation of an acceleration over that of a sample"""
 
     def at(self, use: np.ndarray) -> "_Nodes":
-        return _Nodes(self.t[use], self.place[use], self.speed[use], self.acceleration[use])
+        return _Nodes(self.t[use], self.place[use], self.speed[use], self.acceleration[use], self.gains[use])
 
 
 def _differentiated(window: Window, markers: np.ndarray) -> _Nodes:
@@ -80,16 +99,19 @@ def _differentiated(window: Window, markers: np.ndarray) -> _Nodes:
     whole = np.isfinite(tracks).all(axis=1)
     t, tracks = t[whole], tracks[whole]
     found: list[tuple[float, np.ndarray]] = []
+    gains: list[float] = []
     if len(t):
         for at in np.arange(window.t[0] + HALF, window.t[-1] - HALF + 1e-9, EVERY):
             begin, end = np.searchsorted(t, (at - HALF - 1e-9, at + HALF + 1e-9))
             if end - begin < DEGREE + 1 + SPARE or not (t[begin] < at - HALF / 2 and t[end - 1] > at + HALF / 2):
                 continue
             powers = np.vander((t[begin:end] - at) / HALF, DEGREE + 1, increasing=True)
-            found.append((float(at), np.linalg.lstsq(powers, tracks[begin:end], rcond=None)[0][:3]))
+            quartic = np.linalg.pinv(powers)
+            found.append((float(at), quartic[:3] @ tracks[begin:end]))
+            gains.append(2 / HALF**2 * float(np.linalg.norm(quartic[2])))
     times = np.array([at for at, _ in found])
     values = np.array([one for _, one in found]).reshape(len(found), 3, len(markers), 3)
-    return _Nodes(times, values[:, 0], values[:, 1] / HALF, 2 * values[:, 2] / HALF**2)
+    return _Nodes(times, values[:, 0], values[:, 1] / HALF, 2 * values[:, 2] / HALF**2, np.array(gains))
 
 
 def _motion(mechanism: Mechanism, window: Window, nodes: _Nodes, body: Float[np.ndarray, "M 3"]) -> Motion:

@@ -188,7 +188,7 @@ def _blocks(one: Balance, length: float) -> list[tuple[np.ndarray, np.ndarray]]:
 def _disturbed(one: Balance, chi: Float[np.ndarray, "10"], rule: FreeMotionRule) -> Bool[np.ndarray, " N"]:
     """Nodes at which the platform is not free."""
     left, inertial = _forces(one, chi, rule)
-    own = float(np.median(left))
+    own = np.maximum(np.median(left), _averaged(one.t, one.noise, rule))
     unmoved = left > rule.share**2 * inertial
     found = unmoved & (left > rule.above**2 * own)
     found |= (left > rule.still**2 * inertial) & (left > rule.goes_on**2 * own)
