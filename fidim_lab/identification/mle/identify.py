@@ -26,7 +26,7 @@ from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.odd_window import contradicts, costs_much, misses_much, odd_window, taken_in_again
 from fidim_lab.identification.mle.soft import SoftFit, fit_soft
 from fidim_lab.identification.mle.starts.contradiction import contradicting
-from fidim_lab.identification.mle.touched import IN_VAIN, LEFT_OUT, beside_cuts, untouched
+from fidim_lab.identification.mle.touched import IN_VAIN, LEFT_OUT, beside_cuts, left_by_window, untouched
 from fidim_lab.identification.mle.trajectories.likelihood import Simulation
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.undetermined import tried_out
@@ -140,7 +140,7 @@ def _shorter(windows: list[Window], found: Fit) -> tuple[list[Window], list[str]
     if not misses_much(found):
         return beside_cuts(windows, found), []
     noise = found.noise_ratio * found.likelihood.noise
-    return untouched(windows, found.likelihood.recordings, found.remainders, noise)
+    return untouched(windows, left_by_window(found), noise)
 
 
 def _held_out(

@@ -33,7 +33,7 @@ from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.frames import REGISTERED, free_frames
 from fidim_lab.identification.mle.judge import Remainder, remainder
-from fidim_lab.identification.mle.touched import LEFT_OUT, untouched
+from fidim_lab.identification.mle.touched import LEFT_OUT, left_by_window, untouched
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
 from fidim_lab.model.mechanism import Mechanism
@@ -166,10 +166,9 @@ def fit_soft(campaign: Campaign, *, native: bool = False) -> SoftFit:
     task = _Task.of(robot, windows, stretch, native)
     working = replace(robot.sensors, marker_noise=working_noise(robot, windows))
     first = task.fit(windows, working, BEGINNINGS[0])
-    used = {recording.window.id for recording in first.likelihood.recordings}
-    windows = [window for window in windows if window.id in used]
-    noise = ALL_NOISE * robot.sensors.marker_noise
-    kept, cut = untouched(windows, first.likelihood.recordings, first.remainders, noise)
+    left = left_by_window(first)
+    windows = [window for window in windows if window.id in left]
+    kept, cut = untouched(windows, left, ALL_NOISE * robot.sensors.marker_noise)
     fits = [first if not cut else _tried(task, kept, working, BEGINNINGS[0])]
     if _rms(first) < ALL_NOISE * robot.sensors.marker_noise < working.marker_noise:
         working = robot.sensors

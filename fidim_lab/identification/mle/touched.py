@@ -7,7 +7,7 @@ Where a hand was found before (`cleaning.free_motion`), it may have begun gently
 touched as soon as it is missed by more than chance, if without it all that is left is noise.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,6 @@ import numpy as np
 from fidim_lab.data.records import Window
 from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.identification.mle.judge import SURPRISE, Remainder
-from fidim_lab.identification.mle.trajectories.recordings import Recording
 
 PART = 1 / 6
 """of a window, at its start and at its end, that is compared with the rest"""
@@ -25,18 +24,20 @@ LEFT_OUT = ": they were left out."
 IN_VAIN = "; without them, too, something is left."
 
 
-def untouched(
-    windows: Sequence[Window], recordings: Sequence[Recording], left: Sequence[Remainder], noise: float
-) -> tuple[list[Window], list[str]]:
+def left_by_window(found: Fit) -> dict[str, Remainder]:
+    """What a fit left of each window that it used, by id."""
+    return {one.window.id: rest for one, rest in zip(found.likelihood.recordings, found.remainders, strict=True)}
+
+
+def untouched(windows: Sequence[Window], left: Mapping[str, Remainder], noise: float) -> tuple[list[Window], list[str]]:
     """The windows without touched ends, and for each end that was cut a sentence without its end (`LEFT_OUT`).
 
-    left: what a fit left of each recording, in their order. noise: m; ends missed by less than twice that are kept.
+    left: `left_by_window`; windows without are kept. noise: m; ends missed by less than twice that are kept.
     """
     kept: list[Window] = []
     said: list[str] = []
-    remainders = {one.window.id: rest for one, rest in zip(recordings, left, strict=True)}
     for window in windows:
-        remainder = remainders.get(window.id)
+        remainder = left.get(window.id)
         if remainder is None:
             kept.append(window)
             continue
@@ -54,7 +55,7 @@ def untouched(
 
 def beside_cuts(windows: Sequence[Window], found: Fit) -> list[Window]:
     """The windows without more of what lies beside a cut and is missed by more than chance."""
-    left = {one.window.id: rest for one, rest in zip(found.likelihood.recordings, found.remainders, strict=True)}
+    left = left_by_window(found)
     return [_shorter(window, left[window.id]) if window.id in left else window for window in windows]
 
 

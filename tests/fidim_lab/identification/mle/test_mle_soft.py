@@ -1,7 +1,6 @@
 """Robots whose cables meet nearly in one point: frames, touched ends, stretch by statics, and the fit of all of it."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -133,8 +132,7 @@ def left_of(window: Window, sizes) -> Remainder:
 )
 def test_only_ends_that_stand_out_are_cut(swinging, sizes, first, last):
     window = swinging[0]
-    recording = SimpleNamespace(window=window)
-    kept, said = untouched([window], [recording], [left_of(window, 1e-3 * np.array(sizes))], noise=2e-4)
+    kept, said = untouched([window], {window.id: left_of(window, 1e-3 * np.array(sizes))}, noise=2e-4)
     assert kept[0].t[0] == pytest.approx(first, abs=0.011)
     assert kept[0].t[-1] == pytest.approx(last, abs=0.011)
     assert len(said) == (first > 0) + (last < 1.5)
