@@ -140,7 +140,7 @@ CASES = {
         lambda s: (frozen(s, 0x182, 0x282), s.spin(2, 0.05, unseen=True)),
         "its samples (TPDO) stay the same, and its encoder, asked by SDO, is +",
         "winch 2 did not obey",
-        way=0.05 * 0.6,
+        way=0.01,
     ),
     "a drive answers for another": Case("Settle", 0.0, mixed_up, "answers no question (SDO)", "stand still", way=0.001),
     "a tension that cannot be": Case(

@@ -164,10 +164,6 @@ FAILS = {
         "cut the power by hand before you go near it. winch 1 was not seen to stop",
     ),
     "frozen samples": (repeats, "but cut the power by hand before you go near the robot. winch 1 did not obey"),
-    "fault of another": (
-        lambda drives, _: drives[2].faults.raise_fault(0x2310),
-        "winch 1 was quick-stopped (winch 1 (node 1): does not hold its place in profile torque (4)).",
-    ),
 }
 
 
@@ -178,3 +174,11 @@ def test_a_winch_that_pulls_is_left_in_no_torque_that_would_give_way(tmp_path, n
     report, _, _ = carry_out(tmp_path / "run", Mode.PROFILE_POSITION, strike=strike)
     assert report.outcome is Outcome.ERROR
     assert says in report.held_says
+
+
+def test_a_winch_that_pulls_is_quick_stopped_when_another_has_a_fault(tmp_path):
+    fault = lambda drives, _: drives[2].faults.raise_fault(0x2310)  # noqa: E731
+    report, _, states = carry_out(tmp_path / "run", Mode.PROFILE_POSITION, strike=fault)
+    assert report.outcome is Outcome.ERROR
+    assert "without motor power: winch 3." in report.held_says
+    assert states[0] is DriveState.QUICK_STOP_ACTIVE, "a hold in torque mode would give way"
