@@ -75,7 +75,7 @@ class Identified:
         write_result(Path(path), self.result)
 
     def __str__(self) -> str:
-        from fidim_lab.app.analysis.identify import summary
+        from fidim_lab.app.analysis.identified import summary
 
         return as_text(summary(self.result))
 

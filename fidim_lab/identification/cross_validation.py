@@ -19,6 +19,7 @@ from fidim_lab.data.records import Body, Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError, SetupError
 from fidim_lab.identification.equations.consistency import can_move
 from fidim_lab.identification.equations.problem import WindowEquations, window_equations
+from fidim_lab.identification.equations.refusals import bare, no_sigma
 from fidim_lab.identification.mle.held_out import predict
 from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.trajectories.recordings import prepare
@@ -65,6 +66,8 @@ class Judged:
     chi2_per_dof: float | None
     why: str = ""
     """what is wrong, or worth a remark"""
+    no_sigma: str = ""
+    """why there is no σ⊥"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +86,11 @@ class CrossValidation:
     def failed(self) -> tuple[Judged, ...]:
         """Windows that the parameters do not predict."""
         return tuple(w for w in self.windows if w.predicted is False)
+
+    @property
+    def no_sigma(self) -> str:
+        """Why windows that were judged have no σ⊥, for people; empty where each has one."""
+        return no_sigma({w.id: w.no_sigma for w in self.judged if w.no_sigma})
 
     @property
     def predicts(self) -> bool:
@@ -157,7 +165,8 @@ class _Judge:
 
     def window(self, window: Window) -> Judged:
         """The verdict on one window; one that cannot be used is not a failed one."""
-        sigma, expected, troubles = self._by_equations(window)
+        sigma, expected, none = self._by_equations(window)
+        troubles: list[str] = []
         left: Remainder | None = None
         wrong: list[str] = []
         try:
@@ -165,12 +174,12 @@ class _Judge:
             left = predict(self._mechanism, self._shared, recording, sensors).remainder
             wrong = self._about_trajectory(window, left)
         except FidimError as error:
-            troubles.append(str(error))
+            troubles.append(bare(window.id, str(error)))
         remarks = self._about_equations(sigma, expected)
         if left is not None:
             predicted = not wrong
         elif sigma is None:
-            predicted = None
+            predicted, troubles = None, [*troubles, *([bare(window.id, none)] if none else [])]
         else:  # without lengths nothing can be simulated; with them, that it cannot be is the verdict
             predicted = window.lengths is None and not remarks
         return Judged(
@@ -182,16 +191,17 @@ class _Judge:
             None if left is None else left.rms,
             None if left is None else left.chi2_per_dof,
             "; ".join([*wrong, *remarks, *troubles]),
+            none,
         )
 
-    def _by_equations(self, window: Window) -> tuple[float | None, float | None, list[str]]:
+    def _by_equations(self, window: Window) -> tuple[float | None, float | None, str]:
         """σ⊥ and what is expected of it, or why there is none."""
         try:
             equations = window_equations(self._mechanism, self._campaign, window, self._recipe)
             sigma = sigma_perp(residual(equations, self._body, self._body))
         except FidimError as error:
-            return None, None, [str(error)]
-        return sigma, self._expected(equations), []
+            return None, None, str(error)
+        return sigma, self._expected(equations), ""
 
     def _expected(self, equations: WindowEquations) -> float | None:
         free = self._campaign.robot.freedoms

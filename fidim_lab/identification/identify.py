@@ -8,6 +8,7 @@ import numpy as np
 
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.identification.cleaning.clean import clean_recordings
+from fidim_lab.identification.cleaning.free_motion import counted, were_used
 from fidim_lab.identification.cleaning.low_pass import low_passed
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.estimate import Estimate
@@ -148,8 +149,8 @@ def _doubtful(estimate: Estimate) -> tuple[str, ...]:
 
 
 def _message(outcome: Outcome, estimate: Estimate, windows: tuple[WindowVerdict, ...]) -> str:
-    used = sum(w.used and w.role is Role.IDENTIFY for w in windows)
-    parts = [outcome.value, consistency.sentence(estimate.body), f"{used} windows were used."]
+    used = were_used(w.id for w in windows if w.used and w.role is Role.IDENTIFY)
+    parts = [outcome.value, consistency.sentence(estimate.body), f"{used}."]
     if doubtful := _doubtful(estimate):
         parts.append(f"Not well identified: {', '.join(doubtful)}.")
     return " ".join(parts)
@@ -191,7 +192,7 @@ def _grouped_notes(windows: tuple[WindowVerdict, ...]) -> list[str]:
         if len(ids) == 1:
             lines.append(f"Window {first}: {note}.")
         else:
-            lines.append(f"{len(ids)} windows ({', '.join(ids)}), as in {first}: {note}.")
+            lines.append(f"{counted(ids)} ({', '.join(ids)}), as in {first}: {note}.")
     return lines
 
 

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from fidim_lab.app.analysis.identify import gauge_table, parameter_table, window_table
+from fidim_lab.app.analysis.identified import gauge_table, next_command, parameter_table, window_table
 from fidim_lab.app.report.sections.numerals import short
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
@@ -37,6 +37,7 @@ def identify_jointly_command(folders: Sequence[Path], json_file: Path | None, re
         from fidim_lab.app.report.pages.joint_page import write_joint_page
 
         console.out.print(f"Report      {write_joint_page(found, report)}", markup=False)
+    console.out.print(f"next        {next_command(folders[0], found.result, json_file)}", markup=False)
     return 0 if found.result.outcome.answers else 1
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from fidim_lab.app.analysis.identify import UNUSABLE, run_identify, summary
+from fidim_lab.app.analysis.identified import UNUSABLE, summary
+from fidim_lab.app.analysis.identify import run_identify
 from fidim_lab.app.report.pages.write import write_report
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of

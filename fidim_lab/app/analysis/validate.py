@@ -13,6 +13,7 @@ from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
 from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
+from fidim_lab.identification.equations.refusals import no_sigma
 from fidim_lab.identification.motion.recipe import BEST, PAPER
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import ResultTable, read_result
@@ -111,6 +112,7 @@ def table(found: CrossValidation, sigma_W: float | None) -> Table:
             _number(window.chi2_per_dof),
             _verdict(window),
         )
+    shown.caption, shown.caption_justify = found.no_sigma or None, "left"
     return shown
 
 
@@ -133,7 +135,7 @@ def to_json(campaign: Campaign, given: ResultTable, found: CrossValidation, seco
                 "sigma_perp_expected": w.expected,
                 "chi2_per_dof": w.chi2_per_dof,
                 "rms_mm": None if w.rms is None else millimetres(w.rms),
-                "why": w.why,
+                "why": "; ".join(part for part in (w.why, w.no_sigma and no_sigma({w.id: w.no_sigma})) if part),
             }
             for w in found.windows
         ],

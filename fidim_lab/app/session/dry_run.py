@@ -11,7 +11,8 @@ from pathlib import Path
 from rich.table import Table
 
 from fidim_lab.app import compose
-from fidim_lab.app.analysis.identify import run_identify, summary
+from fidim_lab.app.analysis.identified import summary
+from fidim_lab.app.analysis.identify import run_identify
 from fidim_lab.app.analysis.possible_robot import require_possible
 from fidim_lab.app.formats.run_records import RunRecords
 from fidim_lab.app.judging.model_check import Looked, ModelCheck

@@ -10,7 +10,7 @@ Where markers and lengths do not show the pose (two cables, one marker), only a 
 does so before the release is seen everywhere, also where noise hides the forces.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -153,6 +153,20 @@ def parts(window: Window, cuts: Sequence[tuple[float, float]], shortest: float) 
         markers = np.where(use[:, np.newaxis, np.newaxis], window.markers, np.nan)
         found.append(replace(window, id=name, markers=markers))
     return found
+
+
+def counted(ids: Iterable[str]) -> str:
+    """How many windows these are, for people: parts of one window count once, and are told."""
+    parts = list(ids)
+    count = len({whole_id(one) for one in parts})
+    windows = "1 window" if count == 1 else f"{count} windows"
+    return windows if len(parts) == count else f"{windows} (in {len(parts)} parts)"
+
+
+def were_used(ids: Iterable[str]) -> str:
+    """The same, as a clause."""
+    count = counted(ids)
+    return f"{count} {'was' if count.startswith('1 ') else 'were'} used"
 
 
 def whole_id(part: str) -> str:

@@ -15,7 +15,7 @@ from fidim_lab.data.records import Body, Campaign, Role, Window
 from fidim_lab.errors import FidimError, RefusedError
 from fidim_lab.identification.equations.refusals import together
 from fidim_lab.identification.motion.filters import FilterDesign, Kernels, convolve, design
-from fidim_lab.identification.motion.measured import MeasuredMotion, measure
+from fidim_lab.identification.motion.measured import MORE_MARKERS, MeasuredMotion, measure
 from fidim_lab.identification.motion.recipe import Recipe, Rows
 from fidim_lab.identification.motion.surface import free_directions
 from fidim_lab.model.mechanism import Mechanism
@@ -123,12 +123,20 @@ class WindowEquations:
             return [(0, len(samples), 0)]
         half = self._kernels(self.recipe.equations).half
         follows = np.concatenate([[True], np.diff(samples) == 1])
-        found = [(begin, end, half) for begin, end in _runs_of_neighbours(follows) if end - begin > 2 * half]
+        runs = _runs_of_neighbours(follows)
+        found = [(begin, end, half) for begin, end in runs if end - begin > 2 * half]
         if not found:
-            raise RefusedError(
-                f"Window {self.window.id}: no stretch of {2 * half / self.measured.rate:.2f} s without a gap is left."
-            )
+            raise self._too_short(2 * half, max(end - begin for begin, end in runs))
         return found
+
+    def _too_short(self, needed: int, longest: int) -> RefusedError:
+        """That no stretch holds the filter, with what has broken them up; both lengths in samples."""
+        rate, why = self.measured.rate, "; ".join(self.measured.broken_by) or "the window is too short"
+        return RefusedError(
+            f"Window {self.window.id}: the equations of motion need more than {needed / rate:.2f} s without a break, "
+            f"the longest stretch has {longest / rate:.2f} s: {why}.",
+            hint=MORE_MARKERS if self.measured.broken_by else "",
+        )
 
 
 def _least_change(J: np.ndarray, M: np.ndarray, N: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ from fidim_lab.model.sensitivity.equations import BODY
 
 FEWEST, MOST = 2, 8
 """campaigns of one joint fit; more than eight were not tried"""
+NO_SIGMA = "a fit of several campaigns forms no equations of motion"
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,4 +202,6 @@ def _fitted(name: str, role: Role, left: Remainder) -> WindowVerdict:
 
 
 def _verdict(name: str, role: Role, samples: int, rms: float, chi2_per_dof: float | None) -> WindowVerdict:
-    return WindowVerdict(name, role, True, "trajectory", samples, None, 1e3 * rms, chi2_per_dof, None, ())
+    return WindowVerdict(
+        name, role, True, "trajectory", samples, None, 1e3 * rms, chi2_per_dof, None, no_sigma=NO_SIGMA
+    )

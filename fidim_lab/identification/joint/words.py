@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.equations import consistency
 from fidim_lab.identification.joint.cross import Cross
 from fidim_lab.identification.joint.fit import JointFit
@@ -18,7 +19,7 @@ from fidim_lab.units import millimetres
 
 def message(ended: Outcome, whole: JointFit, figures: Figures) -> str:
     """A paragraph for a person."""
-    windows = sum(len(left) for left in whole.remainders)
+    windows = sum(len({whole_id(r.window.id) for r in m.likelihood.recordings}) for m in whole.members)
     every = [left for of_one in whole.remainders for left in of_one]
     lost = lost_energy(every, whole.members[0].likelihood.noise) if whole.excess > MISFIT else None
     parts = [
@@ -57,7 +58,8 @@ def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequenc
             "No robot file states [survey] for all of the geometry: a usual survey was taken, with "
             f"{whole.factor * millimetres(TYPICAL_ANCHOR):.2g} mm for anchors by the evidence of the recordings."
         )
-    if says := furthest(geometry):
+    misfit = whole.chi2_per_dof > whole.noise_ratio**2 * MISFIT
+    if says := furthest(geometry, explained=not misfit):
         said.append(says)
     said += [
         f"{one.campaign}/{one.window} cannot be predicted: {one.why}"
@@ -66,7 +68,7 @@ def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequenc
         for one in each.windows
         if one.rms is None
     ]
-    if whole.chi2_per_dof > whole.noise_ratio**2 * MISFIT:
+    if misfit:
         rms = millimetres(float(np.sqrt(np.mean([left.rms**2 for of_one in whole.remainders for left in of_one]))))
         said.append(
             f"The model misses {rms:.2g} mm rms of the fitted windows, more than their noise: the ± count that, and "

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
+from fidim_lab.identification.cleaning.free_motion import counted, were_used
 from fidim_lab.identification.equations import consistency, tls
 from fidim_lab.identification.equations.refusals import bare
 from fidim_lab.identification.mle.dissipated import lost_energy
@@ -114,7 +115,7 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     parts = [
         ended.value,
         *(() if lost is None else (lost.says,)),
-        f"{_counted(len(found.remainders))} used; χ²/dof is {found.chi2_per_dof:.3g}.",
+        f"{were_used(r.window.id for r in found.likelihood.recordings)}; χ²/dof is {found.chi2_per_dof:.3g}.",
         consistency.sentence(figures.body),
     ]
     if 0 < figures.moved <= consistency.ALLOWED:
@@ -131,10 +132,6 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     if loose := [name for name in doubtful(figures) if name not in figures.unseen]:
         parts.append(f"Not well identified: {', '.join(loose)}.")
     return " ".join(parts)
-
-
-def _counted(windows: int) -> str:
-    return "1 window was" if windows == 1 else f"{windows} windows were"
 
 
 def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -> tuple[str, ...]:
@@ -253,13 +250,13 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
             f"χ²/dof is {found.chi2_per_dof:.3g}: besides noise, {left:.2g} mm rms are left that the model does not "
             f"explain. {SOMETHING} (fidim explain)."
         )
-    coloured = [
-        f"{recording.window.id} ({left.whiteness:.0f})"
+    coloured = {
+        recording.window.id: f"{recording.window.id} ({left.whiteness:.0f})"
         for recording, left in zip(found.likelihood.recordings, found.remainders, strict=True)
         if left.whiteness is not None and left.whiteness > COLOURED
-    ]
+    }
     if coloured:
-        said.append(f"What is left is not white (1 would be) in {len(coloured)} windows: {', '.join(coloured)}.")
+        said.append(f"What is left is not white (1 would be) in {counted(coloured)}: {', '.join(coloured.values())}.")
     worst = 2 * max(1.0, found.chi2_per_dof)
     bad = [w.id for w in windows if w.role is Role.VALIDATE and (w.chi2_per_dof or 0.0) > worst]
     if bad:

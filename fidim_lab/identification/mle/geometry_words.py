@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.identification.mle.evidence import ODDS, Factors
+from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.results.result import Geometry, Moved
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, TYPICAL_MARKER
@@ -38,7 +39,8 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
     """Whether the file's geometry holds, what is off most, and what no recording shows."""
     if not surveyed.geometry:
         return ()
-    details = [says for says in (furthest(told), _unseen(surveyed, told)) if says]
+    explained = surveyed.found.excess <= MISFIT
+    details = [says for says in (furthest(told, explained=explained), _unseen(surveyed, told)) if says]
     weighed = surveyed.weighed
     if weighed.log_bayes is None:
         return tuple(details)
@@ -47,6 +49,12 @@ def geometry_warnings(surveyed: Surveyed, told: Geometry) -> tuple[str, ...]:
         return (
             f"The robot file has no [survey], and the recordings do not tell whether its geometry is exact: the ± "
             f"assume {usual}.",
+        )
+    if not explained:
+        return (
+            f"With {usual} scaled to {scaled} the recordings fit better (log evidence {weighed.log_bayes:+.3g}), and "
+            "the ± count it; what the model leaves out may feign that.",
+            *details,
         )
     return (
         f"The robot file's geometry does not hold exactly: with {usual} scaled to {scaled} the recordings fit better "
@@ -68,8 +76,12 @@ def _usual(factors: Factors) -> tuple[str, str]:
     return f"a usual survey ({', '.join(known)})", " and ".join(scaled)
 
 
-def furthest(told: Geometry) -> str:
-    """The pieces that are clearly off, in a sentence."""
+def furthest(told: Geometry, *, explained: bool) -> str:
+    """The pieces that are clearly off, in a sentence.
+
+    explained: whether the fit leaves noise alone. Where it does not, pieces move for what is missing, too, and their sd
+    know nothing of that: then it is not known which of them are off.
+    """
     off: list[tuple[float, str]] = []
     for one in told.moved:
         sizes = np.abs(one.by) / np.asarray(one.sd)
@@ -83,7 +95,12 @@ def furthest(told: Geometry) -> str:
     if not off:
         return ""
     named = [says for _, says in sorted(off, reverse=True)[:TOLD]]
-    return f"Clearly off: {'; '.join(named)}."
+    if explained:
+        return f"Clearly off: {'; '.join(named)}."
+    return (
+        f"The fit moved {'; '.join(named)}; but it does not explain the recordings, and geometry that is left open "
+        "takes up a part of whatever is missing. Whether it is off is not known before that is named (fidim explain)."
+    )
 
 
 def _unseen(surveyed: Surveyed, told: Geometry) -> str:

@@ -79,8 +79,8 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         message=findings.message(outcome, found, figures),
         parameters=figures.parameters,
         non_essential=figures.non_essential,
-        sigma_W=None if side is None else side.estimate.sigma_W,
-        C=None if side is None else side.estimate.C,
+        sigma_W=side.estimate.sigma_W if isinstance(side, _Side) else None,
+        C=side.estimate.C if isinstance(side, _Side) else None,
         windows=windows,
         warnings=(
             *touched,
@@ -163,16 +163,17 @@ def _held_out(
     return predicted
 
 
-def _side(campaign: Campaign) -> _Side | None:
+def _side(campaign: Campaign) -> _Side | str:
+    """Or why the equations say nothing."""
     try:
         problem = build(campaign, BEST)
         return _Side(problem, total_least_squares.estimate(problem))
-    except FidimError:
-        return None
+    except FidimError as error:
+        return str(error)
 
 
 def _verdict(
-    window: Window, found: Fit, predicted: dict[str, held_out.Prediction | str], side: _Side | None
+    window: Window, found: Fit, predicted: dict[str, held_out.Prediction | str], side: _Side | str
 ) -> WindowVerdict:
     ids = [recording.window.id for recording in found.likelihood.recordings]
     if window.id in ids:
@@ -191,12 +192,14 @@ def _verdict(
     return _judged(window, left, prediction, findings.journey_notes(held.journey, 0), found, side)
 
 
-def _unpredicted(window: Window, found: Fit, side: _Side | None) -> WindowVerdict:
+def _unpredicted(window: Window, found: Fit, side: _Side | str) -> WindowVerdict:
     """What the equations of motion alone say of a window."""
-    epsilon, conditioning = _equations(window, found, side)
+    epsilon, conditioning, why = _equations(window, found, side)
     sigma = None if epsilon is None else validation.sigma_perp(epsilon)
     samples = int(np.isfinite(window.markers).any(axis=(1, 2)).sum())
-    return WindowVerdict(window.id, window.role, True, None, samples, sigma, None, None, conditioning, (), epsilon)
+    return WindowVerdict(
+        window.id, window.role, True, None, samples, sigma, None, None, conditioning, (), epsilon, no_sigma=why
+    )
 
 
 def _predicted(found: Fit, simulation: Simulation, w: int, left: Remainder) -> Prediction:
@@ -212,9 +215,9 @@ def _judged(
     prediction: Prediction,
     notes: tuple[str, ...],
     found: Fit,
-    side: _Side | None,
+    side: _Side | str,
 ) -> WindowVerdict:
-    epsilon, conditioning = _equations(window, found, side)
+    epsilon, conditioning, why = _equations(window, found, side)
     return WindowVerdict(
         id=window.id,
         role=window.role,
@@ -228,15 +231,17 @@ def _judged(
         notes=notes,
         residual=epsilon,
         prediction=prediction,
+        no_sigma=why,
     )
 
 
-def _equations(window: Window, found: Fit, side: _Side | None) -> tuple[Residual | None, float | None]:
-    """ε = W χ of a window with the body found here, and the conditioning of its free coordinates."""
-    if side is None:
-        return None, None
+def _equations(window: Window, found: Fit, side: _Side | str) -> tuple[Residual | None, float | None, str]:
+    """ε = W χ of a window with the body found here, the conditioning of its coordinates; or why there are none."""
+    if isinstance(side, str):
+        return None, None, side
     for equations in side.problem.equations:
         if equations.window.id == window.id:
             epsilon = validation.residual(equations, found.body, side.estimate.weights)
-            return epsilon, float(equations.measured.conditioning.max())
-    return None, None
+            return epsilon, float(equations.measured.conditioning.max()), ""
+    reasons = {unused.window.id: unused.reason for unused in side.problem.unused}
+    return None, None, reasons.get(window.id, "the equations of motion were not asked")

@@ -21,6 +21,8 @@ from fidim_lab.model.motion import AXIS_NAMES, best_axes, conditioning, marker_s
 
 NOISY_CONDITION = 10.0
 """conditioning from which a window's equations are worth a note"""
+MORE_MARKERS = "Use three markers that are not in line, other equilibria, or maximum likelihood (mle)."
+"""against poses that markers and lengths do not show at some instants: mle reads them from the course of the motion"""
 MISFIT_IN_NOISE = 5.0
 """a kinematic misfit of more than so many times the stated marker noise is worth a warning"""
 
@@ -47,6 +49,8 @@ class MeasuredMotion:
     misfit: float
     """rms of marker − pose, m; NaN where there is no redundancy to judge by"""
     notes: tuple[str, ...]
+    broken_by: tuple[str, ...] = ()
+    """what took samples from among the others, for people; empty where the rows follow each other without a break"""
 
 
 def choose_variant(robot: Robot, window: Window, wanted: Variant | None) -> Variant:
@@ -87,7 +91,7 @@ def measure(mechanism: Mechanism, campaign: Campaign, window: Window, recipe: Re
             found = _on_surface(mechanism, campaign, window, recipe)
         case Variant.FULL:
             found = _full(mechanism, campaign, window, recipe)
-    return _drop_badly_conditioned(found, recipe)
+    return _drop_badly_conditioned(replace(found, broken_by=_gaps(found)), recipe)
 
 
 def held_lengths(window: Window) -> np.ndarray:
@@ -129,6 +133,12 @@ def _free(mechanism: Mechanism, campaign: Campaign, window: Window, recipe: Reci
     signals, samples = _smoothed(window, track, recipe)
     start = rest_pose(mechanism, window)
     axes = recipe.axes or _best_axes_at(mechanism, start, robot)
+    if len(axes) != robot.freedoms:
+        raise SetupError(
+            f"This form of the equations takes {len(axes)} free coordinates ({', '.join(AXIS_NAMES[k] for k in axes)} "
+            f"of the marker); {robot.n} cable{'s' * (robot.n > 1)} leave{'s' * (robot.n == 1)} {robot.freedoms}.",
+            hint="Leave out --paper: the usual form takes any number of cables.",
+        )
     if max(axes) > 2:
         raise SetupError(
             f"Window {window.id}: one marker gives three coordinates, {robot.freedoms} are free.",
@@ -231,6 +241,16 @@ def _misfit_note(robot: Robot, misfit: float) -> tuple[str, ...]:
     )
 
 
+def _gaps(found: MeasuredMotion) -> tuple[str, ...]:
+    """What is missing between the first and the last usable sample, where something is."""
+    missing = np.diff(found.samples) - 1
+    if not missing.any():
+        return ()
+    count = int((missing > 0).sum())
+    gaps = "a gap of the recording" if count == 1 else f"{count} gaps of the recording"
+    return (f"{missing.sum() / found.rate:.2f} s are lost to {gaps} and to the filter beside it",)
+
+
 def _drop_badly_conditioned(found: MeasuredMotion, recipe: Recipe) -> MeasuredMotion:
     good: Mask = found.conditioning <= recipe.max_condition
     worst = float(found.conditioning.max())
@@ -240,13 +260,15 @@ def _drop_badly_conditioned(found: MeasuredMotion, recipe: Recipe) -> MeasuredMo
         note = f"one free motion hardly moves what is measured (conditioning up to {worst:.0f}): noisier equations"
         return replace(found, notes=(*found.notes, note))
     share = 100 * (1 - good.mean())
-    how = ", ".join(AXIS_NAMES[axis] for axis in found.axes) if found.variant is Variant.FREE else "marker"
+    how = f"{', '.join(AXIS_NAMES[axis] for axis in found.axes)} " if found.variant is Variant.FREE else ""
+    size = f"up to {worst:.0f}" if np.isfinite(worst) else "without bound"
     note = (
-        f"free coordinates ({how}) are badly conditioned, up to {worst:.0f} (limit {recipe.max_condition:g}): "
-        f"{share:.0f} % of the samples not used; total least squares misses here"
+        f"in {share:.0f} % of the samples a free motion hardly moves the markers ({how}badly conditioned, {size}; at "
+        f"most {recipe.max_condition:g} is used): the pose at such an instant is not known, and it is left out of the "
+        "equations of motion"
     )
     if not good.any():
-        raise RefusedError(f"Window {found.window.id}: {note}.", hint="Choose other equilibria or more markers.")
+        raise RefusedError(f"Window {found.window.id}: {note}.", hint=MORE_MARKERS)
     m = found.motion
     kept = Motion(m.t[good], m.positions[good], m.rotations[good], m.twists[good], m.accelerations[good])
     return replace(
@@ -256,4 +278,5 @@ def _drop_badly_conditioned(found: MeasuredMotion, recipe: Recipe) -> MeasuredMo
         jacobian=found.jacobian[good],
         conditioning=found.conditioning[good],
         notes=(*found.notes, note),
+        broken_by=(*found.broken_by, note),
     )

@@ -11,6 +11,7 @@ from fidim_lab.arrays import Series
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.cleaning.removed import Removed
 from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.equations.refusals import no_sigma
 from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.motion.trajectory import Prediction
 
@@ -158,6 +159,8 @@ class WindowVerdict:
     notes: tuple[str, ...] = ()
     residual: Residual | None = None
     prediction: Prediction | None = None
+    no_sigma: str = ""
+    """why there is no σ⊥, where the window is used without one"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +208,11 @@ class IdentificationResult:
     def nominal(self) -> Body:
         """What CAD says."""
         return Body.from_vector(np.array([self.parameters[name].nominal for name in PARAMETER_NAMES]))
+
+    @property
+    def no_sigma(self) -> str:
+        """Why windows that are used have no σ⊥, for people; empty where each has one."""
+        return no_sigma({w.id: w.no_sigma for w in self.windows if w.used and w.no_sigma})
 
     def about_com(self) -> dict[str, Parameter]:
         """I′ about G (m²) with its errors propagated: the moments that do not depend on the choice of P."""

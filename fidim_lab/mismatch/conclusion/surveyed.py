@@ -11,6 +11,7 @@ import numpy as np
 
 from fidim_lab.data.records import Robot
 from fidim_lab.identification.mle.evidence import SPREAD_OF_FACTORS, GeometryOdds
+from fidim_lab.identification.mle.findings import MISFIT
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import furthest, told_geometry
 from fidim_lab.identification.results.result import Geometry, Moved
@@ -42,7 +43,8 @@ def with_geometry(told: Explanation, baseline: Baseline, exact: Baseline, judged
     gained = gain / max(1.0, baseline.fit.chi2_per_dof) if same else 0.0
     geometry = told_geometry(Surveyed(judged.named.model.fit, baseline.geometry, GeometryOdds(chi2_gain=gained)))
     wrong = is_wrong(baseline.geometry, robot)
-    told = replace(told, geometry=geometry, message=f"{told.message} {geometry_says(geometry, robot, wrong)}")
+    says = geometry_says(geometry, robot, wrong, judged.named.model.fit.excess <= MISFIT)
+    told = replace(told, geometry=geometry, message=f"{told.message} {says}")
     if not wrong:
         return told
     verdict = {
@@ -68,12 +70,15 @@ def geometry_cause(geometry: Geometry) -> NamedCause:
     return NamedCause(id, most.cable, tuple(other for other in CLASS if other != id), parameters, says)
 
 
-def geometry_says(geometry: Geometry, robot: Robot, wrong: bool) -> str:
-    """How far the robot file is off, and what to do about it; for a survey that it states, that it is counted."""
+def geometry_says(geometry: Geometry, robot: Robot, wrong: bool, explained: bool) -> str:
+    """How far the robot file is off, and what to do about it; for a survey that it states, that it is counted.
+
+    explained: whether the model that is told leaves noise alone.
+    """
     kinds = dict.fromkeys(one.what for one in geometry.moved if one.what in LENGTHS)
     sizes = ", ".join(f"{kind.replace('_', ' ')}s {millimetres(_rms(geometry.moved, kind)):.2g} mm" for kind in kinds)
     head = "The robot file's survey is counted" if robot.survey is not None else "The robot file's geometry is off"
-    said = f"{head} ({sizes}, rms of what the recordings show). {furthest(geometry)}".rstrip()
+    said = f"{head} ({sizes}, rms of what the recordings show). {furthest(geometry, explained=explained)}".rstrip()
     if robot.survey is not None:
         return said
     times = _rms(geometry.moved, "anchor") / TYPICAL_ANCHOR if "anchor" in kinds else 1.0

@@ -184,9 +184,10 @@ def _message(outcome: Outcome, effects: Sequence[NamedCause], geometry: Geometry
             said.append(f"In the place of {cause.id} the windows do not exclude: {others}.")
         elif cause.single:
             said.append(f"Nothing tested can stand for {cause.id}.")
+    explained = best.held_out < ALL_NOISE * floor
     if geometry is not None:
-        said.append(geometry_says(geometry, robot, is_wrong(best.geometry, robot)))
-    if best.held_out >= ALL_NOISE * floor:
+        said.append(geometry_says(geometry, robot, is_wrong(best.geometry, robot), explained))
+    if not explained:
         said.append(
             f"About {millimetres(best.held_out):.2g} mm, {best.held_out / floor:.0f} times the markers' noise, remain "
             "unexplained; standard deviations count such a remainder as noise of few independent values."

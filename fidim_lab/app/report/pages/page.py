@@ -82,7 +82,7 @@ def make_page(
         solid=solid(drawn),
         robot=robot,
         cross_validation=None if result is None else _cross_validation(result),
-        windows_table=None if result is None else tables.window_table(result.windows, contents.story),
+        windows_table=None if result is None else tables.window_table(result, contents.story),
         windows=tuple(
             section(contents, window, verdicts.get(window.id), (mechanism, body), points, removed)
             for window in campaign.windows

@@ -71,7 +71,8 @@ def _judged(
 ) -> "tuple[IdentificationResult | None, str]":
     """The result with how far to trust it, or None with the reason."""
     # `app.identify` offers --report and so imports this module.
-    from fidim_lab.app.analysis.identify import closing_sentence, run_identify
+    from fidim_lab.app.analysis.identified import closing_sentence
+    from fidim_lab.app.analysis.identify import run_identify
 
     if result is None:
         if not contents.campaign.windows:

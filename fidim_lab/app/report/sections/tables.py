@@ -140,14 +140,16 @@ def _cells(row: ParameterRow, further: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def window_table(windows: Sequence[WindowVerdict], story: Story | None) -> Table:
+def window_table(result: IdentificationResult, story: Story | None) -> Table:
     """One line a window: what the result means for it, and how often it was recorded."""
+    windows = result.windows
     attempts = {told.id: sum(a.recorded for a in told.attempts) for told in story.windows} if story else {}
     names = ("window", "role", "pose from", "samples", "σ⊥, m/s²", "rms, mm", "χ²/dof", "conditioning", "recordings")
     there = (*[True] * 8, bool(attempts))
     rows = [(*verdict_cells(window), str(attempts.get(window.id, "–"))) for window in windows]
     return Table(
-        "All windows. rms and χ²/dof: recorded against predicted from the fitted initial state alone.",
+        "All windows. rms and χ²/dof: recorded against predicted from the fitted initial state alone. "
+        + result.no_sigma,
         tuple(compress(names, there)),
         tuple(tuple(compress(row, there)) for row in rows),
     )

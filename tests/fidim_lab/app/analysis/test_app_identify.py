@@ -3,13 +3,15 @@
 import functools
 import io
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from fidim_lab.app import cli
-from fidim_lab.app.analysis.identify import closing_sentence, identify_command, run_identify, summary
+from fidim_lab.app.analysis.identified import closing_sentence, next_command, summary
+from fidim_lab.app.analysis.identify import identify_command, run_identify
 from fidim_lab.app.analysis.pose_from import read_posed
 from fidim_lab.app.records.import_recording import run_import
 from fidim_lab.data.records import Role
@@ -48,6 +50,27 @@ def test_the_summary_shows_parameters_gauge_and_warnings():
     assert "-76.500" in shown  # s_z − a_z: what does not depend on where P is put
     assert "I_zz about G" in shown
     assert "warning: mind the gap" in shown
+
+
+@pytest.mark.parametrize(
+    ("outcome", "json_file", "command"),
+    [
+        (Outcome.MISFIT, None, "fidim explain 'my run'"),
+        (Outcome.NOT_CONVERGED, Path("r.json"), "fidim explain 'my run'"),
+        (Outcome.CONVERGED, None, "fidim identify 'my run' --json result.json"),
+        (Outcome.DOUBTFUL, Path("r.json"), "fidim design --after r.json --campaign 'my run' --out next"),
+        (Outcome.CONVERGED, Path("r.json"), "fidim export r.json --to python --campaign 'my run' --out robot.py"),
+    ],
+)
+def test_the_next_command_follows_from_the_outcome(outcome, json_file, command):
+    assert next_command(Path("my run"), made_up(outcome=outcome), json_file) == command
+
+
+def test_a_window_without_sigma_says_why():
+    result = made_up()
+    bare = replace(result.windows[0], sigma_perp=None, no_sigma="the pose is not known")
+    shown = text_of(replace(result, windows=(bare, *result.windows[1:])))
+    assert "σ⊥ – in i00: the pose is not known" in shown
 
 
 @pytest.mark.parametrize(

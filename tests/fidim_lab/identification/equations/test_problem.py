@@ -193,6 +193,34 @@ def test_bad_conditioning_is_masked_and_warned(recorded):
         measure(Mechanism(campaign.robot), campaign, campaign.windows[0], replace(strict, max_condition=1.0))
 
 
+@pytest.mark.parametrize("gaps", [0, 6])
+def test_a_window_without_a_whole_stretch_names_what_broke_it_up(recorded, gaps):
+    """Samples left out because their pose is not known are no gap of the recording; both are told where both are."""
+    campaign = recorded()
+    first = campaign.windows[0]
+    markers = first.markers.copy()
+    for k in range(1, gaps + 1):
+        markers[k * len(markers) // (gaps + 1) :][:12] = np.nan
+    free = replace(BEST, variant=Variant.FREE, max_condition=1e9)
+    half = float(np.median(measure(Mechanism(campaign.robot), campaign, first, free).conditioning))
+    strict = BEST if gaps else replace(free, max_condition=half)
+    broken = replace(campaign, windows=(replace(first, markers=markers), *campaign.windows[1:]))
+    with pytest.raises(RefusedError, match="longest stretch has") as refused:
+        build(replace(broken, windows=broken.windows[:1]), strict)
+    said = str(refused.value)
+    assert ("gaps of the recording" in said) is bool(gaps)
+    assert ("hardly moves the markers" in said) is not bool(gaps)
+    assert "three markers" in said
+
+
+def test_the_papers_form_says_that_it_needs_four_cables(recorded):
+    campaign = recorded()
+    robot = replace(campaign.robot, cables=campaign.robot.cables[:3])
+    windows = tuple(replace(w, lengths=w.lengths[:, :3]) for w in campaign.windows)
+    with pytest.raises(RefusedError, match=r"takes 2 free coordinates \(x, y of the marker\); 3 cables leave 3"):
+        build(replace(campaign, robot=robot, windows=windows), PAPER)
+
+
 def test_wrong_geometry_shows_as_misfit(recorded):
     campaign = recorded()
     window: Window = campaign.windows[0]

@@ -10,7 +10,8 @@ from fidim_lab.data.robot_file import read_robot, write_robot
 from fidim_lab.identification.equations.consistency import can_exist, nearest_existing
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import identify
-from fidim_lab.identification.results.result import IdentificationResult, Outcome
+from fidim_lab.identification.mle.geometry_words import furthest
+from fidim_lab.identification.results.result import Geometry, IdentificationResult, Moved, Outcome
 from fidim_lab.identification.survey import as_found, nuisances, prior_sd, typical
 from fidim_lab.model.mechanism import Mechanism
 
@@ -152,3 +153,13 @@ def test_a_body_that_exists_is_found_from_any_estimate_and_no_farther_than_the_t
         assert away < truly + 1.5, "the true one exists; the barrier keeps off the boundary"
         moved += away > 0
     assert moved > 20
+
+
+def test_a_piece_is_not_called_off_where_the_fit_leaves_more_than_noise() -> None:
+    """What is missing moves whatever is left open: its standard deviations know nothing of that."""
+    told = Geometry(9.0, (Moved("anchor", 2, (4e-3, 1e-3, -2e-3), (1e-4, 1e-4, 1e-4)),))
+    assert furthest(told, explained=True) == "Clearly off: anchor of cable 2 by (+4, +1, -2) mm."
+    said = furthest(told, explained=False)
+    assert "Clearly off" not in said
+    assert "anchor of cable 2" in said
+    assert "not known before that is named" in said

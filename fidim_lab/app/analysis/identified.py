@@ -1,0 +1,175 @@
+"""What `fidim identify` shows a person: parameters, windows, warnings, how far to trust it, and what to do next.
+
+Warnings are in the summary because they belong to the answer. `fidim dry-run` and joint fits show the same tables.
+"""
+
+from pathlib import Path
+from shlex import quote
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from fidim_lab.app.terminal import console
+from fidim_lab.data.records import Role
+from fidim_lab.identification.equations.estimators import Method
+from fidim_lab.identification.identify import MODEL_ERROR, SPREAD_SEEN
+from fidim_lab.identification.mle.findings import closing
+from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
+from fidim_lab.identification.results.validation import expected_sigma_perp
+from fidim_lab.units import millimetres, percent
+
+UNUSABLE = (Outcome.IMPOSSIBLE_BODY, Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
+"""outcomes with which the command fails"""
+
+
+def summary(result: IdentificationResult) -> RenderableType:
+    """The whole answer for a terminal: parameters, gauge-free values, windows, warnings, a closing sentence."""
+    parts: list[RenderableType] = [
+        Text(f"{result.campaign}: {result.message}"),
+        parameter_table(result),
+        gauge_table(result),
+        window_table(result),
+        *(Text(f"warning: {warning}", style="yellow") for warning in result.warnings),
+        Text(closing_sentence(result), style="bold"),
+    ]
+    return Group(*parts)
+
+
+def parameter_table(result: IdentificationResult) -> Table:
+    """CAD, identified, nominal sd, spread between windows, and that spread in percent, for all nine.
+
+    Where parameters were dropped as non-essential, the others fitted anew without them stand beside.
+    """
+    table = Table(title="Inertial parameters (s in mm, I in 1e-3 m² per unit mass, about P)")
+    refits = ["re-fit"] if result.non_essential else []
+    console.columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %", *refits)
+    for name, parameter in result.parameters.items():
+        refit = parameter.without_non_essential
+        shown = "" if refit is None else "dropped" if name in result.non_essential else f"{millimetres(refit):.3f}"
+        table.add_row(*_cells(name, parameter), *(shown for _ in refits))
+    return table
+
+
+def gauge_table(result: IdentificationResult) -> Table:
+    """What does not depend on where P is put: s_z from the attachment plane, and I about G."""
+    table = Table(title="Free of the choice of P: s_z from the plane of the attachments (mean a_z), I about G")
+    console.columns(table, "parameter", "CAD", "identified", "sd", "spread", "spread, %")
+    s_z, plane = result.parameters["s_z"], result.attachment_plane
+    relative = Parameter(
+        s_z.value - plane, s_z.sd, s_z.sd_bootstrap, s_z.sd_jackknife, s_z.nominal - plane, seen=s_z.seen
+    )
+    table.add_row(*_cells("s_z − a_z", relative))
+    for name, parameter in result.about_com().items():
+        table.add_row(*_cells(f"{name} about G", parameter))
+    return table
+
+
+def window_table(result: IdentificationResult) -> Table:
+    """Every window with σ⊥ and, where it was predicted, the error of the trajectory."""
+    expected = None
+    if result.sigma_W is not None:
+        expected = expected_sigma_perp(result.sigma_W, result.body, result.freedoms)
+    scale = (
+        "" if result.sigma_W is None else f"; σ_W = {result.sigma_W:.3g}, so σ⊥ ≈ {expected:.3g} is as good as fitted"
+    )
+    table = Table(title=f"Windows (σ⊥ of Eq. 50{scale}; rms and χ²/dof: predicted from the fitted initial state)")
+    console.columns(table, "window", "role", "pose from", "samples", "σ⊥", "rms, mm", "χ²/dof", "conditioning")
+    for window in result.windows:
+        table.add_row(*_window_cells(window))
+    table.caption, table.caption_justify = result.no_sigma or None, "left"
+    return table
+
+
+def closing_sentence(result: IdentificationResult) -> str:
+    """How far this may be trusted, said honestly."""
+    if result.outcome in UNUSABLE:
+        return result.outcome.value
+    if result.method is Method.MLE:
+        return closing(result)
+    s_z = result.parameters["s_z"]
+    if s_z.spread is None:
+        return (
+            "With fewer than three windows nothing shows the model error: total least squares states only its nominal "
+            "sd, which are several times too small on a real robot."
+        )
+    ratio = max((p.spread or 0.0) / p.sd for p in result.parameters.values() if p.sd > 0)
+    noise = result.noise_ratio or 0.0
+    lever = abs(s_z.value - result.attachment_plane)
+    size = f"s_z is good to about {millimetres(s_z.spread):.2g} mm ({percent(s_z.spread / lever):.2g} % of its lever)"
+    fitted = sum(window.used and window.role is Role.IDENTIFY for window in result.windows)
+    if result.outcome is Outcome.MISFIT:
+        found = (
+            f"the equations are off by {noise:.1f}" if noise > MODEL_ERROR else f"the windows disagree by {ratio:.0f}"
+        )
+        return (
+            f"The model lacks something ({found} times what noise explains). By the spread between windows {size}, but "
+            "total least squares turns unmodelled physics into wrong parameters in every window alike, which no spread "
+            "shows: expect errors of the order of 10 % until it is explained."
+        )
+    agree = "The windows agree within what noise explains"
+    if ratio > SPREAD_SEEN:
+        agree = f"{fitted} windows are few, and the answer leans on single ones"
+    return (
+        f"{agree}: {size}. Total least squares sees neither geometry nor length "
+        "errors that are the same in all windows; held-out σ⊥ and χ²/dof are the test of that."
+    )
+
+
+def next_command(folder: Path, result: IdentificationResult, json_file: Path | None) -> str:
+    """The command that follows from this result of a campaign, as it may be typed."""
+    place = quote(str(folder))
+    if not result.outcome.answers or result.fallback:
+        return f"fidim explain {place}"
+    if json_file is None:  # what all that follows takes
+        return f"fidim identify {place} --json result.json"
+    kept = quote(str(json_file))
+    if result.outcome is Outcome.DOUBTFUL:
+        return f"fidim design --after {kept} --campaign {place} --out next"
+    return f"fidim export {kept} --to python --campaign {place} --out robot.py"
+
+
+def _cells(name: str, parameter: Parameter) -> tuple[str, ...]:
+    """Both kinds happen to read well in thousandths: s in mm, I in 1e-3 m²."""
+    spread = parameter.spread
+    size = abs(parameter.value)
+    digits = _decimals(parameter.sd)
+    if not parameter.seen:
+        return (name, f"{millimetres(parameter.nominal):.3f}", "not seen", "", "", "")
+    return (
+        name,
+        f"{millimetres(parameter.nominal):.3f}",
+        f"{millimetres(parameter.value):.{digits}f}",
+        f"{millimetres(parameter.sd):.{digits}f}",
+        "unknown" if spread is None else f"{millimetres(spread):.{digits}f}",
+        "" if spread is None or size == 0 else _percent(spread / size),
+    )
+
+
+def _decimals(sd: float) -> int:
+    """Three, or as many as show two digits of the standard deviation."""
+    return 3 if sd <= 0 else int(np.clip(1 - np.floor(np.log10(millimetres(sd))), 3, 6))
+
+
+def _window_cells(window: WindowVerdict) -> tuple[str, ...]:
+    if not window.used:
+        return (window.id, window.role.value, "not used", "", "", "", "", "")
+    return (
+        window.id,
+        window.role.value,
+        window.variant or "",
+        str(window.samples),
+        _number(window.sigma_perp),
+        _number(window.rms_mm),
+        _number(window.chi2_per_dof),
+        _number(window.conditioning),
+    )
+
+
+def _percent(ratio: float) -> str:
+    return "> 100" if ratio > 1 else f"{percent(ratio):.2g}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"
