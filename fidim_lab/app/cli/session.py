@@ -193,7 +193,8 @@ def commission(**options: Any) -> None:
     """Prove the stops of each drive of the RIG file by trial: without load, at low speed, with somebody there.
 
     Quick stop, halt, heartbeat withheld, SYNC withheld, position limit, following error; time and way by the drive's
-    own encoder. What passes is kept in RIG.proofs.toml, for this drive and these settings.
+    own encoder. What passes is kept in RIG.proofs.toml, for this drive and these settings;
+    of a rehearsal in RIG.rehearsal-proofs.toml, for rehearsals.
     """
     if not options["embedded"]:
         only_with("--embedded", "seed")

@@ -18,9 +18,9 @@ from procedures.steps.commission import ProveStop
 def held_proofs(file: RigFile, config: WinchConfig) -> tuple[TrialPassed, ...]:
     """Those of a winch whose settings are today's, and whose drive may be the one that the rig file names.
 
-    Whether it is the one on the bus, bring-up sees by its serial number. None in a rehearsal: other drives were tried.
+    Whether it is the one on the bus, bring-up sees by its serial number. A rehearsal has proofs of its own.
     """
-    kept = read_proofs(proofs_path(file.path)) if file.keeps_homes else ()
+    kept = read_proofs(proofs_path(file.path, embedded=not file.keeps_homes))
     return tuple(_proof(proof) for proof in kept if proof.winch == config.name and not void(proof, file, config))
 
 
@@ -118,16 +118,15 @@ class ProofKeeper:
         self._writing = asyncio.ensure_future(self._write(before))
 
     async def _write(self, before: "asyncio.Task[None] | None") -> None:
-        """One after the other; in a rehearsal only into the run's folder."""
+        """One after the other."""
         if before is not None:
             await before
         passed, failed = list(self._passed.values()), sorted(self._failed)
         try:
             await self._disk.do(partial(write_proofs, self._folder / NAME, passed))
-            if self._file.keeps_homes:
-                path = proofs_path(self._file.path)
-                kept = await self._disk.do(partial(read_proofs, path))
-                await self._disk.do(partial(write_proofs, path, with_newer(kept, passed, failed)))
+            path = proofs_path(self._file.path, embedded=not self._file.keeps_homes)
+            kept = await self._disk.do(partial(read_proofs, path))
+            await self._disk.do(partial(write_proofs, path, with_newer(kept, passed, failed)))
         except HardwareError as error:
             self._tell(str(error))
 

@@ -66,10 +66,14 @@ def _together(devices: Sequence[str], count: int) -> str:
     return f"all {count}" if len(named) == count > 1 else ", ".join(named)
 
 
-def summary(checks: Sequence[Check], wrong: Sequence[Check]) -> str:
-    """The last line."""
+def summary(checks: Sequence[Check], wrong: Sequence[Check], unproven: int = 0) -> str:
+    """The last line. unproven: checks that ask for a trial before a run."""
     if not wrong:
+        well = "Nothing is wrong" if unproven else "All well"
         written = sum(check.verdict is Verdict.WRITTEN for check in checks)
-        return f"All well; {written} values are written and read back at each start (→)." if written else "All well."
+        if written:
+            well += f"; {written} values are written and read back at each start (→)"
+        trial = f" Before a run, prove by trial what {unproven} of the checks ask for: fidim commission RIG"
+        return f"{well}.{trial if unproven else ''}"
     names = [f"{check.device}: {check.name}" if check.device else check.name for check in wrong]
     return f"{len(wrong)} of {len(checks)} checks failed: {', '.join(names)}"

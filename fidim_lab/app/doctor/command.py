@@ -68,9 +68,7 @@ def doctor_command(
     write_answer(json_file, "fidim-doctor/1", {"checks": [asdict(check) for check in checks]})
     wrong = [check for check in checks if check.verdict.wrong]
     unproven = sum(check.advice == BY_TRIAL for check in checks if not check.verdict.wrong)
-    console.out.print(summary(checks, wrong), markup=False)
-    if unproven:
-        console.out.print(f"{unproven} of them need a proof by trial before a run: fidim commission RIG", markup=False)
+    console.out.print(summary(checks, wrong, unproven), markup=False)
     if any(check.verdict is Verdict.UNREACHABLE for check in wrong):
         return HardwareError.exit_code
     return RefusedError.exit_code if wrong else 0

@@ -70,9 +70,9 @@ def commission_command(options: CommissionOptions) -> int:
     if code:
         for line in (*power_advice(out, options.rig, left), *stop_hint(spec)):
             console.err.print(line, markup=False, soft_wrap=True)
-    if not options.embedded:
-        path = proofs_path(options.rig)
-        console.out.print(f"proofs      {path}: {len(read_proofs(path))} trials passed", markup=False, soft_wrap=True)
+    path = proofs_path(options.rig, embedded=options.embedded)
+    of = "trials of the simulated drives passed" if options.embedded else "trials passed"
+    console.out.print(f"proofs      {path}: {len(read_proofs(path))} {of}", markup=False, soft_wrap=True)
     write_summary(options.json_file, out, code)
     return code
 

@@ -71,9 +71,9 @@ class _ProofsTable(Table):
     proof: list[_ProofTable] = Field(default_factory=list[_ProofTable])
 
 
-def proofs_path(rig: Path) -> Path:
-    """Beside the rig file."""
-    return rig.with_suffix(".proofs.toml")
+def proofs_path(rig: Path, *, embedded: bool = False) -> Path:
+    """Beside the rig file. embedded: those of simulated drives, which prove nothing of the real ones."""
+    return rig.with_suffix(".rehearsal-proofs.toml" if embedded else ".proofs.toml")
 
 
 def read_proofs(path: Path) -> tuple[KeptProof, ...]:

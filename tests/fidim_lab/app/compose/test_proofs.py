@@ -41,9 +41,9 @@ def finished(trial, outcome=Outcome.PASS, winch=0, serial=77.0, reason="", way=0
     return StepFinished(0.0, 1, step, Result(outcome, reason, values=(0.031, way), readings=readings), 0.0)
 
 
-def keep(rig, folder, *events):
+def keep(rig, folder, *events, embedded=False):
     folder.mkdir(exist_ok=True)
-    file = read_rig(rig)
+    file = replace(read_rig(rig), keeps_homes=not embedded)
     told = []
 
     async def main():
@@ -54,7 +54,7 @@ def keep(rig, folder, *events):
 
     asyncio.run(main())
     assert not told
-    return read_proofs(proofs_path(rig))
+    return read_proofs(proofs_path(rig, embedded=embedded))
 
 
 def test_that_a_drive_ended_in_fault_is_kept(rig, tmp_path):
@@ -88,6 +88,14 @@ def test_a_proof_holds_for_its_drive_and_settings(rig, tmp_path):
     other = replace(config, serial_number=78)
     assert "serial_number 77, the rig file says 78" in void(proof, file, other)
     assert held_proofs(replace(file, keeps_homes=False), config) == ()  # a rehearsal's drives are others
+
+
+def test_a_rehearsal_believes_its_own_proofs_and_the_real_rig_does_not(rig, tmp_path):
+    rehearsal = replace(read_rig(rig), keeps_homes=False)
+    keep(rig, tmp_path / "run", finished(Trial.QUICK_STOP), embedded=True)
+    config = winch_configs(rehearsal)[0]
+    assert [proof.trial for proof in config.proofs] == [Trial.QUICK_STOP]
+    assert read_proofs(proofs_path(rig)) == winch_configs(read_rig(rig))[0].proofs == ()
 
 
 def test_a_drive_whose_stop_is_neither_told_nor_proven_is_refused_except_in_trials(rig, tmp_path):

@@ -177,7 +177,7 @@ def test_what_a_dictionary_lacks_and_what_was_repaired_in_it(tmp_path, capsys):
     assert checks["reaction to a lost host"]["found"] == "absent: no 6007:0"
     assert "fidim commission" in checks["reaction to a lost host"]["advice"]
     assert checks["speed limit"]["advice"].startswith("instead: each move's speed is checked")
-    assert "1 of them need a proof by trial before a run" in capsys.readouterr().out
+    assert "Nothing is wrong. Before a run, prove by trial what 1 of the checks ask for" in capsys.readouterr().out
 
 
 def test_a_family_may_say_that_the_drive_has_less(tmp_path):
