@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.spoilt.__main__ import drawn, page, run, spoilt
 from benchmarks.spoilt.judge import Judged, Verdict
@@ -11,7 +12,8 @@ from benchmarks.spoilt.kinds import KINDS
 from benchmarks.spoilt.spoiling import Kind
 from benchmarks.spoilt.worlds import yawed
 from fidim_lab.data.campaign import write_campaign
-from fidim_lab.data.records import Role
+from fidim_lab.data.records import Campaign, Role, Window
+from fidim_lab.identification.cleaning.free_motion import hands
 
 NAMED = {kind.name: kind for kind in KINDS}
 
@@ -65,3 +67,26 @@ def test_another_body_is_in_one_window_only():
     ]
     assert sum(by > 10 * campaign.robot.sensors.marker_noise for by in off) == 1
     assert any(window.role is Role.VALIDATE for window in campaign.windows)
+
+
+@pytest.mark.parametrize("held", [0.0, 1.2])
+def test_where_a_slow_faint_swing_turns_round_it_is_not_held(held: float):
+    """A period of 3.4 s: for half a second nothing is seen to move. Held before the release, it is cut until then."""
+    robot = yawed(np.random.default_rng(3), drag=False, several=False).campaign.robot
+    t = np.arange(1001) / 50.0
+    late = np.maximum(t - held, 0.0)
+    yaw = 0.3 * np.exp(-late / 6.0) * np.cos(1.85 * late)
+    arm, plumb = abs(robot.cables[0].a[1]), robot.cables[0].d[2]
+    places = np.zeros((len(t), 3))
+    places[:, 2] = plumb - np.sqrt(plumb**2 - 4 * (arm * np.sin(yaw / 2)) ** 2)
+    turns = Rotation.from_rotvec(yaw[:, np.newaxis] * [0.0, 0.0, 1.0]).as_matrix()
+    markers = places[:, np.newaxis] + np.einsum("nij,mj->nmi", turns, robot.markers)
+    markers += robot.sensors.marker_noise * np.random.default_rng(1).normal(size=markers.shape)
+    window = Window("w1", Role.IDENTIFY, t, markers, np.full((len(t), 2), plumb), None)
+    found = hands(Campaign("slow", robot, 50.0, (window,)))
+    if not held:
+        assert found == {}
+    else:
+        ((begin, end),) = found["w1"]
+        assert begin == -np.inf
+        assert held - 0.05 < end < held + 0.6

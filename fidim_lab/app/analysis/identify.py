@@ -82,7 +82,9 @@ def identify_posed(
 
 
 def _unfollowed(result: IdentificationResult) -> bool:
-    """Whether maximum likelihood says nothing of the body."""
+    """Whether maximum likelihood says nothing of the body, and not why: what its model lacks, equations lack, too."""
+    if result.cause:
+        return False
     failed = result.outcome in (Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
     return failed and (result.outcome is Outcome.LOST_PHASE or (result.noise_ratio or np.inf) > FOLLOWED)
 

@@ -108,13 +108,19 @@ def _unfollowed(journey: Journey) -> set[int]:
     return {*journey.lost, *(w for w, (time, _) in journey.slack.items() if time < TRUSTED)}
 
 
+def cause(found: Fit) -> str:
+    """What the model is seen to lack, a sentence; empty where it lacks nothing, or that is not seen."""
+    lost = lost_energy(found.remainders, found.likelihood.noise) if found.excess > MISFIT else None
+    return "" if lost is None else lost.says
+
+
 def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     """A paragraph for a person."""
     eigenvalue, in_sd = distance_to_boundary(figures.body, figures.covariance)
-    lost = lost_energy(found.remainders, found.likelihood.noise) if found.excess > MISFIT else None
+    lacks = cause(found)
     parts = [
         ended.value,
-        *(() if lost is None else (lost.says,)),
+        *((lacks,) if lacks else ()),
         f"{were_used(r.window.id for r in found.likelihood.recordings)}; χ²/dof is {found.chi2_per_dof:.3g}.",
         consistency.sentence(figures.body),
     ]

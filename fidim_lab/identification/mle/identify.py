@@ -94,6 +94,7 @@ def identify(campaign: Campaign, *, native: bool = False, predict: bool = True) 
         attachment_plane=float(np.mean([cable.a[2] for cable in campaign.robot.cables])),
         freedoms=campaign.robot.freedoms,
         geometry=None if soft is not None else geometry,
+        cause=findings.cause(found),
     )
 
 

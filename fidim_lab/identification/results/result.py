@@ -198,6 +198,8 @@ class IdentificationResult:
     """what cleaning left out of the recordings"""
     fallback: str = ""
     """why this method is shown in the place of the one that suits the campaign; empty where it is that one"""
+    cause: str = ""
+    """what the model is seen to lack, a sentence that `message` has too; empty where that is not seen"""
 
     @property
     def body(self) -> Body:

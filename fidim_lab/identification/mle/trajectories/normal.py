@@ -16,6 +16,8 @@ from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear
 
 TINY = 1e-300
 """a range must not be empty"""
+BLOCK = 400
+"""rows of a block of a tall matrix: 27000 rows of 20, 40, 75 columns took 8.7, 30, 72 ms CPU whole, 2.6, 11, 32 in blocks"""
 
 Tables = Float[np.ndarray, "W m m"]
 """m = own + shared + 1"""
@@ -192,6 +194,12 @@ def _within(
 
 def _triangular(matrices: np.ndarray) -> np.ndarray:
     """R of each matrix of a stack."""
+    rows, columns = matrices.shape[-2:]
+    blocks = rows // max(BLOCK, 4 * columns)
+    if matrices.ndim == 2 and blocks > 1:  # a tall matrix does not fit the processor's cache, its blocks do
+        size = rows // blocks
+        parts = _triangular(matrices[: blocks * size].reshape(blocks, size, columns))
+        matrices = np.vstack([parts.reshape(-1, columns), matrices[blocks * size :]])
     return np.asarray(np.linalg.qr(matrices, mode="r"))
 
 
