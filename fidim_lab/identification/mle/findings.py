@@ -100,6 +100,8 @@ def outcome(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) ->
     held_excess = float(np.mean(held)) / found.noise_ratio**2 if held else 0.0
     if max(found.excess, held_excess) > MISFIT:
         return Outcome.MISFIT
+    if len(figures.unseen) == len(figures.parameters):
+        return Outcome.UNSEEN
     return Outcome.DOUBTFUL if doubtful(figures) else Outcome.CONVERGED
 
 

@@ -30,6 +30,7 @@ class Outcome(Enum):
     )
     NOT_CONVERGED = "The fit was ended before it had converged; the parameters are not the best ones."
     DOUBTFUL = "Identified in part: some parameters that matter are not seen, or known to no better than 10 %."
+    UNSEEN = "The model explains the recordings, but these show none of the nine parameters by itself."
     IMPOSSIBLE_BODY = "Parameters were found, but no body can have them; do not use them."
 
     @property
@@ -54,6 +55,7 @@ _CODES = {
     Outcome.LOST_PHASE: "not-converged",
     Outcome.NOT_CONVERGED: "not-converged",
     Outcome.DOUBTFUL: "partial",
+    Outcome.UNSEEN: "partial",
     Outcome.IMPOSSIBLE_BODY: "impossible",
 }
 

@@ -11,10 +11,10 @@ from rich.console import Console
 
 from fidim_lab.app import cli
 from fidim_lab.app.analysis.identified import closing_sentence, next_command, summary
-from fidim_lab.app.analysis.identify import identify_command, run_identify
-from fidim_lab.app.analysis.pose_from import read_posed
+from fidim_lab.app.analysis.identify import identify_command, identify_posed, run_identify
+from fidim_lab.app.analysis.pose_from import Posed, read_posed
 from fidim_lab.app.records.import_recording import run_import
-from fidim_lab.data.records import Role
+from fidim_lab.data.records import Campaign, Role
 from fidim_lab.errors import FileError, SetupError
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.motion.pose_sources import PoseSource
@@ -86,6 +86,19 @@ def test_a_window_without_sigma_says_why():
 )
 def test_the_last_sentence_is_honest(result, says):
     assert says in closing_sentence(result)
+
+
+@pytest.mark.parametrize("cause", ["", "The recorded motion dies out."])
+def test_a_failed_fit_gives_way_to_equations_only_where_it_does_not_say_what_is_missing(cause, monkeypatch, irma4):
+    """What its model lacks, the equations lack, too."""
+    failed = replace(made_up(outcome=Outcome.NOT_CONVERGED, noise_ratio=4.0), method=Method.MLE, cause=cause)
+    monkeypatch.setattr(
+        "fidim_lab.app.analysis.identify.identify",
+        lambda campaign, method, *rest, **more: failed if method is Method.MLE else made_up(),
+    )
+    found = identify_posed(Posed(Campaign("made up", irma4, 100.0, ())))
+    assert found.method is (Method.MLE if cause else Method.TLS)
+    assert bool(found.fallback) is not bool(cause)
 
 
 def test_mistakes_are_sentences(tmp_path):

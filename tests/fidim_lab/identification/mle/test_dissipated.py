@@ -1,6 +1,7 @@
 """Motion that dies out is told as that; what keeps its energy is not, however wrong the model is."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.geometry.anchor_offset import AnchorOffset
 from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
 from fidim_lab.identification.mle.dissipated import lost_energy
+from fidim_lab.identification.mle.figures import figures_of
+from fidim_lab.identification.mle.findings import outcome
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
+from fidim_lab.identification.results.result import Outcome
 from fidim_lab.model.mechanism import Mechanism
 
 from .conftest import Record
@@ -67,3 +71,13 @@ def test_faint_or_single_swings_tell_nothing() -> None:
     assert lost_energy([made(0.0, 1e-4, 1e-3, seed) for seed in range(4)], 1e-4) is None
     one_grows = [made(rate, 1e-4, 0.01, seed) for seed, rate in enumerate((0.05, 0.05, -0.05))]
     assert lost_energy(one_grows, 1e-4) is None
+
+
+def test_a_body_of_which_nothing_is_seen_is_no_answer(four: Robot, record: Record) -> None:
+    found = fit(Mechanism(four, native=True), record(four, 3, seconds=3.0))
+    figures = figures_of(found, four.nominal)
+    assert outcome(found, figures, ()).answers
+    unseen = {name: replace(parameter, seen=False) for name, parameter in figures.parameters.items()}
+    ended = outcome(found, replace(figures, parameters=unseen), ())
+    assert ended is Outcome.UNSEEN
+    assert not ended.answers
