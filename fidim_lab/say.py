@@ -4,7 +4,7 @@ Work says what it does (`Say`), and whoever started it decides where that goes; 
 or file passes `printable` before it reaches a terminal.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 Say = Callable[[str], None]
 """takes a line for people"""
@@ -23,6 +23,14 @@ def printable(text: str, longest: int = LONGEST) -> str:
         return text
     shown = "".join(map(_shown, text[: longest + 1]))
     return shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
+
+
+def each_once(said: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """What is said of several things, by its text; the names of those of which the same is said stand together."""
+    names: dict[str, list[str]] = {}
+    for name, text in said:
+        names.setdefault(text, []).append(name)
+    return {text: ", ".join(of) for text, of in names.items()}
 
 
 def _shown(character: str) -> str:

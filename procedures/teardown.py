@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from types import FrameType
 
 from drivers.ports import Clock, DriveState, Winch
-from fidim_lab.errors import FidimError
+from fidim_lab.errors import DeviceError, FidimError
+from fidim_lab.say import each_once
 from procedures.settings import GuardSettings, HoldSettings
 from procedures.stopping import POWERED, StoppedWinch, Stopping, quick_stop
 from procedures.timing import POLL, within
@@ -98,8 +99,11 @@ def _held(winches: Sequence[Winch], stopped: Sequence[StoppedWinch], refusals: S
         sentence = f"All winches stand still, without motor power: {', '.join(unpowered)}."
     else:
         sentence = "All winches stand still, held."
-    says = [one.says for one in stopped if one.says]
-    says += [f"{w.name} was quick-stopped ({why.rstrip('.')})" for w, why in zip(winches, refusals, strict=True) if why]
+    told = [(one.name, one.says.removeprefix(f"{one.name} ")) for one in stopped if one.says]
+    told += [
+        (w.name, f"was quick-stopped ({why.rstrip('.')})") for w, why in zip(winches, refusals, strict=True) if why
+    ]
+    says = [f"{of}{':' if ', ' in of else ''} {text}" for text, of in each_once(told).items()]
     if not ok and (stand := [one.name for one in stopped if one.stands and one.obeyed]):
         says.append(f"{', '.join(stand)} {'stands' if len(stand) == 1 else 'stand'} still")
     return Held(ok, " ".join([sentence, *(f"{part}." for part in says)]), tuple(stopped))
@@ -118,7 +122,8 @@ async def _hold(clock: Clock, stop: Stopping, timeout: float, sample_age: float,
         await within(clock, timeout, winch.hold())
     except (Exception, asyncio.CancelledError) as error:  # whatever it was, this winch must stop
         stop.quick_stop(clock.now())
-        return str(error) or "no answer to the hold command"
+        said = str(error).removeprefix(f"{error.device}: ") if isinstance(error, DeviceError) else str(error)
+        return said or "no answer to the hold command"
     return ""
 
 

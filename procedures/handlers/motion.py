@@ -5,6 +5,7 @@ import math
 from collections.abc import Coroutine, Sequence
 
 from fidim_lab.errors import BusError, DeviceError, FidimError
+from fidim_lab.say import each_once
 from procedures.outcomes import Outcome
 from procedures.stand import Stand
 from procedures.steps import Enable, Hold, Lengths, MoveTo, Result, longest_way, travel_time
@@ -154,6 +155,12 @@ async def hold(stand: Stand, _step: Hold) -> Result:
     return Result(values=stand.lengths())
 
 
+def _of_device(error: FidimError) -> tuple[str, str]:
+    """Which device an error is of, empty where it is of none, and what it says of it."""
+    device = error.device if isinstance(error, DeviceError) else ""
+    return device, error.message.removeprefix(f"{device}: ").rstrip(".")
+
+
 async def command_all(commands: Sequence[Coroutine[object, object, None]]) -> None:
     """Give a command to all winches at once.
 
@@ -169,6 +176,6 @@ async def command_all(commands: Sequence[Coroutine[object, object, None]]) -> No
     if len(failed) == 1:
         raise failed[0]
     if failed:
-        said = "; ".join(error.message.rstrip(".") for error in failed)
+        said = "; ".join(f"{of}: {text}" if of else text for text, of in each_once(map(_of_device, failed)).items())
         advice = " ".join(dict.fromkeys(error.hint for error in failed if error.hint))
         raise DeviceError(f"{len(failed)} of {len(answers)} winches", f"{said}.", hint=advice)

@@ -231,7 +231,7 @@ def test_a_drive_that_refuses(world, lab, tmp_path, command):
         world.winches[k].refuses = command
     report = world.run(lab.one, tmp_path / "run")
     assert report.outcome is Outcome.ERROR
-    assert f"2 of 4 winches: winch 1: refuses to {command}; winch 3: refuses to {command}. Look at" in report.reason
+    assert f"2 of 4 winches: winch 1, winch 3: refuses to {command}. Look at" in report.reason
     assert report.reason.count("Look at its display.") == 1  # what two advise is said once
     assert all("move_to" not in w.commands for w in world.winches)
 
@@ -330,7 +330,7 @@ def test_ctrl_c_at_every_step_leaves_the_robot_held(world, lab, tmp_path, step):
     if step == "Enable":  # cancelled while the drives were being configured: they never had power
         assert [w.commands for w in world.winches] == [["configure", "hold"]] * 4
         assert not report.held
-        assert "winch 1 has never reported" in report.held_says
+        assert "winch 1, winch 2, winch 3, winch 4: has never reported" in report.held_says
     else:
         assert report.held
         assert all(w.commands[-1] == "hold" for w in world.winches)
