@@ -71,6 +71,10 @@ class MotionSettings:
     """time-outs in a row after which the equilibrium is given up"""
     length_limits: tuple[tuple[float, float], ...] | None = None
     """m, for each winch, from the rig file; None where it has none"""
+    highest_speed: float | None = None
+    """m/s that all winches may do, from the rig file: no step may ask for more"""
+    highest_acceleration: float | None = None
+    """m/s², likewise"""
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,11 @@ by way of lengths that are known to be safe.
 
 import heapq
 import itertools
+import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from fidim_lab.data.records import Plan, Robot
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.model.kinematics import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from procedures.settings import MotionSettings
 from procedures.steps import Ask, Lengths, MoveTo, Step, longest_way
 from procedures.steps.excitation import Strokes
 
@@ -102,9 +105,25 @@ class Workspace:
         return None
 
 
-def check_moves(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> None:
-    """Refuse a procedure that leaves the workspace anywhere. Raises InfeasibleError naming all steps that do."""
-    _refuse([f"{name}: {wrong.says}" for name, wrong in _wrong_steps(steps, robot, workspace)])
+def check_moves(
+    steps: Iterable[Step],
+    robot: Robot,
+    workspace: Workspace,
+    motion: MotionSettings | None = None,
+    own: Path | None = None,
+) -> None:
+    """Refuse a procedure that leaves the workspace anywhere, or asks winches for more than they may do.
+
+    motion: with what the winches may do. own: the file that the steps are from, where they are of somebody's own.
+    Raises InfeasibleError naming all steps that do.
+    """
+    motion, numbered = motion or MotionSettings(), tuple(enumerate(steps, start=1))
+    found = [
+        f"step {number}, window {step.window or '–'}, {step.text}: {wrong.says}"
+        for number, step in numbered
+        for wrong in (*_wrong(step, robot, workspace), *_too_fast(step, motion))
+    ]
+    _refuse(found, own)
 
 
 def check_displacements(plan: Plan, robot: Robot) -> None:
@@ -121,34 +140,48 @@ def check_displacements(plan: Plan, robot: Robot) -> None:
     )
 
 
-def _refuse(found: Sequence[str]) -> None:
+def _refuse(found: Sequence[str], own: Path | None = None) -> None:
     """Raise InfeasibleError where anything is."""
     if not found:
         return
     more = f" (and {len(found) - 4} more)" if len(found) > 4 else ""
     raise InfeasibleError(
-        "The plan leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
-        hint="Nothing was moved. Change these windows in the plan.",
+        f"{own or 'The plan'} leaves the robot's limits: " + "; ".join(found[:4]) + more + ".",
+        hint=f"Nothing was moved. Change these {f'steps of {own.name}' if own else 'windows in the plan'}.",
     )
 
 
-def _wrong_steps(steps: Iterable[Step], robot: Robot, workspace: Workspace) -> Iterable[tuple[str, Violation]]:
-    for number, step in enumerate(steps, start=1):
-        name = f"step {number}, window {step.window or '–'}, {step.text}"
-        match step:
-            case MoveTo():
-                wrong = [workspace.at(step.lengths)]
-                if wrong == [None] and step.start is not None:
-                    wrong = [workspace.between(step.start, step.lengths)]
-            case Strokes():
-                targets = dict.fromkeys(target for chain in step.chains for target in chain.targets)
-                beyond = (workspace.between(step.lengths, target) for target in targets)
-                wrong = [next(filter(None, beyond), None), *_too_far(step.displacement, robot)]
-            case Ask():
-                wrong = _too_far(step.prompt.displacement, robot)
-            case _:
-                continue
-        yield from ((name, one) for one in wrong if one is not None)
+def _wrong(step: Step, robot: Robot, workspace: Workspace) -> list[Violation]:
+    match step:
+        case MoveTo():
+            wrong = [workspace.at(step.lengths)]
+            if wrong == [None] and step.start is not None:
+                wrong = [workspace.between(step.start, step.lengths)]
+        case Strokes():
+            targets = dict.fromkeys(target for chain in step.chains for target in chain.targets)
+            beyond = (workspace.between(step.lengths, target) for target in targets)
+            wrong = [next(filter(None, beyond), None), *_too_far(step.displacement, robot)]
+        case Ask():
+            wrong = _too_far(step.prompt.displacement, robot)
+        case _:
+            wrong = []
+    return [one for one in wrong if one is not None]
+
+
+def _too_fast(step: Step, motion: MotionSettings) -> list[Violation]:
+    """Of any step with a speed or an acceleration: a drive would refuse it in the middle of a run, or clip it."""
+    asked = (
+        ("speed", "m/s", motion.highest_speed),
+        ("acceleration", "m/s²", motion.highest_acceleration),
+    )
+    return [
+        Violation(
+            f"{name} is {value:g} {unit}, "
+            + (f"the rig's winches may do up to {most:g} {unit}" if most is not None and value > 0 else "more than 0")
+        )
+        for name, unit, most in asked
+        if (value := getattr(step, name, None)) is not None and not 0 < value <= (math.inf if most is None else most)
+    ]
 
 
 def _too_far(displacement: Sequence[float], robot: Robot) -> list[Violation]:

@@ -143,7 +143,8 @@ def experiment(
     if entry.further is not None and resumption is not None:
         make = partial(_further, entry.further, frozenset(resumption.rows))
         resumption = replace(resumption, goes_on=True)
-    return checked_experiment(make, plan, robot, settings, statics, resumption)
+    own = Path(name) if name.endswith(".py") else None
+    return checked_experiment(make, plan, robot, settings, statics, resumption, own)
 
 
 def never_asks(name: str) -> bool:

@@ -3,9 +3,11 @@
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from fidim_lab.data.records import Plan, Robot, Role
+from fidim_lab.errors import FileError
 from procedures.expected.limits import Statics, Workspace, check_moves, find_route, way_points
 from procedures.expected.nominal_rest import NominalRest
 from procedures.protocols.identify import Route
@@ -73,10 +75,12 @@ def checked_experiment(
     settings: Settings | None = None,
     statics: Statics | None = None,
     resumption: Resumption | None = None,
+    own: Path | None = None,
 ) -> Experiment:
     """The steps that `make` yields for a plan, their limits checked (some seconds; the robot is not needed).
 
     statics: tensions at rest; by the nominal model unless given. resumption: what an earlier process has done of it.
+    own: the file that the steps are from, where they are of somebody's own.
     Raises InfeasibleError naming window, cable, value and what is allowed where the plan, or every way between two of
     its equilibria, leaves the limits; SetupError for a window that cannot be a file.
     """
@@ -94,6 +98,14 @@ def checked_experiment(
     if resumption is not None:
         lab = replace(lab, attempts=resumption.attempts, recorded=resumption.recorded, swings=resumption.swings)
     procedure: Procedure = partial(make, lab)
-    check_moves(Outline(procedure).steps, robot, workspace)
+    outline = Outline(procedure)
+    check_moves(outline.steps, robot, workspace, settings.motion, own)
+    if own is not None and outline.without_verdict:
+        raise FileError(
+            own,
+            "procedure",
+            f"leaves {', '.join(outline.without_verdict)} without a verdict.",
+            hint="Yield Accept after Record and CheckWindow, or GiveUp, for each window (docs/procedures.md).",
+        )
     roles = {window.id: window.role for window in plan.windows}
     return Experiment(plan.name, robot, procedure, roles, workspace, settings, rest if statics is None else None)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from procedures.outcomes import Outcome
-from procedures.steps import GiveUp, Procedure, Step
+from procedures.steps import Accept, GiveUp, Procedure, Step, Stop
 
 
 def planned_steps(procedure: Procedure) -> Iterator[Step]:
@@ -36,6 +36,14 @@ class Outline:
         for step in reversed(self.steps):
             left[type(step)] = left.get(type(step), 0.0) + step.seconds
             self._left[step.place] = MappingProxyType(left.copy())
+
+    @property
+    def without_verdict(self) -> tuple[str, ...]:
+        """Windows that steps belong to and that get no verdict; none where the procedure stops by itself."""
+        if self.steps and isinstance(self.steps[-1], Stop):
+            return ()
+        judged = {step.window for step in self.steps if isinstance(step, Accept | GiveUp)}
+        return tuple(window for window in self.windows if window not in judged)
 
     def left_from(self, step: Step) -> Mapping[type[Step], float] | None:
         """Estimated s from a step's begin to the end, by type; None for a step that no plan has (a prompt again)."""

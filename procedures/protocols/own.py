@@ -13,6 +13,7 @@ from fidim_lab.errors import FidimError, FileError, SetupError
 from procedures.control import Intervention
 from procedures.interruption import Aborted
 from procedures.protocols.experiment import Lab, Make
+from procedures.protocols.own_checks import mistake, unyielded
 from procedures.steps import Result, Step, Steps
 
 HINT = "docs/procedures.md shows a procedure; --debug shows the whole way there."
@@ -28,6 +29,8 @@ def own_procedure(path: Path) -> Make:
         spec.loader.exec_module(module)
     except Exception as error:
         raise SetupError(f"{path}: cannot be imported: {type(error).__name__}: {error}.") from error
+    for line, wrong in unyielded(path.read_text(encoding="utf-8"), module):
+        raise FileError(path, f"line {line}", f"{wrong}.", hint=HINT)
     function = getattr(module, "procedure", None)
     if not callable(function):
         raise SetupError(f"{path}: has no function `procedure(lab)` that yields steps (docs/procedures.md).")
@@ -44,20 +47,26 @@ def _told(path: Path, function: Any, lab: Lab) -> Steps:
         steps = function(lab)
         if not isinstance(steps, Generator):
             raise FileError(path, "procedure", f"gives {_shown(steps)}; it must yield steps.", hint=HINT)
-        yield from _steps(path, steps)
+        yield from _steps(path, steps, lab)
     except (FidimError, Intervention, Aborted):
         raise
     except Exception as error:
         raise FileError(path, _line(path, error), f"{type(error).__name__}: {error}.", hint=HINT) from error
 
 
-def _steps(path: Path, steps: Generator[Any, Result, None]) -> Steps:
+def _steps(path: Path, steps: Generator[Any, Result, None], lab: Lab) -> Steps:
+    windows = [window.id for window in lab.plan.windows]
+    number = 0
     try:
         step = next(steps, None)
         while step is not None:
+            number += 1
+            line = _yielding(path, steps)
             if not isinstance(step, Step):
-                line = "" if steps.gi_frame is None else f"line {steps.gi_frame.f_lineno}"  # pyright: ignore
-                raise FileError(path, line, f"yields {_shown(step)}, which is no step.", hint=HINT)
+                how = ": write `yield from` before a generator" if isinstance(step, Generator) else ""
+                raise FileError(path, line, f"yields {_shown(step)}, which is no step{how}.", hint=HINT)
+            if wrong := mistake(step, lab, windows):
+                raise FileError(path, line, f"step {number}, {wrong}.", hint=HINT)
             try:
                 result = yield step
             except Intervention as word:
@@ -68,6 +77,14 @@ def _steps(path: Path, steps: Generator[Any, Result, None]) -> Steps:
         return
     finally:
         steps.close()
+
+
+def _yielding(path: Path, steps: Generator[Any, Any, Any]) -> str:
+    """Where in the file a step has just been yielded: in a generator of the same file, too, that is yielded from."""
+    frame, inner = steps.gi_frame, steps.gi_yieldfrom
+    if isinstance(inner, Generator) and inner.gi_frame is not None and inner.gi_frame.f_code.co_filename == str(path):
+        return _yielding(path, inner)
+    return "" if frame is None else f"line {frame.f_lineno}"  # pyright: ignore[reportUnnecessaryComparison]
 
 
 def _line(path: Path, error: Exception) -> str:

@@ -147,6 +147,8 @@ def rig_settings(file: RigFile, base: Settings | None = None, winches: Sequence[
         speed=min(base.motion.speed, speed),
         acceleration=min(base.motion.acceleration, acceleration),
         length_limits=tuple(config.length_limits for config in configs),
+        highest_speed=speed,
+        highest_acceleration=acceleration,
         together=max(base.motion.together, min(file.guards["stale_winch"].thresholds["age"], LONGEST_TOGETHER)),
     )
     excite = replace(

@@ -1,0 +1,73 @@
+"""A mistake in a procedure of somebody's own is told before anything moves, with its file, line and step."""
+
+from dataclasses import replace
+
+import pytest
+
+from fidim_lab.errors import FidimError
+from procedures.protocols.catalogue import experiment
+from procedures.protocols.listing import Outline
+
+OWN = """from procedures.protocols.beginning import begin
+from procedures.steps import *
+from procedures.outcomes import Outcome
+
+def helper(window):
+    yield {step}
+
+def procedure(lab):
+    yield from begin(lab.robot.n, lab.settings)
+    for window in lab.plan.windows:
+        goal = tuple(map(float, window.lengths))
+        {line}
+        yield GiveUp(window=window.id, outcome=Outcome.PASS, reason="seen")
+"""
+MOVE = "yield MoveTo(window=window.id, lengths=goal, speed={}, acceleration=0.2, tolerance=1e-3)"
+SETTLE = "yield Settle(window=window.id, tolerance={}, over=1.0, timeout=8.0)"
+READ = "yield ReadEncoders(window=window.id, lengths={}, tolerance=5e-3, over={})"
+
+
+def comfortable(lengths):
+    return lengths * 0 + 60.0
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        (
+            "yield Hold(window=window)",
+            r"line 12: step \d, Hold: window is a PlannedWindow; its id \('i01', write `.id`\)",
+        ),
+        ("yield Hold(window='i99')", r"line 12: step \d, Hold: the plan has no window 'i99'; it has i01, "),
+        ("yield from helper(window)", r"line 6: step \d, Hold: window is a PlannedWindow"),
+        ("Hold(window=window.id)", r"line 12: Hold\(…\) is made but not yielded"),
+        ("step = Hold(window=window.id)", r"line 12: Hold\(…\) is made but not yielded"),
+        ("helper(window)", r"line 12: helper\(…\) is dropped, so it does nothing; write `yield from`"),
+        ("yield helper(window)", "line 12: .*which is no step: write `yield from`"),
+        (SETTLE.format("'2 mm'"), "tolerance is '2 mm'; a finite number"),
+        (SETTLE.format("float('nan')"), "tolerance is nan; a finite"),
+        (READ.format("goal", -1.0), "it would take -1 s"),
+        (READ.format("goal[:2]", 1.0), "has 2 lengths, the robot"),
+        (READ.format("list(goal)", 1.0), "a tuple of finite numbers"),
+        (MOVE.format(9.0), r"own.py leaves .* step \d, window i01, .*speed is 9 m/s, .* up to 0.4 m/s"),
+        (MOVE.format(-0.1), r"speed is -0.1 m/s, more than 0 .*Change these steps of own.py"),
+        ("yield Note(window=window.id, remark='')\n        continue", "procedure: leaves i01, .* without a verdict"),
+    ],
+)
+def test_a_mistake_is_told_before_anything_moves(line, says, world, lab, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(OWN.format(line=line, step="Hold(window=window)"), encoding="utf-8")
+    settings = replace(world.settings, motion=replace(world.settings.motion, highest_speed=0.4))
+    with pytest.raises(FidimError, match=says):
+        experiment(str(own), lab.plan, world.robot, settings, statics=comfortable)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["pass", MOVE.format(0.3), "yield Stop(outcome=Outcome.FAIL, reason='')", "yield from helper(window)"],
+)
+def test_one_without_a_mistake_is_listed(line, world, lab, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(OWN.format(line=line, step="Hold(window=window.id)"), encoding="utf-8")
+    made = experiment(str(own), lab.plan, world.robot, world.settings, statics=comfortable)
+    assert Outline(made.procedure).steps
