@@ -49,8 +49,12 @@ def comfortable(lengths):
         (READ.format("goal", -1.0), "it would take -1 s"),
         (READ.format("goal[:2]", 1.0), "has 2 lengths, the robot"),
         (READ.format("list(goal)", 1.0), "a tuple of finite numbers"),
-        (MOVE.format(9.0), r"own.py leaves .* step \d, window i01, .*speed is 9 m/s, .* up to 0.4 m/s"),
-        (MOVE.format(-0.1), r"speed is -0.1 m/s, more than 0 .*Change these steps of own.py"),
+        (
+            MOVE.format(9.0),
+            r"own.py leaves .* step \d, window i01, .*speed is 9 m/s, .* up to 0.4 m/s.*Change these steps of own.py",
+        ),
+        (MOVE.format(-0.1), r"step \d, MoveTo: speed is -0.1; more than 0 is needed"),
+        (MOVE.format(0), "speed is 0; more than 0 is needed"),
         ("yield Note(window=window.id, remark='')\n        continue", "procedure: leaves i01, .* without a verdict"),
     ],
 )
