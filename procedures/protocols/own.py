@@ -7,6 +7,7 @@ import importlib.util
 import traceback
 from collections.abc import Generator
 from pathlib import Path
+from types import GeneratorType
 from typing import Any
 
 from fidim_lab.errors import FidimError, FileError, SetupError
@@ -79,12 +80,12 @@ def _steps(path: Path, steps: Generator[Any, Result, None], lab: Lab) -> Steps:
         steps.close()
 
 
-def _yielding(path: Path, steps: Generator[Any, Any, Any]) -> str:
+def _yielding(path: Path, steps: Any) -> str:
     """Where in the file a step has just been yielded: in a generator of the same file, too, that is yielded from."""
-    frame, inner = steps.gi_frame, steps.gi_yieldfrom
-    if isinstance(inner, Generator) and inner.gi_frame is not None and inner.gi_frame.f_code.co_filename == str(path):
+    inner = steps.gi_yieldfrom
+    if isinstance(inner, GeneratorType) and inner.gi_code.co_filename == str(path):
         return _yielding(path, inner)
-    return "" if frame is None else f"line {frame.f_lineno}"  # pyright: ignore[reportUnnecessaryComparison]
+    return f"line {steps.gi_frame.f_lineno}"
 
 
 def _line(path: Path, error: Exception) -> str:

@@ -82,11 +82,15 @@ def _fits(value: object, wanted: Any) -> bool:
         each = parts[:1] * len(value) if isinstance(value, tuple) and parts[1:] == (Ellipsis,) else parts
         return isinstance(value, tuple) and len(value) == len(each) and all(map(_fits, value, each))
     if wanted is float:
-        return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+        return _number(value, Real) and math.isfinite(value)  # pyright: ignore[reportArgumentType]
     if wanted is int:
-        return isinstance(value, Integral) and not isinstance(value, bool)
+        return _number(value, Integral)
     kind = origin or wanted
     return not isinstance(kind, type) or isinstance(value, kind)
+
+
+def _number(value: object, kind: type) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def _wanted(value: object, wanted: Any) -> str:

@@ -9,14 +9,16 @@ from pathlib import Path
 import click
 
 from fidim_lab.app.cli.outputs import OUT_EITHER, OUT_FILE, OUT_FOLDER
-from fidim_lab.app.cli.root import FOLDER, Number, example, fidim
+from fidim_lab.app.cli.root import FOLDER, ROBOT, Number, example, fidim
 
 
 @fidim.command("import")
 @click.argument("kind")
 @click.argument("sources", nargs=-1, required=True, type=FOLDER)
 @click.option("--out", type=OUT_FOLDER, required=True, help="Campaign folder to write; must not exist yet.")
-@click.option("--robot", type=FOLDER, default=None, help="Robot file with the markers; every kind but irma4u, grab.")
+@click.option(
+    "--robot", type=ROBOT, default=None, help="Robot file (or irma4) with the markers; every kind but irma4u, grab."
+)
 @click.option("--map", "map_file", type=FOLDER, default=None, help="csv: which column is what, fidim-columns/1.")
 @click.option("--takes", default=None, metavar="WHICH", help="grab: numbers (1-36,40). Others: a pattern ('v_*.txt').")
 @click.option("--log", "logs", multiple=True, metavar="PATTERN", help="Robot logs, by name or clock ('logs/r_*.log').")

@@ -14,6 +14,7 @@ import numpy as np
 from fidim_lab.app.records.import_logs import match
 from fidim_lab.app.records.import_recording import import_command
 from fidim_lab.app.records.import_takes import import_takes_command
+from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import refuse_taken
 from fidim_lab.data.importers.c3d_file import read_c3d
 from fidim_lab.data.importers.grab import read_grab
@@ -21,6 +22,7 @@ from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.motive_csv import read_motive
 from fidim_lab.data.importers.qtm_mat import read_qtm_mat
 from fidim_lab.data.importers.qtm_tsv import read_qtm
+from fidim_lab.data.importers.reading.map_proposal import proposed_map
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.importers.registry import READERS
 from fidim_lab.data.importers.robot_log import read_robot_log
@@ -69,8 +71,10 @@ def import_kind_command(
     kind: str, sources: Sequence[Path], out: Path, options: ImportOptions, json_file: Path | None
 ) -> int:
     """Import by kind. Returns the exit code; raises FidimError."""
-    if (kind == MAPPED) != (options.map_file is not None):
-        raise SetupError(f"--map belongs to {MAPPED}, which needs it.")
+    if kind != MAPPED and options.map_file is not None:
+        raise SetupError(f"--map belongs to {MAPPED}, not to {kind}.")
+    if kind == MAPPED and options.map_file is None:
+        raise _unmapped(_files(kind, sources, options.takes)[0])
     if options.topics and kind not in BAGS:
         raise SetupError(f"--topic belongs to {' and '.join(BAGS)}.")
     if kind in MARKER_READERS or kind == MAPPED or kind in BAGS:
@@ -94,6 +98,15 @@ def import_kind_command(
         known = ", ".join(sorted([*READERS, *MARKER_READERS, *BAGS, MAPPED, "grab"]))
         raise SetupError(f"No recording of kind {kind!r} is known.", hint=f"Known kinds: {known}.")
     return import_command(kind, list(sources), out, json_file)
+
+
+def _unmapped(path: Path) -> SetupError:
+    """That a table needs a map, and how to write one: a proposal for it is printed. Raises FileError for no table."""
+    console.out.print(proposed_map(path), end="", markup=False, highlight=False, soft_wrap=True)
+    return SetupError(
+        f"{MAPPED} needs --map: a file that says which column is what. Above is one for {path.name}.",
+        hint="Save it as map.toml (or end the same command with > map.toml), correct it, and add --map map.toml.",
+    )
 
 
 def read_files(kind: str, sources: Sequence[Path], options: ImportOptions) -> Takes:

@@ -235,7 +235,7 @@ def _upright(
     tracks: Sequence[tuple[BodyTrack | None, Positions, Rotations]],
 ) -> tuple[PoseReading, Decision]:
     """The reading in which cable lengths vary least, if the file or the caller does not say another one."""
-    readings = sorted(_readings(mechanism, asked, tracks), key=lambda reading: reading.varies)
+    readings = sorted(_readings(mechanism, tracks), key=lambda reading: reading.varies)
     said = asked.up or log.up
     fitting = [reading for reading in readings if reading.up == said] or readings
     best, chosen = readings[0], fitting[0]
@@ -244,10 +244,19 @@ def _upright(
         words = f"the file says {said} upwards, but cable lengths vary by {chosen.varies * 1e3:.1f} mm so"
         warning = f"{words}; {best.words} was taken, where they vary by {best.varies * 1e3:.1f} mm"
         return best, Decision((), (warning,))
+    if asked.up is not None and chosen.varies > STRAY >= best.varies:
+        raise RefusedError(
+            f"With {asked.up} upwards, as asked for, cable lengths vary by {chosen.varies * 1e3:.1f} mm though the "
+            f"motors are locked; with {best.up} upwards by {best.varies * 1e3:.1f} mm.",
+            hint=f"Say --up {best.up}.",
+        )
     rivals = [r for r in fitting if r is not chosen and r.varies < CLEAR * chosen.varies]
     _ask(chosen, rivals, said)
     how = "as asked for" if asked.up else "as the file says" if log.up else "by the cable lengths"
     decided = (f"{chosen.words}, {how}: {shown}",)
+    if asked.up is not None and CLEAR * best.varies < chosen.varies:
+        warning = f"{shown}; with {best.up} upwards by {best.varies * 1e3:.1f} mm: is --up {best.up} meant?"
+        return chosen, Decision(decided, (warning,))
     if chosen.varies > STRAY:
         warning = f"{shown} though the motors are locked: the motion-capture or body frame is not the robot's"
         return chosen, Decision(decided, (warning,))
@@ -268,12 +277,10 @@ def _ask(chosen: PoseReading, rivals: Sequence[PoseReading], said: str | None) -
 
 
 def _readings(
-    mechanism: Mechanism, asked: Asked, tracks: Sequence[tuple[BodyTrack | None, Positions, Rotations]]
+    mechanism: Mechanism, tracks: Sequence[tuple[BodyTrack | None, Positions, Rotations]]
 ) -> Iterator[PoseReading]:
     for body, positions, rotations in tracks:
         for up, turn in UPRIGHT.items():
-            if asked.up not in (None, up):
-                continue
             where, turned = positions @ turn.T, turn @ rotations
             yield PoseReading(up, where, turned, _varies(mechanism, where, turned), body)
             if body is not None and up != "z":

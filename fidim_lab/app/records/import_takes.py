@@ -16,6 +16,7 @@ import numpy as np
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.records.import_logs import logged
 from fidim_lab.app.records.import_poses import pose_take
+from fidim_lab.app.report.sections.numerals import counted
 from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import write_campaign
 from fidim_lab.data.importers.takes import Asked, Take, Takes
@@ -148,7 +149,9 @@ def _print(group: Takes, found: Sequence[TakeWindows], folder: Path) -> None:
     out = console.out
     windows = sum(len(one.windows) for one in found)
     out.print(
-        f"{group.name}: {len(found)} takes of {group.robot.n} cables, {windows} windows of free motion", markup=False
+        f"{group.name}: {counted(len(found), 'take')} of {group.robot.n} cables, {counted(windows, 'window')} of free "
+        "motion",
+        markup=False,
     )
     for one in found:
         for window in one.windows:

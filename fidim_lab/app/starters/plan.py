@@ -12,6 +12,7 @@ from fidim_lab.data.plan_file import FORMAT as PLAN_FORMAT
 from fidim_lab.data.plan_file import AccuracyTable, PlannedWindowTable, PlanTable, PoseTable
 from fidim_lab.data.records import PlannedWindow, Robot
 from fidim_lab.data.window_csv import WindowColumns, write_window_csv
+from fidim_lab.identification.design.task import can_be_designed
 from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 
 WINDOWS = (2, 1)
@@ -23,9 +24,13 @@ SEED = 1
 
 def plan_text(path: Path, robot_file: Path, robot: Robot) -> str:
     """A plan as text. Raises InfeasibleError where the robot rests nowhere within its limits."""
+    further = f"""This one shows the form; with the twelve places that tell most:
+    fidim design --robot {robot_file} --out design"""
+    if not can_be_designed(robot):  # three free motions or more: nobody displaces a marker in so many coordinates
+        further = f"""This one shows the form; with twelve places at random, as rehearsal/plan.toml:
+    fidim dry-run --robot {robot_file} --out rehearsal"""
     opening = f"""A plan for {robot_file}: where the platform hangs, and how it is displaced, window by window.
-This one shows the form; with the twelve places that tell most:
-    fidim design --robot {robot_file} --out design
+{further}
 To rehearse it, and to run it:
     fidim dry-run --robot {robot_file} --plan {path}
     fidim run {path} --rig RIG.toml"""

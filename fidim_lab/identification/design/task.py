@@ -36,6 +36,15 @@ class Criterion(StrEnum):
     """volume of the estimate's confidence ellipsoid (log-determinant of the covariance)"""
 
 
+DISPLACED = 2
+"""coordinates in which a hand displaces the marker: a design plans as many free motions at most"""
+
+
+def can_be_designed(robot: Robot) -> bool:
+    """Whether equilibria and displacements of this robot can be designed."""
+    return robot.freedoms <= DISPLACED
+
+
 @dataclass(frozen=True, eq=False)
 class DesignTask:
     """Eq. 41–42: n_e windows of `seconds`, each from rest at a displaced pose with the motors locked."""
@@ -56,10 +65,11 @@ class DesignTask:
 
     def __post_init__(self) -> None:
         """Raise SetupError for what cannot be designed."""
-        if self.robot.freedoms > len(self.axes):
+        if not can_be_designed(self.robot):
             raise SetupError(
                 f"fidim design displaces the marker along x and y: it covers four and five cables, not {self.robot.n}.",
-                hint="For fewer cables take random equilibria: fidim simulate or fidim dry-run makes such a plan.",
+                hint="For fewer cables take equilibria at random: fidim dry-run --robot FILE --out rehearsal writes "
+                "rehearsal/plan.toml.",
             )
         if self.equilibria * self.robot.freedoms * self.samples < 10:
             raise SetupError(

@@ -17,6 +17,8 @@ from fidim_lab.data.plan_file import PlanTable, read_plan
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.rigs.rig_tables import RigTable
 from fidim_lab.data.robot_file import RobotTable, read_robot
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.design.task import DesignTask
 
 MODELS = {"robot": RobotTable, "rig": RigTable, "plan": PlanTable, "campaign": CampaignTable}
 
@@ -67,6 +69,22 @@ def test_the_new_robot_is_plausible(cables: int, tmp_path: Path) -> None:
     path = tmp_path / "new.toml"
     assert cli.run(["init", "robot", "--out", str(path), "--cables", str(cables)]) == 0
     assert all(finding.ok for finding in plausibility(read_robot(path)))
+
+
+@pytest.mark.parametrize("cables", [2, 3, 4, 5])
+def test_a_new_plan_names_the_step_that_works_for_its_robot(
+    cables: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.run(["init", "robot", "--cables", str(cables)]) == 0
+    assert cli.run(["init", "plan"]) == 0
+    said, robot = (tmp_path / "plan.toml").read_text(encoding="utf-8"), read_robot(tmp_path / "robot.toml")
+    if "fidim design --robot robot.toml" in said:
+        assert DesignTask(robot).robot.n == cables
+        return
+    assert "fidim dry-run --robot robot.toml --out rehearsal" in said
+    with pytest.raises(SetupError, match="fidim dry-run --robot"):
+        DesignTask(robot)
 
 
 def test_a_simulated_rig_names_local_devices(files: dict[str, Path], tmp_path: Path) -> None:

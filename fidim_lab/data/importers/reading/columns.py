@@ -110,12 +110,12 @@ def _header(split: Sequence[Sequence[str]], wanted: Sequence[Column]) -> tuple[i
     names = {column for column in wanted if isinstance(column, str)}
     if not names:
         return 0, []
-    rows = [_without_mark(cells) for cells in split[:TOP]]
+    rows = [without_mark(cells) for cells in split[:TOP]]
     at = next((k for k, row in enumerate(rows) if names <= set(row)), 0)
     return at, rows[at] if rows else []
 
 
-def _without_mark(cells: Sequence[str]) -> list[str]:
+def without_mark(cells: Sequence[str]) -> list[str]:
     """Names of columns without the sign of a comment before them."""
     cells = cells[1:] if cells and cells[0].strip() in COMMENTS else cells
     return [cell.strip().lstrip("".join(COMMENTS)).strip().strip('"') for cell in cells]

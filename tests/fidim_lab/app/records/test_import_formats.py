@@ -215,6 +215,43 @@ def test_every_format_gives_the_same_window(name: str, swing: Swing, tmp_path: P
     assert len(told["decided"]) >= 3
 
 
+@pytest.mark.parametrize("up", ["x", "y"])
+def test_an_axis_that_fits_worse_than_another_is_asked_about(up: str, swing: Swing, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_robot(tmp_path / "robot.toml", swing.robot)
+    arguments = ["import", *vicon(swing, tmp_path), "--robot", "robot.toml", "--out", "out", "--up", up]
+    done = CliRunner().invoke(fidim, arguments)
+    assert "is --up z meant?" in done.output.replace("\n", " ")
+
+
+def test_an_axis_with_which_cables_would_stretch_is_refused_with_the_one_that_fits(tmp_path: Path, monkeypatch):
+    """A swing of 30 mm: with another axis upwards the locked cables would have to stretch by more than 5 mm."""
+    monkeypatch.chdir(tmp_path)
+    invoke = CliRunner().invoke
+    assert invoke(fidim, ["init", "robot"]).exit_code == 0
+    simulate = ["simulate", "--robot", "robot.toml", "--out", "sim", "--equilibria", "1", "--validate", "0"]
+    assert invoke(fidim, simulate).exit_code == 0
+    (window,) = read_campaign(tmp_path / "sim").windows
+    names = [f"{name}_{axis}" for name in "ABCD" for axis in "xyz"]
+    table = joined(["t," + ",".join(names)], rows(window.t, window.markers), ",")
+    (tmp_path / "take.csv").write_text(table, encoding="utf-8")
+    arguments = ["import", "csv", "take.csv", "--robot", "robot.toml", "--out", "out"]
+    (tmp_path / "own.toml").write_text(invoke(fidim, arguments).stdout, encoding="utf-8")
+    done = invoke(fidim, [*arguments, "--map", "own.toml", "--up", "x"])
+    assert done.exit_code == 1, done.output
+    said = done.output.replace("\n", " ")
+    assert "With x upwards, as asked for, cable lengths vary by" in said
+    assert "Say --up z." in said
+
+
+def test_the_robot_that_comes_along_is_known_by_its_name(tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "take.csv").write_text("t,ax,ay,az\n1,2,3,4\n", encoding="utf-8")
+    done = CliRunner().invoke(fidim, ["import", "trc", "take.csv", "--robot", "irma4", "--out", "out"])
+    assert "no such file" not in str(done.exception)
+    assert "take.csv" in str(done.exception)
+
+
 def test_the_report_tells_what_was_decided():
     found = {
         "id": "k1",

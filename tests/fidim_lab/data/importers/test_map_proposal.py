@@ -1,0 +1,56 @@
+"""A table without a map: what is proposed reads that very table, in its own names."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fidim_lab.data.importers.mapped_csv import read_mapped
+from fidim_lab.data.importers.reading.map_proposal import proposed_map
+from fidim_lab.errors import FileError
+
+ROWS = 30
+
+
+def table(path: Path, head: list[str], columns: int, mark: str = ",", decimal: str = ".") -> Path:
+    rows = [mark.join([f"{k / 100:.2f}", *(f"{k + c:.1f}" for c in range(1, columns))]) for k in range(ROWS)]
+    path.write_text("\n".join([*head, *(row.replace(".", decimal) for row in rows)]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("head", "columns", "mark", "decimal", "names"),
+    [
+        (["Zeit;M1 X;M1 Y;M1 Z;M2 X;M2 Y;M2 Z"], 7, ";", ",", ("M1", "M2")),
+        (["# a program", "t,ax,ay,az,bx,by,bz", "s,mm,mm,mm,mm,mm,mm"], 7, ",", ".", ("a", "b")),
+        (["time,x1,y1,z1,x2,y2,z2"], 7, ",", ".", ("1", "2")),
+        (["stamp\tleft_X (mm)\tleft_Y (mm)\tleft_Z (mm)"], 4, "\t", ".", ("left",)),
+        (["t,one,two,three,four,five,six"], 7, ",", ".", ("A", "B")),
+        ([], 7, ",", ".", ("A", "B")),
+    ],
+)
+def test_a_proposal_reads_its_table(tmp_path, head, columns, mark, decimal, names):
+    path, map_file = table(tmp_path / "take.csv", head, columns, mark, decimal), tmp_path / "map.toml"
+    map_file.write_text(proposed_map(path), encoding="utf-8")
+    log = read_mapped(path, map_file)
+    assert log.names == names
+    assert log.rate == pytest.approx(100.0)
+    np.testing.assert_allclose(log.positions[3, 0], [4.0, 5.0, 6.0])
+
+
+def test_a_pose_is_proposed_by_its_quaternion(tmp_path):
+    head = ["time;body_x;body_y;body_z;body_qx;body_qy;body_qz;body_qw"]
+    rows = [f"{k / 100:.2f};0.1;0.2;{k / 100:.2f};0;0;0;1" for k in range(ROWS)]
+    path, map_file = tmp_path / "poses.csv", tmp_path / "map.toml"
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+    map_file.write_text(proposed_map(path), encoding="utf-8")
+    (body,) = read_mapped(path, map_file).bodies
+    assert body.name == "body"
+    np.testing.assert_allclose(body.rotations[5], np.eye(3), atol=1e-12)
+
+
+def test_what_is_no_table_is_refused(tmp_path):
+    path = tmp_path / "notes.csv"
+    path.write_text("these are\nno numbers, at all\n", encoding="utf-8")
+    with pytest.raises(FileError, match="no row of four numbers"):
+        proposed_map(path)
