@@ -17,7 +17,7 @@ from fidim_lab.identification.mle.trajectories.likelihood import WindowLinear
 TINY = 1e-300
 """a range must not be empty"""
 BLOCK = 400
-"""rows of a block of a tall matrix: 27000 rows of 20, 40, 75 columns take 8.7, 30, 72 ms whole, 2.6, 11, 32 in blocks"""
+"""rows of a block of a tall matrix: 27000 rows of 20, 40, 75 columns: 8.7, 30, 72 ms whole, 2.6, 11, 32 in blocks"""
 
 Tables = Float[np.ndarray, "W m m"]
 """m = own + shared + 1"""
