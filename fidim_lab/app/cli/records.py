@@ -26,6 +26,7 @@ from fidim_lab.app.cli.root import FOLDER, ROBOT, Number, example, fidim
 @click.option("--topic", "topics", multiple=True, metavar="PATTERN", help="mcap, ros2-bag: which topics.")
 @click.option("--up", type=click.Choice(["x", "y", "z"]), default=None, help="The file's axis that points upwards.")
 @click.option("--unit", type=click.Choice(["m", "cm", "mm", "in"]), default=None, help="The file's unit of length.")
+@click.option("--rate", type=Number(0, min_open=True), default=None, metavar="HZ", help="The file's frame rate.")
 @click.option("--order", default=None, metavar="A,B,C", help="The file's markers in the robot file's order.")
 @click.option("--body", default=None, metavar="NAME", help="Poses of this rigid body, not of the markers.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help="Write what was found for programs.")
@@ -46,6 +47,7 @@ def import_(
     topics: tuple[str, ...],
     up: str | None,
     unit: str | None,
+    rate: float | None,
     order: str | None,
     body: str | None,
     json_file: Path | None,
@@ -59,7 +61,7 @@ def import_(
     from fidim_lab.data.importers.takes import Asked
 
     names = tuple(name.strip() for name in order.split(",")) if order else ()
-    asked = Asked(up, unit, names, body)
+    asked = Asked(up, unit, names, body, rate)
     options = ImportOptions(robot, takes, map_file, logs, log_map, topics, asked)
     sys.exit(import_kind_command(kind, sources, out, options, json_file))
 

@@ -84,7 +84,8 @@ def import_kind_command(
         return import_takes_command([read_files(kind, sources, options)], out, json_file)
     if options.robot is not None or options.logs or options.log_map is not None or options.asked != Asked():
         raise SetupError(
-            f"{kind} brings its own geometry and logs: it takes no --robot, --log, --up, --unit, --order, --body."
+            f"{kind} brings its own geometry and logs: it takes no --robot, --log, --up, --unit, --rate, --order, "
+            "--body."
         )
     if kind == "grab":
         if len(sources) != 1:

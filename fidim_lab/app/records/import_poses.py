@@ -7,41 +7,36 @@ markers, the upward axis (and the body, among several) by the cable lengths, whi
 locked. Where that is thin, the caller is asked for `--unit`, `--up`, `--order` or `--body`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
+from fidim_lab.app.records.import_readings import (
+    FAR,
+    SURVEYED,
+    UPRIGHT,
+    PoseReading,
+    Track,
+    readings_of,
+    refuse_misread,
+)
+from fidim_lab.app.records.import_units import in_metres, units_that_fit
 from fidim_lab.arrays import Positions, Rotations, Series
 from fidim_lab.data.importers.reading import LENGTH_UNITS
-from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
+from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.importers.takes import Asked
 from fidim_lab.data.marker_order import order_of
 from fidim_lab.data.missing import without_filled
 from fidim_lab.data.rigid_body import MarkerSeries, fit_pose
 from fidim_lab.data.stitching import stitch
-from fidim_lab.errors import FidimError, InfeasibleError, RefusedError
+from fidim_lab.errors import RefusedError
 from fidim_lab.model.mechanism import Mechanism
 
-UPRIGHT = MappingProxyType(
-    {
-        "z": np.eye(3),
-        "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-        "x": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
-    }
-)
-"""by the axis that points upwards in the file: what turns it to z"""
-TRIED_UNITS = ("m", "mm")
-"""a factor of 1000 apart, so that a place tells them apart"""
 STRAY = 5e-3
 """m, by which lengths of locked cables may vary by the poses. With a surveyed frame it was 0.1 to 0.5 in 60 takes"""
 CLEAR = 2.0
 """times as much must they vary in another way to read the file, or it is asked for"""
-WIDEST = 3.0
-"""times as far from the middle of the anchors as these are themselves, the platform cannot be"""
-FEW = 2000
-"""samples are enough to see whether lengths vary"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,37 +57,19 @@ class PosedTake:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class PoseReading:
-    """One way to read the poses of a file, and how much the cable lengths vary in it."""
-
-    up: str
-    positions: Positions
-    rotations: Rotations
-    varies: float
-    """m"""
-    body: BodyTrack | None = None
-    turned: bool = False
-    """whether the body's own axes are named like the file's, too"""
-
-    @property
-    def words(self) -> str:
-        """For a person."""
-        axes = ", its own axes too" if self.turned else ""
-        return f"{self.up} upwards{axes}" + (f" for body {self.body.name}" if self.body else "")
-
-
 def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
     """The poses of one take. Raises RefusedError where the markers do not fit, or something has to be asked for."""
     body = mechanism.robot.markers
-    log, said = _in_metres(mechanism, log, asked)
+    log, said_rate = _at_rate(log, asked)
+    log, said = in_metres(mechanism, log, asked)
+    said = (*said_rate, *said)
     count = log.positions.shape[1] + (0 if log.unlabelled is None else log.unlabelled.shape[1])
     if asked.body is None and count and len(body) >= 3:
         try:
             found = _by_markers(mechanism, log, asked)
         except RefusedError as error:
             if not log.bodies:
-                raise
+                raise _with_unit(mechanism, log, asked, error) from None
             found = _by_bodies(mechanism, log, asked)
             found = replace(found, warnings=(*found.warnings, f"markers not used: {error}"))
     elif log.bodies:
@@ -102,47 +79,26 @@ def pose_take(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
     return replace(found, decided=(*said, *found.decided))
 
 
-def _in_metres(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
-    if asked.unit is not None:
-        return _scaled(log, LENGTH_UNITS[asked.unit] / log.scale), (f"lengths in {asked.unit}, as asked for",)
-    if log.unit_said:
-        return log, ()
-    unit = _unit_of(mechanism, log)
-    return _scaled(log, LENGTH_UNITS[unit]), (f"lengths in {unit}: the file does not say, the robot file fits so",)
+def _at_rate(log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
+    """The take at the rate that was asked for. Raises RefusedError where the file says two and nobody said which."""
+    if asked.rate is not None:
+        return replace(log, t=log.t * log.rate / asked.rate, rate=asked.rate), (f"{asked.rate:g} Hz, as asked for",)
+    if log.column_rate is not None:
+        what = f"The file's header says {log.rate:g} Hz, its column of times {log.column_rate:.5g} Hz"
+        raise RefusedError(what, hint="Say the right one with --rate.")
+    return log, ()
 
 
-def _scaled(log: MarkerLog, factor: float) -> MarkerLog:
-    return replace(
-        log,
-        positions=factor * log.positions,
-        scale=factor * log.scale,
-        bodies=tuple(replace(body, positions=factor * body.positions) for body in log.bodies),
-        unlabelled=None if log.unlabelled is None else factor * log.unlabelled,
-    )
-
-
-def _unit_of(mechanism: Mechanism, log: MarkerLog) -> str:
-    """The unit in which the markers fit the robot file; without markers, in which the body is near the anchors."""
-    body = mechanism.robot.markers
-    if log.positions.shape[1] >= len(body) >= 3:
-        fits: dict[str, float] = {}
-        for unit in TRIED_UNITS:
-            scaled = _scaled(log, LENGTH_UNITS[unit])
-            try:
-                fits[unit] = order_of(without_filled(scaled.positions, scaled.scale)[0], body)[1]
-            except RefusedError:
-                continue
-        if len(fits) == 1:
-            return next(iter(fits))
-    anchors = np.array([cable.d for cable in mechanism.robot.cables])
-    reach = WIDEST * np.linalg.norm(anchors - anchors.mean(axis=0), axis=1).max()
-    for unit in TRIED_UNITS if log.bodies else ():
-        away = LENGTH_UNITS[unit] * np.linalg.norm(log.bodies[0].positions, axis=1) - np.linalg.norm(
-            anchors.mean(axis=0)
-        )
-        if np.nanmedian(away) < reach:
-            return unit
-    raise RefusedError("The file does not say its unit of length, and in none the robot file fits.", hint="Say --unit.")
+def _with_unit(mechanism: Mechanism, log: MarkerLog, asked: Asked, error: RefusedError) -> RefusedError:
+    """The same, with the unit that fits where the one that was said does not."""
+    if asked.order or not (log.unit_said or asked.unit):
+        return error
+    for unit, misfit in units_that_fit(mechanism, log).items():
+        if not np.isclose(LENGTH_UNITS[unit], log.scale):
+            what = f"The unit is not the one that {'was asked for' if asked.unit else 'the file says'}: in {unit} the"
+            what = f"{what} distances between the markers fit the robot file to {misfit * 1e3:.1f} mm"
+            return RefusedError(what, hint=f"Say --unit {unit}.")
+    return error
 
 
 def _by_markers(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
@@ -193,7 +149,7 @@ def _by_bodies(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> PosedTake:
     if not named:
         found = ", ".join(body.name for body in log.bodies)
         raise RefusedError(f"--body {asked.body}: no such rigid body; found {found[:150] or 'none'}.")
-    tracks: list[tuple[BodyTrack | None, Positions, Rotations]] = []
+    tracks: list[Track] = []
     said: tuple[str, ...] = ()
     t = _even(log, log.t)[0]
     for body in named:
@@ -232,15 +188,17 @@ def _upright(
     mechanism: Mechanism,
     log: MarkerLog,
     asked: Asked,
-    tracks: Sequence[tuple[BodyTrack | None, Positions, Rotations]],
+    tracks: Sequence[Track],
 ) -> tuple[PoseReading, Decision]:
     """The reading in which cable lengths vary least, if the file or the caller does not say another one."""
-    readings = sorted(_readings(mechanism, tracks), key=lambda reading: reading.varies)
+    readings = sorted(readings_of(mechanism, tracks), key=lambda reading: reading.varies)
+    refuse_misread(mechanism, tracks, log.scale, readings[0].varies)
     said = asked.up or log.up
     fitting = [reading for reading in readings if reading.up == said] or readings
     best, chosen = readings[0], fitting[0]
     shown = f"cable lengths vary by {chosen.varies * 1e3:.1f} mm (robust sd)"
-    if asked.up is None and said is not None and chosen.varies > STRAY >= best.varies:
+    wrong = chosen.varies > STRAY >= best.varies or chosen.varies > max(SURVEYED, FAR * best.varies)
+    if asked.up is None and said is not None and wrong:
         words = f"the file says {said} upwards, but cable lengths vary by {chosen.varies * 1e3:.1f} mm so"
         warning = f"{words}; {best.words} was taken, where they vary by {best.varies * 1e3:.1f} mm"
         return best, Decision((), (warning,))
@@ -274,29 +232,3 @@ def _ask(chosen: PoseReading, rivals: Sequence[PoseReading], said: str | None) -
         raise RefusedError(
             f"Which axis points upwards is not in the file; by the cable lengths {what}.", hint="Say --up."
         )
-
-
-def _readings(
-    mechanism: Mechanism, tracks: Sequence[tuple[BodyTrack | None, Positions, Rotations]]
-) -> Iterator[PoseReading]:
-    for body, positions, rotations in tracks:
-        for up, turn in UPRIGHT.items():
-            where, turned = positions @ turn.T, turn @ rotations
-            yield PoseReading(up, where, turned, _varies(mechanism, where, turned), body)
-            if body is not None and up != "z":
-                own = turned @ turn.T
-                yield PoseReading(up, where, own, _varies(mechanism, where, own), body, turned=True)
-
-
-def _varies(mechanism: Mechanism, positions: Positions, rotations: Rotations) -> float:
-    """m, robust standard deviation of the cable lengths by these poses, rms over the cables; inf without a pose."""
-    known = np.flatnonzero(np.isfinite(positions).all(axis=1))
-    some = known[:: max(1, len(known) // FEW)]
-    if not len(some):
-        return float("inf")
-    try:
-        lengths = mechanism.lengths(positions[some], rotations[some])
-    except (InfeasibleError, FidimError):
-        return float("inf")
-    away = 1.4826 * np.median(np.abs(lengths - np.median(lengths, axis=0)), axis=0)
-    return float(np.sqrt(np.mean(away**2))) if np.isfinite(away).all() else float("inf")

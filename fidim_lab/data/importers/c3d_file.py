@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from fidim_lab.data.files.input_file import MIB, read_bytes
-from fidim_lab.data.importers.reading.cells import MIN_FRAMES, check_near, check_rate, length_scale
+from fidim_lab.data.importers.reading.cells import MIN_FRAMES, check_near, length_scale
+from fidim_lab.data.importers.reading.clock import check_rate
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FileError, SetupError

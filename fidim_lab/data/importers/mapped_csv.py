@@ -22,7 +22,8 @@ import numpy as np
 from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table, read_toml
-from fidim_lab.data.importers.reading.cells import EPOCH, SECONDS, check_near, even_times, length_scale, time_unit_of
+from fidim_lab.data.importers.reading.cells import EPOCH, check_near, length_scale
+from fidim_lab.data.importers.reading.clock import SECONDS, even_times, time_unit_of
 from fidim_lab.data.importers.reading.columns import Column, TableMap, read_columns
 from fidim_lab.data.importers.reading.poses import by_quaternions
 from fidim_lab.data.importers.recording import MarkerLog

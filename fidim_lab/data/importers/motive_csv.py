@@ -23,11 +23,10 @@ from fidim_lab.data.importers.reading.cells import (
     decimal_of,
     delimiter_of,
     length_scale,
-    number,
     read_export,
     table,
-    times,
 )
+from fidim_lab.data.importers.reading.clock import clocked, header_rate
 from fidim_lab.data.importers.reading.poses import by_quaternions
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
@@ -60,7 +59,7 @@ def read_motive(path: Path) -> MarkerLog:
     labels = {row[1].strip(): row for row in rows[1:at] if len(row) > LEAD and row[1].strip()}
     if not {"Type", "Name"} <= labels.keys():
         raise FileError(path, "", "no rows Type and Name above a row that begins with Frame")
-    found = _columns(labels["Type"], labels["Name"], rows[at - 1], rows[at])
+    found = _columns(path, labels["Type"], labels["Name"], rows[at - 1], rows[at])
     things = list(zip(labels["Type"], labels["Name"], strict=False))
     ends = {k for k in range(LEAD, len(things)) if things[k] != things[k - 1]}  # errors and qualities belong to a thing
     ends |= {max(columns.values()) + 1 for columns in found.values()}
@@ -75,21 +74,27 @@ def read_motive(path: Path) -> MarkerLog:
     positions = _places(values, labelled.values(), scale)
     check_near(path, positions if unit else 0.0 * positions, "check Length Units in line 1")
     said_rate = head.get("Export Frame Rate") or head.get("Capture Frame Rate") or ""
-    rate = number(path, 1, 0, said_rate, decimal=decimal)
-    t = times(path, rate, values[:, 0])
+    t, rate, column = clocked(path, header_rate(path, 1, said_rate), values[:, 0], values[:, 1])
     lengths = f"lengths in {unit.lower()}, " if unit else ""
     said = (f"{lengths}{rate:g} Hz and y upwards: as line 1 and Motive's own axes say",)
     seen = _places(values, loose.values(), scale)
-    return MarkerLog(path, tuple(labelled), rate, t, positions, scale, "y", said, bodies, seen, unit_said=bool(unit))
+    known = bool(unit)
+    return MarkerLog(
+        path, tuple(labelled), rate, t, positions, scale, "y", said, bodies, seen, unit_said=known, column_rate=column
+    )  # fmt: skip
 
 
-def _columns(types: Sequence[str], names: Sequence[str], what: Sequence[str], axes: Sequence[str]) -> Columns:
-    """Where the places and rotations of each thing stand."""
+def _columns(
+    path: Path, types: Sequence[str], names: Sequence[str], what: Sequence[str], axes: Sequence[str]
+) -> Columns:
+    """Where the places and rotations of each thing stand. Raises FileError where two have one name."""
     found: Columns = {}
     for column, cells in enumerate(zip(types, names, what, axes, strict=False)):
         kind, name, quantity, axis = (cell.strip() for cell in cells)
         if kind in (BODY, *MARKER_TYPES) and quantity in {"Position", "Rotation"} and axis in {"X", "Y", "Z", "W"}:
-            found.setdefault((kind, name), {}).setdefault(f"{quantity} {axis}", column)
+            thing = found.setdefault((kind, name), {})
+            if thing.setdefault(f"{quantity} {axis}", column) != column:
+                raise FileError(path, f"column {column + 1}", f"{kind} {name[:60]!r} is there twice")
     return {key: columns for key, columns in found.items() if {f"Position {axis}" for axis in "XYZ"} <= columns.keys()}
 
 

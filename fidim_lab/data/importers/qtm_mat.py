@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.reading.cells import MIN_FRAMES, check_near, check_rate
+from fidim_lab.data.importers.reading.cells import MIN_FRAMES, check_near
+from fidim_lab.data.importers.reading.clock import check_rate
 from fidim_lab.data.importers.reading.matlab import MatStruct, load_struct, variables
 from fidim_lab.data.importers.reading.poses import by_matrices
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.reading.cells import check_near, decimal_of, number, read_export, table, times
+from fidim_lab.data.importers.reading.cells import MISSING, check_near, decimal_of, read_export, table
+from fidim_lab.data.importers.reading.clock import clocked, header_rate
 from fidim_lab.data.importers.reading.poses import by_matrices
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
 from fidim_lab.errors import FileError
@@ -48,14 +49,14 @@ def read_qtm(path: Path) -> MarkerLog:
     parts = values[:, lead:].reshape(len(values), len(names), WIDTH[what])
     positions = SCALE * parts[:, :, :3]
     check_near(path, positions, "QTM writes millimetres")
-    rate = number(path, 1, 2, head["FREQUENCY"][0], decimal=decimal)
     frames = values[:, 0] if lead else np.arange(len(values), dtype=float)
+    stamps = values[:, 1] if lead else np.full(len(values), np.nan)
+    t, rate, column = clocked(path, header_rate(path, 1, head["FREQUENCY"][0]), frames, stamps)
     said = (f"lengths in mm and z upwards, as QTM exports them by default; {rate:g} Hz as the header says",)
-    t = times(path, rate, frames)
     if what == "3D":
-        return MarkerLog(path, names, rate, t, positions, SCALE, "z", said)
+        return MarkerLog(path, names, rate, t, positions, SCALE, "z", said, column_rate=column)
     bodies = tuple(_body(path, name, positions[:, k], parts[:, k, ROTATION]) for k, name in enumerate(names))
-    return MarkerLog(path, (), rate, t, np.zeros((len(t), 0, 3)), SCALE, "z", said, bodies)
+    return MarkerLog(path, (), rate, t, np.zeros((len(t), 0, 3)), SCALE, "z", said, bodies, column_rate=column)
 
 
 def _body(path: Path, name: str, positions: np.ndarray, columns: np.ndarray) -> BodyTrack:
@@ -70,11 +71,17 @@ def _head(lines: Sequence[Sequence[str]]) -> tuple[dict[str, list[str]], int]:
     head: dict[str, list[str]] = {}
     for index, cells in enumerate(lines):
         name = cells[0].strip()
-        if name and not name[0].isalpha():
+        if (name and not name[0].isalpha()) or (head.keys() & NAMES.values() and _of_numbers(cells)):
             return head, index
         if name.isupper() and len(name) > 1:
             head[name] = [cell.strip() for cell in cells[1:]] or [""]
     return head, len(lines)
+
+
+def _of_numbers(cells: Sequence[str]) -> bool:
+    """Whether a row begins with what stands for not seen, and numbers follow."""
+    seen = [cell.strip() for cell in cells if cell.strip().lower() not in MISSING]
+    return len(cells) > 2 and bool(seen) and not any(cell[0].isalpha() for cell in seen)
 
 
 def _counts(rows: Sequence[Sequence[str]]) -> bool:

@@ -20,7 +20,8 @@ import numpy as np
 from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table, read_toml
-from fidim_lab.data.importers.reading.cells import SECONDS, length_scale
+from fidim_lab.data.importers.reading.cells import length_scale
+from fidim_lab.data.importers.reading.clock import SECONDS
 from fidim_lab.data.importers.reading.columns import Column, TableMap, read_columns
 from fidim_lab.data.importers.takes import EncoderLog
 from fidim_lab.errors import FileError

@@ -17,7 +17,8 @@ import numpy as np
 
 from fidim_lab.data.files.input_file import MIB, open_input
 from fidim_lab.data.files.mcap_file import read_mcap
-from fidim_lab.data.importers.reading.cells import EPOCH, MIN_FRAMES, check_near, even_times
+from fidim_lab.data.importers.reading.cells import EPOCH, MIN_FRAMES, check_near
+from fidim_lab.data.importers.reading.clock import even_times
 from fidim_lab.data.importers.reading.decoding import LONGEST_MESSAGE, MessageDecoder
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.messages import Sighting, sightings

@@ -53,6 +53,8 @@ class Asked:
     """names of the markers in the robot file's order"""
     body: str | None = None
     """which rigid body is the platform"""
+    rate: float | None = None
+    """Hz"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,15 @@ Every mistake is a FileError with the line it is in.
 from pathlib import Path
 
 from fidim_lab.data.importers.reading.cells import (
+    SPACES,
+    cells_of,
     check_near,
     decimal_of,
     length_scale,
-    number,
     read_export,
     table,
-    times,
 )
+from fidim_lab.data.importers.reading.clock import clocked, header_rate
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.errors import FileError
 
@@ -31,25 +32,24 @@ LEAD = 2
 def read_trc(path: Path) -> MarkerLog:
     """Read one export. Raises FileError with line and column."""
     text = read_export(path).splitlines()
-    lines = [line.split("\t") for line in text]
+    delimiter = "\t" if any("\t" in line for line in text[:1]) else SPACES
+    lines = [cells_of(line, delimiter) or [""] for line in text]
     if len(lines) < HEADER_LINES or lines[0][0].strip() != "PathFileType":
         raise FileError(path, "line 1", "is no TRC file: 'PathFileType' was expected")
     head = dict(zip((cell.strip() for cell in lines[1]), (cell.strip() for cell in lines[2]), strict=False))
-    if not head.get("DataRate"):
-        raise FileError(path, "line 2", "DataRate is missing")
     if lines[3][0].strip() != "Frame#":
         raise FileError(path, "line 4", "'Frame#' was expected first")
     names = tuple(cell.strip() for cell in lines[3][LEAD:] if cell.strip())
     if not names or len(set(names)) < len(names):
         raise FileError(path, "line 4", "no marker, or one name twice")
-    decimal = decimal_of(text[HEADER_LINES : HEADER_LINES + 50], "\t")
+    decimal = decimal_of(text[HEADER_LINES : HEADER_LINES + 50], delimiter)
     values = table(path, lines[HEADER_LINES:], HEADER_LINES + 1, LEAD + 3 * len(names), lead=LEAD, decimal=decimal)
     unit = head.get("Units", "")
     scale = length_scale(path, "line 3, Units", unit) if unit else 1.0
     positions = scale * values[:, LEAD:].reshape(len(values), -1, 3)
     check_near(path, positions if unit else 0.0 * positions, "check Units in line 3")
-    rate = number(path, 3, 1, head["DataRate"], decimal=decimal)
+    said_rate = header_rate(path, 3, head.get("DataRate", ""))
+    t, rate, column = clocked(path, said_rate, values[:, 0], values[:, 1])
     lengths = f"lengths in {unit}, " if unit else ""
     said = (f"{lengths}{rate:g} Hz and y upwards: as the header and the convention of TRC say",)
-    t = times(path, rate, values[:, 0])
-    return MarkerLog(path, names, rate, t, positions, scale, "y", said, unit_said=bool(unit))
+    return MarkerLog(path, names, rate, t, positions, scale, "y", said, unit_said=bool(unit), column_rate=column)

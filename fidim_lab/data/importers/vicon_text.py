@@ -12,12 +12,21 @@ is a FileError with the line it is in.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from fidim_lab.data.importers.reading.cells import FARTHEST, MIN_FRAMES, decimal_of, delimiter_of, number, read_export
+from fidim_lab.data.importers.reading.cells import (
+    FARTHEST,
+    MIN_FRAMES,
+    cells_of,
+    decimal_of,
+    delimiter_of,
+    number,
+    read_export,
+)
+from fidim_lab.data.importers.reading.clock import header_rate
 from fidim_lab.data.importers.reading.labels import apart
 from fidim_lab.data.importers.reading.poses import by_quaternions
 from fidim_lab.data.importers.recording import BodyTrack, MarkerLog
@@ -68,6 +77,7 @@ def read_trajectories(path: Path) -> MarkerLog:
     rate = _rate(block)
     if name != MARKERS:
         return _only_bodies(block, rate)
+    block = _without_rates(block)
     names = _names(block)
     _check_axes(block, len(names))
     scale = _scale(block, len(names))
@@ -81,6 +91,14 @@ def read_trajectories(path: Path) -> MarkerLog:
     known = bool(_units(block))
     beside = _bodies_beside(bodies, rows)
     return MarkerLog(path, labelled, rows.rate, t, positions, scale, "z", said, beside, loose, unit_said=known)
+
+
+def _without_rates(block: ExportBlock) -> ExportBlock:
+    """Without the columns of velocities (X') and accelerations (X'') that Nexus writes beside trajectories if asked."""
+    rates = {k for k, cell in enumerate(block.lines[3]) if cell.strip().endswith("'")}
+    if not rates:
+        return block
+    return replace(block, lines=[[cell for k, cell in enumerate(row) if k not in rates] for row in block.lines])
 
 
 def _bodies_beside(blocks: Sequence[tuple[str, ExportBlock]], rows: BlockRows) -> tuple[BodyTrack, ...]:
@@ -107,7 +125,7 @@ def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, ExportBlock]]:
                 (k for k in range(top + HEADER_LINES, len(text)) if not text[k].strip(" \t;,") and k > top + 5),
                 len(text),
             )
-            lines = [[cell.strip('"') for cell in line.split(delimiter)] for line in text[top:end]]
+            lines = [[cell.strip('"') for cell in cells_of(line, delimiter)] for line in text[top:end]]
             if len(lines) < HEADER_LINES:
                 what = f"{len(lines)} lines; a trajectory export has {HEADER_LINES} before its first frame"
                 raise FileError(path, "", what)
@@ -119,7 +137,7 @@ def _blocks(path: Path, text: Sequence[str]) -> list[tuple[str, ExportBlock]]:
 
 
 def _rate(block: ExportBlock) -> float:
-    rate = number(block.path, block.top + 2, 1, block.lines[1][0], decimal=block.decimal)
+    rate = header_rate(block.path, block.top + 2, block.lines[1][0])
     if not 1.0 <= rate <= 1e4:
         text = block.lines[1][0].strip()
         raise FileError(block.path, block.line(2), f"a frame rate of {text!r} Hz; 1 to 10000 was expected")

@@ -1,5 +1,6 @@
 """Cells of text exports: delimiters, numbers, units and times as motion-capture programs write them."""
 
+import csv
 import math
 import re
 from collections.abc import Collection, Sequence
@@ -23,8 +24,10 @@ COMMA, POINT = (
 )
 """whole cells that are numbers with that decimal sign"""
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d")
-CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)")
-"""times of day as cells: hours, minutes, seconds"""
+DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T ]+(\d{1,2})(:.*)")
+"""a date with points, as much of Europe writes it"""
+CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)(?: ?([ap])\.?m\.?)?", re.IGNORECASE)
+"""times of day as cells: hours, minutes, seconds, and which half of the day"""
 LENGTH_UNITS = MappingProxyType(
     {"mm": 1e-3, "millimeters": 1e-3, "millimetres": 1e-3, "cm": 1e-2, "centimeters": 1e-2, "centimetres": 1e-2}
     | {"m": 1.0, "meters": 1.0, "metres": 1.0, "in": 0.0254, "inches": 0.0254}
@@ -33,11 +36,6 @@ LENGTH_UNITS = MappingProxyType(
 MISSING = frozenset(("", "nan", "null", "na", "n/a", "-", "#n/a", "none"))
 """cells that say: not seen"""
 MIN_FRAMES = 20
-UNEVEN = 0.45
-"""of a step, by which a stamp may be away from even steps: more, and two samples share one"""
-SECONDS = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
-RATES = (10.0, 2500.0)
-"""Hz, of motion capture, by which a unit of time is told: narrower than a factor of 1000, so that one unit fits"""
 EPOCH = 3e8
 """s; a time later than this counts from 1970, not from when something was switched on"""
 FARTHEST = 1e3
@@ -60,8 +58,6 @@ def read_export(path: Path) -> str:
 
 def decimal_of(lines: Sequence[str], delimiter: str) -> str:
     """The decimal sign of rows of numbers: a comma where more cells are numbers with it than with a point."""
-    if delimiter == ",":
-        return "."
     cells = [cell.strip().strip('"') for line in lines for cell in cells_of(line, delimiter)]
     return "," if sum(map(bool, map(COMMA.fullmatch, cells))) > sum(map(bool, map(POINT.fullmatch, cells))) else "."
 
@@ -81,8 +77,15 @@ def delimiter_of(lines: Sequence[str]) -> str:
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
-    """The cells of a line."""
-    return line.split() if delimiter == SPACES else line.split(delimiter)
+    """The cells of a line; a delimiter within quotes belongs to its cell."""
+    if delimiter == SPACES:
+        return line.split()
+    if '"' not in line:
+        return line.split(delimiter)
+    try:
+        return next(csv.reader([line], delimiter=delimiter), [""])
+    except csv.Error:
+        return line.split(delimiter)
 
 
 def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".") -> float:
@@ -90,11 +93,12 @@ def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
 
     Raises FileError otherwise. A time without a zone is taken as UTC: only differences count.
     """
-    text = cell.strip().strip('"')
+    text = _iso(cell)
     plain = text.replace(",", ".") if decimal == "," or text.count(":") == 2 else text
     if clock := CLOCK.fullmatch(plain):
-        hours, minutes, seconds = clock.groups()
-        return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
+        hours, minutes, seconds, half = clock.groups()
+        hour = int(hours) if half is None else int(hours) % 12 + (12 if half.lower() == "p" else 0)
+        return 3600.0 * hour + 60.0 * int(minutes) + float(seconds)
     if not DATE.match(plain):
         return number(path, line, column, cell, decimal=decimal)
     whole, _, rest = plain.partition(".")
@@ -109,8 +113,17 @@ def moment(path: Path, line: int, column: int, cell: str, *, decimal: str = ".")
 
 def is_dated(cell: str) -> bool:
     """Whether a cell is a time of day, with a date or without: its unit is the second."""
-    text = cell.strip().strip('"').replace(",", ".")
+    text = _iso(cell).replace(",", ".")
     return bool(DATE.match(text) or CLOCK.fullmatch(text))
+
+
+def _iso(cell: str) -> str:
+    """A cell with its date in the order of ISO 8601."""
+    text = cell.strip().strip('"')
+    if found := DAY_FIRST.fullmatch(text):
+        day, month, year, hour, rest = found.groups()
+        return f"{year}-{month:0>2}-{day:0>2} {hour:0>2}{rest}"
+    return text
 
 
 def number(path: Path, line: int, column: int, cell: str, *, decimal: str = ".") -> float:
@@ -156,12 +169,16 @@ def table(
     for line, cells in enumerate(lines, start=first):
         filled = max((k for k, cell in enumerate(cells, start=1) if cell.strip()), default=0)
         if not filled:
+            if not lead:  # without frame numbers each row counts, also one in which nothing was seen
+                found.append([math.nan] * width)
             continue
         whole = len(cells) >= width or filled <= lead or (filled in ends if ends else (filled - lead) % 3 == 0)
         if filled > width or not whole:
             raise FileError(path, f"line {line}", f"{filled} columns, the header has {width}; is the file truncated?")
         row = [number(path, line, k, cell, decimal=decimal) for k, cell in enumerate(cells[:filled], start=1)]
         found.append(row + [math.nan] * (width - filled))
+    while found and not lead and all(map(math.isnan, found[-1])):
+        found.pop()
     if len(found) < MIN_FRAMES:
         raise FileError(path, "", f"{len(found)} frames; a recording has at least {MIN_FRAMES}")
     return np.array(found)
@@ -173,52 +190,3 @@ def check_near(path: Path, positions: np.ndarray, hint: str) -> None:
     if far.any():
         frame = int(np.argmax(far)) + 1
         raise FileError(path, f"frame {frame}", f"a marker is over {FARTHEST:g} m away; {hint}")
-
-
-def check_rate(path: Path, rate: float) -> float:
-    """The rate, Hz. Raises FileError where no camera has it."""
-    if not 1.0 <= rate <= 1e4:
-        raise FileError(path, "rate", f"a frame rate of {rate:g} Hz; 1 to 10000 was expected")
-    return rate
-
-
-def times(path: Path, rate: float, frames: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
-    """s since the first frame by frame numbers, which may have gaps. Raises FileError where they do not go on."""
-    check_rate(path, rate)
-    if not np.isfinite(frames).all() or (frames % 1 != 0).any():
-        raise FileError(path, "frames", "a frame without its whole number")
-    back = np.flatnonzero(np.diff(frames) <= 0)
-    if len(back):
-        k = int(back[0])
-        raise FileError(path, f"frame {frames[k + 1]:.0f}", f"comes after frame {frames[k]:.0f}")
-    return check_long(path, (frames - frames[0]) / rate, rate)
-
-
-def check_long(path: Path, t: np.ndarray, rate: float) -> np.ndarray:
-    """The times, s. Raises FileError where a gap makes them far longer than what was recorded."""
-    if t[-1] * rate > 100.0 * len(t) + 1000.0:
-        raise FileError(path, "frames", f"{len(t)} frames in {t[-1]:g} s at {rate:g} Hz: numbers or times are wrong")
-    return t
-
-
-def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float]:
-    """Times since the first one, s, and rate of stamps that increase in even steps, with gaps. Raises FileError."""
-    steps = np.diff(t)
-    if not np.isfinite(t).all() or (steps <= 0.0).any():
-        raise FileError(path, "time", "a sample without time, or time does not increase")
-    t = t - t[0]
-    rate = check_rate(path, float(1.0 / np.median(steps)))
-    rate *= max(1.0, float(np.rint(t[-1] * rate))) / (t[-1] * rate)
-    off = np.abs(t * rate - np.rint(t * rate))
-    if off.max() > UNEVEN or (np.diff(np.rint(t * rate)) == 0.0).any():
-        raise FileError(path, "time", f"stamps are not in even steps of {1.0 / rate:.4g} s: bunched or jittering")
-    return check_long(path, t, rate), rate
-
-
-def time_unit_of(path: Path, stamps: np.ndarray) -> str:
-    """The unit of stamps by their step: that which makes a camera's rate. Raises FileError where none does."""
-    step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else math.nan
-    for unit, seconds in SECONDS.items():
-        if step > 0.0 and RATES[0] <= 1.0 / (step * seconds) <= RATES[1]:
-            return unit
-    raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint="Say time_unit in the map.")

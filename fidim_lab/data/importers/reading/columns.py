@@ -68,7 +68,7 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column]) -> Column
     rows = [row for _, row in numbered]
     delimiter = mark or delimiter_of(rows[:TOP])
     decimal = said.decimal or decimal_of(rows[1:TOP], delimiter)
-    if decimal == delimiter:
+    if decimal == delimiter and not any('"' in row for row in rows[1:TOP]):
         raise FileError(path, "", "the decimal sign is the delimiter too")
     split = [cells_of(row, delimiter) for row in rows]
     at, header = _header(split, wanted)

@@ -1,0 +1,70 @@
+"""The unit of length of a take: the file's, the one asked for, or the one in which the robot file fits."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fidim_lab.app.records.import_readings import UNITS
+from fidim_lab.data.importers.reading import LENGTH_UNITS
+from fidim_lab.data.importers.recording import MarkerLog
+from fidim_lab.data.importers.takes import Asked
+from fidim_lab.data.marker_order import order_of
+from fidim_lab.data.missing import without_filled
+from fidim_lab.errors import RefusedError
+from fidim_lab.model.mechanism import Mechanism
+
+BY_PLACE = ("m", "mm")
+"""a factor of 1000 apart, so that a place tells them apart"""
+WIDEST = 3.0
+"""times as far from the middle of the anchors as these are themselves, the platform cannot be"""
+
+
+def in_metres(mechanism: Mechanism, log: MarkerLog, asked: Asked) -> tuple[MarkerLog, tuple[str, ...]]:
+    """The take in m, and how its unit is known. Raises RefusedError where it has to be asked for."""
+    if asked.unit is not None:
+        return _scaled(log, LENGTH_UNITS[asked.unit] / log.scale), (f"lengths in {asked.unit}, as asked for",)
+    if log.unit_said:
+        return log, ()
+    unit = _unit_of(mechanism, log)
+    return _scaled(log, LENGTH_UNITS[unit]), (f"lengths in {unit}: the file does not say, the robot file fits so",)
+
+
+def units_that_fit(mechanism: Mechanism, log: MarkerLog) -> dict[str, float]:
+    """Units in which the distances between the markers are those of the robot file, with their misfit, m rms."""
+    body = mechanism.robot.markers
+    fits: dict[str, float] = {}
+    if not log.positions.shape[1] >= len(body) >= 3:
+        return fits
+    for unit in UNITS:
+        scaled = _scaled(log, LENGTH_UNITS[unit] / log.scale)
+        try:
+            fits[unit] = order_of(without_filled(scaled.positions, scaled.scale)[0], body)[1]
+        except RefusedError:
+            continue
+    return fits
+
+
+def _scaled(log: MarkerLog, factor: float) -> MarkerLog:
+    return replace(
+        log,
+        positions=factor * log.positions,
+        scale=factor * log.scale,
+        bodies=tuple(replace(body, positions=factor * body.positions) for body in log.bodies),
+        unlabelled=None if log.unlabelled is None else factor * log.unlabelled,
+    )
+
+
+def _unit_of(mechanism: Mechanism, log: MarkerLog) -> str:
+    """The unit in which the markers fit the robot file; without markers, in which the body is near the anchors."""
+    fits = units_that_fit(mechanism, log)
+    if len(fits) == 1:
+        return next(iter(fits))
+    anchors = np.array([cable.d for cable in mechanism.robot.cables])
+    reach = WIDEST * np.linalg.norm(anchors - anchors.mean(axis=0), axis=1).max()
+    for unit in BY_PLACE if log.bodies else ():
+        away = LENGTH_UNITS[unit] * np.linalg.norm(log.bodies[0].positions, axis=1) - np.linalg.norm(
+            anchors.mean(axis=0)
+        )
+        if np.nanmedian(away) < reach:
+            return unit
+    raise RefusedError("The file does not say its unit of length, and in none the robot file fits.", hint="Say --unit.")

@@ -1,0 +1,102 @@
+"""Times of samples: by frame numbers and the header's rate, by a column of times, or by stamps."""
+
+import math
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Float
+
+from fidim_lab.data.importers.reading.cells import number
+from fidim_lab.errors import FileError
+
+UNEVEN = 0.45
+"""of a step, by which a stamp may be away from even steps: more, and two samples share one"""
+SECONDS = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
+RATES = (10.0, 2500.0)
+"""Hz, of motion capture, by which a unit of time is told: narrower than a factor of 1000, so that one unit fits"""
+ROUNDED = 2e-3
+"""s, by which the first and the last of a column of times may be off together: exports round to 1 ms"""
+SAME_RATE = 1e-4
+"""of the rate: beyond it, and beyond rounding, header and column of times say different rates (59.94 and 60: 1e-3)"""
+
+
+def check_rate(path: Path, rate: float) -> float:
+    """The rate, Hz. Raises FileError where no camera has it."""
+    if not 1.0 <= rate <= 1e4:
+        raise FileError(path, "rate", f"a frame rate of {rate:g} Hz; 1 to 10000 was expected")
+    return rate
+
+
+def times(path: Path, rate: float, frames: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+    """s since the first frame by frame numbers, which may have gaps. Raises FileError where they do not go on."""
+    check_rate(path, rate)
+    if not np.isfinite(frames).all() or (frames % 1 != 0).any():
+        raise FileError(path, "frames", "a frame without its whole number")
+    back = np.flatnonzero(np.diff(frames) <= 0)
+    if len(back):
+        k = int(back[0])
+        raise FileError(path, f"frame {frames[k + 1]:.0f}", f"comes after frame {frames[k]:.0f}")
+    return check_long(path, (frames - frames[0]) / rate, rate)
+
+
+def check_long(path: Path, t: np.ndarray, rate: float) -> np.ndarray:
+    """The times, s. Raises FileError where a gap makes them far longer than what was recorded."""
+    if t[-1] * rate > 100.0 * len(t) + 1000.0:
+        raise FileError(path, "frames", f"{len(t)} frames in {t[-1]:g} s at {rate:g} Hz: numbers or times are wrong")
+    return t
+
+
+def header_rate(path: Path, line: int, text: str) -> float:
+    """Hz as a header says it, with a decimal point or a comma; NaN where it is empty. Raises FileError otherwise."""
+    return number(path, line, 1, text.replace(",", "."))
+
+
+def clocked(
+    path: Path, said: float, frames: Float[np.ndarray, " N"], stamps: Float[np.ndarray, " N"]
+) -> tuple[Float[np.ndarray, " N"], float, float | None]:
+    """Times by the header's rate (s since the first frame), the rate, and the column's where it is another.
+
+    said: Hz, NaN where the header says none: then the column decides. stamps: the column of times, s. Frame numbers may
+    count the frames that an export at a lower rate left out. Raises FileError where numbers do not go on, or nothing
+    says a rate.
+    """
+    counted = frames - frames[0]
+    step = float(np.median(np.diff(counted))) if len(counted) > 1 else 1.0
+    fewer = counted / step if step > 1.0 and not (counted % step).any() else frames
+    duration = float(stamps[-1] - stamps[0])
+    if not (np.isfinite(stamps).all() and (np.diff(stamps) > 0.0).all()):
+        if np.isnan(said):
+            raise FileError(path, "rate", "neither the header nor a column of times says a frame rate")
+        return times(path, said, frames), said, None
+    off = ROUNDED / duration + SAME_RATE
+    for numbers in (frames, fewer):
+        if abs((numbers[-1] - numbers[0]) / duration / said - 1.0) < off:
+            return times(path, said, numbers), said, None
+    column = float((fewer[-1] - fewer[0]) / duration)
+    if np.isnan(said):
+        return times(path, column, fewer), column, None
+    return times(path, said, fewer), said, column
+
+
+def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float]:
+    """Times since the first one, s, and rate of stamps that increase in even steps, with gaps. Raises FileError."""
+    steps = np.diff(t)
+    if not np.isfinite(t).all() or (steps <= 0.0).any():
+        raise FileError(path, "time", "a sample without time, or time does not increase")
+    t = t - t[0]
+    rate = check_rate(path, float(1.0 / np.median(steps)))
+    rate *= max(1.0, float(np.rint(t[-1] * rate))) / (t[-1] * rate)
+    off = np.abs(t * rate - np.rint(t * rate))
+    if off.max() > UNEVEN or (np.diff(np.rint(t * rate)) == 0.0).any():
+        raise FileError(path, "time", f"stamps are not in even steps of {1.0 / rate:.4g} s: bunched or jittering")
+    return check_long(path, t, rate), rate
+
+
+def time_unit_of(path: Path, stamps: np.ndarray) -> str:
+    """The unit of stamps by their step: that which makes a camera's rate. Raises FileError where none does."""
+    step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else math.nan
+    for unit, seconds in SECONDS.items():
+        if step > 0.0 and RATES[0] <= 1.0 / (step * seconds) <= RATES[1]:
+            return unit
+    raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint="Say time_unit in the map.")
