@@ -10,7 +10,8 @@
     is what the rig file's own limits call wrong: a drum that turned by more than motors may within the window, a marker
     that left its true place by more than a jump may (5 mm), unless the check of the window tells its slow motion; a
     cable that slipped so that the marker rests elsewhere by more than twice "change of that since the place before"; a
-    marker, or the place that the lengths stand for, farther from the truth than "marker against the lengths" allows.
+    marker, or the place that the lengths stand for, farther from the truth than "marker against the lengths" allows
+    and half the swing that counts as settled: that comparison is made with a marker that may still move so much.
 (c) It ended: no hang, no bug.
 """
 
@@ -25,7 +26,7 @@ from benchmarks.safety.kinds import REACTION
 from benchmarks.safety.witness import TURNS, Truth
 from fidim_lab.data.campaign import read_campaign
 from procedures.events import RunFinished, StepFinished
-from procedures.settings import PlaceSettings, RecordSettings
+from procedures.settings import MotionSettings, PlaceSettings, RecordSettings
 
 JOLT = 0.1
 """s"""
@@ -120,7 +121,8 @@ def sentences(ended: Ended, truth: Truth, place: Place) -> Iterator[Violation]:
 
 
 def _window(ended: Ended, truth: Truth, name: str, lengths: np.ndarray | None, place: Place) -> Iterator[Violation]:
-    record, allowed, change = RecordSettings(), PlaceSettings().off, 2.0 * PlaceSettings().change
+    record, change = RecordSettings(), 2.0 * PlaceSettings().change
+    allowed = PlaceSettings().off + MotionSettings().settle_tolerance / 2.0
     end = [e.t for e in ended.events if isinstance(e, StepFinished) and _is_record(e, name)][-1]
     during = truth.between(end - (ended.rows - 1) / 100.0, end)
     true, slipped = truth.lengths[during], truth.slipped[during]

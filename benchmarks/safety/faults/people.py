@@ -41,7 +41,8 @@ def paused(draw: Draw) -> Fault:
         async def resume():
             stage.control.say(Word(Verb.PAUSE))
             await stage.sleep(seconds)
-            stage.control.say(Word(Verb.RESUME))
+            while stage.control.say(Word(Verb.RESUME)):  # refused while the pause is being carried out: said again
+                await stage.sleep(0.5)
 
         stage.spawn(resume())
 
