@@ -48,8 +48,11 @@ def check_long(path: Path, t: np.ndarray, rate: float) -> np.ndarray:
 
 
 def header_rate(path: Path, line: int, text: str) -> float:
-    """Hz as a header says it, with a decimal point or a comma; NaN where it is empty. Raises FileError otherwise."""
-    return number(path, line, 1, text.replace(",", "."))
+    """Hz as a header says it, with a decimal point or a comma; NaN where it is empty. Raises FileError otherwise.
+
+    NaN too where cameras were triggered from outside (QTM writes EXT): only a column of times can tell the rate.
+    """
+    return math.nan if text.strip().upper() == "EXT" else number(path, line, 1, text.replace(",", "."))
 
 
 def clocked(

@@ -112,6 +112,7 @@ READ: dict[str, tuple[str, Callable[[Swing], str], list[str]]] = {
     "QTM set to y upwards": ("qtm-tsv", lambda swing: qtm(swing, up="y"), []),
     "nothing seen in the first rows": ("qtm-tsv", lambda swing: qtm(swing, blind=slice(1, 40)), []),
     "rows of a gap are blank": ("qtm-tsv", lambda swing: qtm(swing, blind=slice(600, 640)), []),
+    "cameras triggered from outside": ("qtm-tsv", lambda swing: qtm(swing, rate="EXT", timed=True), []),
     "Cortex, z upwards": ("trc", lambda swing: trc(swing, up="z"), []),
     "TRC with blanks": ("trc", lambda swing: trc(swing, sep=" "), []),
     "decimal commas in quotes": ("csv", quoted, ["--map", "markers"]),
