@@ -16,7 +16,8 @@ from time import process_time
 import numpy as np
 
 from benchmarks.page import table, write_section
-from fidim_lab.data.records import Campaign, Robot
+from benchmarks.surveyed import with_survey_errors
+from fidim_lab.data.records import Campaign
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.conclusion.explanation import Explanation
@@ -94,12 +95,7 @@ def campaign(seed: int, kind: str, size: float, cable: int, rng: np.random.Gener
     world = make_world(robot, np.random.default_rng(seed), () if hidden is None else (parse_effect(hidden, robot.n),))
     plan = random_plan(robot, "readings", IDENTIFY, VALIDATE, seed)
     made, _ = simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), noise, recording=Sampling(SECONDS))
-    return replace(made, robot=_surveyed(robot, size, rng)) if kind == "survey" else made
-
-
-def _surveyed(robot: Robot, size: float, rng: np.random.Generator) -> Robot:
-    cables = tuple(replace(cable, d=cable.d + size * rng.standard_normal(3)) for cable in robot.cables)
-    return replace(robot, cables=cables)
+    return replace(made, robot=with_survey_errors(robot, size, 0.0, rng)) if kind == "survey" else made
 
 
 def is_right(kind: str, cable: int, found: Explanation) -> bool:

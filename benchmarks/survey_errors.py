@@ -19,6 +19,7 @@ from time import process_time
 import numpy as np
 
 from benchmarks.page import table, write_section
+from benchmarks.surveyed import ATTACHMENTS, LARGEST, SMALLEST, with_survey_errors
 from fidim_lab.app.benchmark.scoring import grade, named
 from fidim_lab.app.benchmark.sizes import EFFECTS
 from fidim_lab.data.records import Campaign, Robot
@@ -31,10 +32,6 @@ from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.world import make_world
 from sim_backends.simulate import Sampling, simulate_campaign
 
-SMALLEST, LARGEST = 0.2e-3, 2e-3
-"""m, of a coordinate of an anchor: what surveys of cable robots are off by"""
-ATTACHMENTS = 0.5
-"""of the anchors': a caliper is better than a total station"""
 IDENTIFY, VALIDATE, SECONDS = 6, 3, 6.0
 LOUD = ("rotational-drag", "swivel-friction", "attachment-friction", "air-drag-quadratic", "loose-mass", "cable-mass",
         "periodic-force", "umbilical", "swivel-inertia", "anchor-offset")  # fmt: skip
@@ -73,7 +70,7 @@ def campaign(seed: int, effect: str) -> tuple[Campaign, float, tuple[str, ...], 
             made = simulate_campaign(robot, plan, world, np.random.default_rng(seed + 1), recording=Sampling(SECONDS))
         except FidimError:
             continue
-        return replace(made[0], robot=_surveyed(robot, scale, rng)), scale, hide, cable
+        return replace(made[0], robot=with_survey_errors(robot, scale, ATTACHMENTS * scale, rng)), scale, hide, cable
     raise SystemExit(f"seed {seed}: no plan can be swung with {hide}")
 
 
@@ -85,15 +82,6 @@ def _hidden(effect: str, scale: float, robot: Robot, rng: np.random.Generator) -
     largest = BLUNDER * scale if effect == "anchor-offset" else SHARE * size.high
     keys: Mapping[str, float] = size.keys(rng, largest) | ({} if cable is None else {"cable": cable})
     return (effect + ":" + ",".join(f"{key}={value!r}" for key, value in keys.items()),), cable
-
-
-def _surveyed(robot: Robot, scale: float, rng: np.random.Generator) -> Robot:
-    """The file of a robot whose survey was off."""
-    cables = tuple(
-        replace(c, d=c.d + scale * rng.standard_normal(3), a=c.a + ATTACHMENTS * scale * rng.standard_normal(3))
-        for c in robot.cables
-    )
-    return replace(robot, cables=cables)
 
 
 def run(seed: int, effect: str) -> Row:

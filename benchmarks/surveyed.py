@@ -19,7 +19,7 @@ from benchmarks.page import table, write_section
 from benchmarks.spoilt.worlds import swung
 from fidim_lab.app.analysis.identify import identify_posed
 from fidim_lab.app.analysis.pose_from import Posed
-from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Survey
+from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Robot, Survey
 from fidim_lab.errors import FidimError
 
 SMALLEST, LARGEST = 0.2e-3, 2e-3
@@ -41,23 +41,28 @@ class Row:
     """(9,) error over ±; nan where it is not given"""
 
 
+def with_survey_errors(robot: Robot, anchors: float, attachments: float, rng: np.random.Generator) -> Robot:
+    """The file of a robot whose anchors and attachments are off, each coordinate by a normal error of this sd (m)."""
+    cables = tuple(
+        replace(c, d=c.d + anchors * rng.standard_normal(3), a=c.a + attachments * rng.standard_normal(3))
+        for c in robot.cables
+    )
+    return replace(robot, cables=cables)
+
+
 def campaign(number: int, seed: int) -> tuple[Campaign, np.ndarray, bool]:
     """The campaign with the wrong file, the true parameters, and whether the file states its survey."""
     rng = np.random.default_rng([seed, number, 5])
     known = swung(seed, number % WORLDS, one_marker=False)
     scale = float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
     robot, stated = known.campaign.robot, number % 2 == 0
-    cables = tuple(
-        replace(c, d=c.d + scale * rng.normal(size=3), a=c.a + ATTACHMENTS * scale * rng.normal(size=3))
-        for c in robot.cables
-    )
+    wrong = with_survey_errors(robot, scale, ATTACHMENTS * scale, rng)
     survey = Survey.alike(robot.n, scale, ATTACHMENTS * scale) if stated else None
     noise = robot.sensors.marker_noise
     windows = tuple(
         replace(w, markers=w.markers + noise * rng.normal(size=w.markers.shape)) for w in known.campaign.windows
     )
-    robot = replace(robot, cables=cables, survey=survey)
-    return replace(known.campaign, robot=robot, windows=windows), known.body.vector, stated
+    return replace(known.campaign, robot=replace(wrong, survey=survey), windows=windows), known.body.vector, stated
 
 
 def run(numbers: Sequence[int], seed: int) -> list[Row]:

@@ -84,12 +84,6 @@ class Scorer:
         composing = range(count - 6 - mechanism.n, count)
         self._absent = (*(int(k) for place in self._places for k in place), *composing)
 
-    @property
-    def slices(self) -> tuple[slice, ...]:
-        """Which columns belong to each of `tried.every`."""
-        ends = np.cumsum([len(h.scored) for h in self.tried.every])
-        return tuple(slice(int(end) - len(h.scored), int(end)) for h, end in zip(self.tried.every, ends, strict=True))
-
     def columns(self, likelihood: Likelihood, simulation: Simulation) -> Iterator[WindowColumns]:
         """Every window's residual and derivatives at a simulated point, batch by batch."""
         yield from (task() for task in self.tasks(likelihood, simulation))

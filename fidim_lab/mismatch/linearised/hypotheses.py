@@ -87,6 +87,12 @@ class Hypotheses:
         """Direct ones first."""
         return self.direct + self.periodic
 
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Which scored parameters, in a row of all, belong to each of `every`."""
+        ends = np.cumsum([len(h.scored) for h in self.every])
+        return tuple(slice(int(end) - len(h.scored), int(end)) for h, end in zip(self.every, ends, strict=True))
+
 
 def hypotheses(robot: Robot, without: Collection[str] = ()) -> Hypotheses:
     """Every hypothesis that can be scored for this robot, in the catalogue's order; without effects of these ids."""

@@ -127,7 +127,7 @@ def projected(scorer: Scorer | SprungScorer, fit_: Fit, grams: Sequence[WindowGr
     rest = eliminated(gram, np.arange(shared), np.arange(shared, len(gram)))
     return Projected(
         tried=scorer.tried.every,
-        slices=scorer.slices,
+        slices=scorer.tried.slices,
         gradient=-rest[:-1, -1],
         curvature=rest[:-1, :-1],
         left=left,

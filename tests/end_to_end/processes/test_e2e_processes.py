@@ -22,20 +22,17 @@ from fidim_lab.data.campaign import read_campaign
 from procedures.recording.journal import Kind, read_journal
 
 RIG = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
-PLAN = """
-format = "fidim-plan/1"
-name = "two"
-[[window]]
-id = "i01"
-lengths = [1.30283, 1.39119, 1.52772, 1.41231]
-displacement = [-0.02, 0.03]
-position = [1.111, -0.271, -0.315]
+ONE_WINDOW = Path(__file__).parents[2] / "one_window.toml"
+PLAN = (
+    ONE_WINDOW.read_text(encoding="utf-8")
+    + """
 [[window]]
 id = "i02"
 lengths = [1.36283, 1.37119, 1.49772, 1.46231]
 displacement = [-0.02, 0.03]
 position = [1.175, -0.260, -0.352]
 """
+)
 FAST = ["record.seconds=1.5", "motion.settle_over=0.3", "tension.over=0.2"]
 PATIENT = ["guard.sample_age=2", "guard.loop_late=3"]
 """on a busy machine everything is late"""

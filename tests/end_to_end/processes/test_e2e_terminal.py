@@ -9,15 +9,7 @@ import pytest
 
 LARGE = (140, 40)
 RIG = Path(__file__).parents[3] / "examples" / "rigs" / "simulated.toml"
-PLAN = """
-format = "fidim-plan/1"
-name = "one"
-[[window]]
-id = "i01"
-lengths = [1.30283, 1.39119, 1.52772, 1.41231]
-displacement = [-0.02, 0.03]
-position = [1.111, -0.271, -0.315]
-"""
+PLAN = (Path(__file__).parents[2] / "one_window.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

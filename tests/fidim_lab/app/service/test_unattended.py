@@ -23,15 +23,7 @@ from procedures.settings import Settings
 from procedures.steps import Phase
 
 RIG = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"
-PLAN = """
-format = "fidim-plan/1"
-name = "one"
-[[window]]
-id = "i01"
-lengths = [1.30283, 1.39119, 1.52772, 1.41231]
-displacement = [-0.02, 0.03]
-position = [1.111, -0.271, -0.315]
-"""
+PLAN = (Path(__file__).parents[3] / "one_window.toml").read_text(encoding="utf-8")
 
 
 def options(tmp_path, **more):

@@ -12,15 +12,7 @@ from fidim_lab.data.rigs.stop_file import Stopped, keep_stop, read_stop, stop_pa
 SIMULATED = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"
 STOPPED = Stopped("fidim ui #2", "key", "2026-11-25T10:58:03.123+00:00")
 SENTENCE = "emergency stop by fidim ui #2: key (2026-11-25 10:58:03 UTC)"
-PLAN = """format = "fidim-plan/1"
-name = "one"
-[[window]]
-id = "i01"
-role = "identify"
-lengths = [1.30283, 1.39119, 1.52772, 1.41231]
-displacement = [-0.02, 0.03]
-position = [1.111, -0.271, -0.315]
-"""
+PLAN = (Path(__file__).parents[3] / "one_window.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture

@@ -52,7 +52,7 @@ def test_columns_beside_springs_are_derivatives(irma4: Robot) -> None:
     scorer = SprungScorer(found.likelihood.mechanism, few(irma4))
     window = next(c for c in scorer.columns(found.likelihood, simulation) if c.window == 0)
     checked = 0
-    for h, place in zip(scorer.tried.every, scorer.slices, strict=True):
+    for h, place in zip(scorer.tried.every, scorer.tried.slices, strict=True):
         for k, column in zip(h.scored, range(place.start, place.stop), strict=True):
             step = 1e-2 * h.effect.parameters[k].scale
             ends = [_rows(found, h.effect, h.absent, k, sign * step) for sign in (1, -1)]

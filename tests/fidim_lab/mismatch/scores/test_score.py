@@ -71,7 +71,7 @@ def test_columns_are_derivatives(dragged: Case) -> None:
     scorer = Scorer(case.found.likelihood.mechanism, tried)
     window = next(c for c in scorer.columns(case.found.likelihood, simulation) if c.window == 0)
     checked = 0
-    for h, place in zip(tried.every, scorer.slices, strict=True):
+    for h, place in zip(tried.every, scorer.tried.slices, strict=True):
         if h.label not in CHECKED or SCANNED.get(h.effect.id, 0.0) not in h.absent:
             continue
         for k, column in zip(h.scored, range(place.start, place.stop), strict=True):
