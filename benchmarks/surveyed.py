@@ -43,11 +43,13 @@ class Row:
 
 def with_survey_errors(robot: Robot, anchors: float, attachments: float, rng: np.random.Generator) -> Robot:
     """The file of a robot whose anchors and attachments are off, each coordinate by a normal error of this sd (m)."""
-    cables = tuple(
-        replace(c, d=c.d + anchors * rng.standard_normal(3), a=c.a + attachments * rng.standard_normal(3))
-        for c in robot.cables
-    )
-    return replace(robot, cables=cables)
+    moved = [replace(c, d=c.d + anchors * rng.standard_normal(3), a=c.a + _off(attachments, rng)) for c in robot.cables]
+    return replace(robot, cables=tuple(moved))
+
+
+def _off(size: float, rng: np.random.Generator) -> np.ndarray:
+    """Drawn only where there is something to draw, so that older seeds keep their robots."""
+    return size * rng.standard_normal(3) if size else np.zeros(3)
 
 
 def campaign(number: int, seed: int) -> tuple[Campaign, np.ndarray, bool]:
