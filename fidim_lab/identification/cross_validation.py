@@ -27,6 +27,7 @@ from fidim_lab.identification.motion.recipe import BEST, Recipe
 from fidim_lab.identification.results.validation import expected_sigma_perp, residual, sigma_perp
 from fidim_lab.identification.survey import as_found
 from fidim_lab.model.mechanism import Mechanism
+from fidim_lab.units import plain
 
 LOST = 0.1
 """s before a window's end at which a prediction may end"""
@@ -102,7 +103,7 @@ class CrossValidation:
         """The verdict for a person."""
         chi2 = [w.chi2_per_dof for w in self.judged if w.chi2_per_dof is not None]
         rms = [w.rms for w in self.judged if w.rms is not None]
-        figures = f"; χ²/dof up to {max(chi2):.3g}, rms up to {max(rms) * 1e3:.3g} mm" if chi2 else ""
+        figures = f"; χ²/dof up to {plain(max(chi2))}, rms up to {max(rms) * 1e3:.3g} mm" if chi2 else ""
         count = len(self.judged)
         windows = "window" if count == 1 else "windows"
         if self.predicts:
@@ -220,5 +221,5 @@ class _Judge:
         if left.t[-1] < window.t[-1] - LOST:
             wrong.append(f"the prediction loses the recorded motion after t = {left.t[-1]:.1f} s")
         if left.chi2_per_dof > self.rule.chi2_per_dof:
-            wrong.append(f"χ²/dof is {left.chi2_per_dof:.3g}")
+            wrong.append(f"χ²/dof is {plain(left.chi2_per_dof)}")
         return wrong

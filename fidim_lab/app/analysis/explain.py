@@ -16,7 +16,7 @@ from fidim_lab.data.campaign import read_campaign
 from fidim_lab.mismatch.conclusion.explanation import Explanation, NamedCause, write_explanation
 from fidim_lab.mismatch.explain import explain
 from fidim_lab.mismatch.selection.budget import PATIENCE
-from fidim_lab.units import millimetres
+from fidim_lab.units import millimetres, plain, signed
 
 
 def explain_command(
@@ -82,7 +82,7 @@ def effect_table(cause: NamedCause) -> Table:
     console.columns(table, "parameter", "value", "sd", "unit")
     for name, parameter in cause.parameters.items():
         sd = "held" if parameter.sd is None else f"{parameter.sd:.2g}"
-        table.add_row(name, f"{parameter.value:.5g}", sd, parameter.unit)
+        table.add_row(name, plain(parameter.value, 5), sd, parameter.unit)
     return table
 
 
@@ -92,7 +92,7 @@ def ranking_table(explanation: Explanation) -> Table:
     console.columns(table, "model", "held-out χ²/dof", "possible")
     table.add_column("why")
     for ranked in explanation.ranking:
-        held = "–" if ranked.held_out_chi2_per_dof is None else f"{ranked.held_out_chi2_per_dof:.4g}"
+        held = "–" if ranked.held_out_chi2_per_dof is None else plain(ranked.held_out_chi2_per_dof, 4)
         name = " + ".join(ranked.effects) or "nothing left out"
         table.add_row(name, held, "yes" if ranked.plausible else "no", escape(ranked.why))
     return table
@@ -105,6 +105,6 @@ def parameter_table(explanation: Explanation) -> Table:
     for name, after in explanation.parameters.items():
         before = explanation.parameters_before[name]
         moved = (after.value - before.value) / before.sd if before.sd > 0 else 0.0
-        values = (after.nominal, before.value, after.value)
-        table.add_row(name, *(f"{millimetres(x):.4f}" for x in values), f"{millimetres(after.sd):.2g}", f"{moved:.1f}")
+        values = (f"{millimetres(x):.4f}" for x in (after.nominal, before.value, after.value))
+        table.add_row(name, *values, f"{millimetres(after.sd):.2g}", signed(moved, 1))
     return table

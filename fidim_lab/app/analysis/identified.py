@@ -18,7 +18,7 @@ from fidim_lab.identification.identify import MODEL_ERROR, SPREAD_SEEN
 from fidim_lab.identification.mle.findings import closing
 from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.identification.results.validation import expected_sigma_perp
-from fidim_lab.units import millimetres, percent
+from fidim_lab.units import millimetres, percent, plain
 
 UNUSABLE = (Outcome.IMPOSSIBLE_BODY, Outcome.LOST_PHASE, Outcome.NOT_CONVERGED)
 """outcomes with which the command fails"""
@@ -172,4 +172,4 @@ def _percent(ratio: float) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
+    return "–" if value is None else plain(value)

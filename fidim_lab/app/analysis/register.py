@@ -22,6 +22,7 @@ from fidim_lab.identification.calibration.register_campaign import (
 )
 from fidim_lab.identification.cleaning.clean import without_bad_samples
 from fidim_lab.identification.data_checks.placed import moved_in_words
+from fidim_lab.units import plain
 
 GOOD = 4.0
 """χ²/dof up to which the registered geometry explains markers and lengths: twice their noise"""
@@ -81,14 +82,14 @@ def sentences(found: Registered) -> list[str]:
         ]
     said += [
         f"Anchor of cable {one.cable} disagrees: moved by {_mm(one.by)} mm it takes χ²/dof from "
-        f"{best.chi2_per_dof:.3g} to {one.chi2_per_dof:.3g}."
+        f"{plain(best.chi2_per_dof)} to {plain(one.chi2_per_dof)}."
         for one in found.suspects
         if best.chi2_per_dof > GOOD and one.chi2_per_dof < CURE * best.chi2_per_dof
     ]
     if best.chi2_per_dof >= GOOD:
         said.append(
-            f"No registration explains the recordings (χ²/dof {best.chi2_per_dof:.3g}): geometry, lengths or order of "
-            "cables are not as the robot file says. No robot file is written."
+            f"No registration explains the recordings (χ²/dof {plain(best.chi2_per_dof)}): geometry, lengths or order "
+            "of cables are not as the robot file says. No robot file is written."
         )
     return said
 
@@ -97,7 +98,7 @@ def _tried(found: Registered) -> Table:
     table = Table(title="What was left open")
     console.columns(table, "free", "χ²/dof", "criterion (0: best)")
     for one in found.tried:
-        table.add_row(one.free.says, f"{one.placed.chi2_per_dof:.3g}", f"{one.criterion:.3g}")
+        table.add_row(one.free.says, plain(one.placed.chi2_per_dof), plain(one.criterion))
     return table
 
 
@@ -109,7 +110,7 @@ def _left(campaign: Campaign, found: Registered) -> Table:
         table.add_row(f"marker {m + 1}", f"{_rms(found.best.markers[:, m]):.3g}", "", "")
     for k, one in zip(range(campaign.robot.n), found.suspects, strict=True):
         left = f"{_rms(found.best.lengths[:, k]):.3g}"
-        table.add_row(f"length of cable {k + 1}", left, f"{one.chi2_per_dof:.3g}", _mm(one.by))
+        table.add_row(f"length of cable {k + 1}", left, plain(one.chi2_per_dof), _mm(one.by))
     return table
 
 

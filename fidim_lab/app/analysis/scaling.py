@@ -10,7 +10,7 @@ from rich.table import Table
 
 from fidim_lab.app.terminal import console
 from fidim_lab.identification.results.result import IdentificationResult
-from fidim_lab.units import millimetres
+from fidim_lab.units import millimetres, plain
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,4 +45,4 @@ def scaling_table(forms: Forms) -> Table:
 
 
 def _figure(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
+    return "–" if value is None else plain(value)

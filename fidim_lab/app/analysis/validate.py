@@ -17,7 +17,7 @@ from fidim_lab.identification.equations.refusals import no_sigma
 from fidim_lab.identification.motion.recipe import BEST, PAPER
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import ResultTable, read_result
-from fidim_lab.units import millimetres
+from fidim_lab.units import millimetres, plain
 
 FORMAT = "fidim-validation/1"
 LIMIT = 2.0
@@ -173,4 +173,4 @@ def _verdict(window: Judged) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
+    return "–" if value is None else plain(value)

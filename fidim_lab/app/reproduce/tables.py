@@ -17,7 +17,7 @@ from fidim_lab.identification.reproduction import (
     Reproduction,
     essential_difference,
 )
-from fidim_lab.units import millimetres
+from fidim_lab.units import millimetres, plain
 
 BAR = 20
 """characters of a bar of Fig. 3 at σ_W"""
@@ -52,7 +52,7 @@ def optimised_table(windows: tuple[OptimisedWindow, ...], cost: float) -> Table:
             ", ".join(f"{millimetres(v):.1f}" for v in planned.displacement),
             f"{window.tension[0]:.0f}–{window.tension[1]:.0f}",
             f"{window.conditioning:.0f}",
-            f"{window.worst_conditioning:.2g}",
+            plain(window.worst_conditioning, 2),
             "hopeless" if window.conditioning > HOPELESS else "good",
         )
     return table
@@ -68,7 +68,7 @@ def value_table(title: str, published: paper.Published, ours: dict[str, Reading 
         cells = [_value(reading, k) for reading in ours.values()]
         table.add_row(name, f"{millimetres(published.values[k]):.2f}", *cells)
     table.add_row("σ_W", f"{published.sigma_W:.3g}", *_footer(ours, lambda r: f"{r.sigma_W:.3g}"))
-    table.add_row("C", f"{published.C:.3g}", *_footer(ours, lambda r: f"{r.C:.3g}"))
+    table.add_row("C", f"{published.C:.3g}", *_footer(ours, lambda r: plain(r.C)))
     table.add_row("windows", "12", *_footer(ours, lambda r: str(len(r.used))))
     return table
 

@@ -30,6 +30,7 @@ from fidim_lab.errors import HardwareError
 from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import write_result
+from fidim_lab.units import signed
 from procedures.events import Event, RunFinished
 from procedures.guards.robot_guards import LogGuard
 from procedures.protocols.catalogue import experiment as procedure_of
@@ -112,7 +113,8 @@ def resume_dry_run(folder: Path, spec: DryRunSpec, json_file: Path | None) -> in
 
 
 def _experiment(spec: DryRunSpec, plan: Plan, robot: Robot, resumption: Resumption | None = None) -> Experiment:
-    settings = Settings(motion=MotionSettings(length_limits=compose.length_limits(plan)))
+    motion = MotionSettings(length_limits=compose.length_limits(plan))
+    settings = Settings(motion=motion, prompt_estimate=compose.HAND_ANSWERS)
     return procedure_of("excite" if spec.excite else "identify", plan, robot, settings, resumption=resumption)
 
 
@@ -163,9 +165,9 @@ def truth_table(result: IdentificationResult, truth: dict[str, object]) -> Table
             f"{parameter.value * 1e3:.4f}",
             f"{stated * 1e3:.4f}",
             f"{value * 1e3:.4f}",
-            f"{error * 1e3:+.4f}",
-            f"{100 * error / value:+.3f}" if value else "",
-            f"{error / stated:+.1f}" if stated else "",
+            signed(error * 1e3, 4),
+            signed(100 * error / value, 3) if value else "",
+            signed(error / stated, 1) if stated else "",
         )
     return table
 

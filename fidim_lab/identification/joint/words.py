@@ -26,7 +26,7 @@ def message(ended: Outcome, whole: JointFit, figures: Figures) -> str:
         ended.value,
         *(() if lost is None else (lost.says,)),
         f"{windows} windows of {len(whole.members)} campaigns were fitted with one body and one geometry; χ²/dof is "
-        f"{whole.chi2_per_dof:.3g}.",
+        f"{figures(whole.chi2_per_dof)}.",
         consistency.sentence(figures.body),
     ]
     if ended is Outcome.NOT_CONVERGED:

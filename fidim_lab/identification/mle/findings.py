@@ -16,7 +16,7 @@ from fidim_lab.identification.mle.trajectories.optimise import Ending
 from fidim_lab.identification.mle.trajectories.stages import TRUSTED, Journey
 from fidim_lab.identification.results.result import IdentificationResult, Outcome, Parameter, WindowVerdict
 from fidim_lab.model.sensitivity.equations import EASE
-from fidim_lab.units import millimetres, percent
+from fidim_lab.units import millimetres, percent, plain
 
 MISFIT = 1.5
 """χ²/dof, for the noise that the residuals themselves show, above which the model does not explain the recordings"""
@@ -123,7 +123,7 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
     parts = [
         ended.value,
         *((lacks,) if lacks else ()),
-        f"{were_used(r.window.id for r in found.likelihood.recordings)}; χ²/dof is {found.chi2_per_dof:.3g}.",
+        f"{were_used(r.window.id for r in found.likelihood.recordings)}; χ²/dof is {plain(found.chi2_per_dof)}.",
         consistency.sentence(figures.body),
     ]
     if 0 < figures.moved <= consistency.ALLOWED:
@@ -132,7 +132,7 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
             "hardly tell; the nearest existing body is given."
         )
     elif eigenvalue > 0:
-        parts.append(f"It is {min(in_sd, 9999):.3g} nominal sd away from bodies that cannot.")
+        parts.append(f"It is {plain(min(in_sd, 9999))} nominal sd away from bodies that cannot.")
     if ended is Outcome.NOT_CONVERGED or found.ending is Ending.EDGE:
         parts.append(found.ending.value)
     if figures.unseen:
@@ -172,7 +172,7 @@ def closing(result: IdentificationResult) -> str:
     held = _held_out(result.windows)
     judged = ""
     if held:
-        values = f"{min(held):.3g}" if len(held) == 1 else f"{min(held):.3g} to {max(held):.3g}"
+        values = plain(min(held)) if len(held) == 1 else f"{plain(min(held))} to {plain(max(held))}"
         judged = f", and held-out windows with χ²/dof of {values}"
     spread = result.leave_one_out is not None
     basis = "By the spread between windows" if spread else "By the nominal sd, with too few windows to see a spread,"
@@ -255,8 +255,8 @@ def _misfit_warnings(found: Fit, windows: tuple[WindowVerdict, ...]) -> list[str
     if not found.explained:
         left = declared * np.sqrt(max(found.chi2_per_dof - found.noise_ratio**2, 0.0)) * 1e3
         said.append(
-            f"χ²/dof is {found.chi2_per_dof:.3g}: besides noise, {left:.2g} mm rms are left that the model does not "
-            f"explain. {SOMETHING} (fidim explain)."
+            f"χ²/dof is {plain(found.chi2_per_dof)}: besides noise, {left:.2g} mm rms are left that the model does "
+            f"not explain. {SOMETHING} (fidim explain)."
         )
     coloured = {
         recording.window.id: f"{recording.window.id} ({left.whiteness:.0f})"

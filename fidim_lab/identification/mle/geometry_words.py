@@ -90,7 +90,7 @@ def furthest(told: Geometry, *, explained: bool) -> str:
             continue
         where = one.what.replace("_", " ") + ("" if one.cable is None else f" of cable {one.cable}")
         unit = "mrad" if one.what in ANGLES else "mm"
-        shown = ", ".join(f"{millimetres(value):+.2g}" for value in one.by)
+        shown = ", ".join(_away(value) for value in one.by)
         off.append((float(sizes[k]), f"{where} by ({shown}) {unit}"))
     if not off:
         return ""
@@ -113,3 +113,9 @@ def _unseen(surveyed: Surveyed, told: Geometry) -> str:
         return ""
     kinds = ", ".join(f"{kind.replace('_', ' ')} ({hidden.count(kind)})" for kind in dict.fromkeys(hidden))
     return f"Not seen by these recordings, so left as surveyed: {kinds}."
+
+
+def _away(value: float) -> str:
+    """m or rad in thousandths, with two figures and the sign; 0 below a hundredth of them."""
+    shown = round(millimetres(value), 2)
+    return f"{shown:+.2g}" if shown else "0"

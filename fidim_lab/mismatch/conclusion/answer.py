@@ -9,7 +9,7 @@ from math import isfinite
 
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.mismatch.conclusion.explanation import Answer, EffectParameter, Explanation, NamedCause, Verdict
-from fidim_lab.units import millimetres
+from fidim_lab.units import millimetres, plain
 
 MOST_CAUSES = 3
 """told in a part; the tables have all"""
@@ -49,9 +49,9 @@ def _figures(told: Explanation) -> str:
     if chi2.after is None or not isfinite(chi2.after) or rms.after is None:
         return "No window was held out to prove it."
     if told.verdict is Verdict.NOTHING_MISSING and told.geometry is None:
-        return f"χ²/dof {chi2.after:.3g}, {rms.after:.2g} mm ({which})."
-    before = "–" if chi2.before is None or not isfinite(chi2.before) else f"{chi2.before:.3g}"
-    return f"χ²/dof {before} → {chi2.after:.3g}, {rms.after:.2g} mm ({which})."
+        return f"χ²/dof {plain(chi2.after)}, {rms.after:.2g} mm ({which})."
+    before = "–" if chi2.before is None or not isfinite(chi2.before) else plain(chi2.before)
+    return f"χ²/dof {before} → {plain(chi2.after)}, {rms.after:.2g} mm ({which})."
 
 
 def _certain(told: Explanation) -> Iterable[str]:

@@ -11,7 +11,7 @@ from fidim_lab.app.report.sections.numerals import decimals, fixed, short
 from fidim_lab.app.report.sections.tables import Table
 from fidim_lab.app.report.sections.words import explained_sentence
 from fidim_lab.mismatch.conclusion.explanation import Verdict
-from fidim_lab.units import millimetres, percent
+from fidim_lab.units import millimetres, percent, signed
 
 VERDICTS = {
     Verdict.NOTHING_MISSING: "✓ nothing missing",
@@ -100,7 +100,7 @@ def shift_table(found: ExplanationTable) -> Table:
                 *(fixed(millimetres(value), places) for value in values),
                 f"{millimetres(before.sd):.2g}",
                 f"{millimetres(after.sd):.2g}",
-                f"{(after.value - before.value) / before.sd:+.1f}" if before.sd > 0 else "–",
+                signed((after.value - before.value) / before.sd, 1) if before.sd > 0 else "–",
             )
         )
     names = ("parameter", "CAD", "before", "after", "sd before", "sd after", "moved / sd before")

@@ -2,6 +2,8 @@
 
 import math
 
+from fidim_lab.units import plain
+
 MOST_DECIMALS = 5
 
 
@@ -19,7 +21,7 @@ def fixed(value: float | None, places: int) -> str:
 
 def short(value: float | None) -> str:
     """A value with three figures; a dash for nothing."""
-    return "–" if value is None or math.isnan(value) else f"{value:.3g}"
+    return "–" if value is None or math.isnan(value) else plain(value)
 
 
 def interval(value: float, uncertainty: float) -> str:

@@ -16,7 +16,7 @@ from fidim_lab.app.report.sections.numerals import decimals, duration, fixed, sh
 from fidim_lab.app.report.sections.paper import FOUND
 from fidim_lab.data.records import PARAMETER_NAMES, Body, Role
 from fidim_lab.identification.results.result import IdentificationResult, Parameter, WindowVerdict
-from fidim_lab.units import degrees, millimetres, percent
+from fidim_lab.units import degrees, millimetres, percent, plain, signed
 from procedures.outcomes import Outcome
 
 MARKS = {
@@ -135,8 +135,8 @@ def _cells(row: ParameterRow, further: Sequence[str]) -> tuple[str, ...]:
         fixed(row.nominal, places),
         *further,
         fixed(row.true, places),
-        "" if error is None else f"{error:+.{places}f}",
-        "" if error is None or not stated(row) else f"{error / stated(row):+.1f}",
+        "" if error is None else signed(error, places),
+        "" if error is None or not stated(row) else signed(error / stated(row), 1),
     )
 
 
@@ -189,10 +189,10 @@ def check_table(measurements: Sequence[ToldMeasurement]) -> Table:
 
 def _allowed(seen: ToldMeasurement) -> str:
     if seen.low is not None and seen.high is not None:
-        return f"{seen.low:.4g} to {seen.high:.4g} {seen.unit}".strip()
+        return f"{plain(seen.low, 4)} to {plain(seen.high, 4)} {seen.unit}".strip()
     if seen.low is not None:
-        return f"≥ {seen.low:.4g} {seen.unit}".strip()
-    return "" if seen.high is None else f"≤ {seen.high:.4g} {seen.unit}".strip()
+        return f"≥ {plain(seen.low, 4)} {seen.unit}".strip()
+    return "" if seen.high is None else f"≤ {plain(seen.high, 4)} {seen.unit}".strip()
 
 
 def rejected_table(contents: Contents) -> Table | None:

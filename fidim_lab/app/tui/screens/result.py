@@ -5,7 +5,7 @@ import math
 from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, right, wrapped
 from fidim_lab.app.tui.result_files import ResultFiles
 from fidim_lab.identification.results.result_file import ParameterTable, ResultTable
-from fidim_lab.units import millimetres, percent
+from fidim_lab.units import millimetres, percent, plain
 
 GOOD, WRONG = "converged", ("impossible", "misfit", "not-converged")
 INTERVAL = 1.96
@@ -92,7 +92,7 @@ def _windows(result: ResultTable, width: int) -> list[Line]:
 
 
 def _short(value: float | None, width: int) -> str:
-    return right("–" if value is None else f"{value:.3g}", width)
+    return right("–" if value is None else plain(value), width)
 
 
 def _next(result_files: ResultFiles) -> str:
