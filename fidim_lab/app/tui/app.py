@@ -33,6 +33,8 @@ class FidimUi(App[None]):
 
     TITLE = "fidim"
     CSS_PATH = "styles.tcss"
+    VERTICAL_BREAKPOINTS = [(0, "-low"), (20, "-high")]  # noqa: RUF012 - an instance variable of App
+    """rows below which a dialog takes the whole terminal, without a frame"""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f12,ctrl+e", "emergency_stop", "E-STOP", key_display="F12", priority=True),
         Binding("r", "order('reset')", "reset"),

@@ -94,6 +94,11 @@ def folded(row: Line, width: int, indent: str = "  ") -> list[Line]:
     return [tuple(one) for one in rows]
 
 
+def fitted(text: str, width: int) -> list[str]:
+    """A text as it is where it fits, its blanks too; else wrapped."""
+    return [text] if len(text) <= width else wrapped(text, width)
+
+
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:
     """Words on as many lines as they need; a text without end has an end here."""
     rows, row = [], indent

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.mismatch.conclusion.explanation import Ranked
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
@@ -18,18 +19,18 @@ def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranke
     known = {_key(candidate.model.tried) for candidate in found.tried}
     brief: dict[tuple[str, ...], Ranked] = {}
     for model in _best_first(found.passing):
-        names = tuple(h.label for h in model.tried)
+        names = tuple(_name(h.effect) for h in model.tried)
         if _key(model.tried) not in known and names not in brief and len(brief) < CONCLUSION.ranking_briefly:
             brief[names] = _fitted_briefly(names, model, context)
     scored: list[Ranked] = []
     seen: set[object] = set()
     for score in found.first.singles:
         effect = score.tried[0].effect
-        listed = _key(score.tried) in known or (effect.label,) in brief
+        listed = _key(score.tried) in known or (_name(effect),) in brief
         if effect in seen or listed or len(scored) == CONCLUSION.ranking_listed:
             continue
         seen.add(effect)
-        scored.append(Ranked((effect.label,), None, _possible(score, context) is None, _why_not_fitted(score)))
+        scored.append(Ranked((_name(effect),), None, _possible(score, context) is None, _why_not_fitted(score)))
     return (*fitted, *brief.values(), *scored)
 
 
@@ -61,7 +62,7 @@ def _ranked(candidate: Candidate, named: Candidate, context: Context) -> Ranked:
     unseen = f"{held.chi2_per_dof:.3f} held out" if held.dof else "nothing held out"
     why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {unseen}. "
     why += f"{candidate.whiteness.says}{limits}"
-    effects = tuple(h.label for h in model.tried)
+    effects = tuple(_name(h.effect) for h in model.tried)
     return Ranked(effects, held.chi2_per_dof if held.dof else None, possible, why)
 
 
@@ -76,3 +77,7 @@ def _possible(score: Score, context: Context) -> str | None:
 
 def _key(tried: Sequence[Hypothesis]) -> tuple[str, ...]:
     return tuple(sorted(h.label for h in tried))
+
+
+def _name(effect: NamedEffect) -> str:
+    return effect.id if effect.cable is None else f"{effect.id} (cable {effect.cable})"

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from fidim_lab.app.tui.keys import choice_keys
-from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, left, line, wrapped
+from fidim_lab.app.tui.paint import EMPTY, Line, Span, Style, fitted, left, line, wrapped
 from fidim_lab.app.tui.view import Connection, ScreenState
 from fidim_lab.units import millimetres
 
@@ -20,6 +20,7 @@ KEYS = (
     ("?", "help", "screen.help"),
 )
 """key, word, action"""
+GAP = "   "
 FIRST_LEFT_OUT = ("o", "k", "x", "p", "q", "g", "r")
 """keys that a narrow terminal does not show, in this order; the emergency stop and the help, which has all, stay"""
 PHASES: dict[str, tuple[str, Style]] = {
@@ -60,12 +61,23 @@ def prompt_lines(view: ScreenState, width: int, *, typing: bool = False) -> list
     about = f"{question.window}: " if question.window else ""
     rows += [line(Span(text, "head")) for text in wrapped(f"{about}{question.text}", width)[:4]]
     if question.displacement:
-        rows.append(line(f"wanted from rest  {_away(question.displacement)}", Span(_displaced(view), "good")))
-    keys: list[Span] = [Span("Esc, then  ", "key")] if typing else []
+        wanted = Span(f"wanted from rest  {_away(question.displacement)}")
+        rows += _beside((wanted, Span(_displaced(view), "good")), width)
+    keys = [Span("Esc, then", "key")] if typing else []
     for key, choice in choice_keys(question.choices).items():
-        keys += [Span(f"[{key}] {choice}", "key", f"app.choose('{key}')"), Span("   ")]
-    rows.append((*keys[:-1], *line(Span(_default(view), "dim"))))
-    return rows
+        keys.append(Span(f"[{key}] {choice}", "key", f"app.choose('{key}')"))
+    return [*rows, *_beside((*keys, Span(_default(view), "dim")), width)]
+
+
+def _beside(parts: Sequence[Span], width: int) -> list[Line]:
+    """Parts beside each other, three blanks apart; what has no room begins a line of its own, nothing is cut."""
+    rows: list[list[Span]] = [[]]
+    for part in (part for part in parts if part.text):
+        used = sum(len(span.text) for span in rows[-1])
+        if rows[-1] and used + len(GAP) + len(part.text) > width:
+            rows.append([])
+        rows[-1] += [*([Span(GAP)] if rows[-1] else []), part]
+    return [tuple(row) for row in rows if row]
 
 
 def key_lines(width: int) -> list[Line]:
@@ -93,9 +105,9 @@ def _displaced(view: ScreenState) -> str:
     if view.rest is None:
         return ""
     return (
-        "   NOW  marker not seen"
+        "NOW  marker not seen"
         if place is None
-        else f"   NOW  {_away([a - b for a, b in zip(place, view.rest, strict=True)])}"
+        else f"NOW  {_away([a - b for a, b in zip(place, view.rest, strict=True)])}"
     )
 
 
@@ -104,7 +116,7 @@ def _default(view: ScreenState) -> str:
     if question is None or question.default_after is None or not question.default:
         return ""
     left_over = max(question.default_after - (view.now - view.asked), 0.0)
-    return f"   “{question.default}” by itself in {left_over:.0f} s"
+    return f"“{question.default}” by itself in {left_over:.0f} s"
 
 
 def _rig(view: ScreenState, width: int) -> Line:
@@ -169,15 +181,18 @@ def _latched(view: ScreenState, width: int) -> list[Line]:
     ended = view.contact in (Connection.ENDED, Connection.LOST) or status.phase == "ended"
     reset = " r starts the service again." if ended else " r resets it, in two steps."
     why = f"{was}{status.latched_why or 'latched from the start'}.{reset}"
-    return _alarm("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ ■", width, why)
+    title = next((one for one in LATCHED if len(one) <= width), LATCHED[-1])
+    return _alarm(title, width, why)
 
 
+LATCHED = ("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ ■", "■ EMERGENCY STOP LATCHED ■")
+"""the widest that a terminal has room for"""
 LOST_ADVICE = "Its drives stop by themselves without its heartbeat. THE KEY HERE STOPS NOTHING: use the hardware stop."
 SILENT_ADVICE = "Connected, but no state comes. Do not rely on this screen; use the hardware stop."
 
 
 def _alarm(title: str, width: int, *says: str, alarm: Style = "alarm") -> list[Line]:
-    rows: list[Line] = [line(Span(title.center(width), alarm))]
+    rows: list[Line] = [line(Span(row.center(width), alarm)) for row in fitted(title, width)]
     for text in says:
         first, *more = wrapped(text, width) or [""]
         shown = [first, *more[:1]] if len(more) < 2 else [first, left(f"{more[0]} {more[1]}", width)]

@@ -1,0 +1,78 @@
+"""A terminal of 50 × 12, as Pilot sees it: what must be read is in sight in the screen and over it."""
+
+import asyncio
+
+import pytest
+
+from fidim_lab.app.service.messages import Question
+from fidim_lab.app.tui.paint import text_of
+from fidim_lab.app.tui.screens.bars import prompt_lines
+from fidim_lab.app.tui.view import Connection, ScreenState
+
+SIZE = (50, 12)
+TITLE = "EMERGENCY STOP LATCHED"
+
+
+def seen(screen) -> list[str]:
+    """The rows of the terminal, as they are drawn."""
+    widths = screen.app.screen._compositor.render_strips()
+    return ["".join(segment.text for segment in strip) for strip in widths]
+
+
+def run(see, opened, size=SIZE):
+    async def main():
+        async with opened(size) as screen:
+            await see(screen)
+
+    asyncio.run(main())
+
+
+async def drawn(screen, text):
+    await screen.until(lambda: any(text in row for row in seen(screen)), f"{text!r} in sight")
+
+
+@pytest.mark.parametrize("size", [SIZE, (44, 12), (80, 24)])
+@pytest.mark.parametrize(("key", "must"), [("x", "[y]"), ("k", "[Enter]"), ("question_mark", "The step at hand")])
+@pytest.mark.parametrize("state", ["running", "latched", "prompt"])
+def test_a_dialog_shows_its_question_and_answers_without_scrolling(opened, key, must, state, size):
+    async def see(screen):
+        if state == "latched":
+            screen.service.become(latched=True, latched_why="by hand")
+            await drawn(screen, TITLE if size[0] < 60 else "E M E R G E N C Y")
+        if state == "prompt":
+            screen.service.ask()
+            await drawn(screen, "ANSWER THIS")
+        await screen.keys(key)
+        await screen.until(lambda: len(screen.app.screen_stack) > 1, "the dialog")
+        await drawn(screen, must)
+        if state == "latched":
+            await drawn(screen, TITLE if size[0] < 60 else "E M E R G E N C Y")
+        assert max(map(len, seen(screen))) <= size[0]
+        await screen.keys("escape")
+
+    run(see, opened, size)
+
+
+@pytest.mark.parametrize("width", [40, 50, 80])
+def test_a_prompt_is_whole_at_any_width(fake, width):
+    """Both ways from rest, and every choice, on as many lines as they need."""
+    asked = Question(
+        number=1,
+        kind="displace-and-release",
+        window="i02",
+        text="Displace the platform, keep it still, and let go.",
+        choices=("done", "skip", "abort"),
+        displacement=(-0.026, 0.054),
+        default="skip",
+        default_after=60.0,
+    )
+    mocap = fake.state.mocap.model_copy(update={"position": (0.112, 0.134, 1.5)})
+    status = fake.state.model_copy(update={"mocap": mocap})
+    view = ScreenState(contact=Connection.LIVE, status=status, age=0.0, question=asked, rest=(0.1, 0.2, 1.5), now=10.0)
+    rows = text_of(prompt_lines(view, width)).splitlines()
+    said = "\n".join(rows)
+    assert max(map(len, rows)) <= width
+    assert "wanted from rest  x -26 mm  y +54 mm" in said
+    assert "NOW  x +12 mm  y -66 mm" in said
+    assert all(f"[{choice[0]}] {choice}" in said for choice in asked.choices)
+    assert "“skip” by itself in 50 s" in said
