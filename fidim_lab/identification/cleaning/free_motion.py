@@ -21,6 +21,7 @@ from fidim_lab.arrays import Series, runs
 from fidim_lab.data.records import Campaign, Window
 from fidim_lab.identification.cleaning.balance import EVERY, HALF, Balance, balance
 from fidim_lab.identification.cleaning.removed import CleanRecordings, Removed
+from fidim_lab.identification.cleaning.resting import resting
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.regressor import parameter_vector
 
@@ -56,14 +57,6 @@ class FreeMotionRule:
     """of all nodes that may be disturbed: with more, the robot file or the frame is wrong, and nothing is cut"""
     shortest: float = 1.0
     """s of free motion, without which a part is not kept"""
-    rests: float = 0.5
-    """s without motion, which no swing of 1 Hz has; a slower one turns round so"""
-    turned: float = 10.0
-    """times the marker noise that the swing beside it would have moved meanwhile: turning round moves up to 6 unseen"""
-    nothing: float = 1.5
-    """times the marker noise (rms), up to which a coordinate does not move"""
-    loud: float = 20.0
-    """times the marker noise that the whole window moves (rms): less may come to rest by itself"""
 
 
 RULE = FreeMotionRule()
@@ -79,7 +72,7 @@ def hands(campaign: Campaign, rule: FreeMotionRule = RULE) -> Cuts:
     balances = {window.id: found for window in campaign.windows if (found := balance(mechanism, window)) is not None}
     found, judged = _unbalanced(balances, campaign, rule) if balances else ({}, set())
     for window in campaign.windows:
-        cuts = [] if window.id in found else _resting(window, campaign, rule)
+        cuts = [] if window.id in found else resting(window, campaign.robot.sensors.marker_noise)
         if window.id in judged:  # what comes to rest later may rub: that is for `explain`
             cuts = [cut for cut in cuts if cut[0] == -np.inf]
         if cuts:
@@ -95,45 +88,6 @@ def _unbalanced(balances: dict[str, Balance], campaign: Campaign, rule: FreeMoti
         return {}, set(balances)
     judged = {id for id, one in balances.items() if _says(one, chi, rule)}
     return {id: cuts for id, one in balances.items() if (cuts := _times(one, disturbed[id]))}, judged
-
-
-def _resting(window: Window, campaign: Campaign, rule: FreeMotionRule) -> list[tuple[float, float]]:
-    """Begins and ends of what does not move (s) in a window that moves."""
-    noise = campaign.robot.sensors.marker_noise
-    tracks = window.markers.reshape(len(window.t), -1)
-    tracks = tracks[:, np.isfinite(tracks).mean(axis=0) > 0.5]
-    if not tracks.shape[1] or np.nanstd(tracks, axis=0).max() < rule.loud * noise:
-        return []
-    still = np.zeros(len(window.t), dtype=bool)
-    ends = np.searchsorted(window.t, window.t + rule.rests)
-    for begin, end in enumerate(ends):
-        seen = tracks[begin:end][np.isfinite(tracks[begin:end]).all(axis=1)]
-        if end < len(window.t) and len(seen) > FEWEST and seen.std(axis=0).max() < rule.nothing * noise:
-            still[begin:end] = True
-    last, half = len(window.t), _half_period(window.t, tracks, noise)
-    return [
-        (-np.inf if a == 0 else float(window.t[a]), np.inf if b >= last - 1 else float(window.t[b - 1]))
-        for a, b in runs(still)
-        if _would_move(window.t, tracks, (a, b), half) > rule.turned * noise
-    ]
-
-
-def _half_period(t: Series, tracks: Float[np.ndarray, "N K"], noise: float) -> float:
-    """s between passages of the coordinate that moves most through its middle, the median of them."""
-    track = tracks[:, int(np.argmax(np.nanstd(tracks, axis=0)))]
-    away = track - np.nanmean(track)
-    clear = np.flatnonzero(np.abs(np.nan_to_num(away)) > CLEAR * noise)
-    passed = t[clear[1:]][np.diff(np.sign(away[clear])) != 0]
-    return float(np.median(np.diff([t[0], *passed, t[-1]])))
-
-
-def _would_move(t: Series, tracks: Float[np.ndarray, "N K"], rest: tuple[int, int], half: float) -> float:
-    """How far (m) the swing before and after would have gone meanwhile, had it only turned round there."""
-    begin, end = t[rest[0]], t[rest[1] - 1]
-    beside = (t > begin - 2 * half) & (t < end + 2 * half)
-    at = np.nanmedian(tracks[rest[0] : rest[1]], axis=0)
-    swing = 0.5 * float(np.nanmax(np.abs(tracks[beside] - at)))
-    return swing * (1.0 - np.cos(np.pi * min(0.5 * (end - begin) / half, 1.0)))
 
 
 def without_hands(campaign: Campaign, cuts: Cuts, rule: FreeMotionRule = RULE) -> CleanRecordings:
@@ -287,9 +241,5 @@ def _notes(removed: Sequence[Removed]) -> tuple[str, ...]:
 
 ONE_SAMPLE = 4 * HALF + RULE.averaged + 2 * EVERY
 """s that a cut lasts at most which a single bad sample or a step of a marker makes"""
-FEWEST = 8
-"""samples, by whose scatter rest is told from motion"""
-CLEAR = 5.0
-"""times the marker noise that a coordinate is away from its middle before it counts as beyond it"""
 SHOWN = 4
 """cuts that the sentence names"""
