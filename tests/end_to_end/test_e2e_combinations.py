@@ -21,20 +21,23 @@ from sim_backends.drive.axis.machine import State
 RUN_ON = 0.010
 """m of one cable against another within which a guard must have ended it"""
 DEAF = "cut the power by hand"
+FLICKERS = bytes((0, 0, 0x07))
+"""of the first TPDO: the lowest bits of the position"""
 
 
 def deaf(stage, cable):
     stage.bus.rules.append(FrameRule(frozenset({0x200 + cable, 0x600 + cable}), drop=True))
 
 
-def frozen(stage, *ids):
-    """Frames with these identifiers have for ever the contents of the first."""
+def frozen(stage, *ids, flickers=b""):
+    """Frames with these identifiers have for ever the contents of the first; every other one with its bits changed."""
     for one in ids:
         first: list[bytes] = []
 
         def repeat(data, first=first):
             first.append(data)
-            return first[0]
+            changed = flickers if len(first) % 2 else b""
+            return bytes(byte ^ by for byte, by in zip(first[0], changed.ljust(len(data), b"\0"), strict=True))
 
         stage.bus.rules.append(FrameRule(frozenset({one}), change=repeat))
 
@@ -138,7 +141,15 @@ CASES = {
         "Ask",
         0.5,
         lambda s: (frozen(s, 0x182, 0x282), s.spin(2, 0.05, unseen=True)),
-        "its samples (TPDO) stay the same, and its encoder, asked by SDO, is +",
+        "its samples (TPDO) stay where they are, its encoder, asked by SDO, is +",
+        "winch 2 did not obey",
+        way=0.01,
+    ),
+    "frozen samples that flicker while the drum turns": Case(
+        "Ask",
+        0.5,
+        lambda s: (frozen(s, 0x282), frozen(s, 0x182, flickers=FLICKERS), s.spin(2, 0.05, unseen=True)),
+        "its samples (TPDO) stay where they are, its encoder, asked by SDO, is +",
         "winch 2 did not obey",
         way=0.01,
     ),

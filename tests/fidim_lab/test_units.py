@@ -8,7 +8,8 @@ from fidim_lab.units import plain, signed
 @pytest.mark.parametrize(
     ("value", "says"),
     [(2521.0, "2520"), (1.0, "1"), (0.0, "0"), (0.09932, "0.0993"), (1.2e-4, "0.00012"), (-123456.0, "-123000"),
-     (9999.0, "10000"), (3.2e-7, "3.2e-07"), (4e12, "4e+12"), (float("inf"), "inf"), (float("nan"), "nan"), (11.98, "12")],
+     (9999.0, "10000"), (3.2e-7, "3.2e-07"), (4e12, "4e+12"), (float("inf"), "inf"), (float("nan"), "nan"),
+     (11.98, "12")],
 )  # fmt: skip
 def test_a_number_has_three_figures_and_no_exponent_within_reach(value, says):
     assert plain(value) == says

@@ -1,8 +1,8 @@
 """What a drive says of itself besides its PDOs: following error (60F4), temperature, safe torque off (60FD).
 
 Asked by SDO twice a second, its encoder (6064) ten times. A drive that sends samples and answers no question does not
-hear: the next stop may not reach it, and nobody would know before it is needed. One whose samples stay the same while
-its encoder, asked here, tells another place sends old ones: every guard would look at the past.
+hear: the next stop may not reach it, and nobody would know before it is needed. One whose samples stay where they are
+while its encoder, asked here, tells another place sends old ones: every guard would look at the past.
 
 By SDO, for a fifth PDO would cost bus time in every cycle, and not every drive lets these objects be mapped. An object
 that the drive refuses is not asked for again; what has not been answered lately is unknown.
@@ -26,10 +26,10 @@ COMPARED_EVERY = 0.1
 """s between two comparisons of encoder and samples: with old samples an uncommanded 0.05 m/s runs `OLD`, then at most
 this time and `BETWEEN`, 7.5 mm together. Ten questions a second and drive are 2 % of the frames of a 100 Hz cycle"""
 DEAF_SAYS = "it sends samples and answers no question (SDO): a stop may not reach it"
-OLD_SAYS = "its samples (TPDO) stay the same, and its encoder, asked by SDO, is {:+.1f} mm elsewhere: they are old"
+OLD_SAYS = "its samples (TPDO) stay where they are, its encoder, asked by SDO, is {:+.1f} mm elsewhere: they are old"
 OLD = 1e-3
-"""m of cable by which an encoder is elsewhere than samples that stay the same, digit for digit, before and after the
-question: 0 at rest"""
+"""m of cable within which samples before and after the question stay where they are (a frozen one may flicker), and
+beyond which the encoder is elsewhere than both: 0 at rest; up to 0.03 m/s such samples are passed on the way"""
 BETWEEN = 0.03
 """s from the answer to the sample that it is compared with: several SYNCs later"""
 BELIEVED = 5.0
@@ -109,11 +109,10 @@ class HealthPoll:
         if before is None or told is None:
             return ""
         await self._clock.sleep(BETWEEN)
-        after = self._link.values
-        if after is None or after.t <= before.t or after.position != before.position:
+        after, allowed = self._link.values, self._scale.magnitude(OLD)
+        if after is None or after.t <= before.t or abs(wrap32(after.position - before.position)) > allowed:
             return ""
-        off = wrap32(told - after.position)
-        if abs(off) <= self._scale.magnitude(OLD):
+        if any(abs(wrap32(told - sample.position)) <= allowed for sample in (before, after)):
             return ""
         return OLD_SAYS.format(1e3 * (self._scale.length(told) - self._scale.length(after.position)))
 
