@@ -44,7 +44,14 @@ class Robot(records.Robot):
         return robot_views(self, rests[len(rests) // 2])
 
     def __repr__(self) -> str:
-        return f"Robot({self.n} cables, {self.mass:g} kg, {len(self.markers)} marker(s), {self.freedoms} freedoms)"
+        return (
+            f"Robot({_counted(self.n, 'cable')}, {self.mass:g} kg, {_counted(len(self.markers), 'marker')}, "
+            f"{_counted(self.freedoms, 'freedom')})"
+        )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,7 +106,7 @@ def test_results_print_become_tables_and_are_plotted(folder: Path) -> None:
 
 def test_a_robot_checks_and_draws_itself(tmp_path: Path) -> None:
     robot = fl.load_robot("irma4")
-    assert repr(robot) == "Robot(4 cables, 11 kg, 1 marker(s), 2 freedoms)"
+    assert repr(robot) == "Robot(4 cables, 11 kg, 1 marker, 2 freedoms)"
     assert robot.check()["ok"].all()
     assert "from above" in robot.draw()
     robot.write(tmp_path / "copy.toml")

@@ -12,7 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fidim_lab.app.terminal import console
+from fidim_lab.data.campaign import ROBOT
 from fidim_lab.data.records import Role
+from fidim_lab.identification.design.task import DISPLACED
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.identify import MODEL_ERROR, SPREAD_SEEN
 from fidim_lab.identification.mle.findings import closing
@@ -125,6 +127,8 @@ def next_command(folder: Path, result: IdentificationResult, json_file: Path | N
     if json_file is None:  # what all that follows takes
         return f"fidim identify {place} --json result.json"
     kept = quote(str(json_file))
+    if result.outcome is Outcome.DOUBTFUL and result.freedoms > DISPLACED:  # more windows, at places at random
+        return f"fidim dry-run --robot {quote(str(folder / ROBOT))} --out rehearsal"
     if result.outcome is Outcome.DOUBTFUL:
         return f"fidim design --after {kept} --campaign {place} --out next"
     return f"fidim export {kept} --to python --campaign {place} --out robot.py"

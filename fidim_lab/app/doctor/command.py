@@ -201,7 +201,8 @@ def check_robot(path: Path) -> list[Check]:
         robot = read_robot(path)
     except FidimError as error:
         return [Check(name, Verdict.FAILED, str(error), "mend the file")]
-    checks = [Check(name, Verdict.OK, f"{robot.n} cables, {len(robot.markers)} marker(s), {robot.mass:g} kg")]
+    count = len(robot.markers)
+    checks = [Check(name, Verdict.OK, f"{robot.n} cables, {count} marker{'s' * (count != 1)}, {robot.mass:g} kg")]
     return checks + [
         Check(f"{name}: {what}", _verdict(ok, advice), found, advice) for what, ok, found, advice in plausibility(robot)
     ]

@@ -18,11 +18,11 @@ from fidim_lab.app.terminal import console
 from fidim_lab.data.campaign import refuse_taken
 from fidim_lab.data.importers.c3d_file import read_c3d
 from fidim_lab.data.importers.grab import read_grab
+from fidim_lab.data.importers.map_proposal import proposed_map
 from fidim_lab.data.importers.mapped_csv import read_mapped
 from fidim_lab.data.importers.motive_csv import read_motive
 from fidim_lab.data.importers.qtm_mat import read_qtm_mat
 from fidim_lab.data.importers.qtm_tsv import read_qtm
-from fidim_lab.data.importers.reading.map_proposal import proposed_map
 from fidim_lab.data.importers.recording import MarkerLog
 from fidim_lab.data.importers.registry import READERS
 from fidim_lab.data.importers.robot_log import read_robot_log

@@ -14,7 +14,7 @@ from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
 from fidim_lab.identification.mle.geometry_words import furthest
 from fidim_lab.identification.results.result import Geometry, Outcome
 from fidim_lab.identification.survey import TYPICAL_ANCHOR
-from fidim_lab.units import millimetres
+from fidim_lab.units import millimetres, plain
 
 
 def message(ended: Outcome, whole: JointFit, figures: Figures) -> str:
@@ -26,7 +26,7 @@ def message(ended: Outcome, whole: JointFit, figures: Figures) -> str:
         ended.value,
         *(() if lost is None else (lost.says,)),
         f"{windows} windows of {len(whole.members)} campaigns were fitted with one body and one geometry; χ²/dof is "
-        f"{figures(whole.chi2_per_dof)}.",
+        f"{plain(whole.chi2_per_dof)}.",
         consistency.sentence(figures.body),
     ]
     if ended is Outcome.NOT_CONVERGED:

@@ -188,7 +188,11 @@ def write_result(
 
 def read_result(path: Path) -> ResultTable:
     """Read a result file. Raises FileError with the key that is wrong."""
-    table = read_json_as(path, ResultTable.model_validate)
+    try:
+        table = read_json_as(path, ResultTable.model_validate)
+    except FileError as error:
+        error.hint = error.hint or "A result file is what fidim identify --json writes."
+        raise
     missing = [name for name in PARAMETER_NAMES if name not in table.parameters]
     unknown = [name for name in table.parameters if name not in PARAMETER_NAMES]
     if missing or unknown:

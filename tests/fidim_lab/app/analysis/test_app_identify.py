@@ -66,6 +66,12 @@ def test_the_next_command_follows_from_the_outcome(outcome, json_file, command):
     assert next_command(Path("my run"), made_up(outcome=outcome), json_file) == command
 
 
+def test_no_design_is_proposed_for_a_robot_that_it_does_not_cover():
+    """Three cables leave three motions: more windows come from places at random."""
+    doubtful = replace(made_up(outcome=Outcome.DOUBTFUL), freedoms=3)
+    assert next_command(Path("run"), doubtful, Path("r.json")) == "fidim dry-run --robot run/robot.toml --out rehearsal"
+
+
 def test_a_window_without_sigma_says_why():
     result = made_up()
     bare = replace(result.windows[0], sigma_perp=None, no_sigma="the pose is not known")

@@ -126,7 +126,7 @@ def test_the_papers_robot_is_well(irma4_file: Path, by_name, tmp_path, monkeypat
     robot = "irma4" if by_name else str(irma4_file)
     assert cli.run(["doctor", "--robot", robot, "--json", "d.json"]) == 0
     checks = _read(tmp_path / "d.json")
-    assert checks["robot irma4.toml"]["found"] == "4 cables, 1 marker(s), 11 kg"
+    assert checks["robot irma4.toml"]["found"] == "4 cables, 1 marker, 11 kg"
     assert {check["verdict"] for name, check in checks.items() if name.startswith("robot")} == {"ok"}
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fidim_lab.data.importers.map_proposal import proposed_map
 from fidim_lab.data.importers.mapped_csv import read_mapped
-from fidim_lab.data.importers.reading.map_proposal import proposed_map
 from fidim_lab.errors import FileError
 
 ROWS = 30
