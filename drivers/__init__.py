@@ -1,1 +1,1 @@
-"""Hardware: protocols without I/O, thin adapters, and the ports that procedures see."""
+"""Hardware: protocols without I/O, thin adapters, and the ports that procedures use."""

@@ -1,4 +1,4 @@
-"""All that a procedure may know of hardware: clock, winches, markers, and whoever answers a prompt.
+"""All hardware interfaces that a procedure may use: clock, winches, markers, and the operator.
 
 Real and simulated devices differ below these ports only; a procedure cannot tell which it drives.
 Records are immutable and carry the monotonic time at which they were true; an old value is unknown.

@@ -1,4 +1,4 @@
-"""Devices that play recorded bytes back: a bus that carries logged frames, a feed of logged packets, and their clock.
+"""Devices that replay recorded bytes: a bus with logged frames, a feed of logged packets, and their clock.
 
 The drivers above cannot tell them from real ones, except that nothing they send arrives anywhere.
 """

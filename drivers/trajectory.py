@@ -1,4 +1,4 @@
-"""Where a winch was told to be, as an immutable function of time: one move of constant accelerations. Pure.
+"""The commanded place of a winch, as an immutable function of time: one move of constant accelerations. Pure.
 
 Drives in profile position mode carry such moves out by themselves; in cyclic position mode the host says them cycle by
 cycle. Units are the caller's: metres outside the drivers, encoder counts inside.

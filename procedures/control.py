@@ -1,4 +1,4 @@
-"""What people may tell a run while it goes on: pause, resume, skip, retry, abort; and the emergency stop.
+"""Commands to a running run: pause, resume, skip, retry, abort; and the emergency stop.
 
 `Control` is the one door into a running engine: a service, a console or a test says a `Word`; the engine takes it at
 the running step, holds the robot, and tells the procedure by throwing an `Intervention` into its generator. A

@@ -1,4 +1,4 @@
-"""The engine: drives a procedure's steps through their handlers while the guards look on.
+"""The engine: carries out a procedure's steps by their handlers while the guards are checked.
 
 Plain asyncio. One task performs steps, another watches; the first that ends decides. Whatever ends a run, `run.py`
 holds the robot afterwards. Nothing is retried or replayed here: what happens next is the procedure's word.

@@ -1,4 +1,4 @@
-"""What a run tells while it goes on: frozen events, and how they reach listeners that must not disturb it.
+"""Events of a running run: frozen values, and how they reach listeners that must not disturb it.
 
 A listener is a quick callback; what one raises is kept for the report. Whoever is slow (a terminal, a socket) has a
 bounded queue of its own.

@@ -1,4 +1,4 @@
-"""What happens between a person's word and the next step: hold, wait, verify, go on. Nothing is replayed blindly.
+"""What happens between a person's command and the next step: hold, wait, verify, continue. Nothing is repeated blindly.
 
 Used by the engine alone. A pause ends with the interrupted step once more, or with `Retried` thrown into the
 procedure where free motion was spoilt; skip and retry end with theirs, abort with `Aborted`.

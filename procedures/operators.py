@@ -1,4 +1,4 @@
-"""Who answers prompts without a simulated hand: a person at the console. It needs a loop that waits in real time."""
+"""A person at the console who answers prompts. It needs a loop that waits in real time."""
 
 import asyncio
 import os

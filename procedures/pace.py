@@ -1,4 +1,4 @@
-"""How long the rest will take, learnt from how long things took so far."""
+"""How long the rest of a run will take, estimated from the steps so far."""
 
 from collections.abc import Mapping
 

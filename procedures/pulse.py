@@ -1,4 +1,4 @@
-"""What the running step of a run is: the engine's only changing state, which guards and listeners look at."""
+"""The running step of a run: the engine's only mutable state, read by guards and listeners."""
 
 from procedures.guards.guard import Trip
 from procedures.steps import Phase, Step

@@ -1,4 +1,4 @@
-"""What came of a run, as a frozen value: for the command line's table, its exit code, and the HTML report."""
+"""The result of a run, as a frozen value: for the command line's table, its exit code, and the HTML report."""
 
 from dataclasses import dataclass
 from pathlib import Path

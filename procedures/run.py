@@ -1,4 +1,4 @@
-"""One run, whole: check the plan, record into a folder, and leave the robot held whatever happens.
+"""One run: check the plan, record into a folder, and leave the robot held whatever happens.
 
 `run_procedure` carries out an experiment, which `procedures.protocols.catalogue` makes. What is wrong before the first
 command raises; after it, every end (done, refused, fault, Ctrl-C) is a `RunReport` and a held robot.

@@ -1,4 +1,4 @@
-"""What a procedure may be told: speeds, tolerances, limits and times, with defaults for a small laboratory robot.
+"""Settings of procedures: speeds, tolerances, limits and times, with defaults for a small laboratory robot.
 
 One frozen value for each concern, so that a handler or a guard receives only what it uses. SI units.
 

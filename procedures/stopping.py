@@ -1,4 +1,4 @@
-"""One winch that is to stop: what its own encoder tells of it, and whether it obeys.
+"""One winch that must stop: what its encoder shows, and whether it obeys.
 
 It obeys as long as it is where its ramp has it (`motion_guard.Follower`), and it stands once its encoder has not moved
 for a while. A winch that has had power and is not seen any more counts as one that does not obey, and so does one that

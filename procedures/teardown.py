@@ -1,4 +1,4 @@
-"""How every run ends, whatever ended it: all winches stop, and each one's own encoder shows that it stands.
+"""The end of every run, whatever ended it: all winches stop, and each encoder shows that its winch stands.
 
 `hold_robot` does it and says what it saw, winch by winch; one that does not obey is stopped by stronger means.
 `deferred_interrupts` keeps an impatient second Ctrl-C away from it.

@@ -1,4 +1,4 @@
-"""Computing in the middle of a procedure: the job runs beside the run, so that guards and bus go on meanwhile."""
+"""Computing during a procedure: the job runs in the background, so that guards and bus continue."""
 
 from collections.abc import Callable, Generator
 from typing import TypeVar

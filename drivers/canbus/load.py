@@ -1,4 +1,4 @@
-"""How full a CAN bus would be: worst-case frame lengths with stuff bits. Pure; refuses a rig before it starts."""
+"""The load of a CAN bus: worst-case frame lengths with stuff bits. Pure; refuses a rig before it starts."""
 
 _OVERHEAD_BITS = 44
 _STUFFED_OVERHEAD_BITS = 34

@@ -1,4 +1,4 @@
-"""Datagrams from a server that streams to whoever asks, as OptiTrack's does: ask, and go on asking.
+"""Datagrams from a server that streams on request, as OptiTrack's does: ask, and keep asking.
 
 Its answer may be an invitation to a multicast group: then the frames come there, of the same server alone.
 """

@@ -1,4 +1,4 @@
-"""When was a frame taken? Its counter times the period, fitted to the host's times of arrival from below.
+"""The time of a frame: its counter times the period, fitted to the arrival times from below.
 
 A packet may come late, never early: the arrivals lie above a straight line (the device's clock plus the least latency)
 and touch it now and then. That line is the edge, over the mean of the counter, of the lower convex hull; it is the line

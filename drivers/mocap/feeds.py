@@ -1,4 +1,4 @@
-"""Where the bytes of motion capture come from: UDP datagrams or a TCP stream. `source` reads them through `ByteFeed`.
+"""Sources of motion-capture bytes: UDP datagrams or a TCP stream. `source` reads them through `ByteFeed`.
 
 A simulated server offers the same port in process (`sim_backends.mocap`). All waits go by the Clock port.
 """

@@ -1,4 +1,4 @@
-"""A bounded queue from callbacks or one task to one reading task: nothing in it is ever dropped in silence.
+"""A bounded queue from callbacks or one task to one reading task: nothing is dropped without an error.
 
 asyncio.Queue would do for the queue; what it lacks is a place for errors among the values and an end that says why.
 """

@@ -1,4 +1,4 @@
-"""Whose datagrams are taken: UDP says where one comes from, and nobody has to prove it is the motion capture.
+"""Which datagrams are accepted: UDP names only an address, which proves nothing.
 
     from another computer      only the address that the rig file names (`sender`), or the first that is heard; another
                                one gets its turn once that has been silent for `SILENT`

@@ -1,4 +1,4 @@
-"""Frame-number sequencing, shared by all sources: what arrived becomes what the device counted, in its order.
+"""Frame-number sequencing, shared by all sources: arrivals become frames in the device's order.
 
 Nothing is ever invented: a frame that did not come is missing. The cases, with the window w (frames):
 

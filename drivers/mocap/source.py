@@ -1,4 +1,4 @@
-"""`MarkerSource` over any feed and decoder: one task reads, decodes, puts in order, hands each frame to all readers.
+"""`MarkerSource` over any feed and decoder: one task reads, decodes, sorts, and hands each frame to all readers.
 
     source = StreamMarkerSource(UdpFeed(clock, 51001), ViconUdpDecoder(MarkerObjects(("platform",))), clock, rate=200.0)
     await source.start()

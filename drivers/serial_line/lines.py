@@ -1,4 +1,4 @@
-"""Bytes of a serial line to lines of text, however they are torn. Pure: bytes in, lines out."""
+"""Bytes of a serial line to lines of text, wherever they are split. Pure: bytes in, lines out."""
 
 LONGEST = 256
 """bytes; more without an end are no line of ours (a wrong baud rate, a device that sends in binary)"""

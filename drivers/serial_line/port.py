@@ -1,4 +1,4 @@
-"""One serial port with pyserial: opened again whenever it can be, read by a thread, written without waiting.
+"""One serial port with pyserial: reopened when possible, read by a thread, written without waiting.
 
 The port is all that knows of pyserial. A plug that is pulled is a state of it, never an exception of the reader.
 """

@@ -1,4 +1,4 @@
-"""What a line of a measuring device looks like, as the rig file declares it: `"ST,{*},{1} kg"`. Pure.
+"""The format of a measuring device's lines, as declared in the rig file: `"ST,{*},{1} kg"`. Pure.
 
 Literal text stands for itself, a blank for any blanks, `{name}` for a number that is called so, `{*}` for anything.
 A template, not a regular expression: whoever can read the device's manual can write it, and no line can stall it.

@@ -1,4 +1,4 @@
-"""How well the body is known from a campaign so far: what ends a recording early."""
+"""How accurately the body is known from a campaign so far: this may end a recording early."""
 
 from dataclasses import dataclass
 from pathlib import Path

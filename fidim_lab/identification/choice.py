@@ -1,4 +1,4 @@
-"""Which method suits a campaign, when nobody asked for one, and whether rigid cables can hold at all.
+"""The method for a campaign when none was asked for, and whether rigid cables can hold at all.
 
 Where cables meet nearly in one point, Ξ has a singular value far below the next (a soft mode: spec/irma4u.md §1),
 stretch moves the platform, and rigid cables are those of another robot: maximum likelihood then fits elastic ones

@@ -1,4 +1,4 @@
-"""From a campaign to a judged result: the one function that puts the pieces of this package together."""
+"""From a campaign to a judged result: the function that combines all parts of this package."""
 
 from collections import defaultdict
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What is wrong with a campaign before anything is computed from it, in words, whatever the method.
+"""Mistakes in a campaign, reported before anything is computed from it, whatever the method.
 
 `check` refuses what cannot be identified from (markers in millimetres, no motion at all) and says what weakens the
 answer (one equilibrium only). What is cut out of recordings comes after it (`cleaning.clean`).

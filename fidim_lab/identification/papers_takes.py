@@ -1,4 +1,4 @@
-"""The paper's Eq. 46, 47, 49 and Fig. 3 from the recordings that it used, in the form that gives its printed digits.
+"""The paper's Eq. 46, 47, 49 and Fig. 3 from its own recordings, in the form that gives the printed digits.
 
 That form is not quite the one in print: Eq. 47 counts all samples of fifteen windows (not 100 of each of twelve),
 gravity along the calibrated axis, and 1 + ‖χ‖ in Eq. 32 where 1 + ‖χ‖² is printed. Nothing here reads files.

@@ -1,4 +1,4 @@
-"""The paper's experiment once more, on campaigns whose truth is what the paper identified.
+"""The paper's experiment repeated on campaigns whose truth is the paper's result.
 
 `optimised_windows` are Table 2 with Table 3; `read` is one identification in the paper's form or ours;
 `essential_difference` is Eq. 48–49; `sigma_perps` is Fig. 3. Nothing here simulates: campaigns come from outside.

@@ -1,4 +1,4 @@
-"""What the survey leaves open of a robot's geometry, as nuisance parameters of a fit with normal priors.
+"""Geometry that the survey leaves open, as nuisance parameters of a fit with normal priors.
 
 A robot file's geometry is measured, not known. Everything with a standard deviation in the file's `[survey]` becomes a
 parameter θ of the model with that prior about 0 (the file's value), so that estimates use what the recordings say of it

@@ -1,4 +1,4 @@
-"""Where a robot may be put to rest: places below its anchors, and the equilibrium at a place, for any number of cables.
+"""Where a robot can rest: places below its anchors, and the equilibrium at a place, for any number of cables.
 
 `Workspace.place` turns numbers in [−1, 1] into places; `rest_near` finds the equilibrium there; `displaced` is the pose
 from which the platform is let go. Used to draw plans and to judge robot files.

@@ -1,4 +1,4 @@
-"""`explain`: a campaign in, what physics was left out and how that is known.
+"""`explain`: a campaign in; out come the physics that the model leaves out, and the evidence.
 
 A pipeline of stages, each of which hands one frozen value to the next:
 

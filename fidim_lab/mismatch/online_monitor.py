@@ -1,4 +1,4 @@
-"""A look after every window of a session: does the model hold so far, and if not, what is suspected?
+"""A check after every window of a session: does the model hold so far, and if not, what is suspected?
 
     watch = Watch(robot)
     for window in session: watch.look([window]).says

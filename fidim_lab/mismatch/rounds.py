@@ -1,4 +1,4 @@
-"""Rounds of cleaning, fitting and searching: from a cleaned campaign to where its search ends.
+"""Rounds of cleaning, fitting and searching: from a cleaned campaign to the end of its search.
 
 A round is begun again where what it found says that the campaign was not what it should be: a push that only the best
 model shows is cut out, clocks that run apart are put right, readings that are off are put right, a geometry that the

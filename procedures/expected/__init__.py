@@ -1,4 +1,4 @@
-"""What is expected before a step and at rest, by the robot file: limits on the way, places, tensions.
+"""What the robot file predicts for a move and for rest: limits, places, tensions.
 
 In: a robot, settings, cable lengths (m). Out: violations, markers at rest (m), tensions (N) with their bands.
 """

@@ -1,4 +1,4 @@
-"""The check before any motion: every equilibrium, and the way between, against the limits by the nominal model.
+"""The check before any motion: every equilibrium, and every move between, against the limits, by the nominal model.
 
 `Workspace` answers for lengths; `check_moves` reads the steps of a procedure; `find_route` leads around forbidden ways
 by way of lengths that are known to be safe.

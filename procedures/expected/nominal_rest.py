@@ -1,4 +1,4 @@
-"""Where the platform should rest at given cable lengths, by the robot file: marker and tensions, remembered."""
+"""Where the platform rests at given cable lengths, by the robot file: marker and tensions, cached."""
 
 from dataclasses import dataclass
 

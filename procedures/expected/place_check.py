@@ -1,4 +1,4 @@
-"""Lengths and markers held against each other: is the marker where the lengths put it, and does each winch move it so?
+"""Lengths compared with markers: is the marker where the lengths put it, and does each winch move it as expected?
 
 Encoders cannot see that a cable slipped, that a drum has another size, that two drives changed places or that rising
 counts wind; cameras cannot see that their origin moved. Together they show it, and often what it is.

@@ -1,4 +1,4 @@
-"""What is known of a cable's tension at rest, and how well: by its load cell where it has one, else by motor current.
+"""A cable's tension at rest with its uncertainty: by its load cell where it has one, else by motor current.
 
 Friction of gear and drum carries a part of the load, in a direction that the winch's last move tells: after paying out
 the motor carries less than the cable pulls, after winding more. With the direction known only the scatter is left.

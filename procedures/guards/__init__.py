@@ -1,1 +1,1 @@
-"""What must never happen while a run goes on, looked at in every cycle: one file a kind, `robot_guards` has the set."""
+"""What must never happen during a run, checked in every cycle: one file for each kind; `robot_guards` has the set."""

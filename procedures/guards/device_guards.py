@@ -1,4 +1,4 @@
-"""Guards of what stands beside winches and cameras: the bus, the release, load cells, an inclinometer."""
+"""Guards of other devices: the bus, the release, load cells, an inclinometer."""
 
 from collections.abc import Sequence
 

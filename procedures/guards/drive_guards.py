@@ -1,4 +1,4 @@
-"""Guards that look at what drives say of themselves: following error, temperature, bus cycles that went missing.
+"""Guards on values that drives report: following error, temperature, lost bus cycles.
 
 Faults, states, heartbeats and emergencies are `robot_guards.DriveGuard`'s matter: a drive that has one is not enabled.
 """

@@ -1,4 +1,4 @@
-"""Guards: what must never happen while a run goes on, looked at in every cycle beside the procedure.
+"""Guards: what must never happen during a run, checked in every cycle independently of the procedure.
 
 A guard is told what is seen and says, in a sentence, what is wrong, or nothing. Threshold, hysteresis, duration and age
 are its own; an old value counts as a violation. The first trip ends the run: `watch` returns it, the engine latches it.

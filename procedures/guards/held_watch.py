@@ -1,4 +1,4 @@
-"""After a run: the winches were proven to stand, and each encoder is still compared with that place.
+"""After a run: each encoder is still compared with the place where its winch was proven to stand.
 
 A brake that slips, a drive that another program moves, a drum that a hand turns: the person at the robot believes the
 run's last sentence. So it is looked at as long as this process lives, and a winch that moves is stopped as in a run.

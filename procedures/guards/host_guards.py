@@ -1,4 +1,4 @@
-"""Guards that look at the host instead of the robot: control loop late, disk nearly full, clock stepped.
+"""Guards of the host: control loop late, disk nearly full, clock stepped.
 
 Each is told time and disk by callables, so that a test or a simulation decides what they are.
 """

@@ -1,4 +1,4 @@
-"""Uncommanded motion: a winch whose encoder is not where the last command has it, or moves as no command has it.
+"""Uncommanded motion: a winch whose encoder differs from the last command, in place or in speed.
 
 `Follower` compares one winch; the guard looks at all of them from the moment they get power, whatever the step, and
 `procedures.teardown` proves each stop by the same comparison.

@@ -1,4 +1,4 @@
-"""Guards that look at the robot: drives, cables, markers, motors. `standard_guards` is the set of every run."""
+"""Guards of the robot: drives, cables, markers, motors. `standard_guards` is the set of every run."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""One handler for each type of step, in a table: a laboratory's own step brings its own line."""
+"""One handler for each type of step, in a table: a laboratory's own step adds its own line."""
 
 from collections.abc import Awaitable, Callable, Mapping
 from types import MappingProxyType

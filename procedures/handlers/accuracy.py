@@ -1,4 +1,4 @@
-"""Handlers that identify from the windows so far, in a process of its own which alone imports what identifies."""
+"""Handlers that identify from the windows so far, in a process of its own."""
 
 from math import isfinite
 from pathlib import Path

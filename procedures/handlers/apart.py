@@ -1,4 +1,4 @@
-"""Computing in a process of its own: guards and bus go on, and a robot need not wait for imports (over a second)."""
+"""Computing in a process of its own, so that guards and bus need not wait for imports (over a second)."""
 
 import asyncio
 import multiprocessing

@@ -1,4 +1,4 @@
-"""Handler of the trials of stops: a winch moves, is made to stop, and its own encoder tells what it did.
+"""Handler of the trials of stops: a winch moves, is made to stop, and its encoder shows what it did.
 
 The encoder is asked outside the bus cycle (`Winch.ask_length`): what is withheld may be the cycle itself. Whatever ends
 a trial, the winch is quick-stopped and loses its power; without load its brake, or nothing, has to hold it then.

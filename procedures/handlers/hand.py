@@ -1,4 +1,4 @@
-"""Handlers that deal with whoever stands at the robot: asking, and waiting until the hand is away."""
+"""Handlers of steps for the person at the robot: asking, and waiting until the platform is free."""
 
 from collections import deque
 

@@ -1,4 +1,4 @@
-"""Handlers that hold lengths and markers against each other."""
+"""Handlers that compare lengths with markers."""
 
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Short looks back: what markers and winches did during the last moments."""
+"""Short histories: what markers and winches did during the last moments."""
 
 import re
 from collections import deque

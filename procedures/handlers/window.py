@@ -1,4 +1,4 @@
-"""Handlers that record, judge, keep and set aside windows, and those that only say something."""
+"""Handlers that record, judge, accept and reject windows, and those that only print something."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""How late motion capture is against the encoders: the platform goes up and down, and both look.
+"""The delay of motion capture against the encoders, measured while the platform goes up and down.
 
 The plan has one window, the place. What comes out is alignment.toml of the run, is kept beside the rig file
 (RIG.alignment.toml) and goes with every campaign that is recorded from then on: its lengths and currents are read at

@@ -1,4 +1,4 @@
-"""How every procedure with power begins: power, nothing holds the platform, and each winch is tried."""
+"""The start of every procedure with power: enable, check that nothing holds the platform, try each winch."""
 
 from collections.abc import Generator
 

@@ -1,4 +1,4 @@
-"""Bringing the platform to rest by the winches: watch, strokes in the opposite phase, and watch again.
+"""Bringing the platform to rest with the winches: measure the swing, strokes in opposite phase, measure again.
 
 What each chain of strokes did tells how strongly they really act on a mode here, and how fast it swings: a centre of
 mass that is off CAD can halve or treble that, and strokes too strong by two never end. It serves the next chain, and

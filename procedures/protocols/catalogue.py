@@ -1,4 +1,4 @@
-"""Which procedures there are, by name, and procedures of a laboratory's own: `experiment` makes a checked one.
+"""The procedures by name, and those of a laboratory's own: `experiment` makes a checked one.
 
 A Python file is a procedure when it has a generator function `procedure(lab)`: docs/procedures.md shows one.
 """

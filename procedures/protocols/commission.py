@@ -1,4 +1,4 @@
-"""Every stop of every winch, proven by trial: without load, at low speed, with a person there.
+"""Every stop of every winch, proven by trial: without load, at low speed, with a person present.
 
 For each winch a quick stop first (the means by which the others are ended, where a drive does not stop by itself), then
 halt, heartbeat and SYNC withheld, the drive's position limit, its following-error limit. The plan has a window for each

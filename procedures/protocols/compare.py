@@ -1,4 +1,4 @@
-"""Record, explain, and record where it tells most, until the verdict is clear or it is known why it cannot be.
+"""Record, explain, and record the most informative windows, until the verdict is clear or cannot become so.
 
 The plan's windows come first (some of them with the role `validate`, on which explanations are judged), then at most
 `FURTHER` windows that the explanation itself asks for. How it explains is not known here: the step `Explain` says.

@@ -1,4 +1,4 @@
-"""Having the platform displaced and let go, by a hand or by the rig's release device: the prompts, and their steps."""
+"""Prompts and steps to have the platform displaced and let go, by a hand or by the rig's release device."""
 
 from collections.abc import Callable, Generator, Sequence
 

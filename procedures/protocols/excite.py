@@ -1,4 +1,4 @@
-"""The identification protocol without a hand: the winches set the platform swinging, calm it, and travel gently.
+"""The identification protocol without an operator: the winches excite the platform, calm it, and move it gently.
 
 For each window: move (timed for the modes) – calm – settle – hold – read encoders – check tensions – strokes that leave
 the wanted swing – record – check – see how it swung – accept, or learn from it and try once more. Nobody is asked

@@ -1,4 +1,4 @@
-"""What is to be run on which robot, checked: `checked_experiment` makes one of a plan and a generator of steps."""
+"""A procedure on a robot, checked: `checked_experiment` makes one from a plan and a generator of steps."""
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace

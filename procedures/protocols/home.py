@@ -1,4 +1,4 @@
-"""The encoders' zeros, from a pose that is known (a jig, a place measured by hand) or measured by markers.
+"""The encoders' zeros, from a known pose (a jig, a place measured by hand) or one measured by markers.
 
 Nothing moves and no drive has power: the platform stands on a jig, or hangs on its brakes. With `Settings.home.taut`
 slack is taken up by torque first, the platform fixed, and the counts are taken while the motors pull. The plan has one

@@ -1,4 +1,4 @@
-"""A procedure of a laboratory's own: a Python file with a generator function `procedure(lab)`.
+"""A laboratory's own procedure: a Python file with a generator function `procedure(lab)`.
 
 What goes wrong in it is told with that file and its line: it is no bug of ours.
 """

@@ -1,4 +1,4 @@
-"""What is wrong with a procedure of somebody's own, told before anything moves: with its file, line and step.
+"""Mistakes in a laboratory's own procedure, reported before anything moves, with file, line and step.
 
 `unyielded` reads the file; `mistake` looks at a step that it yields.
 """

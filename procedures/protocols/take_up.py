@@ -1,4 +1,4 @@
-"""Slack taken up by torque, one cable after another, the platform in a jig or on its stand; the brakes hold it then.
+"""Slack taken up by torque, one cable after another, with the platform fixed; then the brakes hold.
 
 By itself, or before homing (`Settings.home.taut`). The plan has one window, whose lengths do not matter here.
 """

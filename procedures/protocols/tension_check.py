@@ -1,4 +1,4 @@
-"""Visit each planned equilibrium and compare every tension with its limits: nothing is displaced, nothing recorded.
+"""Visit each planned equilibrium and compare every tension with its limits; no displacement, no recording.
 
 For a new robot, or after a cable was changed: an hour before an identification, this takes minutes.
 """

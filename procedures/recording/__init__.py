@@ -1,1 +1,1 @@
-"""The folder of a run: journal, windows, raw bytes, what is left to do; written so that nothing is lost or spliced."""
+"""The folder of a run: journal, windows, raw bytes, remaining work; written so that nothing is lost or spliced."""

@@ -1,4 +1,4 @@
-"""Disk errors as sentences, and making sure that the disk has what it was given."""
+"""Disk errors as sentences, and fsync."""
 
 import os
 from pathlib import Path

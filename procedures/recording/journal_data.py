@@ -1,4 +1,4 @@
-"""What came of a step, as its line in the journal has it: JSON, without infinities and NaN. Pure."""
+"""The result of a step as a line of the journal: JSON, without infinities and NaN. Pure."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

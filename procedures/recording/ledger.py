@@ -1,4 +1,4 @@
-"""Keeps account of the planned windows while a run goes on, by reading the steps and their results."""
+"""The state of the planned windows during a run, from the steps and their results."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A marker that slides on the platform, or an origin that moves, while a window is recorded. Pure.
+"""A marker that slides on the platform, or an origin that moves, during a window. Pure.
 
 Locked motors leave a swing about one place. What moves slowly besides is no free motion: it is fitted together with the
 swing's tones, whose frequencies are near those of the robot file's body.

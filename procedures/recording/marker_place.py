@@ -1,4 +1,4 @@
-"""Where the marker swings against where it rested before: what slipped or slid since. Pure.
+"""The mean place of a swing compared with the rest before it: what slipped or slid since. Pure.
 
 A cable that slips on its drum, or a marker or motion capture's origin that moves, while a person displaces the platform
 is seen by no encoder. Locked lengths leave the marker of four cables a surface; a survey that is wrong shifts it, too,

@@ -1,4 +1,4 @@
-"""A file while it is written: `NAME.part` until it is finished, and whole units only, even when the disk is full."""
+"""A file during writing: `NAME.part` until it is finished, with whole units only, even when the disk is full."""
 
 import os
 from collections.abc import Callable

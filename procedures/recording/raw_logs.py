@@ -1,4 +1,4 @@
-"""The raw bytes of a run, `raw/`: every CAN frame and every motion-capture packet, so that a field problem is a test.
+"""The raw bytes of a run, `raw/`: every CAN frame and motion-capture packet, so that a fault can become a test.
 
 Make one for a run folder, hand `on_frame` and `on_packet` to the taps, `open` when the folder is there, let a
 `LogGuard` look at `error`, `close` at the end. A resumed run gets further files: can-2.log, mocap-2.mcap.

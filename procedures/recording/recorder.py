@@ -1,4 +1,4 @@
-"""Recording windows: rows by frame number, on the disk ten times a second, kept whatever happens.
+"""Recording windows: rows by frame number, on the disk ten times a second, whatever happens.
 
 A window is written to `windows/ID.csv.part`, and with all else that was seen to `windows/ID.mcap.part`; accepted, they
 lose the `.part`; rejected, they become `rejected/ID-attemptK.csv` and `.mcap`; broken off, the MCAP file keeps its

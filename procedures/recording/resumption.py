@@ -1,4 +1,4 @@
-"""What a run that ended, however it ended, has left to do: read from its folder, which a power cut cannot have torn.
+"""The remaining work of a run that has ended in any way, read from its folder.
 
 campaign.toml says which windows are kept (it is written before the journal says so), the journal which others have
 their verdict, how often each was recorded, and where the robot should be. The open window is recorded again.

@@ -1,4 +1,4 @@
-"""The folder of one run: a valid campaign from the first accepted window on, with the journal and what was rejected."""
+"""The folder of one run: a valid campaign from the first accepted window on, with journal and rejected windows."""
 
 import errno
 import fcntl

@@ -1,4 +1,4 @@
-"""The steps of which procedures are made: frozen values, so that the engine is only one of their readers.
+"""The steps of procedures: frozen values, so that not only the engine can read them.
 
 Listing, limit check, time estimate and report read the same steps. A procedure is a generator that yields steps and is
 sent the `Result` of each; a reader without hardware sends `step.expected`. Lengths are m, in the order of the winches.

@@ -1,4 +1,4 @@
-"""What every step is: text, estimate, what guards may expect meanwhile, and what may come of it."""
+"""Common to all steps: text, estimated time, what guards may expect meanwhile, and possible results."""
 
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field

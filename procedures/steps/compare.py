@@ -1,4 +1,4 @@
-"""The step of `compare`: what was recorded so far is explained, and a further window proposed where that is needed."""
+"""The step of `compare`: explain the recordings so far, and propose a further window where one is needed."""
 
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""Steps of winch-driven excitation: strokes of the winches, looking at how the platform swings, and planning."""
+"""Steps of winch-driven excitation: strokes of the winches, measuring the swing, and planning."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Steps that need whoever stands at the robot."""
+"""Steps that need the person at the robot."""
 
 from dataclasses import dataclass
 from typing import ClassVar

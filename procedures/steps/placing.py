@@ -1,4 +1,4 @@
-"""Steps that hold lengths and markers against each other: a first jog of each winch, and a look at each place."""
+"""Steps that compare lengths with markers: a first jog of each winch, and a check of each place."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Steps about recorded windows, and the words of a procedure: note, stop."""
+"""Steps for recorded windows, and the messages of a procedure: note, stop."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""From a silent bus to drives that may have power: who is it, read back all that is written, take over, the zero.
+"""From a silent bus to drives that may have power: identify, write and read back, take over, zero.
 
 In: a master and configs. Out: drives as they were found, or a DeviceError.
 """

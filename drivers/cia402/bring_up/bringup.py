@@ -1,4 +1,4 @@
-"""Bring-up of one drive: who is it, write limits and stop reactions, map PDOs; everything read back.
+"""Bring-up of one drive: identify it, write limits and stop reactions, map PDOs; everything read back.
 
 The result is a list of checks (a table for a person); the drive stays without power, and one that fails a check is left
 in PRE-OPERATIONAL, where it takes no controlword by PDO.

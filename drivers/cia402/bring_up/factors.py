@@ -1,4 +1,4 @@
-"""What a drive was told of its own mechanics (polarity, gear, feed, encoder), compared with the rig file; only read.
+"""A drive's own mechanics settings (polarity, gear, feed, encoder) compared with the rig file; read only.
 
 A drive counts feed / gear (6092, 6091) in one turn of its motor, or encoder resolution / position factor (608F, 6093).
 Ratios of 1 are a factory's defaults and tell nothing. Source: CiA 402-2, factor group.

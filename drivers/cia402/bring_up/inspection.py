@@ -1,4 +1,4 @@
-"""What a drive says of itself, compared with the rig file; only read, so that it can be done at any time.
+"""A drive's objects compared with the rig file; read only, so possible at any time.
 
 The same table as bring-up (`settings`, `pdo`), but nothing is written: what bring-up would write is `TO_BE_WRITTEN`.
 """

@@ -1,4 +1,4 @@
-"""Taking over drives that an earlier host has left with power: killed, crashed, or just gone.
+"""Taking over drives that an earlier host has left with power: killed, crashed, or disconnected.
 
 The load hangs on such drives, so nothing here lets go of it: a drive that still runs is stopped on its quick-stop ramp,
 one that holds is compared with the rig file, object by object, and keeps holding. What would have to be written first

@@ -1,4 +1,4 @@
-"""The zero of an encoder: made from a known length, and believed in a later session only where something proves it.
+"""The zero of an encoder: from a known length; used in a later session only where something proves it.
 
 A drive that lost its power may count from another zero. A multi-turn encoder keeps its own, so the same drive (serial
 number) is proof. Any other encoder proves nothing by itself; its zero is believed while it stands where it was seen

@@ -1,4 +1,4 @@
-"""One winch of the rig file against its drive: what must be compared and written, what the drive can do, with grades.
+"""One winch of the rig file and its drive: what is compared and written, what the drive can do, with grades.
 
 In: a rig entry, an EDS, a family of drives. Out: a WinchConfig, Abilities, a table of grades.
 """

@@ -1,4 +1,4 @@
-"""What one drive can do: its dictionary and its family as one frozen value, which bring-up, moves and modes ask. Pure.
+"""What one drive can do: dictionary and family as one frozen value, for bring-up, moves and modes. Pure.
 
 No part of this program asks for a maker: it asks whether an object is there, may be written, may be mapped.
 """

@@ -1,4 +1,4 @@
-"""What a rig file says of one winch, checked once at the edge."""
+"""The rig file's values of one winch, checked once at the boundary."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a drive family does otherwise than CiA 402, as data: units, vendor objects, what it lacks or keeps to itself.
+"""How a drive family differs from CiA 402, as data: units, vendor objects, missing and read-only objects.
 
 One TOML file for each in `families/`, with the source of every quirk, or a laboratory's own beside its rig file. What
 is absent is neither written nor asked for, in bring-up and in moves; what then takes its place, `requirements` says.

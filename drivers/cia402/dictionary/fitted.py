@@ -1,4 +1,4 @@
-"""A winch as its drive lets it be, before anything is asked of the drive: by dictionary and family alone."""
+"""A winch adapted to its drive before the drive is asked: by dictionary and family alone."""
 
 import canopen
 

@@ -1,4 +1,4 @@
-"""The grade table of one drive: how it meets each requirement, by its abilities, its values and its trials. Pure."""
+"""The table of requirements of one drive: how it meets each, by abilities, values and trials. Pure."""
 
 from collections.abc import Mapping
 from dataclasses import replace

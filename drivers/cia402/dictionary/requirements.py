@@ -1,4 +1,4 @@
-"""What a drive must have before a winch is entrusted to it, in grades, and how one drive meets each. Pure.
+"""What a drive must have before it may move a winch, in grades, and how one drive meets each. Pure.
 
 `REQUIREMENTS` is the one list. What a drive cannot be told (`Grade.PROVEN`) is proven by trial: a `TrialPassed` in
 `WinchConfig.proofs`, which `met_by_trial` looks up. `Graded` is one line of the table that doctor and report show.

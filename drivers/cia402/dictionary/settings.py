@@ -1,4 +1,4 @@
-"""What is compared with and written to a drive before it may have power, as a table. Pure."""
+"""Objects that are compared with and written to a drive before it may have power, as a table. Pure."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

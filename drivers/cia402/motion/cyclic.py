@@ -1,4 +1,4 @@
-"""`CyclicWinch`: the Winch port in cyclic synchronous position mode: the host says at every SYNC where to be next.
+"""`CyclicWinch`: the Winch port in cyclic synchronous position mode: the host sends a target before every SYNC.
 
 All winches take their targets at the same SYNC, so they go in step from the first cycle to the last. The way counts
 SYNCs, not time: a late host makes all of them slow, never one of them early. A SYNC after a late one comes a tenth of a

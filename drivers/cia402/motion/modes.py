@@ -1,4 +1,4 @@
-"""Modes for commissioning: turning a drum at a speed, taking up slack by torque, making a place the encoder's zero.
+"""Modes for commissioning: turning a drum at a speed, taking up slack by torque, setting the encoder's zero.
 
 `switch_mode` for all of them: at standstill only, and done when the drive displays the mode (6061); one that the drive
 does not take is an error. Every function leaves the winch in the mode of its config.

@@ -1,4 +1,4 @@
-"""How a move, a hold and a quick stop begin: whether the drive is in a state for it, and the number of the order."""
+"""How a move, a hold and a quick stop begin: whether the drive's state allows it, and the number of the command."""
 
 from drivers.cia402.motion.drive import Drive
 from drivers.cia402.profile.machine import Command, state_of

@@ -1,4 +1,4 @@
-"""`WinchTrials`: what is withheld from one drive, or asked of it, so that it is seen to stop by itself (`TrialBench`).
+"""`WinchTrials`: trials in which one drive must stop by itself or on command (`TrialBench`).
 
 Made for `fidim commission`: without load, at low speed, with a person there. What a trial changes in the drive is put
 right by the next `configure`, which writes and reads back everything.

@@ -1,4 +1,4 @@
-"""Which way a drum turned last: friction of gear and pulleys carries a part of the load by that. Pure."""
+"""The direction of a drum's last motion, which decides the sign of the friction of gear and pulleys. Pure."""
 
 from drivers.cia402.profile.scale import wrap32
 

@@ -1,4 +1,4 @@
-"""The control loop: SYNC, heartbeat, the watch over every node, and what may be done to a drive without one.
+"""The control loop: SYNC, heartbeat, monitoring of every node, and actions on a drive without a control loop.
 
 In: a transport and a clock. Out: a master, and of each node what it said last, with its time.
 """

@@ -1,4 +1,4 @@
-"""Holding brakes by hand: released to turn a drum without power, and applied again.
+"""Holding brakes by hand: release to turn a drum without power, and apply again.
 
 In operation a brake is the drive's own matter: it opens it once it has power, and closes it before it takes it away.
 This is for mounting, for a cable that must be pulled out, for homing: only without power, with the load secured.

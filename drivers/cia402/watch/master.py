@@ -1,4 +1,4 @@
-"""The CANopen master: SYNC, the host's heartbeat and the watch over every node, all from one control loop.
+"""The CANopen master: SYNC, the host's heartbeat and monitoring of every node, all from one control loop.
 
 Make one for a bus, `add_node` for each drive, then run `run()` as a task for as long as drives are in use. The
 heartbeat comes from the same loop: where that hangs or ends, the drives miss it and stop by themselves (1016, 6007).

@@ -1,4 +1,4 @@
-"""One node as the bus shows it: what its frames said last, with their times, and the single frames sent to it.
+"""One node as seen on the bus: its last frames with their times, and the single frames sent to it.
 
 The receiving thread feeds `on_…`; they never raise and never block, they replace immutable values and count.
 """

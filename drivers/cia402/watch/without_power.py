@@ -1,4 +1,4 @@
-"""Taking the power from drives that a host has left behind, and acknowledging faults: without a control loop.
+"""Switching off drives that a host has left behind, and acknowledging faults: without a control loop.
 
 A host that ends leaves its drives in quick stop, holding the load (6007, 605A). Nothing may take the power away but a
 person who knows that brakes or stands hold the load; after that a bring-up begins anew.

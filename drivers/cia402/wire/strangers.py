@@ -1,4 +1,4 @@
-"""Who else commands the drives on this bus: frames that only a master sends, and that are not ours.
+"""Other masters on this bus: frames that only a master sends, and that are not ours.
 
 A bus delivers to a node only what others have sent, so every SYNC, NMT command, receive PDO, SDO request, guarding or
 heartbeat of the host that arrives here is somebody else's: two masters undo each other's stops. Two drives with one

@@ -1,4 +1,4 @@
-"""Which SYNC sampled a TPDO: not the newest one before it arrived, but the next one that was still to be answered.
+"""Which SYNC sampled a TPDO: not the newest one before its arrival, but the next one not yet answered.
 
 On a busy computer a frame may be taken from the bus after one or more further SYNCs have gone out. A bus keeps the
 order of one node's frames, so the n-th sample belongs to the n-th SYNC, however late it is. Only a lost frame breaks

@@ -1,4 +1,4 @@
-"""What every stream decoder of motion capture has in common: bytes in, these events out, no I/O and no clock.
+"""The interface of all stream decoders of motion capture: bytes in, events out, no I/O and no clock.
 
 `vicon_udp` reads Vicon Tracker's UDP object stream, `marker_text` plain lines of numbers. A decoder never raises on any
 bytes: what it cannot read becomes a `Malformed` event, with the reason, and is counted by whoever asked.

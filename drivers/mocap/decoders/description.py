@@ -1,4 +1,4 @@
-"""A decoder as a value that a file can hold, and back: what was recorded raw can be read by the same decoder later."""
+"""A decoder as a value for a file, and back: raw recordings can be decoded by the same decoder later."""
 
 from dataclasses import dataclass
 from typing import Literal

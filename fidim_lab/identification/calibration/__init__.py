@@ -1,4 +1,4 @@
-"""What is found of a set-up before bodies are: frames, clocks and arrangement, motor currents, stretch of cables.
+"""Calibration of a set-up before bodies are identified: frames, clocks, motor currents, stretch of cables.
 
 In: recordings of a robot at rest or in motion. Out: registrations, calibrations and their uncertainty.
 """

@@ -1,4 +1,4 @@
-"""Which way round a recorded robot stands: every registration held against the robot's own log.
+"""The orientation of a recorded robot: every registration compared with the robot's own log.
 
 A robot that looks the same from several sides is registered equally well from several sides; cable numbers then belong
 to the wrong corners, and no length misfit shows it. Three signals of the log do: swivel angles (they decide), the sign

@@ -1,4 +1,4 @@
-"""Where a recorded marker cluster sits: cluster → body and motion-capture world → robot world, from locked motors.
+"""Registration of a marker cluster: cluster → body and motion-capture world → robot world, with locked motors.
 
 With locked motors every cable keeps its length, whatever the platform does: the transforms that make the lengths of
 all poses most nearly constant are the registration. Twelve numbers, no touching, no calibration wand; the encoders'

@@ -1,4 +1,4 @@
-"""How much cables stretch for their tension, by statics: lengths of measured poses against load cells.
+"""Cable stretch per tension, by statics: lengths of measured poses against load cells.
 
 With locked winches a window's cables differ from a constant by stretch alone, κ f. One κ for all cables and windows, a
 constant for each cable and window, and one delay of the cells (clock, filter and viscoelastic lag, which cannot be

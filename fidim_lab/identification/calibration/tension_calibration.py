@@ -1,4 +1,4 @@
-"""What a motor current says of its cable's tension: gain, offset, friction band, from rests with known tensions.
+"""Tension from motor current: gain, offset and friction band, from rests with known tensions.
 
 At rest with locked motors the statics give every tension from the cable lengths (Eq. 8). Against them, for one winch,
 

@@ -1,1 +1,1 @@
-"""What comes before anything is fitted, the same for `identify` and `explain`."""
+"""Cleaning before a fit, the same for `identify` and `explain`."""

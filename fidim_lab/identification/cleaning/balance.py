@@ -1,4 +1,4 @@
-"""The equations of motion of a window in small pieces: what a hand on the platform leaves over, time by time.
+"""The equations of motion of a window in small pieces: the imbalance that a hand on the platform leaves.
 
 With locked motors the Newton–Euler equations, projected on the twists that the cables leave free, balance by
 themselves (Eq. 21). Markers are differentiated by a quartic through `HALF` seconds on either side of each node: short

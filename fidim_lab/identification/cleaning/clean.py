@@ -1,4 +1,4 @@
-"""The one cleaning before anything is fitted: a campaign as recorded in, the campaign that may be fitted out.
+"""Cleaning before a fit: a campaign as recorded in, the campaign that may be fitted out.
 
     placeholders   (0, 0, 0) and other constants that stand for a blank become missing
     labels         markers whose names are exchanged get their own

@@ -1,4 +1,4 @@
-"""A clock that jumps while the markers go on: only the longest part between its jumps is used."""
+"""A clock that jumps while the markers continue: only the longest part between its jumps is used."""
 
 import itertools
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Samples that were computed from their neighbours: gaps filled by lines or cubics, and recordings upsampled by lines.
+"""Samples computed from their neighbours: gaps filled by lines or cubics, and linear upsampling.
 
 Measured samples scatter; computed ones lie on their line to the last digit that the file writes. A run of second (or
 fourth) differences that are zero to the rounding, in all coordinates of a marker at once, does not happen by chance.

@@ -1,4 +1,4 @@
-"""Markers that sit elsewhere than the robot file says: knocked aside in some windows, or never there.
+"""Markers that are not where the robot file has them: knocked aside in some windows, or never there.
 
 Distances between markers hold no dynamics. A marker whose distances to all others are off in a window, while the others
 keep theirs, is not where it was: it is missing there, and the others do. With two markers nothing says which it was.

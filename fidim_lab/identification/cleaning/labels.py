@@ -1,4 +1,4 @@
-"""Markers whose names are exchanged: all through a window, or for a while. Their names are put right.
+"""Markers whose names are exchanged, in a whole window or for a while. Their names are corrected.
 
 Distances between markers tell which is which, whatever the motion. Where no order fits the robot file clearly, and for
 samples that stay in doubt, nothing is changed: screening then takes out what jumps.

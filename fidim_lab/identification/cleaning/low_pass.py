@@ -1,4 +1,4 @@
-"""Markers that were low-passed or upsampled before export: told by the spectrum of their noise.
+"""Markers that were low-passed or upsampled before export: found by the spectrum of their noise.
 
 Noise of cameras is white. Above the motion, a filtered recording has a spectrum that falls, to the rounding of the
 file if the filter is steep. Samples of such a recording are delayed or smeared by an unknown filter, and their noise is

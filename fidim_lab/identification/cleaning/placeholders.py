@@ -1,4 +1,4 @@
-"""Numbers that stand where a blank belongs: (0, 0, 0), or any value that a file repeats far away from the motion.
+"""Numbers in place of a blank: (0, 0, 0), or any repeated value far away from the motion.
 
 Motion capture writes such a value where it sees no marker. A place counts as one where it is the origin or is met to
 the last digit more than once, and where the marker is too far away from it just before and just after.

@@ -1,4 +1,4 @@
-"""The noise that the markers really have, by fourth differences, against the one the robot file declares."""
+"""The real noise of the markers, by fourth differences, compared with the robot file's."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""A capture frame that is not the robot frame, or markers that are not where the robot file has them, by any amount.
+"""A capture frame other than the robot frame, or markers elsewhere than in the robot file, by any amount.
 
 `robot_changes` tries what people mix up; here the change itself is fitted (`placement`). The frame begins where the
 nominal body would hang with the lengths of each window: windows at one place say nothing of a frame.

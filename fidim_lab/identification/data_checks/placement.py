@@ -1,4 +1,4 @@
-"""Where a capture frame stands against the robot, where markers sit on the body, and what encoders count from.
+"""The place of the capture frame, of the markers on the body, and the encoders' zeros.
 
 One least squares over poses of many instants: markers say where the platform is in the capture frame, held lengths
 say it in the robot frame. The poses are eliminated (Schur complement), so that many cost little. What is free is chosen

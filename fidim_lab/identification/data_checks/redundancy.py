@@ -1,4 +1,4 @@
-"""Channels that measure the same thing twice: do they contradict the kinematics, with no dynamics involved?
+"""Redundant channels: do they contradict the kinematics, without any dynamics?
 
     markers-lengths    markers off the surface of poses that the held lengths allow (z against x, y, lengths)
     rigid-markers      distances between markers

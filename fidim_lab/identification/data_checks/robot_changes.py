@@ -1,4 +1,4 @@
-"""Gross and simple mistakes of a robot file, each undone: the robots, and ways to see a recording, that are tried.
+"""Gross and simple mistakes of a robot file, each undone: the robots and views of a recording to try.
 
 Which of them makes markers and lengths agree is for `robot_mistakes`.
 """

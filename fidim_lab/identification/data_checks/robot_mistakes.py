@@ -1,4 +1,4 @@
-"""Mistakes in the robot file (or the files beside it) that are gross and simple: which one change makes the data fit?
+"""Gross and simple mistakes in the robot file (or the files beside it): which one change makes the data fit?
 
 Cables, anchors or attachments in another order, millimetres or feet for metres, a mirrored or exchanged axis, a robot
 turned by a quarter or half: each is undone in turn (`robot_changes`), and a few poses are fitted to markers, lengths

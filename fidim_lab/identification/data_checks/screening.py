@@ -1,4 +1,4 @@
-"""Screening: what data and kinematics say by themselves, before any dynamics.
+"""Screening: what data and kinematics show without dynamics.
 
     seen = screen(campaign)
     seen.campaign          bad samples missing; what every later step should use

@@ -1,4 +1,4 @@
-"""By which figures a campaign is judged before any dynamics: unit and reason of each."""
+"""Thresholds for checks of a campaign without dynamics: unit and reason of each."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What the maximum-likelihood estimate will know: the information of each window about the body, and criteria A and D.
+"""The expected accuracy of maximum likelihood: each window's information on the body, and criteria A and D.
 
 Marker noise and the encoders' resolution are those of the robot file; a window's start and lengths are unknowns of its
 own and are eliminated. Unlike C this depends on no chart of free coordinates.

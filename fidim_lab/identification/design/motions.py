@@ -1,4 +1,4 @@
-"""The free motions of designed windows with what a design is judged by, and exact derivatives of all of it.
+"""The free motions of designed windows with all quantities that judge a design, and exact derivatives.
 
 A quantity is a sum of weights times [W′; τ; Ξ_d] at a node; its derivative by the state there is one reverse sweep
 (CasADi), carried to the design's unknowns by the trajectories' sensitivities. Ξ_d: Ξ over the dependent coordinates.

@@ -1,4 +1,4 @@
-"""The next best window: of the random windows within the limits, the one that shrinks the covariance most."""
+"""The next best window: the random window within the limits that reduces the covariance most."""
 
 from dataclasses import dataclass
 

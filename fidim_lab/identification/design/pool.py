@@ -1,4 +1,4 @@
-"""Random windows that obey all limits, and the dozen of them that is best by exchange: where descents begin.
+"""Random windows that obey all limits, and the best dozen of them by exchange: the start of descents.
 
 C of a set of windows depends on the sum of their 10 × 10 tables W′ᵀW′ alone, so exchanging costs next to nothing.
 """

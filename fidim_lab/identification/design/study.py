@@ -1,4 +1,4 @@
-"""The paper's study (§5.1): what C becomes with more equilibria and more samples of each window."""
+"""The paper's study (§5.1): C with more equilibria and more samples of each window."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

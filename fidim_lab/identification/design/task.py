@@ -1,4 +1,4 @@
-"""What is asked of a design, and what one evaluation of it gives."""
+"""The input of a design, and the result of one evaluation."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""Where a window rests and where it is let go, as functions of what is designed: z = [l; Δζ_f] of each window.
+"""Where a window rests and where it is released, as functions of the unknowns z = [l; Δζ_f] of each window.
 
 The rest follows from the lengths (static equilibrium), the start from lengths and displaced marker (Eq. 44). Both have
 exact derivatives by the implicit function theorem. Poses change by [δp; δφ], R → R exp([δφ]×).

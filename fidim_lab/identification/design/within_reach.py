@@ -1,4 +1,4 @@
-"""Windows that winches can excite: each displaced by as much as they reach for certain, at the damping that may be.
+"""Windows that winches can excite: displaced as far as they surely reach, at the largest expected damping.
 
 What a hand may give is beyond winches at most places, since their strokes pull at the cables on top of the swing. A
 plan that `fidim run --procedure excite` is to carry out wants no more than they reach: then every window swings as it

@@ -1,4 +1,4 @@
-"""What every estimator hands back: one `Estimate`, whatever the method."""
+"""The result of every estimator: one `Estimate`, whatever the method."""
 
 from dataclasses import dataclass
 

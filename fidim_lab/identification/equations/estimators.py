@@ -1,4 +1,4 @@
-"""The estimators there are, by name. A new one is one file with `estimate(problem) -> Estimate` and one line here."""
+"""The estimators by name. A new one is one file with `estimate(problem) -> Estimate` and one line here."""
 
 from collections.abc import Callable, Mapping
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""Instruments: the regressor of a free motion that is simulated with the body found so far, sample by sample.
+"""Instruments: the regressor of a free motion simulated with the body found so far, sample by sample.
 
 Every 2.5 s of a window are predicted from their own fitted initial state (`trajectory.predict`): long enough that the
 few fitted numbers know next to nothing of the noise, short enough that a model which lacks something does not slip a

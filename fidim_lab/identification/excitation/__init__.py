@@ -1,1 +1,1 @@
-"""Excitation by the winches, travel without swinging, and bringing the platform to rest. `plan.planned` begins it."""
+"""Excitation by the winches, moves without swinging, and bringing the platform to rest. Start at `plan.planned`."""

@@ -1,4 +1,4 @@
-"""Whether a window is done again, by how it swung, how it was planned to, and what a new plan would bring.
+"""Whether a window is repeated, by its swing, the planned one, and what a new plan would reach.
 
 `missed` and `may_gain` are asked first: where neither holds no new plan is needed. `why_again` then decides.
 """

@@ -1,4 +1,4 @@
-"""Which body swings here: the likely one and those that CAD may mean, tuned to the frequencies that were seen.
+"""The bodies used for planning: the likely one and those near CAD, tuned to the measured frequencies.
 
 A centre of mass 5 % off CAD shifts frequencies by a tenth: then a chain of strokes is out of step with its mode, and
 a body at a frequency of its own is no warning. Tuned, all of them agree with the recording.

@@ -1,4 +1,4 @@
-"""Bringing the platform to rest by the winches: strokes that undo the swing that was seen.
+"""Bringing the platform to rest with the winches: strokes that cancel the measured swing.
 
 The same strokes that excite a mode take its swing away when they come in the opposite phase. One chain at a time, on
 the mode that swings most; then one looks again. What is left of a swing after a chain is some tenth of it. A stroke

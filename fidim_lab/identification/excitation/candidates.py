@@ -1,4 +1,4 @@
-"""Chains of strokes by linear theory: for each mode one near its frequency, how many turns, and in which direction.
+"""Chains of strokes by linear theory: for each mode one near its frequency, with turns and direction.
 
 With the turns given, the swing that remains, the tensions on the way and what the winches do are all linear in the
 chains' directions. So the directions that swing the platform farthest within all limits are the solution of a linear

@@ -1,4 +1,4 @@
-"""How strongly moving each cable acts on each mode, as chains of strokes show it.
+"""The gain of each cable on each mode, as chains of strokes show it.
 
 CAD can have that wrong by half, or by three: a mode that winches hardly reach depends on where exactly the centre of
 mass is. Each chain tells one number for each mode, the gain along its direction, so far as the swing without it is

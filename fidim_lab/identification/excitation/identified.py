@@ -1,4 +1,4 @@
-"""What hangs there by the windows recorded so far: for planning the next ones, not a result to report.
+"""The body from the windows recorded so far: for planning the next ones, not a result to report.
 
 One window tells most of it, three all (to parts in a thousand): from then on strokes need no allowance for what CAD may
 have wrong. What one leaves open are ways in which several parameters are off together, and which hardly change a swing:

@@ -1,4 +1,4 @@
-"""What recordings taught about how the winches excite: carried from one try to the next, and from window to window."""
+"""What recordings taught about excitation by the winches, carried from try to try and window to window."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""What chains of strokes do by the nonlinear model: the swing they leave, their sizes for a wanted one, tensions."""
+"""Chains of strokes by the nonlinear model: the swing they leave, sizes for a wanted swing, tensions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

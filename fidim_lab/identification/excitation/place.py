@@ -1,4 +1,4 @@
-"""Where the winches excite, what they may do there, and what is wanted of it."""
+"""The place of an excitation: what the winches may do there, and the wanted swing."""
 
 from dataclasses import dataclass
 

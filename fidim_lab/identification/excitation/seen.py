@@ -1,4 +1,4 @@
-"""How the platform swings, from its main marker: a sum of decaying oscillations, fitted to some seconds of recording.
+"""The swing of the platform, from its main marker: a sum of decaying oscillations, fitted to some seconds.
 
 No body enters but a first guess of the frequencies, so that a plan can be judged by it. `seen_swing` for amplitudes,
 `learnt` for what the next plan should know, `Seen.states` for the modes' phases.

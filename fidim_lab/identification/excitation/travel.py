@@ -1,4 +1,4 @@
-"""Travel between equilibria without wild swinging: how fast, and how gently, a trapezoidal move should go.
+"""Moves between equilibria without exciting the platform: speed and acceleration of a trapezoidal move.
 
 A ramp of constant acceleration that lasts whole periods of a mode leaves that mode at rest (it is an input shaper that
 every drive has), and between two modes some duration leaves little of both. So speed and acceleration are all that has

@@ -1,4 +1,4 @@
-"""Fitted on some campaigns, predicted on the others: only the starts of what is predicted are fitted anew."""
+"""Fitted on some campaigns, predicted on the others: only the initial states of predicted windows are fitted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

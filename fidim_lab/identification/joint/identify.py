@@ -1,4 +1,4 @@
-"""Several campaigns of one platform in, a result out: the joint body, what it is worth, and what predicts what."""
+"""Several campaigns of one platform in, one result out: the joint body, its accuracy, and cross-predictions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

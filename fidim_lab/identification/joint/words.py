@@ -1,4 +1,4 @@
-"""What a joint fit says in words. No number is made here."""
+"""The words of a joint fit. No number is computed here."""
 
 from collections.abc import Sequence
 

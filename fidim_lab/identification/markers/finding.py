@@ -1,4 +1,4 @@
-"""What screening says of one place in the data: a record with its window, channel, times, size and a sentence."""
+"""A finding of screening: a record with window, channel, times, size and a sentence."""
 
 from dataclasses import dataclass
 from enum import StrEnum

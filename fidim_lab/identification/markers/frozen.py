@@ -1,4 +1,4 @@
-"""Frozen samples: the same values again and again, more often than rounding alone could give."""
+"""Frozen samples: the same values repeated more often than rounding alone could give."""
 
 import numpy as np
 from jaxtyping import Float

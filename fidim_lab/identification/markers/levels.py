@@ -1,4 +1,4 @@
-"""A marker that was displaced by steps: which part of a window is kept, for only one of its places is the true one."""
+"""A marker displaced by steps: which part of a window is kept, since only one of its places is the true one."""
 
 from collections.abc import Mapping
 from itertools import pairwise

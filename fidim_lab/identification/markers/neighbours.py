@@ -1,4 +1,4 @@
-"""What the neighbours of a sample say about it: local polynomials with any samples missing, many columns at once.
+"""Predictions of a sample from its neighbours: local polynomials with any samples missing, many columns at once.
 
 Around every sample a polynomial of degree 6 is fitted to the ±`half` neighbours that are there. It gives a smoothed
 value, and two matched filters: how much *this* sample alone, or *everything from here on*, is displaced. Noise passes

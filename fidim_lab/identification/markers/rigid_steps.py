@@ -1,4 +1,4 @@
-"""Markers that jump against the others: told by their distances alone, in which no missing physics can be.
+"""Markers that jump against the others, found by their distances alone, which no missing physics changes.
 
 A marker that is displaced from one sample on shows in its distances to the others, which keep theirs: over a second on
 either side in steps far smaller than any that stands out among neighbouring samples (`displaced`), however the body

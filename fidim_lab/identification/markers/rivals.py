@@ -1,4 +1,4 @@
-"""What a place that stands out in one marker's samples is: motion, some samples displaced, a step, or a blow.
+"""What an outstanding place in a marker's samples is: motion, some samples displaced, a step, or a blow.
 
 All rivals are fitted to the same few samples on either side, each beside a polynomial in time that stands for the
 motion; the Bayesian information criterion weighs what they explain against their freedom. A sharp turn of the motion

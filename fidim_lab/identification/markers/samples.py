@@ -1,4 +1,4 @@
-"""One window's samples by themselves: what is wrong with them, and the window without the bad ones.
+"""One window's samples by themselves: defects, and the window without the bad samples.
 
 Nothing is repaired and nothing is spliced: a bad sample becomes missing. After a step without return, or lost frames,
 only one side is kept, the earlier one unless that is shorter than `levels_enough`.

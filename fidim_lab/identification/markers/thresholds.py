@@ -1,4 +1,4 @@
-"""By which figures single marker tracks are judged: unit and reason of each."""
+"""Thresholds for single marker tracks: unit and reason of each."""
 
 from dataclasses import dataclass
 

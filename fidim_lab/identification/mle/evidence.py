@@ -1,4 +1,4 @@
-"""What the recordings say of a geometry that is left open, against the file's to the micrometre.
+"""The evidence for open geometry against exact geometry.
 
 Evidence is Laplace's: half the fall of the sum of squares, prior included, less the Occam factor
 ½ ln det(I + prior covariance × information). Where the model misses more than noise (χ²/dof above 1) residuals are no

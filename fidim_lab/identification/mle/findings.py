@@ -1,4 +1,4 @@
-"""What a trajectory fit says in words: outcome, message, warnings. No number is made here but for comparison."""
+"""A trajectory fit in words: outcome, message, warnings. No number is computed here except for comparison."""
 
 from dataclasses import dataclass
 

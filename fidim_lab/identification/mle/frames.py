@@ -1,4 +1,4 @@
-"""Where cameras and markers are against the robot, as unknowns of a trajectory fit (spec/irma4u.md §6.6).
+"""The places of cameras and markers against the robot, as unknowns of a trajectory fit (spec/irma4u.md §6.6).
 
 A registration made before the fit (`registration.register`) takes cables for rigid; what it is off by, the body would
 carry. So both frames are free in the fit: that of the cameras and that of the rigid set of markers. Anchors and

@@ -1,4 +1,4 @@
-"""A fit with the geometry as its survey leaves it, and whether the recordings ask for that.
+"""A fit with the geometry free within its survey, and whether the recordings support that.
 
 Where the robot file states its survey, that is the prior. Where it states nothing, models are weighed by their evidence
 (`evidence`): the file's geometry to the micrometre, and a usual survey of the cables (anchors and attachments), of the

@@ -1,4 +1,4 @@
-"""What a fit says of the robot file's geometry, as values for files and sentences for people."""
+"""A fit's changes of the robot file's geometry, as values for files and sentences for people."""
 
 import numpy as np
 from jaxtyping import Float

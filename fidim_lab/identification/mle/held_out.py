@@ -1,4 +1,4 @@
-"""Windows that the fit has not seen: only their own initial state is fitted, the shared parameters are held."""
+"""Held-out windows: only their initial state is fitted, the shared parameters are held."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""From a campaign to an IdentificationResult by maximum likelihood: fit, hold windows out, and say what it is worth.
+"""From a campaign to an IdentificationResult by maximum likelihood: fit, predict held-out windows, judge.
 
 The numbers of the equations of motion that spec/formats.md asks for too (σ_W, C, σ⊥) come from total least squares on
 the side; where that cannot be had they stay unknown.

@@ -1,4 +1,4 @@
-"""What is left of a window after a fit: χ²/dof, rms, whiteness, and the marker noise that its residuals show."""
+"""The residual of a window after a fit: χ²/dof, rms, whiteness, and the marker noise that it shows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

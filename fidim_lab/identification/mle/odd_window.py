@@ -1,4 +1,4 @@
-"""One window that moves as another body, or under another force, than all others: without it the rest is explained.
+"""One window with another body or force than all others: without it the rest is explained.
 
 A payload left on the platform, a cable that touched, a window of another robot. Where the fit misses, each window is
 left out in turn to first order; where the others then come down to their noise without one of them, and at least three

@@ -1,4 +1,4 @@
-"""Robots with one direction that cables hardly hold: what is fitted there instead of rigid cables (spec/model.md §6).
+"""Robots with one direction that cables hardly hold: the fit that replaces rigid cables (spec/model.md §6).
 
 Stretch decides how such a platform moves, so every cable is a spring; and its slow rotation meets whatever rubs. Terms
 that any such robot has are fitted along with the body, within what is physically possible: one compliance for all

@@ -1,4 +1,4 @@
-"""How far the parameters may be off: the information matrix, the spread between windows, and what is not determined.
+"""Uncertainty of the parameters: the information matrix, the spread between windows, and what is not determined.
 
 All from the windows' reduced tables at the optimum (`normal`): resampling windows costs one small least squares each.
 The nominal covariance believes noise and model; bootstrap and jackknife believe neither, but know only what differs

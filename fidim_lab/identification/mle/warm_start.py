@@ -1,4 +1,4 @@
-"""A fit gone on from its optimum with another model: effects put in, left out, or exchanged.
+"""A fit continued from its optimum with another model: effects added, removed, or exchanged.
 
 A model that is richer than one already fitted has its optimum near that of the poorer one; begun from nowhere it would
 have to find its way again, and may miss it (spec/irma4u.md §6.5).

@@ -1,4 +1,4 @@
-"""Which parts of a recording no hand was on: a rule fixed before anything is fitted (spec/irma4u.md §2).
+"""The parts of a recording without a hand, by a rule fixed before any fit (spec/irma4u.md §2).
 
 With locked motors the platform's Newton–Euler equations, projected on the directions in which the cables do no work,
 must balance by themselves (Eq. 21). What is left over, with the nominal body, is an outside force: a hand that pushes

@@ -1,4 +1,4 @@
-"""Zeros, delays and noise of swivel encoders and inclinometer: calibrated once a campaign, or as the data sheet says.
+"""Zeros, delays and noise of swivel encoders and inclinometer: calibrated once a campaign, or by the data sheet.
 
 A relative encoder counts from an unknown zero and an inclinometer filters, so its reading is late. Where some windows
 hold markers that show the whole pose, `calibrated` finds a constant and a delay for each sensor from all of them

@@ -1,4 +1,4 @@
-"""From recorded samples to values, first and second derivatives that may be used: grid, gaps, filter.
+"""From recorded samples to usable values, first and second derivatives: grid, gaps, filter.
 
 `uniform` puts a recording on an even grid and fills short gaps; `smooth` filters and differentiates what is whole.
 Nothing is repaired silently: every step adds a note.

@@ -1,4 +1,4 @@
-"""Poses, twists and accelerations on the surface of poses that the held cable lengths allow, from all markers.
+"""Poses, twists and accelerations on the surface of poses that the held lengths allow, from all markers.
 
 Least squares of the marker coordinates under the constraints l(p, R) = l_0, Ξ v = 0, Ξ v̇ + Ξ̇ v = 0. It is Eq. 44–45
 without choosing free coordinates: no chart that turns singular inside a recording, and the marker's third coordinate,

@@ -1,4 +1,4 @@
-"""A window predicted from its initial state alone: the judge that no regression can flatter.
+"""A window predicted from its initial state alone: a test that no regression can pass by chance.
 
 The identified body is let go where the platform was at the window's first usable sample; only that state (λ positions
 along the free directions, λ rates) is fitted, first on a short stretch, then on longer ones, so that a wrong frequency

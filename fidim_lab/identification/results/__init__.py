@@ -1,1 +1,1 @@
-"""What an identification answers, and its file; whether its body predicts other windows."""
+"""The result of an identification, and its file; whether its body predicts other windows."""

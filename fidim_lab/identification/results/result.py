@@ -1,4 +1,4 @@
-"""What `identify` answers: a frozen result with an outcome that is a sentence."""
+"""The result of `identify`: frozen, with an outcome and a sentence."""
 
 from dataclasses import dataclass, field
 from enum import Enum

@@ -1,4 +1,4 @@
-"""What comes before physics is named: a campaign in, the campaign without faulty samples out, and what was found.
+"""Cleaning before effects are named: a campaign in, the campaign without faulty samples and the findings out.
 
     cleaned = clean(campaign)           before any fit: samples, kinematics, the robot file
     cleaned = audit(cleaned, baseline)  after the first fit (`audit`): hands, single windows, samples off the motion

@@ -1,4 +1,4 @@
-"""A push at the same time of every window, softer than what a model misses elsewhere: a hand that acts on cue.
+"""A weak push at the same time of every window: a hand that acts on a signal.
 
 Two tests, both to first order about the model, which is enough for what is soft. Where every two seconds begin anew,
 a push shows in its own alone (`contacts`). And where every window begins anew at the same moment, all of them gain at

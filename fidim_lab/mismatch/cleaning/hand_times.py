@@ -1,4 +1,4 @@
-"""When a hand comes and goes: where the motion of the free parts, carried on from both sides, leaves the recording."""
+"""When a hand comes and goes: where free motion, extrapolated from both sides, leaves the recording."""
 
 from dataclasses import replace
 

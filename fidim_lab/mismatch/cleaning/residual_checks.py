@@ -1,4 +1,4 @@
-"""The second look, with a first fit at hand: samples off the motion, hands within windows, single windows.
+"""Checks that need a first fit: samples off the motion, hands within windows, single faulty windows.
 
 Nothing is done where the fit leaves white noise. Otherwise
 

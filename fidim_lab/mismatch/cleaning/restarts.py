@@ -1,4 +1,4 @@
-"""Where a window's motion begins anew: a matched test for pushes too weak, or too hidden by physics, for `contacts`.
+"""Times at which a window's motion starts again: a matched test for pushes that `contacts` cannot find.
 
 After a push the platform moves freely again, from another state. To first order what is left of the window is then
 J d before it and J d' after it, with the cables as long as before: a least-squares fit with two starts, not one,

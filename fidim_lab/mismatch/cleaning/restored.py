@@ -1,4 +1,4 @@
-"""Cuts of the audit and of the search that the completed model does not need: taken back, once physics is named.
+"""Cuts that the completed model does not need: undone once the physics is named.
 
 The audit looks with the model as it is, the search with one that may lack a term. Where that one is wrong, most of all
 in its geometry, a stretch of motion or a sample can stand out that the completed model follows like any other: then it

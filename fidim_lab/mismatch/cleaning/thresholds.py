@@ -1,4 +1,4 @@
-"""By which figures samples are cut out and put back: unit and reason of each."""
+"""Thresholds for cutting samples out and putting them back: unit and reason of each."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""From where the search ended to a verdict, from the verdict to an Explanation in values and words.
+"""From the end of the search to a verdict, and from the verdict to an Explanation in values and words.
 
 In: a Selection (`verdict.judge`). Out: an Explanation (`message.tell`), and its file.
 """

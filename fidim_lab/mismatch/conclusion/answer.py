@@ -1,4 +1,4 @@
-"""The answer in four short parts: verdict, what is certain, what is not told apart, what to do next.
+"""The answer in four short parts: verdict, what is certain, what cannot be told apart, what to do next.
 
 Words of an explanation whose values are all there already; the parts of one answer have under 120 words.
 """

@@ -1,4 +1,4 @@
-"""Which names are told as the only ones: fits of what nobody has listed show where a good fit is no proof.
+"""Which effects are named without a rival: fits of unlisted effects show where a good fit is no proof.
 
 Leave an effect out of the catalogue, and others are put together until they imitate it: a damping of the swivels
 becomes friction there with a tone and a drag beside it, that of a joint which sticks first becomes two drags. Each of

@@ -1,4 +1,4 @@
-"""Effects that the data at hand cannot tell apart: by the information matrix at the fitted model, and by fits.
+"""Effects that the data cannot tell apart: by the information matrix at the fitted model, and by fits.
 
 Where another effect in the place of a named one loses less than 5 nats, the data say nothing between the two. A name
 stands alone where every rival loses odds of 20, general geometry among them.

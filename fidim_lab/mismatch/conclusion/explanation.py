@@ -1,4 +1,4 @@
-"""What `explain` answers, and its file "fidim-explanation/1" (spec/formats.md)."""
+"""The result of `explain`, and its file "fidim-explanation/1" (spec/formats.md)."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""An explanation of a cleaned campaign, with what was cleaned away put into verdict, effects, places and message."""
+"""The findings of cleaning, added to verdict, effects, places and message of an explanation."""
 
 from dataclasses import replace
 

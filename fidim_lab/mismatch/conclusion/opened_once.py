@@ -1,4 +1,4 @@
-"""Windows of role `test`: neither fitted nor asked in any choice, opened once when everything else is decided."""
+"""Windows of role `test`: used neither in fits nor in choices, opened once when everything else is decided."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Whether a wrench without a name says more, with less freedom, than the effects that are to be named.
+"""Whether an unknown wrench explains more, with fewer parameters, than the effects that are to be named.
 
 Effects with much freedom (a hose that may end anywhere, a force of any frequency) can follow what they are not, and so
 can several effects together: drag of the speed cubed by drag of its square beside a small force that oscillates. Where

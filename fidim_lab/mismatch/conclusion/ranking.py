@@ -1,4 +1,4 @@
-"""What was tried, with the reasons why the others lost."""
+"""The models that were tried, with the reasons why they lost."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What is told of lengths and cameras that do not read as the robot file states: errors of readings, and noise.
+"""The report on wrong lengths and cameras: errors of readings, and noise other than in the robot file.
 
 A drift of lengths may be physics (cables that grow) and is named as an effect; steps, scatter and the frame of the
 cameras are the sensors' own. Each is told with its size and what it is not told apart from.

@@ -1,4 +1,4 @@
-"""What robots with a soft direction lack: elastic cables with and without what dissipates (spec/irma4u.md §5).
+"""What the model of a soft robot lacks: elastic cables with and without dissipation (spec/irma4u.md §5).
 
 Where rigid cables are the wrong model, the search among effects beside them says nothing. Here the elastic fit
 (`identification.mle.soft`) is the ground: it is fitted without any dissipation, with each of its two terms alone, with

@@ -1,4 +1,4 @@
-"""The model of what has no name as a file keeps it: words, figures, families, and the wrench along the motion.
+"""The model of unknown physics as it is kept in a file: words, figures, families, and the wrench along the motion.
 
 unknown_table(found)        for explanation.json, under "unknown"; all SI, world frame
 """

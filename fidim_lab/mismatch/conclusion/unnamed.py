@@ -1,4 +1,4 @@
-"""What has no name, put into an explanation: the generic model's words, its figures and the parameters with it."""
+"""Unknown physics in an explanation: the words and figures of the generic model, and the parameters with it."""
 
 from dataclasses import replace
 

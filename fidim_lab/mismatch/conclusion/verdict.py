@@ -1,4 +1,4 @@
-"""The verdict, by what is left of fitted and held-out windows, and what is named."""
+"""The verdict, from the residuals of fitted and held-out windows and the effects named."""
 
 from dataclasses import dataclass
 

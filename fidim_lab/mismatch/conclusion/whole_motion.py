@@ -1,4 +1,4 @@
-"""The answer of whole windows where the search for a model that leaves only noise has ended without one."""
+"""The answer by whole windows, where no model was found that leaves only noise."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The model as it is, fitted: where every explanation starts.
+"""The fit of the model without effects, from which every explanation starts.
 
 To the first seconds of each window always; to the whole windows where it follows those.
 """

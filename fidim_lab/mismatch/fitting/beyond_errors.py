@@ -1,4 +1,4 @@
-"""What predictions leave beyond what the fit's own errors explain.
+"""The part of prediction errors that the fit's own uncertainty does not explain.
 
 A held-out window that hangs on a direction of which the fitted ones tell little is missed by more than its noise,
 though the model is right: in a few short windows a frequency may be off by a ten-thousandth, and seen to be. So the

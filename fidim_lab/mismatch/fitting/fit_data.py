@@ -1,4 +1,4 @@
-"""Windows as far as a fit looks at them: a few seconds first, where no phase can slip, then their whole length.
+"""The part of each window that a fit uses: first some seconds, where no phase can slip, then the whole length.
 
 With physics missing, a fit of whole windows can lock in at a slipped phase, and is slow and meaningless; the first
 3 s are followed by nearly any model. So what is missing is looked for there first, wherever the model as it is does not

@@ -1,4 +1,4 @@
-"""Windows fitted by their own starts alone, the body held: how well does this piece of motion fit what is known?"""
+"""Windows fitted by their initial states alone, with the body held: how well does this motion fit that body?"""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Windows that no fit has seen: how well a model predicts them, only their starts being fitted."""
+"""Held-out windows: how well a model predicts them with only their initial states fitted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

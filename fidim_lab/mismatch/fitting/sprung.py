@@ -1,4 +1,4 @@
-"""Models in which cables are springs, fitted beside others to the same recordings (spec/model.md §6).
+"""Models with cables as springs, fitted to the same recordings as other models (spec/model.md §6).
 
 Stretch that is more than a small correction moves the platform in ways that first order does not tell. So what
 stretches cables is fitted with springs. Two ways lead there:

@@ -1,4 +1,4 @@
-"""By which figures fits are begun, carried on and given up: unit and reason of each."""
+"""Thresholds for starting, continuing and abandoning fits: unit and reason of each."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""How every hypothesis would move what was recorded, to first order: columns beside those of a fit.
+"""First-order influence of every hypothesis on the recordings, as columns next to those of a fit.
 
 All hypotheses ride on one motion. The variational equation of the fitted model is solved once more with a forcing
 column for each scored parameter (`model.motion.forcing`); what acts on the cameras is added directly. Compliant cables,

@@ -1,4 +1,4 @@
-"""The columns of all hypotheses beside a fitted model whose cables are springs.
+"""First-order influence of every hypothesis on a fitted model whose cables are springs.
 
 As `columns`, but nothing is composed: with springs the equations of motion with every hypothesis in them are explicit,
 so `model.sensitivity` has their derivatives, by states, tensions, body and all θ alike. Only periodic forces are the

@@ -1,4 +1,4 @@
-"""What dry friction that gives way first does along a motion as it was fitted: its score needs no states.
+"""The effect of yielding dry friction along a fitted motion: its score needs no states.
 
 What has built up in a joint, ḃ = (σ̇ − |σ̇| b) / give, follows from the joint's rate alone. From node to node of the
 trajectory's grid the rate is taken as its mean, for which b comes to σ̇/|σ̇| exponentially.

@@ -1,4 +1,4 @@
-"""What is tried: every effect of the catalogue that can be scored, and those that cannot yet, said openly.
+"""All hypotheses: every effect of the catalogue that can be scored, and a list of those that cannot.
 
 A hypothesis is one effect at one scan point (a creep's time constant, a fan's frequency): within it only parameters
 that have a score are free. Periodic effects are not asked for their own expressions at sixty frequencies: a steady

@@ -1,4 +1,4 @@
-"""What a unit of loose mass inside the platform pulls, along a motion as it was fitted: its score needs no states.
+"""The force of a unit of loose mass inside the platform, along a fitted motion: its score needs no states.
 
 At m = 0 the mass does not move the platform: its own motion is that of a damped pendulum whose support is known. With
 d = q − H its place against the point H where it is held (`effects.loose_mass`), d̈ + 2 ζ ω ḋ + ω² d = g − Ḧ from rest,

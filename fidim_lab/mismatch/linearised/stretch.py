@@ -1,4 +1,4 @@
-"""What a unit of compliance does along a rigid motion: cable lengths that follow their tension, and two derivatives.
+"""The effect of a unit of compliance along a rigid motion: cable lengths that follow their tension.
 
 The stretch is κ(pose) τ(t) with the tension of the motion as simulated; time derivatives are taken of the polynomials
 through the nodes of each block, so no expression of the accelerations is differentiated twice.

@@ -1,4 +1,4 @@
-"""By which figures hypotheses are scaled and scanned: unit and reason of each."""
+"""Thresholds for scaling and scanning hypotheses: unit and reason of each."""
 
 from dataclasses import dataclass
 

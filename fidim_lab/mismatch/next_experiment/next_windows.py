@@ -1,4 +1,4 @@
-"""What to record next for a campaign: `to_separate` for effects that could not be told apart, `to_know` for the body.
+"""Windows to record next: `to_separate` for effects that cannot be told apart, `to_know` for the body.
 
 Both look at random windows that obey all the robot's limits, and the winches' where they are given. `compare` and
 `fidim design --after` ask here.

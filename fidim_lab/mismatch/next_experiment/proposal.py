@@ -1,4 +1,4 @@
-"""What is claimed of a campaign, what could be recorded to test it, and with which odds: `separate` makes proposals."""
+"""A claim about a campaign, the recordings that could test it, and their odds: `separate` makes proposals."""
 
 from dataclasses import dataclass
 

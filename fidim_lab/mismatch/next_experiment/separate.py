@@ -1,4 +1,4 @@
-"""The next best experiment: which windows and sensors tell a named effect from those that may stand in its place.
+"""The next best experiment: which windows and sensors tell a named effect from its rivals.
 
 What the named effect does to the recordings of a window, and what every rival can imitate of it with its own size, the
 body and the window's start adjusted, are columns of the same information matrix. What remains between the two is the

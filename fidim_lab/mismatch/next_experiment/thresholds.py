@@ -1,4 +1,4 @@
-"""By which figures a next window is chosen: unit and reason of each."""
+"""Thresholds for choosing a next window: unit and reason of each."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which errors the readings have, by evidence: the most evident first, then what is left beside it.
+"""Which errors the readings have, chosen by evidence: the most evident first, then others beside it.
 
 Beforehand every size between a fraction of a count and centimetres is as likely (in its logarithm), and so is
 every cable and window that can be picked: evidence is averaged over them. θ is normal and the fit is linearised.

@@ -1,4 +1,4 @@
-"""What an error of each window's readings does to a fit, to first order, everything else chosen best.
+"""First-order influence of an error of each window's readings on a fit, all else being adapted.
 
 The error z of one window: what each encoder reads beyond the cable's length (n), and by how much all markers are
 shifted (3), m. Its own unknowns and the shared parameters with their priors are eliminated, as in a score test.

@@ -1,4 +1,4 @@
-"""What readings may be off by over a session: a drift, a step between two windows, another amount in every window.
+"""Kinds of errors of readings over a session: a drift, a step between two windows, a scatter between windows.
 
 What is the same in all windows (an encoder's zero, a shift of the capture frame) stands among them as their rival: it
 is geometry, and for the search for effects.

@@ -1,4 +1,4 @@
-"""By which figures errors of readings are weighed: unit and reason of each."""
+"""Thresholds for errors of readings: unit and reason of each."""
 
 from dataclasses import dataclass
 

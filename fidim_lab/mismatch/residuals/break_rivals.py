@@ -1,4 +1,4 @@
-"""What a place that stands out in a residual is: smooth, a kink, some samples off, or a step.
+"""What an outstanding place in a residual is: smooth, a kink, some samples off, or a step.
 
 As `rivals`, on what a fit leaves instead of on markers as recorded, hence over more samples: each rival is fitted to
 the samples on either side, counted across gaps, beside polynomials of several degrees, and the Bayesian information

@@ -1,4 +1,4 @@
-"""Breaks in what a fit leaves: samples, and steps from one sample on, that no motion makes, however small.
+"""Breaks in residuals: samples, and steps from one sample on, that no motion makes, however small.
 
 `displaced` looks at markers as recorded, which are smooth for a tenth of a second only; what a fit leaves of them is
 smooth for half a second, even where physics is missing, so that steps of five standard deviations show in it, and

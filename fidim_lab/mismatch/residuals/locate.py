@@ -1,4 +1,4 @@
-"""Where the whitened residual is not noise: window, time, channel, frequency, and with what it goes along.
+"""Where the whitened residual is not noise: window, time, channel, frequency, and what it correlates with.
 
 `locate` gives one `Where` for each window that stands out, largest first; `goes_along` looks for what its course
 follows. Times come from sliding energy, frequencies from a periodogram with the chance that noise has such a line.

@@ -1,4 +1,4 @@
-"""What a fit leaves of one window, whitened, beside the motion: the input of `whiteness` and `locate`.
+"""The whitened residual of one window, with its motion: the input of `whiteness` and `locate`.
 
 `of_fit` makes it from a maximum-likelihood fit, `of_simulation` from one window of any simulation (a held-out one:
 `of_simulation(likelihood, prediction.journey.optimum.simulation, 0, prediction.remainder)` with the likelihood that

@@ -1,4 +1,4 @@
-"""By which figures what a fit leaves is judged: unit and reason of each."""
+"""Thresholds for judging residuals: unit and reason of each."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Is what is left of the windows white? A test whose false-alarm rate is known, for weak structure in much data.
+"""Are the residuals white? A test with a known false-alarm rate, for weak structure in many data.
 
 The global χ²/dof cannot see 300 of 54 000. Structure of a mechanism lies at low frequencies, in few windows or in a
 line, so χ² is looked at by octave bands, over all windows and in each, and line by line; each against the noise level

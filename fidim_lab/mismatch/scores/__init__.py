@@ -1,4 +1,4 @@
-"""Score tests: what a fit of each hypothesis would gain, and how often that would be a false alarm.
+"""Score tests: the gain expected from fitting each hypothesis, and how often it would be a false alarm.
 
 In: a fitted model and the hypotheses. Out: scores, the most evident first (`views.view`).
 """

@@ -1,4 +1,4 @@
-"""How often the search would find something where nothing is: drawn anew for the campaign at hand.
+"""How often the search finds an effect in pure noise: simulated for the campaign at hand.
 
 Without any effect the gradient of all scores is normal with the curvature as its covariance, times the variance of
 what is left. Every draw is scored as the data were, all hypotheses at once, but without bounds, at the size that is

@@ -1,4 +1,4 @@
-"""At which frequencies tones are tried: of the scan where what is left is loudest, and more of them about the best."""
+"""Frequencies of the tones that are tried: scan points where the residual is largest, refined about the best."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Periodic effects that meet every window at another phase: their scores, from what each window says by itself.
+"""Scores of periodic effects whose phase is different in every window.
 
 Of each window the amplitudes x = (s, c) of sin and cos that suit it best follow from its gradient g and curvature H.
 One amplitude A for all with a phase φ of each window, x = R(φ) A, turns them in the plane of sin and cos; A and the φ

@@ -1,4 +1,4 @@
-"""By which figures scores are believed: unit and reason of each."""
+"""Thresholds for accepting scores: unit and reason of each."""
 
 from dataclasses import dataclass
 

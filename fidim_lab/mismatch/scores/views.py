@@ -1,4 +1,4 @@
-"""A model seen through the scores of everything that it does not have: what could be added to it."""
+"""A model with the scores of all effects that it does not have: what could be added to it."""
 
 from collections import Counter
 from collections.abc import Sequence

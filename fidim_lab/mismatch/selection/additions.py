@@ -1,4 +1,4 @@
-"""A model with further terms that scores ask for, fitted.
+"""A model with further terms, chosen by their scores and fitted.
 
 Scores are statements to first order over as long as the model follows the motion. Where that is less than what is to be
 fitted, the terms race there first, each from the values at which it was scanned while none suits, and the few best go

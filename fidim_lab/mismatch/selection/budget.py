@@ -1,4 +1,4 @@
-"""How long a search for what was left out may go on: an answer that comes late is none in a laboratory.
+"""How long a search may take: a late answer is of no use in a laboratory.
 
 CPU time, so that a busy machine changes nothing; where a search is not cut short, nothing depends on it.
 """

@@ -1,4 +1,4 @@
-"""Completed models beside each other: which is more convincing, and which predicts better what no fit has seen."""
+"""Comparing completed models: which has more evidence, and which predicts held-out windows better."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What could stand in the place of a named effect: from the information matrix at the fitted model.
+"""Effects that could replace a named one, by the information matrix at the fitted model.
 
 What a named effect does to the recordings, body, starts and the other effects being adjusted, is a vector; what of it,
 and of what it leaves, another effect cannot imitate, within its bounds, is what the data say between the two.

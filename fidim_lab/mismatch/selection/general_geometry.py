@@ -1,4 +1,4 @@
-"""General geometry as a rival of everything that is named: all anchors and attachments off at once, by a usual survey.
+"""General geometry as a rival of every effect: errors of all anchors and attachments, as in a usual survey.
 
 Where the robot file states no survey, its geometry may be exact or off by what surveys usually are. Evidence decides,
 twice: before a search, where an open geometry is foretold to follow a motion that the file's does not, and to say more

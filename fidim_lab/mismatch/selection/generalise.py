@@ -1,4 +1,4 @@
-"""More general forms of a term that was found, where its simple form leaves structure that they may explain."""
+"""More general forms of a term, tried where its simple form leaves structure in the residual."""
 
 from collections.abc import Callable, Sequence
 from functools import partial

@@ -1,4 +1,4 @@
-"""Additions to a model, one after the other: over the first seconds where needed, then over whole windows.
+"""Additions to a model, one after the other: for the first seconds where needed, then for whole windows.
 
 The search may end early: at pushes within a few windows that are all that is left. What a search that has ended
 thinks better of is in `select`.

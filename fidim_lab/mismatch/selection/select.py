@@ -1,4 +1,4 @@
-"""From the model as it is to the best set of effects: look at all scores, fit the best few, take one, look again.
+"""From the model without effects to the best set: compute all scores, fit the best few, take one, repeat.
 
 First over the first seconds, wherever whole windows are not followed: cheap, and no phase can slip there. What survives
 is fitted to whole windows, and the search goes on there. A term is taken when the evidence asks for it (> 5 nats) and,

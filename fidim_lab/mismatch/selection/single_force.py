@@ -1,4 +1,4 @@
-"""One wrench without a name beside the model as it is, asked for where several effects would else be named.
+"""One unknown wrench, fitted where several effects would otherwise be named.
 
 It is found in seconds, while several effects take long to be fitted to whole windows. Where it leaves only noise of all
 windows, and follows even the first seconds better than the effects do that were fitted to nothing else, these need not

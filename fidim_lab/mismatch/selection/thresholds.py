@@ -1,4 +1,4 @@
-"""By which figures models are tried and preferred: unit and reason of each."""
+"""Thresholds for trying and preferring models: unit and reason of each."""
 
 from dataclasses import dataclass
 

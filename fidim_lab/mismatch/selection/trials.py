@@ -1,4 +1,4 @@
-"""Models with effects on trial: looked at, fitted, pruned and judged; what was done is kept for the ranking.
+"""Trial models: scored, fitted, pruned and judged; a record of them is kept for the ranking.
 
 What is tried in which order, and what of it is believed, is decided in `select`.
 """

@@ -1,4 +1,4 @@
-"""Terms of two models that both did well over the first seconds, fitted together from nothing.
+"""Terms of two models that both did well over the first seconds, fitted together from zero.
 
 A term with much freedom (a hose, whose end may be anywhere) takes the share of another one too when it comes first;
 beside it, bent so, the other is asked for no more. Begun together, each takes its own.

@@ -1,4 +1,4 @@
-"""Models that were found over the first seconds, fitted to whole windows: the best first, others where it may fail."""
+"""Models found over the first seconds, fitted to whole windows: the best first, then others where it fails."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What has no name is still modelled: the best smooth wrench of position, velocity, rotation or time.
+"""Unknown physics, modelled as the best smooth wrench of position, velocity, rotation or time.
 
     model_unknown   a fitted model and held-out windows in, what the unknown force does out (`unknown`)
     families        what a wrench may depend on, and where it may act (`families`)

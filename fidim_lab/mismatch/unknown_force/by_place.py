@@ -1,4 +1,4 @@
-"""Families of the place in the room: towards a point, polynomials, fields of bells, brakes."""
+"""Families of the place in the room: towards a point, polynomials, sums of bell functions, brakes."""
 
 from functools import partial
 from itertools import product

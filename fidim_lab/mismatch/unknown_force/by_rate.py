@@ -1,4 +1,4 @@
-"""Families of rates: of the velocity, of the turning, and at the joints of one cable."""
+"""Families of rates: of the velocity, of the rotation, and at the joints of one cable."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""How much a family explains: ridge regression with the strength of the ridge, and the shape, chosen by evidence.
+"""How much a family explains: ridge regression, with ridge strength and shape chosen by evidence.
 
 Weights W ~ N(0, σ² s²) and a noise σ of which nothing is assumed give, with n numbers recorded,
 

@@ -1,4 +1,4 @@
-"""The families that are tried: what an unknown wrench may depend on, and where it may act.
+"""The families of wrenches that are tried: what an unknown wrench may depend on, and where it may act.
 
 Scales come from the motion as it was recorded (`Reach`), never from a campaign: centres within what was visited,
 widths from a tenth of it up, speeds up to the highest seen.

@@ -1,4 +1,4 @@
-"""A family of wrenches: some directions times some features of the motion, each product with a weight of its own.
+"""A family of wrenches: directions times features of the motion, each product with its own weight.
 
     w(t, pose, twist) = Σ_dk W_dk D_d(t, pose, twist) φ_k(t, pose, twist)
 

@@ -1,4 +1,4 @@
-"""The fitted wrench along the fitted motions: what pictures are drawn from and sentences made of."""
+"""The fitted wrench along the fitted motions: the input of pictures and sentences."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

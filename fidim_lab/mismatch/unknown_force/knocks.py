@@ -1,4 +1,4 @@
-"""A short force that comes back again and again, at a time of its own in every window.
+"""A short force that is repeated, at different times in every window.
 
 Knocks that are short beside their period have so many harmonics that these must be taken together: of a Gaussian of
 width s harmonic k has the share a_k = exp(−(2π f k s)²/2). What all windows have in common is one force; it, and when

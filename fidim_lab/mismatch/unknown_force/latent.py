@@ -1,4 +1,4 @@
-"""A family with its best shape as an effect: a wrench that trajectories with derivatives carry, to be fitted jointly.
+"""A family with its best shape as an effect, so that it can be fitted jointly with exact derivatives.
 
 θ are the combinations of weights that the data determine, each in units of its own prior, and what the shape moves from
 where it was found, in units of the search's first steps: θ ~ N(0, 1).

@@ -1,4 +1,4 @@
-"""What comes back again and again, and meets every window at another time: when, from what each window says by itself.
+"""When a repeated force acts in each window, estimated from each window by itself.
 
 Features are sin and cos of some harmonics of one frequency, in turn. With weights w of all windows and a phase φ of
 each, the weights that a window feels are R(φ) w, each pair of harmonic k turned by k φ; w and the φ are found in turn.

@@ -1,4 +1,4 @@
-"""Points of the platform on which a wrench without a name may act."""
+"""Points of the platform at which an unknown wrench may act."""
 
 from enum import Enum
 

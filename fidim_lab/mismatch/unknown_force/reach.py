@@ -1,4 +1,4 @@
-"""Scales of the motion as it was recorded, and what wrenches act on: shared by all families."""
+"""Scales of the recorded motion, shared by all families."""
 
 from dataclasses import dataclass
 

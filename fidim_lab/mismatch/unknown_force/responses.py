@@ -1,4 +1,4 @@
-"""How windows answer to a wrench of any course in time, to first order.
+"""First-order response of windows to a wrench with any time course.
 
 With n cables only λ = 6 − n directions of acceleration are free, so the course of any wrench along a known motion is λ
 functions of time. Each is a sum of cubic B-splines; the answer of a window's markers to every one of these bumps, its

@@ -1,4 +1,4 @@
-"""By which figures a wrench without a name is sought and believed: unit and reason of each."""
+"""Thresholds for finding and accepting an unknown wrench: unit and reason of each."""
 
 from dataclasses import dataclass
 

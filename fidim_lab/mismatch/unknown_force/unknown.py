@@ -1,4 +1,4 @@
-"""The unknown, modelled: typed, fitted jointly with the body, and judged on windows that no fit has seen.
+"""Unknown physics: modelled, fitted jointly with the body, and judged on held-out windows.
 
     found = model_unknown(base, held_out_windows)
     found.words, found.after.chi2_per_dof, found.field, found.parameters

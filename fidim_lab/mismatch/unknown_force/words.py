@@ -1,4 +1,4 @@
-"""What an unknown wrench does, in sentences with numbers, from its family and from its samples along the motion."""
+"""Sentences on an unknown wrench, from its family and its samples along the motion."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What is missing where no model reaches the noise, as of most real robots: judged by whole windows.
+"""Missing physics where no model leaves only noise, as on most real robots: judged by whole windows.
 
 In: a cleaned Campaign. Out: an Outcome: the terms that whole windows ask for, each with what stands for it as well.
 A residual that is far above the noise is no noise: it counts for as few independent values as it has

@@ -1,4 +1,4 @@
-"""How many times a usual survey a robot file's geometry is off: anchors in the room and attachments on the body apart.
+"""By which factors a robot file's geometry is worse than a usual survey: anchors and attachments apart.
 
 A platform is machined and measured with a caliper, its room is not: one factor for both would let attachments move as
 far as anchors do.

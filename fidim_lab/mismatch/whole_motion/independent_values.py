@@ -1,4 +1,4 @@
-"""How many independent values a residual has that is no noise.
+"""The number of independent values in a residual that is not white.
 
 A sum of squares of correlated normal values with covariance eigenvalues λ has the mean and the variance of (Σλ)²/Σλ²
 independent ones (Satterthwaite, Biometrics Bulletin 2, 1946). A stationary residual has its spectrum as eigenvalues.

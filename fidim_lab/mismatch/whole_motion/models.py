@@ -1,4 +1,4 @@
-"""Models fitted to whole windows, with what they predict of windows that no fit has seen, and their evidence.
+"""Models fitted to whole windows, with their predictions of held-out windows and their evidence.
 
 Evidence is Laplace's: half the data's sum of squares over `temper`, the prior's strain, and the Occam factor
 ½ ln det(I + prior covariance × information / temper). `temper` is the sum of squares for each independent value of what

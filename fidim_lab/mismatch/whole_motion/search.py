@@ -1,4 +1,4 @@
-"""Term after term, each taken by evidence of whole windows and by what held-out windows gain; then what stands for it.
+"""Terms added one by one, by evidence and by the gain of held-out windows; then their rivals.
 
 The geometry comes first: where whole windows ask for it, it is open under its survey in every model, so that no term is
 named for what a usual survey misses. Then every step looks at all effects to first order, fits those that take most,

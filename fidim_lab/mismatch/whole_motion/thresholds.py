@@ -1,4 +1,4 @@
-"""By which figures models of whole windows are preferred: unit and reason of each."""
+"""Thresholds for preferring models of whole windows: unit and reason of each."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which of two models of whole windows is preferred: by evidence of the fitted windows, and by windows held out.
+"""Which of two models of whole windows is preferred: by evidence of fitted windows and by held-out windows.
 
 Evidence counts what a model leaves as noise of few independent values. It cannot know that another robot pose shows
 another share of what is missing; the windows themselves do: how far the one predicts better differs from window to

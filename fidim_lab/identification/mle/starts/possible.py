@@ -1,4 +1,4 @@
-"""Bodies that can be: the nearest one that can move as a start, what is plausible, and how near the boundary is."""
+"""Possible bodies: the nearest one as a start, what is plausible, and the distance to the boundary."""
 
 import numpy as np
 from jaxtyping import Float

@@ -1,4 +1,4 @@
-"""Cables that are springs in a trajectory fit: who they are, where their stiffness starts, what is known at a start.
+"""Cables as springs in a trajectory fit: which ones, their first stiffness, and what is known at a start.
 
 A mechanism whose effects stretch cables is fitted with springs (`with_springs`), because only they are exact, and only
 they hold where directions are soft (spec/model.md §6). Their twelve freedoms need priors: one marker shows three.

@@ -1,4 +1,4 @@
-"""Poses that fit first markers and lengths, of many windows from many begins at once.
+"""Poses that fit first markers and lengths, of many windows from many starts at once.
 
 One search takes microseconds of arithmetic and milliseconds of Python, so all that are asked for go side by side;
 each is damped by itself and ends by itself, as if it were alone.

@@ -1,4 +1,4 @@
-"""First poses of windows whose cable lengths nobody read, where markers alone leave the orientation open.
+"""First poses of windows without measured cable lengths, where markers alone leave the orientation open.
 
 One marker's place is a family of poses. A platform swings about one at which it rests, with its marker in the middle of
 the motion; most of the others no four cables could hold, and a fit that begins there ends with a slack cable. With four

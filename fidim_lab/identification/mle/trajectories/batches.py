@@ -1,4 +1,4 @@
-"""Windows integrated together: recordings of similar length, as many at once as memory stays small for."""
+"""Windows integrated together: recordings of similar length, as many at once as memory allows."""
 
 from collections.abc import Iterator, Sequence
 

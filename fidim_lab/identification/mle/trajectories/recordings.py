@@ -1,4 +1,4 @@
-"""One window as a trajectory fit needs it: times from its first usable sample, markers, one length for each cable.
+"""One window for a trajectory fit: times from its first usable sample, markers, one length for each cable.
 
 Any sampling and any gaps: a missing coordinate gives no residual, nothing is interpolated.
 """
