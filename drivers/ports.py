@@ -71,7 +71,7 @@ class DriveState(StrEnum):
 
 @dataclass(frozen=True)
 class WinchSample:
-    """What one winch said in one bus cycle."""
+    """A winch's sample of one bus cycle."""
 
     t: float
     """monotonic s of the SYNC that sampled it"""
@@ -166,7 +166,7 @@ class Winch(Protocol):
 
     @property
     def commanded(self) -> Trajectory | None:
-        """Where the cable (m) was told to be, by the last command; None while the winch has not been given power."""
+        """The commanded cable length (m); None while the winch has not been given power."""
         ...
 
     @property
@@ -188,7 +188,7 @@ class Trial(StrEnum):
 
 @dataclass(frozen=True)
 class Stop:
-    """How a winch should stop in a trial, by what its drive was told."""
+    """How a winch should stop in a trial, by its drive's settings."""
 
     reaction: float
     """s until it begins to"""
@@ -212,7 +212,7 @@ class TrialBench(Protocol):
         ...
 
     def stop(self, trial: Trial, speed: float, acceleration: float) -> Stop:
-        """What is to be expected of a trial at this speed (m/s), on a move with this ramp (m/s²)."""
+        """The expected result of a trial at this speed (m/s), on a move with this ramp (m/s²)."""
         ...
 
     def room(self, length: float, way: float) -> bool:
@@ -289,7 +289,7 @@ class MarkerSource(Protocol):
 
 
 class ReleaseState(StrEnum):
-    """What a release device does with the platform."""
+    """The state of a release device."""
 
     HOLDS = "holds"
     RELEASED = "released"
@@ -307,12 +307,12 @@ class Release(Protocol):
 
     @property
     def state(self) -> ReleaseState:
-        """As it said last; UNKNOWN where that is too long ago."""
+        """Its last reported state; UNKNOWN where that is too old."""
         ...
 
     @property
     def fault(self) -> str:
-        """What went wrong while it held, in words; latched, empty without one."""
+        """The fault while it held, in words; latched, empty without one."""
         ...
 
     async def hold(self) -> None:
@@ -326,7 +326,7 @@ class Release(Protocol):
 
 @dataclass(frozen=True)
 class GaugeReading:
-    """What a measuring device said in one line."""
+    """One line of a measuring device."""
 
     t: float
     """monotonic s of arrival"""
@@ -367,17 +367,17 @@ class Bus(Protocol):
 
     @property
     def strangers(self) -> str:
-        """Who else commands the drives, or answers for one of them, in words; latched, empty where nobody does."""
+        """Another master, or another node of a drive's id, in words; latched, empty without one."""
         ...
 
     @property
     def remark(self) -> str:
-        """What went wrong so far and was passed over, with its cure, in words; empty where nothing did."""
+        """Faults so far that did not stop the run, with their remedy, in words; empty without any."""
         ...
 
 
 class PromptKind(StrEnum):
-    """What is asked of whoever stands at the robot."""
+    """A question to the person at the robot."""
 
     DISPLACE_AND_RELEASE = "displace-and-release"
     HANG_IN = "hang-in"

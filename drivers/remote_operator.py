@@ -40,7 +40,7 @@ class RemoteOperator:
             self._streams = None
 
     async def answer(self, prompt: Prompt) -> str:
-        """What the other end answers. Raises DeviceError where the connection is lost or the answer is none."""
+        """The other end's answer. Raises DeviceError where the connection is lost or the answer is invalid."""
         if self._streams is None:
             raise DeviceError(self.name, "is not connected.")
         reader, writer = self._streams

@@ -12,7 +12,7 @@ from enum import StrEnum
 
 
 class Verb(StrEnum):
-    """What can be said."""
+    """The commands."""
 
     PAUSE = "pause"
     """stop on the ramp and hold, until resumed"""
@@ -62,7 +62,7 @@ Judge = Callable[[Word], str]
 
 
 def nothing_runs(_word: Word) -> str:
-    """What a control without an engine says to every word."""
+    """The answer of a control without an engine to every command."""
     return "nothing is running"
 
 

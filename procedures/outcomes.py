@@ -67,7 +67,7 @@ class Measurement:
 
     @property
     def sentence(self) -> str:
-        """What was found and what is allowed."""
+        """Found and allowed value in words."""
         if self.outcome is Outcome.UNSET:
             return f"{self.name} was not measured ({self._allowed})"
         return f"{self.name} is {self.value:.4g}{self._unit} ({self._allowed})"

@@ -25,7 +25,7 @@ class Pace:
         self._ratios[type(step)] = ratio if before is None else before + LEARNING * (ratio - before)
 
     def seconds(self, step: Step) -> float:
-        """What one step should take, s."""
+        """The expected duration of one step, s."""
         return step.seconds * self._ratios.get(type(step), 1.0)
 
     def total(self, estimates: Mapping[type[Step], float]) -> float:

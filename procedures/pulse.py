@@ -5,7 +5,7 @@ from procedures.steps import Phase, Step
 
 
 class Pulse:
-    """What the running step is, for guards and listeners: the engine's only changing state."""
+    """The running step, for guards and listeners: the engine's only mutable state."""
 
     def __init__(self) -> None:
         self.step: Step | None = None

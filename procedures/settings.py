@@ -210,7 +210,7 @@ class CommissionSettings:
 
 @dataclass(frozen=True)
 class AlignSettings:
-    """How late the markers are against the encoders: the platform goes up and down, and both look."""
+    """The delay of the markers against the encoders, measured while the platform goes up and down."""
 
     amplitude: Annotated[float, Field(gt=0, le=0.1)] = 0.015
     """m up and down from the window's place"""
@@ -280,7 +280,7 @@ class RecordSettings:
 
 
 class Reaction(StrEnum):
-    """What a guard's trip does to all winches at once."""
+    """The reaction of all winches to a guard's trip."""
 
     HOLD = "hold"
     """stop on the ramp and hold with power on"""
@@ -293,7 +293,7 @@ class Reaction(StrEnum):
 
 @dataclass(frozen=True)
 class GuardSettings:
-    """What stops a run at once. Every guard looks at each cycle."""
+    """What stops a run at once. Every guard is checked in each cycle."""
 
     period: Annotated[float, Field(gt=0, le=0.1)] = 0.01
     """s between two looks"""

@@ -127,7 +127,7 @@ class Stopping:
         return now > max(self._told if commanded is None else commanded.end, self._told) + self._tolerance.late
 
     def asked(self, now: float, first: float | None, last: float | None) -> None:
-        """What the encoder answered at two times, after all drives' watchdogs have acted."""
+        """The encoder's answers at two times, after the watchdogs of all drives have acted."""
         if last is None or first is None:
             self._moves = "it has not answered since"
             self.stands = self.stands and not self.forced
@@ -139,7 +139,7 @@ class Stopping:
             self._since = now
 
     def told(self) -> StoppedWinch:
-        """What there is to say of it."""
+        """The result in words."""
         moved = None
         if self._seen and self._place is not None and self._start is not None:
             moved = self._place - self._start

@@ -48,7 +48,7 @@ _RECEIVE_FAILED = "reading from it failed"
 
 @dataclass
 class BusCounters:
-    """What passed, and what was wrong with it; written by the receiving thread."""
+    """Counters of frames and of faults; written by the receiving thread."""
 
     received: int = 0
     garbled: int = 0
@@ -198,7 +198,7 @@ class PythonCanTransport:
 
     @property
     def remark(self) -> str:
-        """What went wrong so far and was passed over, in words; empty where nothing did."""
+        """Faults so far that did not stop it, in words; empty without any."""
         counts, words = self._receiver.counters, []
         if counts.garbled:
             words.append(f"{counts.garbled} unreadable lines were passed over: look at the serial line")

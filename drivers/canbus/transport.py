@@ -34,7 +34,7 @@ class CanTransport(Protocol):
 
     @property
     def remark(self) -> str:
-        """What went wrong with it so far and was passed over, with its cure, in words; empty where nothing did."""
+        """Faults so far that did not stop it, with their remedy, in words; empty without any."""
         ...
 
     def send(self, frame_id: int, data: bytes) -> None:

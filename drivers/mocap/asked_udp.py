@@ -17,7 +17,7 @@ from fidim_lab.errors import DeviceError, SetupError
 
 @dataclass(frozen=True)
 class Greeting:
-    """What is said to a server that streams datagrams to whoever asks."""
+    """The requests to a server that streams datagrams on request."""
 
     hello: bytes
     """said first, and again where nothing comes"""
@@ -60,7 +60,7 @@ class AskedUdpFeed(DatagramFeed):
 
     @property
     def left_out(self) -> str:
-        """Where the newest of them came from, in words."""
+        """The origin of the newest datagram, in words."""
         return self._senders.left_out
 
     async def open(self) -> None:

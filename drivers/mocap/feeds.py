@@ -35,7 +35,7 @@ class ByteFeed(Protocol):
 
     @property
     def hint(self) -> str:
-        """What to check when nothing comes."""
+        """What to check when nothing arrives."""
         ...
 
     @property
@@ -60,7 +60,7 @@ class ByteFeed(Protocol):
 
 
 class DatagramFeed:
-    """What feeds of datagrams have in common: a socket, and a queue that forgets what nobody fetches."""
+    """Common to feeds of datagrams: a socket, and a queue that drops what nobody fetches."""
 
     def __init__(self, clock: Clock, address: tuple[str, int]) -> None:
         self._clock = clock
@@ -80,7 +80,7 @@ class DatagramFeed:
 
     @property
     def left_out(self) -> str:
-        """Where the newest of them came from, in words."""
+        """The origin of the newest datagram, in words."""
         return ""
 
     @property
@@ -143,7 +143,7 @@ class UdpFeed(DatagramFeed):
 
     @property
     def left_out(self) -> str:
-        """Where the newest of them came from, in words."""
+        """The origin of the newest datagram, in words."""
         return self._senders.left_out
 
     @property
@@ -186,10 +186,10 @@ class _Arrived(Protocol):
 
 
 class Conversation(Protocol):
-    """What a client says to a server that does not just stream: a new one for each connection, without I/O."""
+    """A client's side of a protocol with requests: a new one for each connection, without I/O."""
 
     def receive(self, data: bytes) -> bytes:
-        """What to send after these bytes of the server; empty for nothing."""
+        """The bytes to send after these bytes of the server; may be empty."""
         ...
 
 

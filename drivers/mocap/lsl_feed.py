@@ -31,7 +31,7 @@ _SEPARATORS = "._: "
 
 @dataclass(frozen=True)
 class Channels:
-    """Which channels are what."""
+    """The meaning of the channels."""
 
     frame: int | None
     markers: tuple[tuple[int, int, int], ...]

@@ -15,7 +15,7 @@ LOOK = 0.1
 
 @dataclass(frozen=True)
 class GaugeConfig:
-    """What the rig file says of a measuring device."""
+    """The rig file's values of a measuring device."""
 
     name: str
     """for messages: "load cells /dev/ttyUSB1\""""
@@ -41,7 +41,7 @@ class GaugeConfig:
 
 @dataclass
 class GaugeCounters:
-    """What came, and what of it was of no use."""
+    """Counters of received lines and of useless ones."""
 
     lines: int = 0
     malformed: int = 0

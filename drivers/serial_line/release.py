@@ -19,7 +19,7 @@ POLL = 0.02
 
 @dataclass(frozen=True)
 class ReleaseConfig:
-    """What the rig file says of the release."""
+    """The rig file's values of the release."""
 
     name: str
     """for messages: "release /dev/ttyUSB0\""""
@@ -78,7 +78,7 @@ class SerialRelease:
 
     @property
     def fault(self) -> str:
-        """What went wrong while it held, in words; it stays until `acknowledge`."""
+        """The fault while it held, in words; it stays until `acknowledge`."""
         if self._holding and not self._fault and self.state is ReleaseState.UNKNOWN:
             self._latch(f"does not tell its state any more, for over {self.config.timeout:g} s")
         return self._fault

@@ -21,7 +21,7 @@ ONE_PLACE = 0.01
 
 
 def check(campaign: Campaign) -> tuple[str, ...]:
-    """What is to be said.
+    """The messages.
 
     Raises RefusedError where every `identify` window has its markers in a wrong unit, or none moves.
     """

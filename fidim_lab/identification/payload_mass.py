@@ -33,7 +33,7 @@ SAME_PLACE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """What was added to the platform."""
+    """A known payload."""
 
     mass: float
     """Δm, kg"""

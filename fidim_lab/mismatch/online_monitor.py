@@ -64,7 +64,7 @@ class Suspicion:
 
 @dataclass(frozen=True)
 class SoFar:
-    """What the windows so far say of the model."""
+    """The state of the model by the windows so far."""
 
     windows: int
     """that were fitted"""

@@ -41,7 +41,7 @@ MOST_CUTS = 2
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """Where one search ended."""
+    """The result of one search."""
 
     cleaned: Cleaned
     """what was searched"""
@@ -57,7 +57,7 @@ class Round:
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """Where all rounds ended."""
+    """The result of all rounds."""
 
     mechanism: Mechanism
     """the model as it is, without any effect"""
@@ -81,7 +81,7 @@ class Reached:
 
 @dataclass(frozen=True, eq=False)
 class Rounds:
-    """What all rounds of one campaign share."""
+    """The data that all rounds of one campaign share."""
 
     mechanism: Mechanism
     """the model as it is"""

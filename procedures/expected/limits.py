@@ -56,13 +56,13 @@ class Workspace:
         self._ways: dict[tuple[Lengths, Lengths], Violation | None] = {}
 
     def at(self, lengths: Lengths) -> Violation | None:
-        """What is wrong with resting at these lengths (m); None if nothing."""
+        """Why the robot must not rest at these lengths (m); None if it may."""
         if lengths not in self._points:
             self._points[lengths] = self._judge(lengths)
         return self._points[lengths]
 
     def between(self, start: Lengths, end: Lengths) -> Violation | None:
-        """What is wrong on the straight line between two length sets, both ends included; None if nothing."""
+        """Why the straight line between two length sets, ends included, must not be taken; None if it may."""
         key = (start, end) if start <= end else (end, start)
         if key not in self._ways:
             self._ways[key] = self._first_violation(*key)

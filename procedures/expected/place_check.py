@@ -28,7 +28,7 @@ AXES = {"y and z": (0, 2, 1), "x and y": (1, 0, 2), "x and z": (2, 1, 0)}
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What was measured while the platform rested."""
+    """Measurements while the platform rested."""
 
     lengths: Lengths
     """by the encoders, m"""
@@ -112,7 +112,7 @@ def _moved(lengths: Lengths, by: PerCable) -> Lengths:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What came of moving one winch a few millimetres."""
+    """The result of moving one winch by a few millimetres."""
 
     cable: int
     """from 1"""
@@ -138,7 +138,7 @@ def response_measurements(one: Response, settings: PlaceSettings) -> tuple[Measu
 
 
 def response_cause(one: Response, rest: NominalRest, lengths: Lengths, way: float) -> str:
-    """What would explain a response that is not the model's. way: m by which its encoder says it moved."""
+    """Possible causes of a response other than the model's. way: m that it moved by its encoder."""
     known = {"it turns against its encoder: is direction, or polarity (607E), right": -one.model}
     for cable in range(1, rest.n + 1):
         if cable != one.cable:
@@ -164,7 +164,7 @@ def response_cause(one: Response, rest: NominalRest, lengths: Lengths, way: floa
 
 
 def common_factor(responses: list[Response], settings: PlaceSettings) -> Measurement:
-    """How much farther all winches move the marker than the model says: drums or gears of all."""
+    """By which factor all winches move the marker farther than the model: drums or gears of all."""
     model = np.concatenate([one.model for one in responses])
     seen = np.concatenate([one.seen for one in responses])
     factor = float(seen @ model / (model @ model))

@@ -18,7 +18,7 @@ class OtherMasterGuard:
         self._bus = bus
 
     def look(self, seen: Observation) -> str | None:
-        """Who."""
+        """The other master or node, in words; None without one."""
         return self._bus.strangers or None
 
 
@@ -36,7 +36,7 @@ class BusRemarkGuard:
         self._new_at = float("-inf")
 
     def look(self, seen: Observation) -> str | None:
-        """What, for as long as it goes on."""
+        """The fault in words while it lasts, else None."""
         remark = self._bus.remark
         if remark != self._last:
             self._last, self._new_at = remark, seen.t
@@ -53,7 +53,7 @@ class ReleaseGuard:
         self._release = release
 
     def look(self, seen: Observation) -> str | None:
-        """What it has latched."""
+        """The latched fault in words, or None."""
         return f"{self._release.name}: {self._release.fault}" if self._release.fault else None
 
 

@@ -28,7 +28,7 @@ class Trip:
 
 @dataclass(frozen=True)
 class Observation:
-    """What is known at one instant."""
+    """The state of the run at one instant."""
 
     t: float
     phase: Phase
@@ -48,11 +48,11 @@ class Guard(Protocol):
 
     @property
     def reaction(self) -> Reaction:
-        """What its trip does."""
+        """The reaction to its trip."""
         ...
 
     def look(self, seen: Observation) -> str | None:
-        """What is wrong, or None."""
+        """The violation in words, or None."""
         ...
 
 
@@ -97,7 +97,7 @@ class Standstill:
             self._lasted, self._end = t - before, t
 
     def cause(self, t: float, guard: str, says: str) -> str:
-        """What a guard says, after what came first: a standstill counts for as long again as it has lasted."""
+        """A guard's message after its cause: a standstill counts for as long again as it lasted."""
         ago = t - self._end
         if ago > self._lasted or not self._lasted or guard == HOST_LOOP:
             return says

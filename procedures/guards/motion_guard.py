@@ -20,7 +20,7 @@ OVERSHOOT = 0.25
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far a winch may be from what it was told."""
+    """How far a winch may be from its command."""
 
     place: float
     """m of cable, standing"""
@@ -49,7 +49,7 @@ class Follower:
         """m by which the first sample of that stop was off what was commanded"""
 
     def look(self, sample: WinchSample | None, commanded: Trajectory | None) -> str:
-        """What is wrong with it; empty where nothing is, or nothing was commanded."""
+        """The violation in words; empty where there is none, or nothing was commanded."""
         if sample is None or commanded is None:
             self._too_fast_since = None
             return ""

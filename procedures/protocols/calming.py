@@ -55,7 +55,7 @@ class _Here:
 
     @staticmethod
     def at(place: Place, bodies: Bodies) -> "_Here":
-        """Nothing yet but what is known of the body."""
+        """The state before any measurement: only the body is known."""
         unknown = np.full(len(place.swing.frequencies), np.nan)
         return _Here(place, Gains.by(place.swing, KNOWN if bodies.sure else OFF), unknown, unknown)
 
@@ -65,11 +65,11 @@ class _Here:
         return replace(self.place.swing, frequencies=seen.frequencies, damping=damping, gain=self.gains.mean)
 
     def saw(self, seen: SeenSwing) -> None:
-        """How it swings."""
+        """Takes a measured swing over."""
         self.frequencies = np.where(seen.amplitudes > PLAIN, seen.frequencies, self.frequencies)
 
     def learn(self, done: Calming, before: SeenSwing, after: SeenSwing) -> None:
-        """What strokes did between two looks."""
+        """The effect of strokes between two measurements."""
         looks = (Look(one.states, one.t, one.frequencies) for one in (before, after))
         self.gains = self.gains.after(done.chain, done.end, self.swing(before), *looks)
         found, thought = (gain[done.mode] @ done.chain.direction for gain in (self.gains.mean, self.place.swing.gain))
@@ -134,7 +134,7 @@ class Calmer:
             last = (calming, seen) if done.outcome.usable else None
 
     def told(self, place: Place, knowledge: Knowledge) -> Knowledge:
-        """What is known for a first excitation, with what calming at this place has shown."""
+        """The knowledge for a first excitation, including what calming at this place has shown."""
         return knowledge if self._here is None or self._here.place is not place else self._here.told(knowledge)
 
 

@@ -24,7 +24,7 @@ ONE_IS_ENOUGH = (Trial.LOST_HEARTBEAT, Trial.LOST_SYNC)
 
 @dataclass(frozen=True)
 class Judged:
-    """What the trials of one winch come to."""
+    """The result of the trials of one winch."""
 
     outcome: Outcome
     reason: str

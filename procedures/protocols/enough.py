@@ -10,7 +10,7 @@ from procedures.steps.accuracy import REACHED, CheckAccuracy
 
 
 class Records(Protocol):
-    """What records one window: a `WindowProtocol`."""
+    """The steps that record one window: a `WindowProtocol`."""
 
     @property
     def attended(self) -> bool:

@@ -215,7 +215,7 @@ class ExciteProtocol(WindowProtocol):
         return None if result.outcome.usable else result.reason
 
     def judged(self, planned: PlannedWindow, check: CheckWindow, verdict: Result) -> Generator[Step, Result, Result]:
-        """How it swung against what was planned; what it teaches."""
+        """The measured swing against the planned one, and the knowledge from it."""
         if not verdict.outcome.usable:
             return verdict
         place, plan = self._now(planned)

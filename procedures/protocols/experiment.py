@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """What is to be run on which robot."""
+    """A procedure and its robot."""
 
     name: str
     robot: Robot
@@ -50,7 +50,7 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Lab:
-    """What a procedure is made of: the plan's windows that are left, the robot, the settings, and safe ways."""
+    """The input of a procedure: the remaining windows of the plan, the robot, the settings, and safe moves."""
 
     plan: Plan
     robot: Robot

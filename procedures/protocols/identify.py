@@ -111,7 +111,7 @@ class WindowProtocol:
                 return (yield from self.held(planned))
 
     def held(self, planned: PlannedWindow) -> Generator[Step, Result, Lengths]:
-        """Where the winches hold after a person's word, with nobody's hand or device at the platform."""
+        """Where the winches hold after a person's command, with no hand or device at the platform."""
         yield from free(self.settings, planned.id)
         return (yield Hold(window=planned.id)).values
 
@@ -270,7 +270,7 @@ class WindowProtocol:
         return None if away.outcome.usable else away.reason
 
     def judged(self, _planned: PlannedWindow, _check: CheckWindow, verdict: Result) -> Generator[Step, Result, Result]:
-        """What more there is to judge of a recording."""
+        """Further checks of a recording."""
         yield from ()
         return verdict
 
@@ -285,7 +285,7 @@ class WindowProtocol:
         )
 
     def window_limits(self) -> WindowLimits:
-        """What a recording is judged by."""
+        """The criteria for a recording."""
         record, limits = self.settings.record, self.robot.limits
         return WindowLimits(
             complete=record.complete,

@@ -33,7 +33,7 @@ WallTime = Callable[[], str]
 
 
 class Kind(StrEnum):
-    """What a line tells."""
+    """The kind of a line."""
 
     RUN_STARTED = "run-started"
     STEP_STARTED = "step-started"
@@ -141,7 +141,7 @@ class Journal:
 
 
 def read_journal(path: Path) -> tuple[Entry, ...]:
-    """All whole lines; a torn last one is left out. Raises FileError for anything wrong before it."""
+    """All complete lines; an incomplete last one is left out. Raises FileError for any other mistake."""
     return tuple(entry for entry, _ in _read(path))
 
 

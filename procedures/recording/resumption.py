@@ -47,7 +47,7 @@ class LastPlace:
         return self.start != self.end
 
     def wrong(self, lengths: Lengths) -> str:
-        """What does not fit, as a sentence without its full stop; empty where the robot is where it should be."""
+        """The contradiction, as a sentence without its full stop; empty where the robot is where it should be."""
         ways = [b - a for a, b in zip(self.start, self.end, strict=True)]
         gone = [now - a for a, now in zip(self.start, lengths, strict=True)]
         square = sum(way * way for way in ways)
@@ -82,7 +82,7 @@ class LastPlace:
 
 @dataclass(frozen=True, eq=False)
 class Resumption:
-    """What an earlier process has done."""
+    """The work of an earlier process."""
 
     entries: tuple[IndexEntry, ...]
     """of campaign.toml"""

@@ -77,7 +77,7 @@ class WindowLog:
             self._place(now, frame.t, place)
 
     def winches(self, now: float, samples: Sequence[WinchSample | None]) -> None:
-        """What the winches say; a sample that was written already is left out."""
+        """The samples of the winches, without those already written."""
         for k, sample in enumerate(samples):
             if sample is None or sample.t <= self._seen[k]:
                 continue
@@ -97,7 +97,7 @@ class WindowLog:
             self._encoder.add(self._winches[k], nanoseconds(now), data, nanoseconds(sample.t))
 
     def event(self, event: Event) -> None:
-        """What the run tells meanwhile: steps, prompts, guards, the verdict. Never touches the disk."""
+        """Events of the run: steps, prompts, guards, the verdict. Never touches the disk."""
         match event:
             case Tripped(t=t, trip=trip):
                 self._trip(t, ERROR, trip)

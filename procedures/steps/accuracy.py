@@ -20,7 +20,7 @@ class CheckAccuracy(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"identify from the windows so far: {self.accuracy.says} is wanted"
 
     @property

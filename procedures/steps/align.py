@@ -38,12 +38,12 @@ class Jog(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"go up and down for {self.duration:g} s and record: how late are the markers against the encoders?"
 
     @property
     def details(self) -> Mapping[str, Any]:
-        """Where to: after a crash the robot is somewhere between."""
+        """The two ends: after a crash the robot is somewhere between."""
         return {"lengths": [round(length, 6) for length in self.ends[0]]}
 
     @property
@@ -54,7 +54,7 @@ class Jog(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Told(GiveUp):
-    """What came of it."""
+    """The result in words, which ends the procedure."""
 
     @property
     def text(self) -> str:

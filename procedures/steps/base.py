@@ -11,7 +11,7 @@ Lengths = tuple[float, ...]
 
 
 class Phase(StrEnum):
-    """What the robot may be doing, by which guards know what to expect."""
+    """What guards must expect of the robot."""
 
     PREPARING = "preparing"
     """no power yet: drives are not expected to be enabled"""
@@ -34,7 +34,7 @@ class Phase(StrEnum):
 
 
 class AfterPause(StrEnum):
-    """What resuming does with a step that was interrupted."""
+    """How a run is resumed at a step that was interrupted."""
 
     NOT_INTERRUPTED = "not interrupted"
     """short, or half of it would be worse than all: a pause waits for its end"""
@@ -46,7 +46,7 @@ class AfterPause(StrEnum):
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a step."""
+    """The result of a step."""
 
     outcome: Outcome = Outcome.PASS
     reason: str = ""
@@ -71,17 +71,17 @@ class Step:
 
     @property
     def text(self) -> str:
-        """What is done, for a person."""
+        """The step in words, for a person."""
         return type(self).__name__
 
     @property
     def place(self) -> tuple[object, ...]:
-        """Where in a procedure it stands: the same for repetitions of a step, different for any two others."""
+        """The place of a step in a procedure: equal for repetitions of a step, different for any two others."""
         return (type(self), self.window)
 
     @property
     def details(self) -> Mapping[str, Any]:
-        """What a journal must know of it before it begins, as JSON has it."""
+        """The data that the journal needs before the step begins, as JSON."""
         return {}
 
     @property
@@ -91,7 +91,7 @@ class Step:
 
     @property
     def expected(self) -> Result:
-        """What a reader without hardware takes for its result."""
+        """The result that a reader without hardware assumes."""
         return Result()
 
 

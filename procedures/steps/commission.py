@@ -31,7 +31,7 @@ class ProveStop(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"winch {self.winch + 1}, {self.trial} at {self.speed:g} m/s: does it stop by itself, and stay?"
 
     @property

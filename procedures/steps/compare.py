@@ -28,7 +28,7 @@ class Explain(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "explain what was recorded; propose the next window where the verdict is not clear"
 
     @property

@@ -54,7 +54,7 @@ class Strokes(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         strokes = sum(len(chain.targets) for chain in self.chains)
         most = 1e3 * max(
             abs(a - b) for chain in self.chains for t in chain.targets for a, b in zip(t, self.lengths, strict=True)
@@ -63,7 +63,7 @@ class Strokes(Step):
 
     @property
     def details(self) -> Mapping[str, Any]:
-        """Where it ends."""
+        """The cable lengths at its end."""
         return {"lengths": [round(length, 6) for length in self.lengths]}
 
     @property
@@ -87,7 +87,7 @@ class WatchSwing(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"see for {self.over:g} s how the platform swings"
 
     @property
@@ -109,7 +109,7 @@ class SeeRecordedSwing(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "see how the platform swung, mode by mode"
 
 
@@ -125,7 +125,7 @@ class IdentifyBody(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "identify from the windows so far, to plan the next ones"
 
     @property
@@ -148,7 +148,7 @@ class Think(Step):
 
     @property
     def text(self) -> str:
-        """What is computed."""
+        """The step in words."""
         return self.what
 
     @property
@@ -166,7 +166,7 @@ def swing_values(seen: "Seen", swing: "Swing") -> tuple[float, ...]:
 
 @dataclass(frozen=True, eq=False)
 class SeenSwing:
-    """What `swing_values` said."""
+    """The swing from `swing_values`."""
 
     t: float
     """monotonic s, or s of a window"""

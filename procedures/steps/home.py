@@ -20,7 +20,7 @@ class Configure(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "configure the winches, without power"
 
     @property
@@ -38,7 +38,7 @@ class AskWithoutPower(Ask):
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict(GiveUp):
-    """What came of a place at which nothing had power."""
+    """The result at a place where no drive had power."""
 
     phase: ClassVar[Phase] = Phase.PREPARING
 
@@ -63,7 +63,7 @@ class MeasurePose(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"measure the pose by its markers for {self.over:g} s, fitting within {self.misfit * 1e3:g} mm"
 
     @property
@@ -88,7 +88,7 @@ class SetLengths(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         where = " ".join(f"{length:.4f}" for length in self.lengths) or "(measured)"
         return f"take the encoders' present counts for lengths {where} m"
 

@@ -19,7 +19,7 @@ class Ask(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"ask: {self.prompt.text}"
 
     @property
@@ -59,7 +59,7 @@ class AwaitHandsOff(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         low, high = self.limits
         return f"wait until the platform moves freely, with tensions between {low:g} and {high:g} N"
 

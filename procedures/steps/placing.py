@@ -34,7 +34,7 @@ class TryWinches(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return (
             f"move each winch {self.way * 1e3:g} mm and back: marker where the lengths put it, marker and tensions "
             "answer as the model says"
@@ -65,5 +65,5 @@ class ComparePlace(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"compare the marker with the place that the lengths put it, at most {self.off * 1e3:g} mm off"

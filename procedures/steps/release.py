@@ -15,7 +15,7 @@ class TakeHold(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "the release takes hold"
 
     @property
@@ -33,7 +33,7 @@ class LetGo(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "the release lets go"
 
     @property
@@ -64,7 +64,7 @@ class AwaitHeld(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return (
             f"wait until the release holds the platform {self.least * 1e3:g} mm or more aside, within "
             f"{self.still * 1e3:g} mm for {self.over:g} s"

@@ -23,7 +23,7 @@ class Enable(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "configure the winches, read back their limits, power on and hold"
 
     @property
@@ -52,13 +52,13 @@ class MoveTo(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         where = " ".join(f"{length:.3f}" for length in self.lengths)
         return f"move {'by way of' if self.way_point else 'to'} lengths {where} m, at most {self.speed:g} m/s"
 
     @property
     def details(self) -> Mapping[str, Any]:
-        """Where to: after a crash the robot is somewhere on the way."""
+        """The target: after a crash the robot is somewhere on the way to it."""
         return {"lengths": [round(length, 6) for length in self.lengths]}
 
     @property
@@ -86,7 +86,7 @@ class Settle(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return (
             f"wait until the marker moves less than {self.tolerance * 1e3:g} mm peak to peak in {self.over:g} s "
             f"(at most {self.timeout:g} s)"
@@ -104,7 +104,7 @@ class Hold(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "hold all winches"
 
 
@@ -120,7 +120,7 @@ class ReadEncoders(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"read the encoders for {self.over:g} s, at most {self.tolerance * 1e3:g} mm off"
 
     @property
@@ -142,7 +142,7 @@ class CheckTension(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         low, high = self.limits
         return f"check every tension: {low:g} to {high:g} N, ±{self.tolerance:.0%} as it comes from motor currents"
 

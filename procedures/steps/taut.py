@@ -27,7 +27,7 @@ class TakeUp(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return (
             f"take up slack, one cable after another: {self.tension:g} N, at most {self.way:g} m at {self.speed:g} m/s"
         )
@@ -57,7 +57,7 @@ class TakePower(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return "take the power away, the brakes hold"
 
     @property

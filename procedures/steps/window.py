@@ -24,7 +24,7 @@ class Record(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"record {self.duration:g} s" + (f", attempt {self.attempt}" if self.attempt > 1 else "")
 
     @property
@@ -35,7 +35,7 @@ class Record(Step):
 
 @dataclass(frozen=True)
 class WindowLimits:
-    """What makes a recorded window a good one."""
+    """The criteria for a good window."""
 
     complete: float
     """least part of the samples that are there"""
@@ -79,7 +79,7 @@ class CheckWindow(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         limits = self.limits
         return (
             f"check the window: {limits.complete:.0%} of the samples, no gap over {limits.longest_gap:g} s, "
@@ -104,7 +104,7 @@ class Accept(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"accept as windows/{self.window}.csv"
 
 
@@ -119,7 +119,7 @@ class Reject(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"reject attempt {self.attempt}: {self.reason}"
 
 
@@ -134,7 +134,7 @@ class GiveUp(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return self.reason if self.outcome is Outcome.PASS else f"go on without {self.window}: {self.reason}"
 
 
@@ -163,5 +163,5 @@ class Stop(Step):
 
     @property
     def text(self) -> str:
-        """What is done."""
+        """The step in words."""
         return f"stop: {self.reason}"

@@ -40,7 +40,7 @@ _COMMUNICATION = tuple(range(0x1400, 0x1404)) + tuple(range(0x1800, 0x1804))
 
 @dataclass(frozen=True)
 class BroughtUp:
-    """What a bring-up found."""
+    """The result of a bring-up."""
 
     checks: tuple[SettingCheck, ...]
     grades: tuple[Graded, ...]

@@ -26,7 +26,7 @@ _COMMUNICATION = 0x11
 
 
 class Standing(Enum):
-    """How what was found stands to what is wanted."""
+    """The found value compared with the wanted one."""
 
     HOLDS = "holds"
     TO_BE_WRITTEN = "to be written"

@@ -76,7 +76,7 @@ class Drive:
         return self._clock.now() - values.t > limit
 
     def fault(self) -> str:
-        """What is wrong, as words; empty where nothing is."""
+        """The fault in words; empty without one."""
         found = self.link.fault(self._clock.now())
         values = self.link.values
         if not found and values is not None and state_of(values.statusword) in _FAULTED:

@@ -38,7 +38,7 @@ def profile(config: WinchConfig, speed: float, acceleration: float) -> tuple[Set
 
 @dataclass(frozen=True)
 class Beside:
-    """What is known of a drive besides its PDOs."""
+    """A drive's values besides its PDOs."""
 
     fault: str = ""
     """in words"""

@@ -231,7 +231,7 @@ class Cia402Winch:
 
     @property
     def commanded(self) -> Trajectory | None:
-        """Where the cable (m) was told to be; None before power, and while something else than a winch uses it."""
+        """The commanded cable length (m); None before power, and while something else than a winch uses the drive."""
         return None if self.on_trial else self._commanded
 
     def stands(self) -> None:
@@ -240,7 +240,7 @@ class Cia402Winch:
             self._commanded = Trajectory.standing(self._master.clock.now(), sample.length)
 
     def free(self) -> None:
-        """Nothing is commanded for the time being: modes for commissioning move the drive in their own way."""
+        """No command is in force: modes for commissioning move the drive by themselves."""
         self._commanded = None
 
     def _stops(self, deceleration: float) -> None:

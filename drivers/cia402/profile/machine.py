@@ -14,7 +14,7 @@ from drivers.ports import DriveState
 
 
 class Command(StrEnum):
-    """What a controlword can ask of the drive machine."""
+    """The commands of a controlword to the state machine."""
 
     SHUTDOWN = "shutdown"
     SWITCH_ON = "switch on"

@@ -41,7 +41,7 @@ _REMARKS = (
 
 
 def remarks(statusword: int) -> list[str]:
-    """What a statusword says beside its state and is worth telling a person, in profile position mode."""
+    """Remarks on a statusword besides its state, for a person, in profile position mode."""
     found = [words for bit, words in _REMARKS if statusword & bit]
     return found if statusword & VOLTAGE_ENABLED else [*found, "no supply voltage at the power stage"]
 

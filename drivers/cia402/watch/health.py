@@ -1,4 +1,4 @@
-"""What a drive reports besides its PDOs: following error (60F4), temperature, safe torque off (60FD).
+"""What a drive says of itself besides its PDOs: following error (60F4), temperature, safe torque off (60FD).
 
 Asked by SDO twice a second, its encoder (6064) ten times. A drive that sends samples and answers no question does not
 hear: the next stop may not reach it, and nobody would know before it is needed. One whose samples stay where they are

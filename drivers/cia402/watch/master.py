@@ -132,7 +132,7 @@ class CanopenMaster:
 
     @property
     def strangers(self) -> str:
-        """Who else commands the drives, or answers for one of them, in words; latched, empty where nobody does."""
+        """Another master, or another node of a drive's id, in words; latched, empty without one."""
         found = [f"another master is on this bus: {self._strangers.says}"] if self._strangers.says else []
         twins = ((node_id, link.twins.says) for node_id, link in self._links.items())
         found += [f"two nodes answer with id {node_id}: {says}" for node_id, says in twins if says]
@@ -140,7 +140,7 @@ class CanopenMaster:
 
     @property
     def remark(self) -> str:
-        """What went wrong on the bus and was passed over, in words; empty where nothing was."""
+        """Faults on the bus that did not stop the run, in words; empty without any."""
         withdrawn = ((node_id, link.withdrawn) for node_id, link in self._links.items())
         found = [f"node {node_id} has withdrawn its {emergency}" for node_id, emergency in withdrawn if emergency]
         return "; ".join(filter(None, (self.transport.remark, *found)))

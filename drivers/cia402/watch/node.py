@@ -28,7 +28,7 @@ _SAMPLED_LATELY = 0.1
 
 @dataclass
 class NodeCounters:
-    """What went wrong on the way, for the report."""
+    """Faults so far, for the report."""
 
     lost: int = 0
     """cycles in which no whole sample came"""
@@ -188,7 +188,7 @@ class NodeLink:
         self._whole = whole
 
     def fault(self, now: float) -> str:
-        """What is wrong with this node, as words; empty where nothing is."""
+        """The fault of this node in words; empty without one."""
         found: list[str] = []
         if self.latched is not None:
             found.append(str(self.latched))

@@ -15,7 +15,7 @@ class NmtCommand(IntEnum):
 
 
 class NmtState(IntEnum):
-    """What a heartbeat says of its node."""
+    """The state of a node in its heartbeat."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04

@@ -123,7 +123,7 @@ class ObjectValue:
 
 
 def mapping_writes(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
-    """What maps a PDO, in the order that the standard asks for: off, empty, entries, count, type, on."""
+    """The writes that map a PDO, in the order of the standard: off, empty, entries, count, type, on."""
     off_flags = COB_OFF | (NO_REMOTE if pdo.transmit else 0)
     on_flags = NO_REMOTE if pdo.transmit else 0
     cob = pdo.cob_id(node_id)
@@ -139,7 +139,7 @@ def mapping_writes(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
 
 
 def mapping_expected(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
-    """What must be read back after `mapping_writes`; of a COB-ID only bit 31 and the identifier count."""
+    """The values to read back after `mapping_writes`; of a COB-ID only bit 31 and the identifier count."""
     entries = [ObjectValue(pdo.mapping_index, n, e.mapping) for n, e in enumerate(pdo.entries, start=1)]
     return (
         ObjectValue(pdo.mapping_index, 0, len(entries)),
@@ -151,7 +151,7 @@ def mapping_expected(pdo: PdoMap, node_id: int) -> tuple[ObjectValue, ...]:
 
 @dataclass(frozen=True, slots=True)
 class DriveValues:
-    """What one drive said at one SYNC, in the drive's own units."""
+    """A drive's sample at one SYNC, in the drive's own units."""
 
     t: float
     """monotonic s of the SYNC"""

@@ -71,7 +71,7 @@ class SdoChannel:
         return variable is not None and bool(variable.pdo_mappable)
 
     def default(self, index: int, sub: int = 0) -> int:
-        """What stands in an object by its EDS (or DCF) file; 0 where it says nothing."""
+        """An object's value by its EDS (or DCF) file; 0 without one."""
         variable = self._dictionary.get_variable(index, sub)
         return 0 if variable is None else told_by_file(variable) or 0
 
@@ -153,6 +153,6 @@ class SdoChannel:
 
 
 def told_by_file(variable: ODVariable) -> int | None:
-    """What stands in an object by its file; None where it says no integer."""
+    """An object's value by its file; None where it is no integer."""
     value = variable.default if variable.value is None else variable.value
     return value if isinstance(value, int) else None

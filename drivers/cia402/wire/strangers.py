@@ -48,7 +48,7 @@ class Strangers:
 
     @property
     def says(self) -> str:
-        """What was heard, in words; empty where nothing was."""
+        """The frames heard, in words; empty without any."""
         return ", ".join(f"{count} {what}" for what, count in dict(self.heard).items())
 
 

@@ -59,7 +59,7 @@ class Decoder(Protocol):
         ...
 
     def advice(self) -> str:
-        """What a person should know who sees frames but no markers; empty where there is nothing to say."""
+        """A hint where frames arrive without markers; may be empty."""
         ...
 
 

@@ -16,7 +16,7 @@ from fidim_lab.errors import OurBugError
 
 @dataclass(frozen=True)
 class DecoderDescription:
-    """Which decoder, of what."""
+    """A decoder by name, with its settings."""
 
     kind: Literal["vicon-udp", "marker-text", "vicon-datastream", "qtm", "osc", "natnet"]
     markers: int
@@ -54,7 +54,7 @@ class DecoderDescription:
 
 
 def describe(decoder: Decoder) -> DecoderDescription:
-    """What `make` makes again. Raises OurBugError for a decoder that has no description yet."""
+    """The description from which `make` makes it again. Raises OurBugError for a decoder without one."""
     upright = isinstance(decoder, Upright)
     inner = decoder.inner if isinstance(decoder, Upright) else decoder
     if isinstance(inner, MarkerTextDecoder):

@@ -60,7 +60,7 @@ class MarkerTextDecoder:
         self._rest, self._skipping = b"", False
 
     def advice(self) -> str:
-        """What the lines should hold."""
+        """The expected columns of a line, as a hint."""
         return "The lines carry blank fields, nan or 0,0,0 for every marker: look for occluded markers at the sender."
 
     def _line(self, line: bytes) -> Event | None:

@@ -81,7 +81,7 @@ class QtmRequests:
         self._count: int | None = None
 
     def receive(self, data: bytes) -> bytes:
-        """What to send after these bytes."""
+        """The bytes to send after these bytes."""
         if not data:
             return b""
         packets = self._packets.receive(data)

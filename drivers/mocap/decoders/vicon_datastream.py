@@ -49,7 +49,7 @@ class DataStreamWishes:
         self._splitter: PacketSplitter | None = PacketSplitter()
 
     def receive(self, data: bytes) -> bytes:
-        """What to send now; empty once the wishes have been told."""
+        """The bytes to send now; empty once all requests have been sent."""
         if self._splitter is None:
             return b""
         for item in self._splitter.receive(data):

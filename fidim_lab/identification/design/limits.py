@@ -19,7 +19,7 @@ PIECE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """How far windows are beyond their limits: met where at most 0."""
+    """How far windows exceed their limits: met where at most 0."""
 
     values: Float[np.ndarray, "W K"]
     """in parts of the span that is allowed (of the conditioning: of its logarithm)"""

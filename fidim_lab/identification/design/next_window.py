@@ -14,7 +14,7 @@ from fidim_lab.model.mechanism import Mechanism
 
 @dataclass(frozen=True, eq=False)
 class NextWindow:
-    """What to record next, and what is to be expected of it."""
+    """The window to record next, and its expected effect."""
 
     z: Float[np.ndarray, " z"]
     """[lengths; displacement of the marker], m"""

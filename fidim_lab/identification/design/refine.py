@@ -48,13 +48,13 @@ class Evaluation:
 
     @property
     def merit(self) -> float:
-        """What a step must lower."""
+        """The merit function that a step must lower."""
         return self.cost.value + PENALTY * float(np.maximum(self.limits.worst + MARGIN, 0).sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """Where a descent ended."""
+    """The result of a descent."""
 
     z: Float[np.ndarray, "W z"]
     value: float

@@ -43,7 +43,7 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Where a start led."""
+    """The result of one start."""
 
     z: Float[np.ndarray, "W z"]
     value: float

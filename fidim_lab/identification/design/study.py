@@ -19,7 +19,7 @@ EQUILIBRIA, SAMPLES = (8, 10, 12, 14, 16), (50, 75, 100, 125, 150)
 
 @dataclass(frozen=True)
 class Cell:
-    """What some starts reach with so many equilibria and samples."""
+    """The best results with so many equilibria and samples."""
 
     equilibria: int
     samples: int

@@ -26,7 +26,7 @@ class ByWinches:
 
 
 class Criterion(StrEnum):
-    """What is made small."""
+    """The criterion to minimise."""
 
     C = "C"
     """(s_1 + 1) / s_9 of the stacked regressor (Eq. 40), the paper's"""

@@ -40,7 +40,7 @@ class Predicted:
 
 @dataclass(frozen=True, eq=False)
 class Cross:
-    """What one fit says of one campaign."""
+    """One fit's prediction of one campaign."""
 
     fitted: tuple[int, ...]
     predicted: int

@@ -136,7 +136,7 @@ class JointFit:
 
     @property
     def tempered_covariance(self) -> Float[np.ndarray, "shared shared"]:
-        """What may be believed: each window's information over its χ²/dof, with the survey."""
+        """The information to rely on: each window's over its χ²/dof, with the survey."""
         return spread.Quadratic.of(self.tables, self.prior_rows).covariance
 
     @property

@@ -32,7 +32,7 @@ NO_SIGMA = "a fit of several campaigns forms no equations of motion"
 
 @dataclass(frozen=True, eq=False)
 class JointResult:
-    """What `fidim identify A B C` answers."""
+    """The result of `fidim identify A B C`."""
 
     result: IdentificationResult
     """of all campaigns together; a window's id has its campaign's name before it"""

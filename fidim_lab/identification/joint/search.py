@@ -29,7 +29,7 @@ from fidim_lab.model.sensitivity.integrate import States
 
 @dataclass(frozen=True, eq=False)
 class JointOptimum:
-    """Where a joint search ended."""
+    """The result of a joint search."""
 
     shared: Float[np.ndarray, " shared"]
     simulations: tuple[Simulation, ...]
@@ -55,7 +55,7 @@ class JointOptimum:
         return parts_of(members, layout, self.tables)
 
     def remainders(self, members: Sequence[Member]) -> tuple[tuple[Remainder, ...], ...]:
-        """What is left of every window."""
+        """The residual of every window."""
         return tuple(
             tuple(remainder(member.likelihood, simulation, w) for w in range(len(member.ends)))
             for member, simulation in zip(members, self.simulations, strict=True)

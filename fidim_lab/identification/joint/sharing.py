@@ -59,7 +59,7 @@ class Common:
         )
 
     def shared(self) -> tuple[str, ...]:
-        """What is common to two campaigns or more, one phrase each."""
+        """The common parts of two or more campaigns, one phrase each."""
         said: list[str] = []
         for kind, numbers in (("anchors", self.anchors), ("attachments", self.attachments), ("markers", self.markers)):
             seen = [k for of_one in numbers for k in set(of_one)]
@@ -69,7 +69,7 @@ class Common:
 
 
 def open_geometry(robot: Robot, factor: float) -> tuple[Nuisance, ...]:
-    """What is left open of a robot: by its own survey, or `factor` times a usual one where its file has none."""
+    """The open geometry of a robot: by its own survey, or `factor` times a usual one where its file has none."""
     return nuisances(robot, typical(robot).scaled(factor) if robot.survey is None else robot.survey)
 
 

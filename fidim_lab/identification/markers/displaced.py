@@ -22,7 +22,7 @@ from fidim_lab.identification.markers.thresholds import MARKERS
 
 @dataclass(frozen=True)
 class Limits:
-    """How large a score must be."""
+    """The required size of a score."""
 
     single: float
     joint: float
@@ -55,7 +55,7 @@ class Displacement:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What was found in one window."""
+    """The findings in one window."""
 
     displaced: tuple[Displacement, ...]
     lost: tuple[LostFrames, ...]

@@ -10,7 +10,7 @@ AXES = "xyz"
 
 
 class Kind(StrEnum):
-    """What is wrong with the samples."""
+    """The kind of defect of the samples."""
 
     CLOCK = "clock"
     """time stamps are uneven, or not those of the sample rate"""
@@ -61,7 +61,7 @@ def marker_channel(marker: int, axis: int) -> str:
 
 
 def marker_name(marker: int) -> str:
-    """How people call it."""
+    """The name for people."""
     return "the marker" if marker == 0 else f"marker {marker + 1}"
 
 

@@ -52,7 +52,7 @@ class _Rivals:
 
 
 def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row: int) -> Verdict | None:
-    """What stands out around `row` of one marker on an even grid (NaN: missing); None where too few samples tell."""
+    """The deviation around `row` of one marker on an even grid (NaN: missing); None with too few samples."""
     width = 2 * MARKERS.rivals_reach + 1
     piece = np.full((width, 3), np.nan)
     first, last = max(0, row - MARKERS.rivals_reach), min(len(samples), row + MARKERS.rivals_reach + 1)

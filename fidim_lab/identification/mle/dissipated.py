@@ -31,7 +31,7 @@ SEEN = 2.0
 
 @dataclass(frozen=True)
 class Loss:
-    """How quickly energy is lost."""
+    """The rate of energy loss."""
 
     rate: float
     """1/s, of the energy, beyond what the model loses"""
@@ -48,7 +48,7 @@ class Loss:
 
 
 def lost_energy(remainders: Sequence[Remainder], noise: float) -> Loss | None:
-    """What windows lose beyond the model; None where they do not all lose it.
+    """The energy that windows lose beyond the model; None where not all lose some.
 
     noise: standard deviation of a marker coordinate where the residuals do not tell it, m.
     """

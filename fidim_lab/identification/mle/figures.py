@@ -18,7 +18,7 @@ UNSEEN = 1.0
 
 
 class Fitted(Protocol):
-    """What is asked of a fit."""
+    """The interface of a fit."""
 
     @property
     def values(self) -> Float[np.ndarray, " shared"]:
@@ -32,7 +32,7 @@ class Fitted(Protocol):
 
     @property
     def start(self) -> Body:
-        """Where the search began."""
+        """The start of the search."""
         ...
 
     @property

@@ -111,7 +111,7 @@ def _unfollowed(journey: Journey) -> set[int]:
 
 
 def cause(found: Fit) -> str:
-    """What the model is seen to lack, a sentence; empty where it lacks nothing, or that is not seen."""
+    """What the model visibly lacks, as a sentence; may be empty."""
     lost = lost_energy(found.remainders, found.likelihood.noise) if found.excess > MISFIT else None
     return "" if lost is None else lost.says
 
@@ -201,7 +201,7 @@ def window_notes(found: Fit, w: int) -> tuple[str, ...]:
 
 
 def journey_notes(journey: Journey, w: int) -> tuple[str, ...]:
-    """What happened to one recording on the way to full length, and which of its springs hung slack at the end."""
+    """The history of one recording on the way to full length, and its springs that were slack at the end."""
     if w in journey.slack:
         t, cable = journey.slack[w]
         return (f"cable {cable} goes slack {t:.2f} s after its begin; what follows is not used",)

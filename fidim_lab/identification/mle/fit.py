@@ -135,7 +135,7 @@ class Fit:
 
     @property
     def tempered_covariance(self) -> Float[np.ndarray, "shared shared"]:
-        """What may be believed where the model misses more than noise: the data's information over χ²/dof."""
+        """The information to rely on where the residual is more than noise: the data's over χ²/dof."""
         temper = max(1.0, self.chi2_per_dof)
         return self._doubted(spread.Quadratic.of(self.tables / np.sqrt(temper), self.prior_rows).covariance)
 
@@ -151,7 +151,7 @@ class Fit:
 
     @property
     def open_combinations(self) -> tuple[spread.Combination, ...]:
-        """What the data do not determine."""
+        """The combinations that the data do not determine."""
         return spread.open_combinations(self.covariance, self.plausible, self.names)
 
     def without(self, dropped: Float[np.ndarray, " shared"]) -> Float[np.ndarray, " shared"]:

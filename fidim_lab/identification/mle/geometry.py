@@ -44,7 +44,7 @@ def begin_surveyed(mechanism: Mechanism, windows: list[Window]) -> Fit:
 
 
 def fit_surveyed(begun: Fit, windows: list[Window]) -> Surveyed:
-    """What `begin_surveyed` found; where the file states no survey, with what the recordings say of it (see above)."""
+    """The fit of `begin_surveyed`; without a survey in the file, with the evidence for one (see above)."""
     robot = begun.likelihood.mechanism.robot
     return _weighed(begun, windows) if robot.survey is None else Surveyed(begun, stated(robot))
 

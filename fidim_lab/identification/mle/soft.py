@@ -89,12 +89,12 @@ class SoftFit:
 
     @property
     def friction(self) -> NamedEffect:
-        """What rubs at the attachments in `found`."""
+        """The friction at the attachments in `found`."""
         return AttachmentFriction() if self.at_once is None else AttachmentFrictionGivingWay()
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What was fitted beside the body, how its start was found, and what was left out."""
+        """The further parameters fitted, how their start was found, and the parts left out."""
         softness = self.found.values[BODY]
         viscous, dry, *giving = self.found.values[self.found.place_of(self.friction)]
         drag = self.found.values[self.found.place_of(RotationalDragPerAxis())]

@@ -25,7 +25,7 @@ IN_VAIN = "; without them, too, something is left."
 
 
 def left_by_window(found: Fit) -> dict[str, Remainder]:
-    """What a fit left of each window that it used, by id."""
+    """The residual of each window that a fit used, by id."""
     return {one.window.id: rest for one, rest in zip(found.likelihood.recordings, found.remainders, strict=True)}
 
 

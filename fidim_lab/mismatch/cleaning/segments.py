@@ -59,7 +59,7 @@ class Segments:
 
     @property
     def leftovers(self) -> tuple[Leftover, ...]:
-        """What the fit leaves of each segment, by its window's id."""
+        """The residual of each segment, by its window's id."""
         likelihood = self.fit.likelihood
         ids = {_name(one.window, k): one.window.id for one in self.windows for k in range(len(one.dof))}
         pairs = zip(likelihood.recordings, self.fit.remainders, strict=True)

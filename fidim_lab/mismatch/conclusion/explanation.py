@@ -15,7 +15,7 @@ from fidim_lab.mismatch.unknown_force.unknown import Unknown
 
 
 class Verdict(StrEnum):
-    """What became of the difference between recording and model."""
+    """The verdict on the difference between recording and model."""
 
     NOTHING_MISSING = "nothing-missing"
     EXPLAINED = "explained"
@@ -78,7 +78,7 @@ class NamedCause:
 
 @dataclass(frozen=True)
 class Reading:
-    """What lengths, cameras or their noise are off by: the sensors' own, or cables that grow."""
+    """An error of lengths, cameras or their noise: of the sensors, or cables that grow."""
 
     id: str
     cable: int | None
@@ -109,7 +109,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a mismatch shows."""
+    """The place of a mismatch."""
 
     window: str
     t: tuple[float, float]

@@ -85,7 +85,7 @@ def body_parameters(found: Fit, campaign: Campaign) -> dict[str, BodyParameter]:
 
 
 def next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | None:
-    """What would separate a named effect from another that stands for it; None where nothing is asked."""
+    """The experiment that separates a named effect from a rival; None where nothing is in question."""
     for cause in effects:
         for other in cause.equivalent_to:
             for known in EQUIVALENCES:
@@ -111,7 +111,7 @@ def _limits(baseline: Baseline, found: Selection) -> str:
 
 
 def best_of_all(found: Selection) -> str:
-    """How near the best hypothesis came; one that the fitted windows ask for was refused by those held out."""
+    """How near the best hypothesis came; one that fitted windows support may be refused by held-out ones."""
     every = found.first.singles
     if not every:
         return ""
@@ -162,7 +162,7 @@ def _outdone(rival: Wrench, found: Selection) -> str:
 
 
 def figures_of(before: Candidate, after: Candidate) -> str:
-    """What was left before and is left after; once where both are the same model."""
+    """The residual before and after; once where both are the same model."""
     if before is after and before.held_out.dof:
         return f"{_left(before)}, rms {1e3 * before.held_out.rms:.3g} mm"
     if before is after:

@@ -137,7 +137,7 @@ class _Course:
         return 1.0 - float(column @ current) ** 2 / float(column @ column) / float(current @ current)
 
     def step(self, offset: float, rate: float) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2 2"]]:
-        """What to add to offset (s) and rate by this course alone, and with how much weight (their information)."""
+        """Corrections of offset (s) and rate by this time course alone, with their weights (information)."""
         there = self.t - offset + rate * self.t
         slope = self.tension(there, 1)
         ours = np.column_stack([np.ones(len(there)), self.tension(there)])

@@ -13,7 +13,7 @@ from fidim_lab.mismatch.unknown_force.unknown import Unknown
 
 
 def unknown_table(found: Unknown) -> dict[str, Any]:
-    """What can be read without the program: numbers, strings, lists."""
+    """Values that can be read without the program: numbers, strings, lists."""
     return {
         "words": list(found.words),
         "terms": [

@@ -12,7 +12,7 @@ from fidim_lab.mismatch.unknown_force.unknown import Unknown as Wrench
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """What is concluded."""
+    """The conclusion."""
 
     verdict: Verdict
     named: Candidate

@@ -35,7 +35,7 @@ BESIDE = Effort(resolution=FINE, promise=1e-2, rounds=10, damping=1e-6)
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What every model is fitted to: recordings as far as they are looked at, and what is known of the body."""
+    """The data of every fit: recordings, cut to the fitted length, and prior knowledge of the body."""
 
     likelihood: Likelihood
     """of the model as it is"""
@@ -47,7 +47,7 @@ class Ground:
 
     @property
     def geometry(self) -> tuple[Effect, ...]:
-        """What the survey leaves open: the last effects of every model."""
+        """Geometry that the survey leaves open: the last effects of every model."""
         return self.likelihood.mechanism.effects
 
     def prior(self, mean: np.ndarray, sd: np.ndarray) -> Prior:

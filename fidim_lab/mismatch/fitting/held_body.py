@@ -21,7 +21,7 @@ from fidim_lab.model.sensitivity.grid import QUICK
 
 
 def followed(found: Fit, window: Window, seconds: float) -> tuple[Remainder, float] | None:
-    """What is left of a window when its first seconds alone are fitted, and the noise (m); None where it fails."""
+    """The residual of a window of which only the first seconds are fitted, and the noise (m); None where that fails."""
     prepared = _prepared(found, [window])
     if prepared is None:
         return None
@@ -34,7 +34,7 @@ def followed(found: Fit, window: Window, seconds: float) -> tuple[Remainder, flo
 
 
 def left_of(found: Fit, windows: Sequence[Window]) -> tuple[Remainder, ...] | None:
-    """What is left of whole windows; None where one cannot be used."""
+    """The residuals of whole windows; None where one cannot be used."""
     prepared = _prepared(found, windows)
     if prepared is None:
         return None

@@ -21,7 +21,7 @@ from fidim_lab.model.sensitivity.equations import BODY
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """How well windows that no fit has seen are predicted, only their start being fitted."""
+    """How well held-out windows are predicted, with only their initial states fitted."""
 
     chi2: float
     dof: int
@@ -55,7 +55,7 @@ class Predicted:
 
     @property
     def figures(self) -> HeldOut:
-        """What they say in numbers; what they leave is not looked at."""
+        """The figures of the predictions, without the residuals."""
         chi2, dof, squares, count = 0.0, 0, 0.0, 0
         of_window: dict[str, float] = {}
         for window, prediction in self.found:

@@ -64,7 +64,7 @@ class Completed:
 
     @property
     def leftovers(self) -> tuple[Leftover, ...]:
-        """What the fit leaves of each window."""
+        """The residual of each window."""
         likelihood = self.fit.likelihood
         ids = [recording.window.id for recording in likelihood.recordings]
         remainders = zip(ids, self.fit.remainders, strict=True)

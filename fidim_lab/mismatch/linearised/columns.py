@@ -91,7 +91,7 @@ class Scorer:
     def tasks(
         self, likelihood: Likelihood, simulation: Simulation, windows: Sequence[int] | None = None
     ) -> Sequence[Callable[[], WindowColumns]]:
-        """What `columns` does for each window (or for these alone), to be done side by side."""
+        """The work of `columns` for each window (or only these), to be done in parallel."""
         return [
             partial(self._window, likelihood, simulation, int(w), batch.trajectories.only(place))
             for batch in simulation.batches
@@ -224,7 +224,7 @@ def _with_all(mechanism: Mechanism, tried: Sequence[Hypothesis]) -> Mechanism:
 def seen_by(
     every: Mechanism, theta: np.ndarray, motion: Motion, states: np.ndarray, stamps: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, "T M 3 theta"]:
-    """What all θ change of the cameras' report at the same motion; states: effects' own (T, extra); stamps: s."""
+    """The change of the cameras' report by all θ at the same motion; states: effects' own (T, extra); stamps: s."""
     kernel = every.compiled("sightings: kernel", lambda made: Kernel.of(sightings(made), native=False))
     given = (stamps[:, np.newaxis], motion.positions, motion.rotations, motion.twists, states, theta)
     return _over(kernel, len(stamps), *given)[4].reshape(len(stamps), -1, 3, len(theta))

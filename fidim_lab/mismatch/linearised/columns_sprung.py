@@ -51,7 +51,7 @@ class SprungScorer:
     def tasks(
         self, likelihood: Likelihood, simulation: Simulation, windows: Sequence[int] | None = None
     ) -> Sequence[Callable[[], WindowColumns]]:
-        """What `columns` does for each window (or for these alone), to be done side by side."""
+        """The work of `columns` for each window (or only these), to be done in parallel."""
         point = simulation.point
         shared = np.concatenate([point.shared, self._all.theta[len(point.shared) - BODY :]])
         starts = linearised_starts(self._all, shared, point.states, likelihood.begins)

@@ -65,7 +65,7 @@ class Hypothesis:
         return tuple(self.effect.parameters[k] for k in self.scored)
 
     def theta(self, scored: np.ndarray) -> np.ndarray:
-        """All of θ from the scored ones."""
+        """The full θ from the scored parameters."""
         values = self.absent.copy()
         values[list(self.scored)] = scored
         return values
@@ -73,7 +73,7 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Hypotheses:
-    """All of them for one robot."""
+    """All hypotheses for one robot."""
 
     direct: tuple[Hypothesis, ...]
     """scored by their own slots"""

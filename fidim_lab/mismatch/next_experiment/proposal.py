@@ -36,7 +36,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Odds:
-    """How likely a set of windows tells a claim from its most stubborn rival."""
+    """The odds that a set of windows separates a claim from its closest rival."""
 
     rival: str
     non_centrality: float

@@ -52,7 +52,7 @@ class Known:
 
     @property
     def later(self) -> Robot:
-        """As it will be in further windows."""
+        """The model for further windows."""
         return self.marked or self.robot
 
     def grams(self, tried: Hypotheses, pool: Sequence[Trial] = ()) -> Float[np.ndarray, "W G G"]:

@@ -37,7 +37,7 @@ class ReadingError:
 
 @dataclass(frozen=True, eq=False)
 class ReadingErrors:
-    """All that was found in one campaign."""
+    """All errors found in one campaign."""
 
     found: tuple[ReadingError, ...]
     order: tuple[str, ...]
@@ -73,7 +73,7 @@ class ReadingErrors:
 
 
 def reading_errors(found: Fit, campaign: Campaign, enough: float) -> ReadingErrors | None:
-    """What the readings of a campaign are off by, seen from a fit of it; None where nothing is.
+    """The errors of a campaign's readings, estimated after a fit; None without any.
 
     enough: nats of evidence that each kind needs. Noise counts as large as what the errors themselves leave.
     """

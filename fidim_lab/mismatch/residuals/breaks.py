@@ -25,7 +25,7 @@ NOWHERE = slice(0, 0)
 
 @dataclass(frozen=True, eq=False)
 class Breaks:
-    """What was found in one marker's samples."""
+    """The finding in one marker's samples."""
 
     spikes: tuple[int, ...]
     """rows"""
@@ -122,7 +122,7 @@ class _Scan:
         return np.interp(np.arange(len(size)), [block.mean() for block in blocks], scatter) < 1
 
     def strength(self, limits: Limits, spikes: Limits) -> Float[np.ndarray, " G"]:
-        """How far beyond what chance gives."""
+        """How far beyond chance."""
         return np.maximum(_strength(self.spike, spikes), _strength(self.step, limits))
 
 

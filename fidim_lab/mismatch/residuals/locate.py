@@ -34,7 +34,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Companion:
-    """What the residual goes along with."""
+    """A quantity with which the residual correlates."""
 
     name: str
     correlation: float
@@ -144,7 +144,7 @@ def strongest_line(one: Leftover, column: int) -> Line:
 
 
 def goes_along(one: Leftover, column: int, least: float = RESIDUALS.locate_worth) -> tuple[Companion, ...]:
-    """What the course of one channel, or its energy, follows, strongest first; empty without a motion."""
+    """The quantities that one channel, or its energy, follows, strongest first; empty without a motion."""
     x = one.values.reshape(len(one.t), -1)[:, column]
     seen = np.isfinite(x)
     if seen.sum() < 20:

@@ -49,7 +49,7 @@ class Whiteness:
 
     @property
     def is_white(self) -> bool:
-        """Nothing but noise is left."""
+        """Whether the residual is only noise."""
         return self.p_value > RESIDUALS.whiteness_white
 
 

@@ -15,7 +15,7 @@ from fidim_lab.mismatch.scores.thresholds import SCORES
 
 
 def likely_frequencies(leftovers: Sequence[Leftover], scan: Sequence[float]) -> frozenset[float]:
-    """Where what is left of all windows is loudest: a steady tone that nothing models is heard at its own frequency."""
+    """Where the residuals of all windows are largest: an unmodelled steady tone shows at its own frequency."""
     spectra = [spectrum(one) for one in leftovers if len(one.t) > SCORES.frequencies_few]
     if not spectra or len(scan) <= SCORES.frequencies_loudest:
         return frozenset(scan)

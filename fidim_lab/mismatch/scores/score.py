@@ -28,7 +28,7 @@ from fidim_lab.model.side_by_side import side_by_side
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """What one hypothesis, or several together, would explain."""
+    """The score of one hypothesis, or of several together."""
 
     tried: tuple[Hypothesis, ...]
     theta: tuple[np.ndarray, ...]
@@ -77,7 +77,7 @@ class Projected:
 
 @dataclass(frozen=True, eq=False)
 class WindowGram:
-    """What one window says, to first order about one value of the shared parameters."""
+    """One window's information, to first order about one value of the shared parameters."""
 
     gram: Float[np.ndarray, "G G"]
     """of shared parameters, scored parameters and residual, its own unknowns eliminated"""
@@ -227,7 +227,7 @@ def _score(found: Projected, members: tuple[int, ...], context: Context) -> Scor
 
 
 def freedom(found: Projected, members: tuple[int, ...]) -> tuple[float, np.ndarray]:
-    """What the freedom of some hypotheses costs (nats), and the prior standard deviations of their parameters."""
+    """The penalty for the parameters of some hypotheses (nats), and their prior standard deviations."""
     prior = np.concatenate([found.tried[k].prior_sd for k in members])
     index = _columns(found, members)
     wide = prior[:, np.newaxis] * found.curvature[np.ix_(index, index)] * prior / found.inflation

@@ -57,7 +57,7 @@ class Addition:
 
 
 def additions(seen: View, room: int, ground: Ground, context: Context) -> tuple[Addition, ...]:
-    """What is worth fitting beside the model, for so many more terms at most."""
+    """The hypotheses worth adding to the model, for so many more terms at most."""
     scores = seen.additions(room)
     if not seen.races:
         return tuple(Addition(seen, score) for score in scores)

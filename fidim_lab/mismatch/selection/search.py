@@ -38,7 +38,7 @@ from fidim_lab.say import Say
 
 
 class Search:
-    """What is tried in which order, and what of it is believed."""
+    """What is tried in which order, and what is accepted."""
 
     def __init__(
         self, start: Baseline, say: Say, look_for_pushes: bool, patience: Patience, seen: View | None = None

@@ -34,7 +34,7 @@ from fidim_lab.say import Say
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Where the search ended and what was looked at on the way."""
+    """The result of the search, and the models tried."""
 
     best: Candidate
     """the baseline where nothing was accepted"""

@@ -68,7 +68,7 @@ def wrench_beside(baseline: Candidate, campaign: Campaign, names: str, say: Say,
 
 
 def modelled(named: Candidate, campaign: Campaign, *, alone: bool = False) -> Unknown:
-    """What is left beside these effects as a wrench without a name, on whole windows.
+    """The residual beside these effects as an unknown wrench, on whole windows.
 
     alone: only where one wrench does nearly all (see `model_unknown`). Raises RefusedError where windows cannot be
     followed.
@@ -85,7 +85,7 @@ def whole_fit(named: Completed, windows: Sequence[Window]) -> Fit:
 
 
 def nats_beyond(whole: Fit, short: Fit) -> float:
-    """How much more a fit of whole windows says of the first seconds than one that was made for these.
+    """How much better a fit of whole windows explains the first seconds than a fit of only these.
 
     −∞ where it loses samples that the other follows. Freedom that it has more is charged for as by the Bayesian
     information criterion; what it has less is not put to its credit.

@@ -32,7 +32,7 @@ from fidim_lab.say import Say
 
 
 class Trials:
-    """What one search fits, from the fits of the model as it is."""
+    """The input of one search, from the fits of the model without effects."""
 
     def __init__(self, start: Baseline, say: Say, patience: Patience, seen: View | None = None) -> None:
         """seen: all scores at a baseline, where they are known."""
@@ -64,7 +64,7 @@ class Trials:
         return tones(model, self.start.tried, self.start.context)
 
     def additions(self, seen: View) -> tuple[Addition, ...]:
-        """What is worth fitting beside the model that was looked at."""
+        """The hypotheses worth adding to the scored model."""
         room = SELECTION.most_terms - len(seen.model.tried)
         return additions(seen, room, self.start.ground(seen.model), self.start.context)
 

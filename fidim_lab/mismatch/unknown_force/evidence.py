@@ -68,7 +68,7 @@ class Weighed:
 
     @property
     def family(self) -> Family:
-        """What was weighed."""
+        """The family that was compared."""
         return self.courses.family
 
 

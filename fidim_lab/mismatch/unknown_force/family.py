@@ -26,7 +26,7 @@ Expression = Callable[[PlatformState, ca.SX], ca.SX]
 
 
 class Dependence(Enum):
-    """What the wrench depends on, in words."""
+    """The variables of the wrench, in words."""
 
     CENTRE = "points at a place in the room"
     GRADIENT = "changes evenly with the place"

@@ -35,7 +35,7 @@ class Field:
 
     @property
     def power(self) -> Float[np.ndarray, " S"]:
-        """What it feeds into the motion, W; negative where it brakes."""
+        """The power that it adds to the motion, W; negative where it brakes."""
         return (self.forces * self.velocities).sum(axis=1) + (self.torques * self.spins).sum(axis=1)
 
     def thinned(self, most: int) -> "Field":

@@ -70,7 +70,7 @@ class LatentForce(NamedEffect):
 
     @property
     def start(self) -> Float[np.ndarray, " r"]:
-        """As it was weighed."""
+        """The weights found by evidence."""
         return np.zeros(0) if self.start_at is None else np.append(self.start_at, np.zeros(len(self._steps)))
 
     def weights(self, theta: Float[np.ndarray, " r"]) -> Float[np.ndarray, " Q"]:

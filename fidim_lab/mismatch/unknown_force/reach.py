@@ -17,7 +17,7 @@ NO_SHAPE = (np.zeros(0),)
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Where the platform was and how fast: what scales are taken from."""
+    """The platform's places and speeds, from which scales are taken."""
 
     positions: Float[np.ndarray, "S 3"]
     """of the centre of mass, m"""

@@ -72,7 +72,7 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Unknown:
-    """What was found of physics without a name."""
+    """The model found for unknown physics."""
 
     terms: tuple[Term, ...]
     """empty where no family is believed"""

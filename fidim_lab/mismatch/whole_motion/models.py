@@ -190,7 +190,7 @@ class Trial:
         return None if found is None else WholeModel(terms, geometry, found, self.predicted)
 
     def predicted(self, found: Fit) -> dict[str, Remainder]:
-        """What a fit leaves of the windows held out, but of those that it cannot follow."""
+        """The residuals of held-out windows, without those that the fit cannot follow."""
         mechanism = found.likelihood.mechanism
         predicted = predict_all(mechanism, found.values, self.recordings, mechanism.robot.sensors)
         pairs = zip(self.recordings, predicted, strict=True)

@@ -29,7 +29,7 @@ from fidim_lab.say import Say
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Where the search ended."""
+    """The result of the search."""
 
     base: WholeModel
     """the model as it is"""
