@@ -242,7 +242,7 @@ def _newton_per_ampere(robot: Robot, rig: Rig) -> tuple[float, ...]:
         raise SetupError(f"The rig has {len(rig.winches)} winches, the robot file {robot.n} cables.")
     if robot.winches is None:
         raise SetupError(
-            "The robot file has no [winch] table, so motor currents tell no tension and no limit can be kept.",
+            "The robot file has no [winch] table, so motor currents give no tension and no limit can be checked.",
             hint="Add drum_radius, gear_ratio, efficiency and torque_constant.",
         )
     return tuple(winch.newton_per_ampere for winch in robot.winches)

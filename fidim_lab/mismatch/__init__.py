@@ -9,7 +9,7 @@ The packages, each of which imports only those below it:
     next_experiment   what to record next, so that a doubt is settled
     conclusion        where the search ended → verdict → an Explanation
     selection         which effects are left out: a search over fits and held-out windows
-    cleaning          what is cut out of recordings, and what is put back    | unknown_force   a wrench without a name
+    cleaning          what is cut out of recordings, and what is put back    | unknown_force   the unknown wrench
     readings          what lengths and cameras are off by, from window to window
     scores            what a fit of effects would gain, to first order
     fitting           fits with effects, and predictions of held-out windows

@@ -75,7 +75,7 @@ class Workspace:
             raise InfeasibleError(f"{what}: {wrong.says}.", hint="Nothing was moved. Choose other lengths for it.")
         wrong = None if start is None else self.between(start, end)
         if wrong is not None:
-            raise InfeasibleError(f"{what}, on the way there: {wrong.says}.", hint="Go there by way of another pose.")
+            raise InfeasibleError(f"{what}, on the way there: {wrong.says}.", hint="Go there through another pose.")
 
     def _judge(self, lengths: Lengths) -> Violation | None:
         for cable, (length, (low, high)) in enumerate(zip(lengths, self._length_limits or (), strict=False), start=1):

@@ -124,8 +124,8 @@ def _require_straight(stand: Stand, start: Lengths, end: Lengths, lengths: Lengt
         name, far = stand.rig.winches[worst].name, off[worst] * 1e3
         raise DeviceError(
             name,
-            f"is {far:+.1f} mm off the straight way that all winches go together; {allowed * 1e3:g} mm is allowed",
-            hint="Does it move as the others do?",
+            f"is {far:+.1f} mm off the straight line that all winches follow together; {allowed * 1e3:g} mm is allowed",
+            hint="Check whether it moves like the others.",
         )
 
 

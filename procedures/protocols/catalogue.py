@@ -161,5 +161,5 @@ def _entry(name: str) -> Listed:
         return Listed("a procedure of your own", own_procedure(Path(name)))
     if name not in CATALOGUE:
         known = ", ".join(CATALOGUE)
-        raise SetupError(f"Procedure {name!r}: there is none of this name; there are {known}, or a Python file.")
+        raise SetupError(f"Procedure {name!r}: no procedure has this name. Give one of {known}, or a Python file.")
     return CATALOGUE[name]

@@ -38,7 +38,7 @@ from procedures.thinking import think
 T = TypeVar("T")
 
 
-REST = "Let it come to rest, or bring it to rest by hand once the winches hold, then go on with fidim resume."
+REST = "Let it come to rest, or bring it to rest by hand once the winches hold; then continue with fidim resume."
 TELLING = 4
 """windows from which the body to plan with is identified"""
 
@@ -143,7 +143,7 @@ class ExciteProtocol(WindowProtocol):
         yield from self._calm(planned, enough=small)
         result = yield from self._rest(planned, 2 * small, small)
         if not result.outcome.usable:
-            reason = f"No move while the platform swings so, and the winches cannot calm it. {result.reason} {REST}"
+            reason = f"No move begins while the platform swings, and the winches cannot calm it. {result.reason} {REST}"
             yield Stop(window=planned.id, outcome=Outcome.FAIL, reason=reason)
         return "done"
 

@@ -112,7 +112,7 @@ def _not_made(path: Path, error: OSError) -> SetupError:
 def require_new(path: Path) -> None:
     """Raises SetupError where something is there already; an empty folder may be."""
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise SetupError(f"{path}: there is something already.", hint="Give a new folder; a run never overwrites.")
+        raise SetupError(f"{path}: the folder is not empty.", hint="Give a new folder; a run never overwrites.")
 
 
 def check_window_ids(ids: Sequence[str]) -> None:

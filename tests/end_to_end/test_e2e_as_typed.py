@@ -30,7 +30,7 @@ WRONG = {
     "missing file": (["--robot", "none.toml"], 2, "fidim: none.toml: no such file"),
     "wrong key": (["--robot", "bad.toml"], 2, "platform, masss: unknown key"),
     "no text": (["--robot", "binary.toml"], 2, "fidim: binary.toml: byte 0: is not UTF-8 text"),
-    "taken folder": (["--out", "taken"], 2, "fidim: taken: there is something already."),
+    "taken folder": (["--out", "taken"], 2, "fidim: taken: the folder is not empty."),
     "file as folder": (
         ["--out", "taken/notes.txt"],
         2,

@@ -70,7 +70,7 @@ def _certain(told: Explanation) -> Iterable[str]:
         if off:
             rms = (sum(value**2 for value in off) / len(off)) ** 0.5
             shown = f"{millimetres(rms):.2g} mm (rms) as far as recordings show"
-            yield f"The robot file's anchors are off by {shown}; the ± count it."
+            yield f"The robot file's anchors are off by {shown}; the ± include this."
 
 
 def _open(effects: Iterable[NamedCause]) -> Iterable[str]:
@@ -90,7 +90,7 @@ def _class(cause: NamedCause) -> str:
     """A single name, or what a class shares."""
     if cause.single:
         return _name(cause)
-    return shared_by((cause.id, *(member.id for member in cause.members))) or f"{_name(cause)} or its like"
+    return shared_by((cause.id, *(member.id for member in cause.members))) or f"{_name(cause)} or a similar effect"
 
 
 def _name(cause: NamedCause) -> str:

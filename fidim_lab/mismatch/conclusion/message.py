@@ -92,7 +92,7 @@ def next_experiment(verdict: Verdict, effects: Sequence[NamedCause]) -> str | No
                 if cause.id in known.ids and other in known.ids:
                     return f"To tell {cause.id} from {other}: {known.separate}."
     if verdict in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
-        return "Repeat one window at the same place with half the displacement: it tells force from geometry."
+        return "Repeat one window at the same place with half the displacement: this separates force from geometry."
     return None
 
 
@@ -120,7 +120,7 @@ def best_of_all(found: Selection) -> str:
     if best.log_evidence < SCORES.enough:
         return f"{said} ({SCORES.enough:g} would be needed)"
     if not found.baseline.held_out.dof:
-        return f"{said} on the fitted windows, of which it does not take enough"
+        return f"{said} on the fitted windows, but does not explain enough of them"
     return f"{said} on the fitted windows, but held-out windows are predicted no better with it"
 
 
@@ -151,13 +151,13 @@ def _outdone(rival: Wrench, found: Selection) -> str:
     """Why effects that were found are not named."""
     figures, end = (
         f"held-out χ²/dof {rival.after.chi2_per_dof:.3g}",
-        "would stand for something else, and is not named.",
+        "is therefore not named.",
     )
     if found.outdone is None:
-        return f"A wrench without a name says more with less freedom ({figures}): {found.best.model.label} {end}"
+        return f"An unknown wrench explains more with fewer parameters ({figures}). {found.best.model.label} {end}"
     return (
-        f"One wrench without a name leaves only noise ({figures}), and follows the first seconds better than "
-        f"{found.outdone.label}, which was fitted to these alone: that {end}"
+        f"One unknown wrench leaves only noise ({figures}), and follows the first seconds better than "
+        f"{found.outdone.label}, which was fitted only to these. {found.outdone.label} {end}"
     )
 
 
@@ -169,7 +169,7 @@ def figures_of(before: Candidate, after: Candidate) -> str:
         return _left(before)
     if not (before.held_out.dof and after.held_out.dof):
         fitted = [one.model.fit.chi2_per_dof for one in (before, after)]
-        return f"χ²/dof of the fitted windows {fitted[0]:.3g} → {fitted[1]:.3g}, with nothing held out to prove it by"
+        return f"χ²/dof of the fitted windows {fitted[0]:.3g} → {fitted[1]:.3g}, without held-out windows to confirm it"
     then, now = before.held_out, after.held_out
     chi2 = f"held-out χ²/dof {then.chi2_per_dof:.3g} → {now.chi2_per_dof:.3g}"
     return f"{chi2}, rms {1e3 * then.rms:.3g} → {1e3 * now.rms:.3g} mm"
@@ -179,7 +179,7 @@ def _left(one: Candidate) -> str:
     """What a model leaves."""
     if one.held_out.dof:
         return f"held-out χ²/dof {one.held_out.chi2_per_dof:.3g}"
-    return f"χ²/dof of the fitted windows {one.model.fit.chi2_per_dof:.3g}, with nothing held out to judge it by"
+    return f"χ²/dof of the fitted windows {one.model.fit.chi2_per_dof:.3g}, without held-out windows to judge it"
 
 
 def _law_without_a_name(model: Completed) -> str:
@@ -198,7 +198,9 @@ def _by_mass(effects: Sequence[NamedCause], mass: float) -> str:
     units = {value.unit for cause in effects for value in cause.parameters.values()}
     if not any("N" in unit or "kg" in unit for unit in units):
         return ""
-    return f" Sizes in newtons or kilograms count on the robot file's {mass:.4g} kg: free motion tells them per mass."
+    return (
+        f" Sizes in newtons or kilograms assume the robot file's {mass:.4g} kg: free motion shows them per unit mass."
+    )
 
 
 def _best_of_no_use(found: Selection) -> str:
@@ -206,7 +208,7 @@ def _best_of_no_use(found: Selection) -> str:
     if not found.first.singles:
         return ""
     top, rest = found.first.singles[0], max(found.first.rest, 1e-9)
-    return f"The best single effect, {top.label}, takes {100 * min(top.gain / rest, 1.0):.0f} % of it."
+    return f"The best single effect, {top.label}, explains {100 * min(top.gain / rest, 1.0):.0f} % of it."
 
 
 def _shift(found: Selection, named: Candidate) -> str:
@@ -217,6 +219,6 @@ def _shift(found: Selection, named: Candidate) -> str:
     k = int(np.argmax(sds))
     com = 1e3 * float(np.linalg.norm(moved[:3]))
     return (
-        f"The centre of mass moved by {com:.3g} mm; most in its own sd moved {PARAMETER_NAMES[k]}, "
-        f"by {sds[k]:.3g} sd of the fit without them."
+        f"The centre of mass moved by {com:.3g} mm. {PARAMETER_NAMES[k]} changed most, "
+        f"by {sds[k]:.3g} of its standard deviations in the fit without them."
     )

@@ -23,7 +23,7 @@ from fidim_lab.say import Say
 
 
 def unless_outdone(judged: Judged, found: Selection, campaign: Campaign, say: Say) -> Judged:
-    """The verdict, or that the physics is unknown where a wrench without a name says more.
+    """The verdict, or unknown physics where an unknown wrench explains more.
 
     campaign: of which the models are. Only effects of many parameters, or several together, are doubted, and on whole
     windows alone.

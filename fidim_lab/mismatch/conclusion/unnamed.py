@@ -23,19 +23,19 @@ def with_unknown(
     if explanation.verdict not in (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED):
         return explanation
     if named.model.mechanism.springs:
-        said = "What is left beside elastic cables was scored, but no wrench without a name was fitted to it."
+        said = "The residual with elastic cables was scored, but no unknown wrench was fitted to it."
         return replace(explanation, message=f"{explanation.message} {said}")
     try:
         if known is None:
-            say("modelling what has no name")
+            say("modelling unknown physics")
         found = known or modelled(named, campaign)
     except RefusedError as error:
         return replace(explanation, message=f"{explanation.message} {error.message}")
     if found.terms and not found.after.dof:
-        said = "No held-out window can be predicted: whether a wrench without a name models it cannot be judged."
+        said = "No held-out window can be predicted, so an unknown wrench cannot be judged."
         return replace(explanation, message=f"{explanation.message} {said}")
     if not found.terms or not _helps(found):
-        said = "No smooth wrench of place, velocity, turning or time models it either."
+        said = "No smooth wrench of place, velocity, rotation or time explains it either."
         return replace(explanation, message=f"{explanation.message} {said}")
     if not found.halves:
         found = replace(found, words=())  # the shape of a part would be taken for that of the whole
@@ -66,5 +66,5 @@ def _says(found: Unknown) -> str:
     figures = f"held-out χ²/dof {found.before.chi2_per_dof:.3g} → {found.after.chi2_per_dof:.3g}, rms "
     figures += f"{1e3 * found.before.rms:.3g} → {1e3 * found.after.rms:.3g} mm"
     if not found.words:
-        return f"A wrench without a name takes less than half of that ({figures}): what it is like would mislead."
-    return f"Modelled by a wrench without a name ({figures}): {' '.join(found.words)}"
+        return f"An unknown wrench explains less than half of that ({figures}), so it is not described."
+    return f"Modelled by an unknown wrench ({figures}): {' '.join(found.words)}"

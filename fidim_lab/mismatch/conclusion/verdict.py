@@ -18,7 +18,7 @@ class Judged:
     named: Candidate
     """the model whose effects are named: the baseline where none are"""
     outdone_by: Wrench | None = None
-    """the wrench without a name that says more than the effects which the search has found"""
+    """the unknown wrench that explains more than the effects found"""
 
     @property
     def known(self) -> bool:

@@ -74,7 +74,9 @@ def to_know(
     mechanism = task.mechanism()
     placed = [place(mechanism, task, z) for z in _seen(task, campaign)]
     if not placed:
-        raise InfeasibleError("No window of the campaign tells lengths, marker and equilibrium: nothing is known yet.")
+        raise InfeasibleError(
+            "No window of the campaign determines lengths, marker and equilibrium: nothing can be proposed yet."
+        )
     # with what is plausible beforehand: one or two windows alone may leave a direction without any information
     known = information(mechanism, task, placed, body).sum(axis=0) + np.diag(scales(campaign.robot.nominal) ** -2.0)
     return next_window(mechanism, task, np.linalg.inv(known), _pool(mechanism, task, seed, reach), body)

@@ -190,7 +190,7 @@ def _pair(robot: Robot, claim: Claim) -> Hypotheses:
     every = [h for h in hypotheses(robot).direct if len(h.scored)]
     rivals = [h for h in every if h.effect.id in (*claim.rivals, *claim.open) and h.effect.id != claim.id]
     if not rivals:
-        raise InfeasibleError(f"Odds for {claim.id}: nothing of what may stand in its place has a score.")
+        raise InfeasibleError(f"Odds for {claim.id}: none of its rivals has a score.")
     return Hypotheses((own, *rivals), (), ())
 
 
@@ -237,7 +237,7 @@ def _grams(
     ends = np.full(len(trials), t[-1])
     simulation = simulate(likelihood, Point(shared, states), ends, EXACT)
     if simulation is None:
-        raise InfeasibleError("Odds: the body cannot move, or a trial's motion breaks down.")
+        raise InfeasibleError("Odds: the body is impossible, or a trial's motion cannot be simulated.")
     found = window_grams(Scorer(mechanism, tried), likelihood, simulation)
     return np.array([one.gram for one in found])
 

@@ -52,7 +52,7 @@ class Selection:
     cut_short: str = ""
     """why it was not gone on with, where structure stays and patience has ended"""
     alone: Unknown | None = None
-    """one wrench without a name, where it was asked for: without terms where none does nearly all"""
+    """one unknown wrench, where it was asked for: without terms where none explains nearly all"""
     outdone: Completed | None = None
     """the best model of the first seconds, where that wrench says more, so that none was fitted to whole windows"""
 

@@ -95,7 +95,7 @@ def test_effects_that_one_wrench_outdoes_over_the_first_seconds_are_not_named(ir
     campaign, _ = campaign_with(irma4, "unknown-gradient:k=-6,x=1.2,y=-0.1,z=-0.3")
     found = explain(campaign)
     assert found.verdict is Verdict.UNKNOWN_PHYSICS
-    assert "One wrench without a name leaves only noise" in found.message
+    assert "One unknown wrench leaves only noise" in found.message
     assert found.unknown is not None
     assert found.unknown.terms[0].dependence is Dependence.GRADIENT
     assert found.chi2_per_dof.after is not None

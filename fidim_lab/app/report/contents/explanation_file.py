@@ -26,7 +26,7 @@ class BodyParameterTable(ExplanationPart):
 
 
 class FamilyTable(ExplanationPart):
-    """One kind of wrench without a name that was weighed."""
+    """One kind of unknown wrench that was compared."""
 
     label: str
     explained: float | None

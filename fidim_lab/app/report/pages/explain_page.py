@@ -95,4 +95,4 @@ def _arrows(explanation: Explanation) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def _caption(explanation: Explanation) -> str:
     drawn = "The robot: pulleys with their cable's number, the platform at rest in each window, recorded paths"
-    return f"{drawn}; green: the force without a name." if _arrows(explanation) else f"{drawn}."
+    return f"{drawn}; green: the unknown force." if _arrows(explanation) else f"{drawn}."

@@ -126,12 +126,12 @@ def ranking_table(found: ExplanationTable) -> Table:
 
 
 def _families(unknown: UnknownTable | None) -> tuple[Table, ...]:
-    """Forces without a name that were weighed."""
+    """Unknown wrenches that were compared."""
     if unknown is None or not unknown.tried:
         return ()
     rows = [(one.label, *_weighed(one)) for one in unknown.tried]
     names = ("kind of wrench", "of the excess χ², fitted", "on windows left out in turn", "log-evidence")
-    return (Table("Wrenches without a name that were weighed; a negative share does harm", names, tuple(rows)),)
+    return (Table("Unknown wrenches that were compared; a negative share makes the fit worse", names, tuple(rows)),)
 
 
 def _weighed(one: FamilyTable) -> tuple[str, str, str]:

@@ -129,8 +129,10 @@ def test_what_is_told_without_held_out_windows_is_of_the_fitted_ones() -> None:
         return SimpleNamespace(held_out=seen, model=model)  # type: ignore[return-value]
 
     before, after = one(19.8, 0), one(1.0, 0)
-    assert figures_of(before, after) == ("χ²/dof of the fitted windows 19.8 → 1, with nothing held out to prove it by")
-    assert figures_of(before, before).startswith("χ²/dof of the fitted windows 19.8, with nothing held out")
+    assert figures_of(before, after) == (
+        "χ²/dof of the fitted windows 19.8 → 1, without held-out windows to confirm it"
+    )
+    assert figures_of(before, before).startswith("χ²/dof of the fitted windows 19.8, without held-out")
     assert before.held_out.says == "nothing held out to judge it by"
     held = one(19.8, 100), one(1.0, 100)
     assert figures_of(*held) == "held-out χ²/dof 19.8 → 1, rms 1 → 1 mm"

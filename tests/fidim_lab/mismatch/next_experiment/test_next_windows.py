@@ -93,7 +93,7 @@ def test_a_clock_is_a_force_upwards_to_the_last_digit_that_matters(irma4: Robot,
 def test_what_has_no_score_is_refused_by_name(irma4: Robot, trials: list[Trial]):
     with pytest.raises(InfeasibleError, match="hand-contact"):
         separating(Known(irma4, trials[:1]), Claim("hand-contact", None, (1.0,), ("constant-force",)), trials[1:2])
-    with pytest.raises(InfeasibleError, match="stand in its place"):
+    with pytest.raises(InfeasibleError, match="none of its rivals"):
         separating(Known(irma4, trials[:1]), Claim("rotational-drag", None, (0.1,), ("unknown",)), trials[1:2])
 
 
