@@ -98,7 +98,7 @@ def test_a_law_that_nothing_of_the_catalogue_has_is_unknown_however_well_it_fits
     [
         (-1.9, 900, "log-evidence -1.9 (5 would be needed)"),
         (41.0, 900, "log-evidence 41.0 on the fitted windows, but held-out"),
-        (41.0, 0, "log-evidence 41.0 on the fitted windows, of which it does not take enough"),
+        (41.0, 0, "log-evidence 41.0 on the fitted windows, but does not explain enough of them"),
     ],
 )
 def test_what_the_fitted_windows_ask_for_and_others_refuse_is_said_to_be_that(
