@@ -76,17 +76,17 @@ class Engine:
         guards: Sequence[Guard],
         settings: GuardSettings,
     ) -> ProcedureEnd:
-        """Perform all steps under the guards' eyes."""
+        """Perform all steps while the guards are checked."""
         work = asyncio.ensure_future(self._perform_all(procedure, stand, handlers))
-        eyes = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings, self._react))
-        button = asyncio.ensure_future(self._stopped.wait())
-        self._tasks = work, eyes, button
+        guarding = asyncio.ensure_future(watch(self._rig.clock, guards, self._look, settings, self._react))
+        stopping = asyncio.ensure_future(self._stopped.wait())
+        self._tasks = work, guarding, stopping
         self._control.attach(self._judge, self.emergency_stop)
         try:
-            await asyncio.wait({work, eyes, button}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({work, guarding, stopping}, return_when=asyncio.FIRST_COMPLETED)
             if self.pulse.trip is None:
                 # Only a trip or a bug ends the watch before it is cancelled; a bug raises here.
-                return work.result() if not eyes.done() else _watch_failed(eyes)
+                return work.result() if not guarding.done() else _watch_failed(guarding)
         finally:
             self._control.detach()
             await self._cancel_all(hurry=not work.done())
@@ -264,6 +264,6 @@ class Engine:
         self._publish(Tripped(trip.t, trip))
 
 
-def _watch_failed(eyes: "asyncio.Future[Trip]") -> ProcedureEnd:
+def _watch_failed(guarding: "asyncio.Future[Trip]") -> ProcedureEnd:
     """Raise what the guards' own task raised."""
-    return ProcedureEnd(Outcome.ERROR, eyes.result().says)
+    return ProcedureEnd(Outcome.ERROR, guarding.result().says)

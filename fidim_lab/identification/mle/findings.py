@@ -149,7 +149,7 @@ def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -
     said += _grouped(windows)
     if found.start_moved:
         said.append(
-            "The nominal body cannot move (its inertia about G is not positive definite); the search began at the "
+            "The nominal body is impossible (its inertia about G is not positive definite); the search began at the "
             "nearest body that can."
         )
     said += [
