@@ -166,6 +166,12 @@ def rig_settings(file: RigFile, base: Settings | None = None, winches: Sequence[
         motion=motion,
         excite=excite,
         align=align,
+        commission=replace(
+            base.commission,
+            speed=min(base.commission.speed, speed),
+            acceleration=min(base.commission.acceleration, acceleration),
+        ),
+        taut=replace(base.taut, speed=min(base.taut.speed, speed)),
         tension=tension,
         place=replace(base.place, off=file.place.off, change=file.place.change, part=file.place.part),
         guard=_guard_settings(file.guards, base.guard, window),
