@@ -150,7 +150,7 @@ def warnings(found: Fit, figures: Figures, windows: tuple[WindowVerdict, ...]) -
     if found.start_moved:
         said.append(
             "The nominal body is impossible (its inertia about G is not positive definite); the search began at the "
-            "nearest body that can."
+            "nearest possible body."
         )
     said += [
         f"The data do not determine {combination}: it stays where CAD has it."
