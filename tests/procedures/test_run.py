@@ -113,7 +113,7 @@ def test_all_winches_arrive_together(world, lab, tmp_path):
 
 def test_a_folder_with_something_in_it_is_never_overwritten(world, lab, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(SetupError, match="something already"):
+    with pytest.raises(SetupError, match="the folder is not empty"):
         world.run(lab.one, tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["notes.txt"]
     assert not world.winches[0].commands
