@@ -160,5 +160,5 @@ def test_what_is_no_procedure_is_told(text, says, world, lab, tmp_path):
         own.write_text(text)
     with pytest.raises(SetupError, match=says):
         experiment(str(own), lab.plan, world.robot, statics=comfortable)
-    with pytest.raises(SetupError, match="there are identify, "):
+    with pytest.raises(SetupError, match="one of identify, "):
         experiment("dance", lab.plan, world.robot, statics=comfortable)
