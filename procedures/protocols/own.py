@@ -10,6 +10,7 @@ from pathlib import Path
 from types import GeneratorType
 from typing import Any
 
+from fidim_lab.data.files.input_file import read_text
 from fidim_lab.errors import FidimError, FileError, SetupError
 from procedures.control import Intervention
 from procedures.interruption import Aborted
@@ -30,7 +31,7 @@ def own_procedure(path: Path) -> Make:
         spec.loader.exec_module(module)
     except Exception as error:
         raise SetupError(f"{path}: cannot be imported: {type(error).__name__}: {error}.") from error
-    for line, wrong in unyielded(path.read_text(encoding="utf-8"), module):
+    for line, wrong in unyielded(read_text(path), module):
         raise FileError(path, f"line {line}", f"{wrong}.", hint=HINT)
     function = getattr(module, "procedure", None)
     if not callable(function):

@@ -20,6 +20,7 @@ ALLOWED = {
     "fidim_lab/app/formats/key_words.py": "a table within the package",
     "fidim_lab/app/records/export_robot.py": "a template within the package",
     "fidim_lab/app/records/import_recording.py": "a journal that this command has just written",
+    "fidim_lab/data/importers/reading/cells.py": "the cells of a line that read_text has read",
     "fidim_lab/data/importers/reading/decoding.py": "a message of a bag that its bounded reader has read",
     "fidim_lab/data/importers/motive_csv.py": "splits the text that read_text has read",
     "fidim_lab/app/judging/judgement.py": "an argument of its own process",

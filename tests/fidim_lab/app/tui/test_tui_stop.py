@@ -243,7 +243,7 @@ def test_where_letters_are_typed_a_prompt_says_how_it_is_answered(opened, way):
     async def see(screen):
         await screen.press(way)
         screen.service.ask()
-        wanted = "Esc, then  [d] done"
+        wanted = "Esc, then   [d] done"
         await screen.until(lambda: wanted in (screen.bars if way == "slash" else screen.over), "the way")
         await screen.press("d")
         assert screen.service.asked == []
