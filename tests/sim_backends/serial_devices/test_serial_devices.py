@@ -175,7 +175,7 @@ def test_it_lets_go_when_the_host_ends_and_when_it_hangs(tmp_path):
                 await until(lambda: driver.state is ReleaseState.RELEASED)
                 await driver.hold()
             await until(lambda: coil.switched == [True, False])
-            again = release_pair(tmp_path, period=60.0)[1]  # a host that asks far too seldom
+            again = release_pair(tmp_path, period=60.0, timeout=4.0)[1]  # a host that asks far too seldom
             async with living(again):
                 await until(lambda: again.state is ReleaseState.RELEASED)
                 await again.hold()
