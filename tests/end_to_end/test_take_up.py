@@ -177,7 +177,9 @@ def test_a_winch_that_pulls_is_left_in_no_torque_that_would_give_way(tmp_path, n
 
 
 def test_a_winch_that_pulls_is_quick_stopped_when_another_has_a_fault(tmp_path):
-    fault = lambda drives, _: drives[2].faults.raise_fault(0x2310)  # noqa: E731
+    def fault(drives, _):
+        drives[2].faults.raise_fault(0x2310)
+
     report, _, states = carry_out(tmp_path / "run", Mode.PROFILE_POSITION, strike=fault)
     assert report.outcome is Outcome.ERROR
     assert "without motor power: winch 3." in report.held_says
