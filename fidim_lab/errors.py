@@ -51,6 +51,12 @@ class FileError(SetupError):
         super().__init__(_cut(where + problem, _MESSAGE - len(hint)), hint=hint)
         self.path = Path(path)
         self.place = place
+        self.problem = problem
+
+    def named_by(self, file: Path, key: str) -> "FileError":
+        """The same of a file that a key of another file names: the name may be what is wrong."""
+        hint = f"{self.hint} The key {key} of {_cut(file.name, _PLACE)} names it.".strip()
+        return FileError(self.path, self.place, self.problem, hint=hint)
 
 
 def _cut(text: str, longest: int) -> str:

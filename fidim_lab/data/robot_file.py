@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from fidim_lab.data.files.toml_file import NotNegative, Positive, Table, read_toml
 from fidim_lab.data.records import Body, Cable, Limits, Robot, Sensors, Survey, Winch
+from fidim_lab.errors import FileError
 
 FORMAT = "fidim-robot/1"
 PAPERS_ROBOT = Path(__file__).parent / "robots" / "irma4.toml"
@@ -144,9 +145,15 @@ def robot_path(named: str, folder: Path = Path()) -> Path:
     return BUILT_IN_ROBOTS.get(named, folder / named)
 
 
-def read_robot(path: Path) -> Robot:
-    """Read and check a robot file. Raises FileError naming every wrong key."""
-    return _robot(read_toml(path, RobotTable, FORMAT))
+def read_robot(path: Path, *, named_by: Path | None = None) -> Robot:
+    """Read and check a robot file. Raises FileError naming every wrong key.
+
+    named_by: the campaign or rig file whose key `robot` names this one, for the message.
+    """
+    try:
+        return _robot(read_toml(path, RobotTable, FORMAT))
+    except FileError as error:
+        raise (error if named_by is None else error.named_by(named_by, "robot")) from None
 
 
 def write_robot(path: Path, robot: Robot, *, comment: str = "") -> None:

@@ -30,7 +30,8 @@ def export_unfinished(folder: Path, out: Path) -> Iterator[tuple[Path, str]]:
 
     Raises FileError for a folder whose campaign.toml or robot file is wrong.
     """
-    cables = read_robot(folder / read_toml(folder / INDEX, CampaignTable, FORMAT).robot).n
+    robot = read_toml(folder / INDEX, CampaignTable, FORMAT).robot
+    cables = read_robot(folder / robot, named_by=folder / INDEX).n
     for path in unfinished_files(folder):
         out.mkdir(parents=True, exist_ok=True)
         to = out / f"{path.parent.name}-{_stem(path)}.csv"

@@ -2,9 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+from fidim_lab.data.eds.text import LIMIT as EDS_LIMIT
+from fidim_lab.data.files.input_file import open_input
 from fidim_lab.data.files.toml_file import nearest, read_toml
 from fidim_lab.data.records import Robot, Winch
 from fidim_lab.data.rigs.home_file import read_homes
@@ -110,11 +113,9 @@ def _checked(path: Path, table: RigTable, robot_file: Path, *, opened: bool) -> 
 
     if opened:
         tried(lambda: _check_interface(path, table.bus.interface))
-    robot = tried(lambda: read_robot(robot_file))
+    robot = tried(lambda: read_robot(robot_file, named_by=path))
     for number, winch in enumerate(table.winch, start=1):
-        if winch.eds != GENERIC and not (path.parent / winch.eds).is_file():
-            what = f'{winch.eds!r}: no such file; "{GENERIC}" is the built-in one'
-            found.append(FileError(path, f"winch {number}, eds", what))
+        tried(partial(_check_eds, path, f"winch {number}, eds", winch.eds))
     if robot is not None:
         known, markers = robot, len(robot.markers)
         found += _cable_problems(path, table, known)
@@ -125,6 +126,16 @@ def _checked(path: Path, table: RigTable, robot_file: Path, *, opened: bool) -> 
     if found or robot is None:
         raise FileError(path, "", _together(path, found), hint=next((error.hint for error in found if error.hint), ""))
     return robot
+
+
+def _check_eds(path: Path, place: str, named: str) -> None:
+    """Raises FileError where the file of a drive's objects is not there, or is no file."""
+    try:
+        if named != GENERIC:
+            with open_input(path.parent / named, EDS_LIMIT):
+                pass
+    except FileError as error:
+        raise FileError(path, place, f'{named!r}: {error.problem}; "{GENERIC}" is the built-in one') from None
 
 
 def _together(path: Path, found: list[FileError]) -> str:

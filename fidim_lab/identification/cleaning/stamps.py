@@ -67,11 +67,11 @@ class _Evened:
 
 
 def _evened(window: Window, rate: float) -> _Evened | None:
-    """None where the stamps are even already."""
+    """None where the stamps are even already, rows lost or not: a clock that jumps is seen by the step after this."""
     if len(window.t) < 30:
         return None
     candidates = _candidates(window.t, rate)
-    if candidates[0].jitter < UNEVEN:
+    if min(grid.jitter for grid in candidates) < UNEVEN:
         return None
     columns = window.markers.reshape(len(window.t), -1)
     columns = columns[:, np.isfinite(columns).mean(axis=0) > 0.5]

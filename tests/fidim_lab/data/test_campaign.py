@@ -9,6 +9,8 @@ from fidim_lab.data.campaign import IndexEntry, read_campaign, write_campaign, w
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Alignment, Campaign, Plan, PlannedWindow, Robot, Role, Window
 from fidim_lab.data.rigs.alignment_file import write_alignment
+from fidim_lab.data.window_csv import read_window_csv
+from fidim_lab.data.window_mcap import window_as_mcap
 from fidim_lab.errors import FileError
 
 
@@ -139,3 +141,36 @@ def test_every_open_campaign_reads(shared: Path) -> None:
         campaign = read_campaign(folder)
         assert len(campaign.of_role(Role.IDENTIFY)) == 12
         assert len(campaign.of_role(Role.VALIDATE)) == 6
+
+
+@pytest.mark.parametrize("named", ["none.toml", "/dev/zero", "windows", "windows/w0.csv"])
+def test_a_robot_file_that_is_none_is_told_with_the_file_that_names_it(
+    campaign: Campaign, tmp_path: Path, named: str
+) -> None:
+    write_campaign(tmp_path, campaign)
+    index = tmp_path / "campaign.toml"
+    index.write_text(index.read_text().replace('"robot.toml"', f'"{named}"'))
+    with pytest.raises(FileError, match=rf"{named}: .* The key robot of campaign\.toml names it\.$"):
+        read_campaign(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mcap"])
+@pytest.mark.parametrize(("gap", "refused"), [(0.4, False), (0.6, True), (36000.0, True)])
+def test_a_window_with_less_than_half_of_its_time_sampled_is_refused(
+    campaign: Campaign, tmp_path: Path, suffix: str, gap: float, refused: bool
+) -> None:
+    """50 samples of 0.01 s; ten hours between two of them would be computed in gigabytes."""
+    first = campaign.windows[0]
+    late = replace(first, t=first.t + gap * (np.arange(50) >= 30))
+    path = tmp_path / f"windows/w0{suffix}"
+    write_campaign(tmp_path, replace(campaign, windows=(late, *campaign.windows[1:])))
+    if suffix == ".mcap":
+        path.write_bytes(window_as_mcap(read_window_csv(path.with_suffix(".csv"), 4)))
+        index = tmp_path / "campaign.toml"
+        index.write_text(index.read_text().replace("w0.csv", "w0.mcap"))
+    if not refused:
+        assert read_campaign(tmp_path).windows[0].duration == pytest.approx(0.49 + gap)
+        return
+    says = rf"w0\{suffix}: sample 31, t: no sample for {gap + 0.01:.2f} s after t = 0\.29 s; .* and half must\."
+    with pytest.raises(FileError, match=says):
+        read_campaign(tmp_path)

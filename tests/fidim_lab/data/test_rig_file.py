@@ -155,7 +155,11 @@ WRONG = {
     "node twice": ("node_id = 2", "node_id = 1", "winch 2, node_id: 1 is taken by another winch"),
     "host": ("node_id = 2", "node_id = 126\n[bus.x]", "bus, x: unknown key"),
     "host is a winch": ("sync_rate =", "host_id = 4\nsync_rate =", "bus, host_id: 4 is a winch's node_id"),
-    "robot": ('"irma4"', '"none.toml"', "none.toml: no such file"),
+    "robot": ('"irma4"', '"none.toml"', "none.toml: no such file. The key robot of rig.toml names it."),
+    "robot a device": ('"irma4"', '"/dev/zero"', "is a device, a file was expected. The key robot of rig.toml"),
+    "robot no TOML": ('"irma4"', '"/proc/self/limits"', "/proc/self/limits: is not TOML: "),
+    "eds a device": ('eds = "generic"', 'eds = "/dev/zero"', "eds: '/dev/zero': is a device, a file was expected;"),
+    "eds a folder": ('eds = "generic"', 'eds = "/proc"', "eds: '/proc': is a folder, a file was expected;"),
     "eds": (
         'eds = "generic"',
         'eds = "mine.eds"',

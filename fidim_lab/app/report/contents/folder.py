@@ -206,7 +206,8 @@ def _campaign(folder: Path, *, begun: bool) -> Campaign:
     if begun and folder.is_dir():
         table = read_toml(folder / INDEX, CampaignTable, FORMAT)
         if not table.window:
-            return Campaign(table.name, read_robot(folder / table.robot), table.sample_rate, ())
+            robot = read_robot(folder / table.robot, named_by=folder / INDEX)
+            return Campaign(table.name, robot, table.sample_rate, ())
     return read_campaign(folder)
 
 

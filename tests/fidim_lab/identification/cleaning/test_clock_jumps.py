@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Role, Window
+from fidim_lab.identification.cleaning.clean import without_bad_samples
 from fidim_lab.identification.cleaning.clock_jumps import without_clock_jumps
 
 
@@ -24,9 +25,10 @@ def jumping(by: float) -> Window:
     return Window("i01", whole.role, whole.t + by * (np.arange(600) >= 200), whole.markers, whole.lengths, None)
 
 
+@pytest.mark.parametrize("cleaned", [without_clock_jumps, without_bad_samples])
 @pytest.mark.parametrize("by", [0.02, 0.1, 0.5, 3.0])
-def test_a_jump_of_the_clock_is_cut_out_with_its_time(irma4, by):
-    found = without_clock_jumps(campaign(irma4, jumping(by), window("i02", place=0.1)))
+def test_a_jump_of_the_clock_is_cut_out_with_its_time(irma4, by, cleaned):
+    found = cleaned(campaign(irma4, jumping(by), window("i02", place=0.1)))
     (note,) = found.notes
     assert f"Window i01: the time stamps jump by {by + 0.01:.3f} s at 1.99 s" in note
     kept = found.campaign.windows[0]
