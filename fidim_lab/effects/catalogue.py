@@ -29,6 +29,7 @@ from fidim_lab.effects.geometry.clock import ClockRate, TimeOffset
 from fidim_lab.effects.geometry.frame_misalignment import FrameMisalignment
 from fidim_lab.effects.geometry.gravity_tilt import GravityTilt
 from fidim_lab.effects.geometry.marker_offset import MarkerOffset
+from fidim_lab.effects.geometry.marker_stalk import MarkerStalk
 from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
 from fidim_lab.effects.loads.body_force import BodyForce
 from fidim_lab.effects.loads.constant_force import ConstantForce
@@ -66,6 +67,11 @@ def _markers(robot: Robot) -> list[NamedEffect]:
     return [MarkerOffset(number=number) for number in range(1, len(robot.markers) + 1)]
 
 
+def _stalks(robot: Robot) -> list[NamedEffect]:
+    """Upright ones first."""
+    return [MarkerStalk(number=number, axis=axis) for number in range(1, len(robot.markers) + 1) for axis in (2, 0, 1)]
+
+
 _MAKERS: tuple[Maker, ...] = (
     _once(AirDragLinear),
     _once(AirDragQuadratic),
@@ -89,6 +95,7 @@ _MAKERS: tuple[Maker, ...] = (
     _each(CableLengthBias),
     _once(GravityTilt),
     _markers,
+    _stalks,
     _once(FrameMisalignment),
     _once(ClockRate),
     _once(TimeOffset),

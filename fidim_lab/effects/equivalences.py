@@ -153,6 +153,7 @@ SHARED: Mapping[str, tuple[str, ...]] = {
         "frame-misalignment",
         "gravity-tilt",
     ),
+    "a marker that is not where the robot file says": ("marker-offset", "marker-stalk"),
     "cables or winches that yield": ("cable-elasticity", "winch-hold-compliance", "cable-creep"),
     "mass beside the rigid body": ("swivel-inertia", "cable-mass", "loose-mass"),
     "an oscillation": ("periodic-force", "frame-sway"),

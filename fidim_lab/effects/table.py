@@ -17,9 +17,11 @@ SLOTS = (
     "length_drift",
     "compliance",
     "wrench",
+    "tension_wrench",
     "kinetic_energy",
     "extra_rates",
     "marker",
+    "stalk",
     "seen",
     "true_time",
 )

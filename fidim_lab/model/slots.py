@@ -8,7 +8,8 @@ kg: `contributions` and `Mechanism` divide by the robot's mass where the model c
     length_drift    a cable that grows in time         compliance      stretch under tension
     wrench          force and torque on the platform   tension_wrench  the same for each newton of a tension
     kinetic_energy  inertia that the platform drags along
-    extra_*         states of its own                  marker, seen, true_time   what the cameras make of it
+    extra_*         states of its own                  stalk           what a marker stands on
+    marker, seen, true_time   what the cameras make of it
 """
 
 from collections.abc import Sequence
@@ -93,6 +94,18 @@ class ExtraState:
     """values from which it is looked for where nothing is known of it"""
 
 
+@dataclass(frozen=True, eq=False)
+class Stalk:
+    """A marker moves by give · y against the body, ÿ + 2 ζ ω ẏ + ω² y = ω² (g − acceleration of its foot)."""
+
+    give: ca.SX
+    """(3 × 3), body frame, s²; symmetric"""
+    pulsation: ca.SX
+    """ω, rad/s"""
+    damping: ca.SX
+    """ζ"""
+
+
 class Effect:
     """An effect that does nothing; subclasses override what they change. θ holds the effect's own parameters."""
 
@@ -161,6 +174,11 @@ class Effect:
         """Where marker `number` (1-based, the main one first) really is in the body frame (3), m."""
         del number, theta
         return place
+
+    def stalk(self, number: int, theta: ca.SX) -> Stalk | None:
+        """What marker `number` (1-based) stands on, where that gives way."""
+        del number, theta
+        return None
 
     def seen(self, point: ca.SX, state: PlatformState, theta: ca.SX) -> ca.SX:
         """What the cameras report for a point of the world (3), m, in a state."""

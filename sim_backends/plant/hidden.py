@@ -1,8 +1,9 @@
 """Physics that a simulation may hide: the ids of the catalogue as frozen values, and the reader of `--hide`.
 
 `parse_effect("anchor-offset:cable=4,dx=0.006")` gives a `HiddenEffect`; where each one enters is in `world` (geometry,
-body, gravity), `terms` and `inertia` (forces), `dynamics` (stretch, sway, loose mass), `paid_out` (creep, encoders) and
-`sensors` (what is measured). A parameter of 0 is "absent" for every effect; 0 for a stiffness is read as rigid.
+body, gravity), `terms` and `inertia` (forces), `dynamics` (stretch, sway, loose mass, stalk), `paid_out` (creep,
+encoders) and `sensors` (what is measured). A parameter of 0 is "absent" for every effect; 0 for a stiffness is read as
+rigid.
 
 Every id of the catalogue is here. What is simplified:
 - cable-mass: weight and inertia of the straight free cable and the weight of its wrap. The shortening by sag, of second
@@ -11,6 +12,7 @@ Every id of the catalogue is here. What is simplified:
 - frame-sway: the frame moves without turning, the cameras stand on the floor.
 - cable-creep relaxes with the same time constant while its winch travels, so that every hold creeps again.
 - hand-contact: one push of the shape sin² in each window, at the main marker.
+- marker-stalk: a marker without mass of its own on the platform; its stalk does not get shorter.
 - loose-mass: a point mass on an isotropic spring and damper, in addition to the platform's own mass.
 - unknown: a smooth force field fixed in the room (a magnet), as one example of what no effect describes; more of them
   are in `outside`.
@@ -117,6 +119,13 @@ CATALOGUE: Mapping[str, HiddenKind] = {
     "cable-length-bias": HiddenKind({"bias": Key(0.005, "m", "encoder reading minus true length")}, one_cable=True),
     "gravity-tilt": HiddenKind({key: _ABOUT[key] for key in ("rx", "ry")}),
     "marker-offset": HiddenKind(xyz("d", (0.004, -0.003, 0.002), "m", "true minus stated place of the main marker")),
+    "marker-stalk": HiddenKind(
+        {
+            "k": Key(2.5e-4, "s²", "way of the main marker for each m/s², 1/(2π f)² of its stalk", low=0.0),
+            "zeta": Key(0.08, "1", "damping ratio", low=0.0),
+            **xyz("e", (0.0, 0.0, 1.0), "1", "the stalk's direction, body frame, of any length; 0: soft all round"),
+        }
+    ),
     "frame-misalignment": HiddenKind(
         {**_ABOUT, **xyz("d", (0.002, -0.002, 0.001), "m", "shift of the measured points")}
     ),

@@ -12,7 +12,18 @@ import numpy as np
 from fidim_lab.arrays import PerCable, Vector3
 from fidim_lab.data.records import Pose
 from fidim_lab.errors import OurBugError
-from sim_backends.plant.mechanics.kinematics import HAND_SIZE, LOOSE, POSE, TWIST, matrix_of, oscillation, pose_of, size
+from sim_backends.plant.mechanics.kinematics import (
+    HAND_SIZE,
+    LOOSE,
+    POSE,
+    TWIST,
+    matrix_of,
+    oscillation,
+    pose_of,
+    size,
+    stalks,
+    stalks_at,
+)
 from sim_backends.plant.mechanics.statics import Rest, Statics
 from sim_backends.plant.motion import NO_HAND, DrumMotion, PlatformMotion, SlackInterval
 from sim_backends.plant.paid_out import PaidOut
@@ -122,6 +133,10 @@ class Plant:
             sag = self.world.gravity / (2 * np.pi * effect["f"]) ** 2
             arm = effect.vector("bx", "by", "bz") - self.world.body.com
             x[LOOSE + 6 * k : LOOSE + 6 * k + 3] = x[0:3] + rotation @ arm + sag
+        for k, effect in enumerate(stalks(self.world)):
+            sag = self.world.gravity * effect["k"]
+            first = stalks_at(self.world) + 6 * k
+            x[first : first + 3] = x[0:3] + rotation @ (self.world.markers[0] - self.world.body.com) + sag
         self._window_start = t
         none = np.zeros(self.world.n)
         self._motion.start(x, t, self._drive(t, none, none))

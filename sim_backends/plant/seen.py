@@ -1,11 +1,11 @@
 """Where the markers truly are, at a step of the plant or between two."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from fidim_lab.errors import OurBugError
-from sim_backends.plant.mechanics.kinematics import matrix_of
+from sim_backends.plant.mechanics.kinematics import matrix_of, stalks, stalks_at
 from sim_backends.plant.world import World
 
 
@@ -30,13 +30,29 @@ def markers_at(world: World, history: Sequence[tuple[float, np.ndarray]], t: flo
 
 def _markers(world: World, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities of the markers (M, 3) in a state."""
-    arms = world.markers - world.body.com
-    return _positions(world, x), x[7:10] + np.cross(x[10:13], arms) @ matrix_of(x[3:7]).T
+    arms, turn = world.markers - world.body.com, matrix_of(x[3:7])
+    speeds = x[7:10] + np.cross(x[10:13], arms) @ turn.T
+    for across, tip in _stalks(world, x, turn):
+        speeds[0] += across @ (tip[3:] - speeds[0])
+    return _positions(world, x), speeds
 
 
 def _positions(world: World, x: np.ndarray) -> np.ndarray:
     """Positions of the markers (M, 3) in a state."""
-    return x[0:3] + (world.markers - world.body.com) @ matrix_of(x[3:7]).T
+    turn = matrix_of(x[3:7])
+    places = x[0:3] + (world.markers - world.body.com) @ turn.T
+    for across, tip in _stalks(world, x, turn):
+        places[0] += across @ (tip[:3] - places[0])
+    return places
+
+
+def _stalks(world: World, x: np.ndarray, turn: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Of each stalk of the main marker: what is across it (3, 3), and the state of its tip (6)."""
+    first = stalks_at(world)
+    for k, effect in enumerate(stalks(world)):
+        along = turn @ effect.vector("ex", "ey", "ez")
+        across = np.eye(3) - np.outer(along, along) / max(along @ along, 1e-12)
+        yield across, x[first + 6 * k : first + 6 * k + 6]
 
 
 def _hermite(u: float, dt: float, p0: np.ndarray, v0: np.ndarray, p1: np.ndarray, v1: np.ndarray) -> np.ndarray:

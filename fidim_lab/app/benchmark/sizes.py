@@ -69,6 +69,12 @@ def _loose(rng: Rng, size: float) -> dict[str, float]:
     return {"m": size, "f": rng.uniform(1.5, 6.0), "zeta": rng.uniform(0.01, 0.1), **place}
 
 
+def _stalk(rng: Rng, size: float) -> dict[str, float]:
+    """Upright but for some degrees."""
+    lean = {f"e{axis}": value for axis, value in zip("xyz", [*rng.normal(0.0, 0.1, 2), 1.0], strict=True)}
+    return {"k": size, "zeta": rng.uniform(0.02, 0.3), **lean}
+
+
 def _tilt(rng: Rng, size: float) -> dict[str, float]:
     angle = rng.uniform(-np.pi, np.pi)
     return {"rx": size * np.cos(angle), "ry": size * np.sin(angle)}
@@ -138,6 +144,7 @@ EFFECTS: Mapping[str, Size] = {
     "cable-length-bias": Size(5e-4, 0.01, "m", _signed("bias"), one_cable=True),
     "gravity-tilt": Size(5e-4, 0.02, "rad", _tilt),
     "marker-offset": Size(3e-4, 8e-3, "m", _vector("d")),
+    "marker-stalk": Size(5e-6, 6e-4, "s² (1/(2π f)²)", _stalk),
     "frame-misalignment": Size(5e-4, 0.01, "rad", _misaligned),
     "clock-rate": Size(3e-5, 3e-3, "1", _signed("rate")),
     "time-offset": Size(1e-3, 0.03, "s", _signed("offset")),

@@ -56,7 +56,7 @@ def with_geometry(told: Explanation, baseline: Baseline, exact: Baseline, judged
 
 def is_wrong(opened: Sequence[Nuisance], robot: Robot) -> bool:
     """Whether a geometry that was left open is off by more than a file that states no survey is surveyed to."""
-    return robot.survey is None and bool(np.log(opened[0].sd[0] / TYPICAL_ANCHOR) > BEYOND)
+    return robot.survey is None and bool(opened) and bool(np.log(opened[0].sd[0] / TYPICAL_ANCHOR) > BEYOND)
 
 
 def geometry_cause(geometry: Geometry) -> NamedCause:

@@ -226,7 +226,15 @@ def seen_by(
 ) -> Float[np.ndarray, "T M 3 theta"]:
     """The change of the cameras' report by all θ at the same motion; states: effects' own (T, extra); stamps: s."""
     kernel = every.compiled("sightings: kernel", lambda made: Kernel.of(sightings(made), native=False))
-    given = (stamps[:, np.newaxis], motion.positions, motion.rotations, motion.twists, states, theta)
+    given = (
+        stamps[:, np.newaxis],
+        motion.positions,
+        motion.rotations,
+        motion.twists,
+        states,
+        motion.accelerations,
+        theta,
+    )
     return _over(kernel, len(stamps), *given)[4].reshape(len(stamps), -1, 3, len(theta))
 
 

@@ -10,7 +10,7 @@ import casadi as ca
 
 from fidim_lab.model.geometry import CableExpressions
 from fidim_lab.model.mechanism import Mechanism, parts, states_of
-from fidim_lab.model.slots import Effect, PlatformState
+from fidim_lab.model.slots import Effect, PlatformState, Stalk
 
 
 def extra_count(mechanism: Mechanism) -> int:
@@ -102,6 +102,12 @@ def marker_at(mechanism: Mechanism, number: int, place: ca.SX, theta: ca.SX) -> 
     for effect, part in parts(mechanism, theta):
         place = effect.marker(number, place, part)
     return place
+
+
+def stalks_at(mechanism: Mechanism, number: int, theta: ca.SX) -> list[Stalk]:
+    """All that marker `number` (1-based) stands on and that gives way, one on the other."""
+    found = (effect.stalk(number, part) for effect, part in parts(mechanism, theta))
+    return [stalk for stalk in found if stalk is not None]
 
 
 def seen_at(mechanism: Mechanism, point: ca.SX, state: PlatformState, theta: ca.SX) -> ca.SX:

@@ -21,7 +21,7 @@ import casadi as ca
 from fidim_lab.model.batch import function, rows
 from fidim_lab.model.geometry import skew
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.motion.contributions import marker_at, seen_at, true_time_at
+from fidim_lab.model.motion.contributions import marker_at, seen_at, stalks_at, true_time_at
 from fidim_lab.model.motion.equations import MotionEquations, Symbols, motion_equations
 from fidim_lab.model.slots import PlatformState
 
@@ -41,11 +41,11 @@ def start_gaps(mechanism: Mechanism, absent: Sequence[int] = ()) -> ca.Function:
 
 
 def sightings(mechanism: Mechanism) -> ca.Function:
-    """(stamp, p, R row by row, twist, extra, θ) → markers as the cameras report them, marker by marker (3 M), m.
+    """(stamp, p, R row by row, twist, extra, v̇ 6, θ) → markers as the cameras report them, marker by marker (3 M), m.
 
-    The state is that at `true_time` of the stamp (second output, s). Then the derivatives of the markers, row by row:
-    by [δp; δθ_world] (3 M × 6), by the extra states (3 M × extra), by θ (3 M × P) with what a later true time adds
-    through the twist.
+    The state is that at `true_time` of the stamp (second output, s). Stalks bend as in slow motion, without lag. Then
+    the derivatives of the markers, row by row: by [δp; δθ_world] (3 M × 6) at the same v̇, by the extra states
+    (3 M × extra), by θ (3 M × P) with what a later true time adds through the twist.
     """
     return mechanism.compiled("sightings", _compile_sightings)
 
@@ -133,17 +133,24 @@ def _compile_sightings(mechanism: Mechanism) -> ca.Function:
         extra=symbols.extra,
     )
     places = (ca.SX(ca.DM(place)) for place in mechanism.robot.markers)
-    real = (marker_at(mechanism, number, place, theta) for number, place in enumerate(places, start=1))
-    seen = ca.vertcat(
-        *(seen_at(mechanism, symbols.position + symbols.rotation @ place, state, theta) for place in real)
-    )
+    accelerations, gravity = ca.SX.sym("accelerations", 6), ca.SX(ca.DM(mechanism.robot.gravity))
+
+    def point(number: int, place: ca.SX) -> ca.SX:
+        arm, spin = symbols.rotation @ marker_at(mechanism, number, place, theta), symbols.twist[3:]
+        swept = ca.cross(accelerations[3:], arm) + ca.cross(spin, ca.cross(spin, arm))
+        give = sum((stalk.give for stalk in stalks_at(mechanism, number, theta)), ca.SX(3, 3))
+        felt = symbols.rotation.T @ (gravity - accelerations[:3] - swept)
+        return symbols.position + arm + symbols.rotation @ give @ felt
+
+    points = (point(number, place) for number, place in enumerate(places, start=1))
+    seen = ca.vertcat(*(seen_at(mechanism, one, state, theta) for one in points))
     turned = ca.jacobian(seen, symbols.flat) @ _turned(symbols.rotation)
     by_pose = ca.horzcat(ca.jacobian(seen, symbols.position), turned)
     later = by_pose @ symbols.twist + ca.jacobian(seen, symbols.time)
     by_theta = ca.jacobian(seen, theta) + later @ ca.jacobian(time, theta)
     outputs = [seen, rows(by_pose), rows(ca.jacobian(seen, symbols.extra)), rows(by_theta)]
     at_time = [ca.substitute(output, symbols.time, time) for output in outputs]
-    inputs = [stamp, symbols.position, symbols.flat, symbols.twist, symbols.extra, theta]
+    inputs = [stamp, symbols.position, symbols.flat, symbols.twist, symbols.extra, accelerations, theta]
     return function("sightings", inputs, [at_time[0], time, *at_time[1:]])
 
 

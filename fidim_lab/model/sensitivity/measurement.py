@@ -1,9 +1,10 @@
-"""What the cameras make of moving markers, with derivatives: the slots marker, true_time and seen of effects.
+"""What the cameras make of moving markers, with derivatives: the slots marker, stalk, true_time and seen of effects.
 
-A marker that is elsewhere moves all its nodes; a frame stamped t shows the motion at its true time; what is seen there
-may be turned, shifted or displaced. `Measurement.of` says what a mechanism's effects do at one θ; without such effects
-it only interpolates. Times count from a recording's first sample: an offset common to all of them is a gauge of free
-motion, which the window's start takes up, so `time-offset` has no influence here and stays unidentified.
+A marker that is elsewhere moves all its nodes; one on a stalk swings on it (`stalks`); a frame stamped t shows the
+motion at its true time; what is seen there may be turned, shifted or displaced. `Measurement.of` says what a
+mechanism's effects do at one θ; without such effects it only interpolates. Times count from a recording's first sample:
+an offset common to all of them is a gauge of free motion, which the window's start takes up, so `time-offset` has no
+influence here and stays unidentified.
 """
 
 from dataclasses import dataclass
@@ -15,13 +16,18 @@ from jaxtyping import Float
 from fidim_lab.arrays import Series
 from fidim_lab.model.batch import function, over_samples, rows
 from fidim_lab.model.mechanism import Mechanism
-from fidim_lab.model.motion.contributions import extra_count, marker_at, seen_at, true_time_at
+from fidim_lab.model.motion.contributions import extra_count, marker_at, seen_at, stalks_at, true_time_at
 from fidim_lab.model.motion.equations import Symbols
+from fidim_lab.model.sensitivity.grid import Grid
 from fidim_lab.model.sensitivity.integrate import Trajectories
 from fidim_lab.model.sensitivity.markers import at_nodes, between, hermite
+from fidim_lab.model.sensitivity.sampling import AXES
+from fidim_lab.model.sensitivity.stalks import swung, swung_by
 from fidim_lab.model.slots import Effect, PlatformState
 
-SLOTS = ("marker", "seen", "true_time")
+SLOTS = ("marker", "stalk", "seen", "true_time")
+ACCELERATION = 2
+"""of the three that `at_nodes` gives"""
 SHIFT = 1e-4
 """s, over which velocities are differences"""
 INVERSIONS = 6
@@ -45,6 +51,15 @@ class Measurement:
         """Whether no effect changes anything."""
         return not any(measures(effect) for effect in self.mechanism.effects)
 
+    @property
+    def swings(self) -> bool:
+        """Whether markers move against the body."""
+        return any(type(effect).stalk is not Effect.stalk for effect in self.mechanism.effects)
+
+    def followed(self, markers: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, "K 3"]:
+        """Points of the body that `seen` needs at the nodes: `places`, then the body's axes where markers swing."""
+        return np.concatenate([self.places(markers), AXES]) if self.swings else self.places(markers)
+
     def places(self, markers: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, "M 3"]:
         """Where these markers of the robot file really are, body frame, m."""
         return markers if self.plain else self._moved(markers)[0]
@@ -55,19 +70,20 @@ class Measurement:
 
     def seen(
         self,
-        nodal: Float[np.ndarray, "N 3 M 3"],
-        nodes: Series,
+        nodal: Float[np.ndarray, "N 3 K 3"],
+        count: int,
+        grid: Grid,
         stamps: Series,
         begin: float,
         extra: Float[np.ndarray, " extra"] | None = None,
     ) -> Float[np.ndarray, "T M 3"]:
-        """What is reported at stamps (s since the recording's `begin`, itself s since its window's), m.
+        """What is reported of the first `count` markers at stamps (s since the recording's `begin`), m.
 
-        nodal: of the real places, by `at_nodes`. extra: effects' own states of this window; those that cameras see do
-        not change within it.
+        begin: s since the window's. nodal: of the points `followed`, by `at_nodes`. extra: effects' own states of this
+        window; those that cameras see do not change within it.
         """
         times = self._times(stamps)[0]
-        points = between(nodal, *hermite(nodes, times))
+        points = self._points(nodal, count, grid, times, begin)
         return points if self.plain else self._sights(points, begin + times, extra)[0]
 
     def seen_by(
@@ -75,25 +91,28 @@ class Measurement:
         trajectories: Trajectories,
         place: int,
         markers: Float[np.ndarray, "M 3"],
-        varied: Float[np.ndarray, "N 3 M 3 P"],
+        varied: Float[np.ndarray, "N 3 K 3 P"],
         stamps: Series,
         begin: float,
         extra: tuple[Float[np.ndarray, " extra"], Float[np.ndarray, "extra P"]] | None = None,
     ) -> Float[np.ndarray, "T M 3 P"]:
         """Derivatives of `seen` for the window at `place` of a batch; markers as in the robot file.
 
-        varied: by `varied_at_nodes` at the real places; its last columns are those of θ, what the motion adds to them.
+        varied: by `varied_at_nodes` at the points `followed`; its last columns are those of θ, what the motion adds.
         extra: effects' own states of this window, with their derivatives.
         """
-        nodes = trajectories.grid.t
+        grid, many = trajectories.grid, len(markers)
+        nodes = grid.t
         times, by_theta = self._times(stamps)
-        columns = between(varied, *hermite(nodes, times))
+        columns = between(varied[:, :, :many], *hermite(nodes, times))
         if self.plain:
             return columns
-        real, moved = self._moved(markers)
+        moved = self._moved(markers)[1]
         one = trajectories.only(place)
-        nodal = at_nodes(one, real)[0]
-        points, later, sooner = (between(nodal, *hermite(nodes, times + s)) for s in (0.0, SHIFT, -SHIFT))
+        nodal = at_nodes(one, self.followed(markers))[0]
+        points, later, sooner = (self._points(nodal, many, grid, times + s, begin) for s in (0.0, SHIFT, -SHIFT))
+        if self.swings:
+            columns = columns + self._swings_by(nodal, varied, many, grid, times, begin)
         own = None if extra is None else extra[0]
         _, by_point, by_time, direct, by_extra = self._sights(points, begin + times, own)
         velocity = np.einsum("tmij,tmj->tmi", by_point, (later - sooner) / (2 * SHIFT)) + by_time
@@ -107,6 +126,67 @@ class Measurement:
             + velocity[..., np.newaxis] * by_theta[:, np.newaxis, np.newaxis]
         )
         return columns if extra is None else columns + by_extra @ extra[1]
+
+    def _points(self, nodal: np.ndarray, count: int, grid: Grid, times: Series, begin: float) -> np.ndarray:
+        """Where the first markers are (T, count, 3), m, on their stalks."""
+        at = hermite(grid.t, times)
+        course = between(nodal, *at)
+        points = course[:, :count]
+        if not self.swings:
+            return points
+        turn = _rotations(course)
+        for number, stalk in self._stalks(count):
+            felt = self._felt(nodal, number)
+            y = between(swung(felt, grid, stalk.pulsation, stalk.damping, self._begins(felt, begin)), *at)
+            points[:, number] += np.einsum("tij,jk,tlk,tl->ti", turn, stalk.give, turn, y, optimize=True)
+        return points
+
+    def _swings_by(
+        self, nodal: np.ndarray, varied: np.ndarray, count: int, grid: Grid, times: Series, begin: float
+    ) -> Float[np.ndarray, "T M 3 P"]:
+        """What stalks add to the derivatives of the first markers by P columns, the last of which are θ.
+
+        The acceleration of a foot that θ moves on the body is left out of them: a small part of a small thing.
+        """
+        at = hermite(grid.t, times)
+        turn, turned = _rotations(between(nodal, *at)), between(varied[:, :, -4:], *at)
+        turned = turned[:, 1:] - turned[:, :1]  # (T, axis, 3, P)
+        P, size = varied.shape[-1], self.theta.size
+        found = np.zeros((len(times), count, 3, P))
+        for number, stalk in self._stalks(count):
+            felt, by = self._felt(nodal, number), -varied[:, ACCELERATION, number].reshape(len(varied), -1)
+            rest = 0 * by[0] if begin == 0 else by[0]
+            course = swung(felt, grid, stalk.pulsation, stalk.damping, self._begins(felt, begin))
+            moved = between(swung(by, grid, stalk.pulsation, stalk.damping, rest), *at).reshape(-1, 3, P)
+            y = between(course, *at)
+            inner = np.einsum("tkip,ti->tkp", turned, y) + np.einsum("tik,tip->tkp", turn, moved)
+            own = np.einsum("tji,tj->ti", turn, y)
+            lag = between(np.moveaxis(swung_by(felt, course, grid, stalk.pulsation, stalk.damping), 0, -1), *at)
+            inner[..., P - size :] += np.einsum("tik,tiq,qp->tkp", turn, lag, stalk.lag_by)
+            given = np.einsum("tkip,kj,tj->tip", turned, stalk.give, own)
+            given += np.einsum("tij,jk,tkp->tip", turn, stalk.give, inner)
+            given[..., P - size :] += np.einsum("tij,jkp,tk->tip", turn, stalk.give_by, own)
+            found[:, number] += given
+        return found
+
+    def _felt(self, nodal: np.ndarray, number: int) -> Float[np.ndarray, "N 3"]:
+        """g − acceleration of a marker's foot (from 0), m/s²."""
+        return self.mechanism.robot.gravity - nodal[:, ACCELERATION, number]
+
+    def _begins(self, felt: np.ndarray, begin: float) -> np.ndarray:
+        """At rest where a window begins; what had begun before no longer rings."""
+        return self.mechanism.robot.gravity if begin == 0 else felt[0]
+
+    def _stalks(self, count: int) -> list[tuple[int, "_StalkNow"]]:
+        """Those of the first markers (from 0)."""
+        found: list[tuple[int, _StalkNow]] = []
+        for number in range(count):
+            compiled = _stalks(self.mechanism, number + 1)
+            values, by = over_samples(compiled, 1, self.theta)
+            for one, its in zip(values.reshape(-1, 11), by.reshape(-1, 11, self.theta.size), strict=True):
+                give, lag = (one[:9].reshape(3, 3), its[:9].reshape(3, 3, -1)), its[9:]
+                found.append((number, _StalkNow(*give, float(one[9]), float(one[10]), lag)))
+        return found
 
     def true_points(self, seen: Float[np.ndarray, "M 3"], time: float) -> tuple[np.ndarray, np.ndarray]:
         """Where points reported at a time (s since the window's begin) really were (M, 3), m.
@@ -146,6 +226,35 @@ class Measurement:
         found = over_samples(_sight(self.mechanism), given[0].shape[0], *given, self.theta, own)
         sizes = ((3,), (3, 3), (3,), (3, self.theta.size), (3, count))
         return tuple(part.reshape(*shape, *size) for part, size in zip(found, sizes, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class _StalkNow:
+    """A stalk at one θ."""
+
+    give: Float[np.ndarray, "3 3"]
+    give_by: Float[np.ndarray, "3 3 theta"]
+    pulsation: float
+    damping: float
+    lag_by: Float[np.ndarray, "2 theta"]
+    """of pulsation and damping"""
+
+
+def _stalks(mechanism: Mechanism, number: int) -> ca.Function:
+    """θ → of each stalk of a marker its matrix row by row, pulsation and damping (11), and their derivatives."""
+
+    def build(made: Mechanism) -> ca.Function:
+        theta = ca.SX.sym("theta", made.theta.size)
+        each = [ca.vertcat(rows(one.give), one.pulsation, one.damping) for one in stalks_at(made, number, theta)]
+        found = ca.vertcat(ca.SX(0, 1), *each)
+        return function("stalks", [theta], [found, rows(ca.jacobian(found, theta))])
+
+    return mechanism.compiled(f"measurement: stalks of marker {number}", build)
+
+
+def _rotations(course: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T 3 3"]:
+    """Body → world, where the last points are those of `AXES`."""
+    return np.swapaxes(course[:, -3:] - course[:, -4:-3], 1, 2)
 
 
 def _true_times(mechanism: Mechanism) -> ca.Function:

@@ -17,13 +17,22 @@ import casadi as ca
 import numpy as np
 
 from sim_backends.plant.mechanics.inertia import attached_function, needs_attached
-from sim_backends.plant.mechanics.kinematics import HAND_SIZE, Platform, platform, quaternion_rate, size, sticking
+from sim_backends.plant.mechanics.kinematics import (
+    HAND_SIZE,
+    Platform,
+    platform,
+    quaternion_rate,
+    size,
+    stalks,
+    sticking,
+)
 from sim_backends.plant.mechanics.terms import (
     applied,
     bending,
     hand_push,
     loose_acceleration,
     per_newton,
+    stalk_acceleration,
     with_tension,
 )
 from sim_backends.plant.mechanics.wrench import Wrench
@@ -190,6 +199,8 @@ def derivative(world: World, symbols: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.S
     for effect, (_, velocity) in zip(effects, eq.platform.loose, strict=True):
         _, pulled = loose_acceleration(eq.platform, effect)
         rates += [velocity, pulled + ca.DM(world.gravity)]
+    for k, effect in enumerate(stalks(world)):
+        rates += [eq.platform.stalks[k][1], stalk_acceleration(eq.platform, effect, k) + ca.DM(world.gravity)]
     rates += [bending(eq.platform, effect, k) for k, effect in enumerate(sticking(world))]
     return ca.vertcat(*rates), tension, eq.lengths - symbols.lengths, eq.rates - symbols.rates
 

@@ -1,9 +1,9 @@
 """Where everything of a moving platform is, as CasADi expressions of the state in redundant coordinates.
 
 State x: centre of mass G (3, world), unit quaternion q (4, scalar first, body → world), velocity of G (3, world),
-angular velocity (3, body); then for each loose mass its position and velocity (3 + 3, world); then for each swivel
-friction that gives way the bend of every swivel's bristles (n). The reference model uses P, a Gibbs vector and a
-world-frame twist instead.
+angular velocity (3, body); then for each loose mass its position and velocity (3 + 3, world), and the same for each
+marker on a stalk; then for each swivel friction that gives way the bend of every swivel's bristles (n). The reference
+model uses P, a Gibbs vector and a world-frame twist instead.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from sim_backends.plant.world import World
 POSE = slice(0, 7)
 TWIST = slice(7, 13)
 LOOSE = 13
-"""index at which the loose masses begin; after them the bristles of swivels that stick before they slip"""
+"""index at which the loose masses begin; after them markers on stalks, and the bristles of swivels that stick"""
 HAND_SIZE = 13
 """hand law: where it wants the marker (3), stiffness (3), damping (3), damping of rotation (1), steady force (3)"""
 
@@ -59,6 +59,8 @@ class Platform:
     cables: tuple[CableEnd, ...]
     loose: tuple[tuple[ca.SX, ca.SX], ...]
     """position and velocity of each loose mass"""
+    stalks: tuple[tuple[ca.SX, ca.SX], ...]
+    """position and velocity of each marker on a stalk, as if that could get longer too"""
     bristles: tuple[ca.SX, ...]
     """bend (n), −1 … 1, of the swivels' bristles of each effect that has such"""
     sway: tuple[ca.SX, ca.SX, ca.SX]
@@ -90,6 +92,16 @@ def sticking(world: World) -> tuple[HiddenEffect, ...]:
 
 def _bristles(world: World) -> int:
     """Index at which the bristles begin."""
+    return stalks_at(world) + 6 * len(stalks(world))
+
+
+def stalks(world: World) -> tuple[HiddenEffect, ...]:
+    """What bends under the main marker."""
+    return tuple(effect for effect in world.effects("marker-stalk") if effect["k"] > 0)
+
+
+def stalks_at(world: World) -> int:
+    """Index at which the markers on stalks begin."""
     return LOOSE + 6 * len(world.effects("loose-mass"))
 
 
@@ -104,7 +116,8 @@ def platform(world: World, x: ca.SX, now: ca.SX, *, still: bool = False) -> Plat
         ends.append(
             CableEnd(point, point.velocity - sway[1], tangent(point.position - ca.DM(cable.d) - sway[0], cable))
         )
-    starts = range(LOOSE, _bristles(world), 6)
+    starts = range(LOOSE, stalks_at(world), 6)
+    tips = range(stalks_at(world), _bristles(world), 6)
     bends = range(_bristles(world), size(world), world.n)
     return Platform(
         world=world,
@@ -114,6 +127,7 @@ def platform(world: World, x: ca.SX, now: ca.SX, *, still: bool = False) -> Plat
         spin=spin,
         cables=tuple(ends),
         loose=tuple((x[i : i + 3], x[i + 3 : i + 6]) for i in starts),
+        stalks=tuple((x[i : i + 3], x[i + 3 : i + 6]) for i in tips),
         bristles=tuple(x[i : i + world.n] for i in bends),
         sway=sway,
         now=now,

@@ -139,6 +139,8 @@ def longest_step(world: World) -> float:
                 damper += cables * (effect["viscous"] + (effect["dry"] + effect["arm"] * weight) / DRY_RATE) / SHORT**2
             case "attachment-friction":
                 turning += cables * (effect["viscous"] + effect["dry"] / DRY_RATE)
+            case "marker-stalk" if effect["k"] > 0:
+                step = min(step, 0.6 * float(np.sqrt(effect["k"])))
             case _:
                 pass
     oscillation, decay = np.sqrt(spring * mobility), damper * mobility + turning / inertia

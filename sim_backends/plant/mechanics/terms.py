@@ -159,6 +159,13 @@ def loose_acceleration(platform: Platform, effect: HiddenEffect) -> tuple[Platfo
     return hold, w**2 * (hold.position - position) + 2 * effect["zeta"] * w * (hold.velocity - velocity)
 
 
+def stalk_acceleration(platform: Platform, effect: HiddenEffect, k: int) -> ca.SX:
+    """What the k-th stalk gives its marker, m/s²."""
+    foot, w = platform.point(platform.world.markers[0]), effect["k"] ** -0.5
+    position, velocity = platform.stalks[k]
+    return w**2 * (foot.position - position) + 2 * effect["zeta"] * w * (foot.velocity - velocity)
+
+
 def _loose_mass(platform: Platform, effect: HiddenEffect) -> Wrench:
     hold, pulled = loose_acceleration(platform, effect)
     return _at(hold, -effect["m"] * pulled)

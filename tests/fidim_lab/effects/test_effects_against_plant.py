@@ -13,12 +13,17 @@ import pytest
 from fidim_lab.data.records import Pose, Robot
 from fidim_lab.effects.catalogue import by_id
 from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.effects.geometry.marker_stalk import MarkerStalk
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion import consistent_twist, simulate_free_motion
 from fidim_lab.model.motion.contributions import seen_compliances_at
 from fidim_lab.model.motion.dynamics import default_extra
 from fidim_lab.model.motion.elastic import simulate_elastic_motion
 from fidim_lab.model.motion.forcing import sightings, start_gaps
+from fidim_lab.model.sensitivity.grid import FINE, Grid
+from fidim_lab.model.sensitivity.integrate import States, integrate
+from fidim_lab.model.sensitivity.markers import at_nodes
+from fidim_lab.model.sensitivity.measurement import Measurement
 from sim_backends.plant.hidden import parse_effect
 from sim_backends.plant.plant import Plant
 from sim_backends.plant.sensors import Cameras
@@ -203,12 +208,29 @@ def test_a_swaying_frame(irma4, hide):
     motion = simulate_free_motion(mechanism, irma4.nominal, found.pose, twist, TIMES).motion
     compiled = sightings(mechanism)
     seen = [
-        np.array(compiled(t, p, R.ravel(), v, [], theta)[0]).ravel()
+        np.array(compiled(t, p, R.ravel(), v, [], np.zeros(6), theta)[0]).ravel()
         for t, p, R, v in zip(TIMES, motion.positions, motion.rotations, motion.twists, strict=True)
     ]
     influence = np.abs(_markers(Mechanism(irma4), found) - found.markers).max()
     assert influence > 1e-4
     assert np.abs(np.array(seen) - found.markers).max() < 5e-5 * influence
+
+
+@pytest.mark.parametrize(("k", "zeta", "axis", "leans"), [(3e-4, 0.05, 2, (0.2, -0.3)), (1.3e-4, 0.6, 1, (0, 0.1))])
+def test_a_marker_on_a_stalk(k, zeta, axis, leans, irma4, hide):
+    """The plant carries the marker as a state of its own; the model makes it out of the platform's motion."""
+    along = np.roll([1.0, *leans], axis)
+    keys = ",".join(f"e{axis}={value}" for axis, value in zip("xyz", along, strict=True))
+    found = hide(f"marker-stalk:k={k},zeta={zeta},{keys}")
+    mechanism = Mechanism(irma4, (MarkerStalk(axis=axis),), [k, zeta, *leans])
+    states = States(found.pose.position[None], found.pose.rotation[None], found.twist[None])
+    shared, grid = np.concatenate([irma4.nominal.vector, mechanism.theta]), Grid.covering(TIMES[-1], FINE)
+    motion = integrate(mechanism, shared, states, grid, np.zeros(1))
+    cameras = Measurement(mechanism, mechanism.theta)
+    seen = cameras.seen(at_nodes(motion, cameras.followed(irma4.markers))[0], 1, grid, TIMES, 0.0)[:, 0]
+    influence = np.abs(_markers(Mechanism(irma4), found) - found.markers).max()
+    assert influence > 1e-4
+    assert np.abs(seen - found.markers).max() < 1e-3 * influence
 
 
 @pytest.mark.parametrize(
@@ -230,7 +252,8 @@ def test_what_cameras_see(text, named, theta, irma4, hide, sample):
     mechanism = Mechanism(irma4, (_effect(irma4, named),))
     stamp = 3.0
     true = sample.position + world.markers @ sample.rotation.T
-    seen, time = sightings(mechanism)(stamp, sample.position, sample.rotation.ravel(), sample.twist, [], theta)[:2]
+    state = (sample.position, sample.rotation.ravel(), sample.twist)
+    seen, time = sightings(mechanism)(stamp, *state, [], np.zeros(6), theta)[:2]
     np.testing.assert_allclose(np.array(seen).ravel(), cameras.see(stamp, true).ravel(), atol=5e-8)
     assert float(time) == pytest.approx(cameras.exposure(stamp), abs=1e-12)
 

@@ -84,14 +84,14 @@ def test_sightings(effect, probe, sized, sample):
     theta, probed = sized(effect), probe(effect)
     compiled = sightings(probed.mechanism)
     time, position, flat, twist, extra, _, _ = sample.inputs(probed.mechanism, theta)
-    inputs = [time, position, flat, twist, extra]
-    _, true_time, *derivatives = probed.run(compiled, [*inputs, theta])
+    inputs, rates = [time, position, flat, twist, extra], np.array([0.4, -0.7, 0.2, 1.0, -2.0, 0.5])
+    _, true_time, *derivatives = probed.run(compiled, [*inputs, rates, theta])
 
     def seen(at: np.ndarray) -> np.ndarray:
-        late = probed.run(compiled, [*inputs, at])[1] - true_time
+        late = probed.run(compiled, [*inputs, rates, at])[1] - true_time
         moved = position + late * twist[:3]
         turned = sample.rotation + late * np.cross(twist[3:], sample.rotation.T).T
-        return probed.run(compiled, [time, moved, turned.ravel(), twist, extra, at])[0]
+        return probed.run(compiled, [time, moved, turned.ravel(), twist, extra, rates, at])[0]
 
     expected = differences(seen, theta, [parameter.scale * 1e-2 for parameter in effect.parameters])
     agree(derivatives[2], expected, rtol=1e-6)
@@ -105,7 +105,7 @@ def test_absent_is_exactly_the_baseline(effect, probe, sample):
                 np.testing.assert_allclose(here, there, rtol=0, atol=1e-13)
         inputs = sample.inputs(probed.mechanism, theta)
         place = sample.position + sample.rotation @ sample.robot.marker
-        seen, true_time = probed.run(sightings(probed.mechanism), [*inputs[:5], theta])[:2]
+        seen, true_time = probed.run(sightings(probed.mechanism), [*inputs[:5], np.ones(6), theta])[:2]
         np.testing.assert_allclose(seen, place, rtol=0, atol=1e-14)
         assert true_time == sample.time
 

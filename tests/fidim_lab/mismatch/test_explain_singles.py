@@ -25,6 +25,7 @@ SINGLES = (
     ("winch-hold-compliance:cable=3", 3, {"softness": 0.99754e-5}),
     ("time-offset:offset=-0.004", None, {"offset": -0.004}),
     ("frame-sway:f=1.6,psi=1", None, {"sx": 1e-3 * np.cos(1), "cy": 5e-4 * np.sin(1), "f": 1.6}),
+    ("marker-stalk:k=3e-4,zeta=0.06", None, {"k": 3e-4, "zeta": 0.06}),
     ("cable-creep:cable=2,delta=0.002,T=2", 2, {"delta": 2e-3, "T": 2.0}),
 )
 """what is hidden, its cable, and what its parameters come to"""

@@ -212,7 +212,7 @@ def _judged(
     trajectories, robot = batch.trajectories, likelihood.mechanism.robot
     measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
     stated = body_markers(likelihood.recordings, robot, batch.members)
-    nodal = markers.at_nodes(trajectories, measurement.places(stated))
+    nodal = markers.at_nodes(trajectories, measurement.followed(stated))
     residuals: list[WindowResidual] = []
     for place, w in enumerate(int(w) for w in batch.members):
         if trajectories.breaks_down(place, measurement.latest(float(ends[w]))):
@@ -239,14 +239,14 @@ def _linearised(likelihood: Likelihood, simulation: Simulation, batch: _Batch) -
         unstretched=rows_of(starts.unstretched_by, batch.members),
     )
     stated = body_markers(likelihood.recordings, likelihood.mechanism.robot, batch.members)
-    nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.places(stated))
+    nodal = markers.varied_at_nodes(batch.trajectories, by, measurement.followed(stated))
     found: list[WindowLinear] = []
     for place, w in enumerate(batch.members):
         recording = likelihood.recordings[w]
         use, seen = recording.seen_until(simulation.ends[w])
         count, t = seen.shape[1], recording.t[use]
         extra = None if starts.extra is None else (starts.extra[w], starts.states_by[w][12:])
-        given = (stated[:count], nodal[place][:, :, :count], t, recording.begin, extra)
+        given = (stated[:count], nodal[place], t, recording.begin, extra)
         by_markers = measurement.seen_by(batch.trajectories, place, *given)[seen]
         known = np.isfinite(recording.lengths)
         jacobian = np.zeros((len(simulation.residuals[w].rows), own + len(point.shared)))
@@ -277,13 +277,13 @@ def _residual(
     w: int,
     end: float,
     grid: Grid,
-    nodal: Float[np.ndarray, "N 3 M 3"],
+    nodal: Float[np.ndarray, "N 3 K 3"],
 ) -> WindowResidual:
     recording = likelihood.recordings[w]
     use, seen = recording.seen_until(end)
     measurement = Measurement(likelihood.mechanism, point.shared[BODY:])
     own = None if starts.extra is None else starts.extra[w]
-    predicted = measurement.seen(nodal[:, :, : seen.shape[1]], grid.t, recording.t[use], recording.begin, own)
+    predicted = measurement.seen(nodal, seen.shape[1], grid, recording.t[use], recording.begin, own)
     known = np.isfinite(recording.lengths)
     guess, at = likelihood.guesses, point.states
     turn = Rotation.from_matrix(guess.rotations[w].T @ at.rotations[w]).as_rotvec()
