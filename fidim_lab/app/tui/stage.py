@@ -129,11 +129,15 @@ class Stage:
         return isinstance(self.state.app.focused, Input)
 
     def _reveal(self, board: Board, view: ScreenState) -> None:
-        """The row of the present window comes into sight when it becomes the present one, or a prompt takes room."""
+        """The row of the present window comes into sight when it becomes the present one, or a prompt takes room.
+
+        When the run has ended, its last sentence does, which is above the table.
+        """
         if TABS[self.current] != "Session":
             return
         rows = board.text.splitlines()
-        row = next((k for k, text in enumerate(rows) if text.startswith(CURRENT)), None)
+        ended = view.status is not None and view.status.phase == "ended"
+        row = 0 if ended else next((k for k, text in enumerate(rows) if text.startswith(CURRENT)), None)
         now = row, board.size.height
         if row is not None and now != self._revealed:
             board.reveal(row)

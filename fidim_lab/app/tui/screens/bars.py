@@ -1,5 +1,6 @@
 """What is on every screen: the state, alarms, the tabs, an open prompt, the keys. All can be clicked, too."""
 
+import re
 from collections.abc import Sequence
 
 from fidim_lab.app.tui.keys import choice_keys
@@ -163,13 +164,20 @@ def _alarms(view: ScreenState, width: int) -> list[Line]:
         case Connection.SILENT:
             rows += _alarm(f"✗ THE SERVICE IS SILENT{old}", width, SILENT_ADVICE)
         case Connection.ENDED:
-            rows += _alarm(f"□ THE SERVICE HAS ENDED{old}", width, view.why, alarm="warn")
+            rows += _alarm(f"□ THE SERVICE HAS ENDED{old}", width, *_last_words(view.why, width), alarm="warn")
         case _:
             pass
     if view.offer is not None:
         there = f"“{view.offer.rig}” has a service (run “{view.offer.run}”). t, then y, changes to that rig."
         rows += _alarm("ANOTHER RIG IS THERE, AND THIS SCREEN DOES NOT ANSWER FOR IT", width, there, alarm="warn")
     return rows
+
+
+def _last_words(says: str, width: int) -> tuple[str, ...]:
+    """What was measured at the end is the last sentence: where there is no room for all, it comes first."""
+    if len(wrapped(says, width)) <= MOST_ROWS:
+        return (says,)
+    return re.split(r"(?<=\.) ", says)[-1], left(says, width)
 
 
 def _latched(view: ScreenState, width: int) -> list[Line]:
@@ -187,6 +195,8 @@ def _latched(view: ScreenState, width: int) -> list[Line]:
 
 LATCHED = ("■ ■ ■  E M E R G E N C Y   S T O P   L A T C H E D  ■ ■ ■", "■ EMERGENCY STOP LATCHED ■")
 """the widest that a terminal has room for"""
+MOST_ROWS = 2
+"""of a sentence beside an alarm"""
 LOST_ADVICE = "Its drives stop by themselves without its heartbeat. THE KEY HERE STOPS NOTHING: use the hardware stop."
 SILENT_ADVICE = "Connected, but no state comes. Do not rely on this screen; use the hardware stop."
 
@@ -195,6 +205,6 @@ def _alarm(title: str, width: int, *says: str, alarm: Style = "alarm") -> list[L
     rows: list[Line] = [line(Span(row.center(width), alarm)) for row in fitted(title, width)]
     for text in says:
         first, *more = wrapped(text, width) or [""]
-        shown = [first, *more[:1]] if len(more) < 2 else [first, left(f"{more[0]} {more[1]}", width)]
+        shown = [first, *more] if len(more) < MOST_ROWS else [first, left(f"{more[0]} {more[1]}", width)]
         rows += [line(Span(row, "bad" if alarm == "alarm" else "warn")) for row in shown if row]
     return [row for row in rows if row is not EMPTY]

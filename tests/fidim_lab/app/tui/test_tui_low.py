@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from fidim_lab.app.service.messages import Question
+from fidim_lab.app.service.messages import Bye, Question
 from fidim_lab.app.tui.paint import text_of
 from fidim_lab.app.tui.screens.bars import prompt_lines
 from fidim_lab.app.tui.view import Connection, ScreenState
@@ -76,3 +76,24 @@ def test_a_prompt_is_whole_at_any_width(fake, width):
     assert "NOW  x +12 mm  y -66 mm" in said
     assert all(f"[{choice[0]}] {choice}" in said for choice in asked.choices)
     assert "“skip” by itself in 50 s" in said
+
+
+@pytest.mark.parametrize("measured", ["All winches stand still, held.", "Winch 2 still moves: cut its power by hand."])
+@pytest.mark.parametrize("size", [SIZE, (80, 24)])
+def test_what_was_measured_at_the_end_is_in_sight_under_a_latched_stop(opened, measured, size):
+    """After F12 the stop, who pressed it, and the end of the run share seven lines, and a sentence is longer."""
+    why = "emergency stop by fidim ui #3: key (2026-11-26 13:40:52 UTC)"
+    step = "wait until the marker moves less than 2 mm peak to peak in 1 s (at most 8 s)"
+
+    async def see(screen):
+        screen.service.become(phase="ended", latched=True, latched_why=why)
+        await drawn(screen, "The run has ended")
+        screen.service.say(
+            Bye(says=f"run error: The emergency stop guard stopped the run ({step}): {why}. {measured}", exit_code=3)
+        )
+        await screen.pilot.pause(0.1)
+        screen.kill_service()
+        await drawn(screen, measured)
+        await drawn(screen, "The run has ended")
+
+    run(see, opened, size)
