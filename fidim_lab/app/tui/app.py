@@ -1,5 +1,6 @@
 """The Textual application: orders from any screen, the emergency stop over everything, ten drawings a second."""
 
+import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -26,6 +27,8 @@ from fidim_lab.errors import SetupError
 
 PERIOD = 0.1
 """s between two drawings"""
+STDIN = 0
+"""file descriptor; of a browser's UI it is a pipe"""
 
 
 class FidimUi(App[None]):
@@ -76,6 +79,13 @@ class FidimUi(App[None]):
         self.run_worker(self.link.run())
         self.run_worker(self.stage.result_files.run(lambda: self.stage.folder(self.link.view())))
         self.set_interval(PERIOD, self._draw)
+        if os.isatty(STDIN):
+            self.set_interval(1.0, self._leave_if_the_terminal_is_gone)
+
+    def _leave_if_the_terminal_is_gone(self) -> None:
+        """Nobody sees it any more. Not every way to lose a terminal sends a hang-up, and textual would read on."""
+        if not os.isatty(STDIN):
+            self.exit()
 
     async def on_unmount(self) -> None:
         """What was started beside the screen ends with it; the service does not."""

@@ -1,7 +1,10 @@
 """A robot as a person has it: a terminal (tmux), commands, keys, and what stands on the screen."""
 
+import os
+import pty
 import socket
 import subprocess
+import termios
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -164,3 +167,19 @@ def test_power_is_taken_in_every_state_where_no_service_holds_the_load(terminal,
     reset = terminal("reset", "--rig", str(rig))
     answer_both(reset)
     reset.until("The emergency stop is reset.")
+
+
+def test_a_screen_whose_terminal_is_gone_without_a_hang_up_ends(fidim, tmp_path, monkeypatch):
+    """A lost container or pipe of terminals sends no SIGHUP: the UI read on for ever, with half of a core."""
+    monkeypatch.setenv("FIDIM_RUNTIME_DIR", str(tmp_path / "run"))
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    command = [*fidim, "ui"]
+    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
+    os.close(theirs)
+    drawn = b""
+    while b"No service" not in drawn:
+        drawn += os.read(ours, 1 << 16)
+    os.close(ours)
+    with process:
+        assert process.wait(timeout=60) == 0
