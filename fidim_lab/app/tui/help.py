@@ -5,7 +5,7 @@ from fidim_lab.app.tui.screens.bars import TABS
 
 KEYS = (
     ("F12 Ctrl+E", "EMERGENCY STOP: all winches at once, at any time, without asking. Anybody may."),
-    ("r", "reset the emergency stop, in two steps: r, read why, then y"),
+    ("r", "undo a stop, in every state: read why, then y to each question"),
     ("g", "go: start the run"),
     ("p", "pause: stop on the ramp, hold with power on; p again: verify the place, go on"),
     ("k", "skip the present window, with a reason"),

@@ -187,7 +187,7 @@ def _latched(view: ScreenState, width: int) -> list[Line]:
         return []
     was = "" if view.fresh else "when last heard: "
     ended = view.contact in (Connection.ENDED, Connection.LOST) or status.phase == "ended"
-    reset = " r starts the service again." if ended else " r resets it, in two steps."
+    reset = " r starts the service again." if ended else " r resets it, and asks first."
     why = f"{was}{status.latched_why or 'latched from the start'}.{reset}"
     title = next((one for one in LATCHED if len(one) <= width), LATCHED[-1])
     return _alarm(title, width, why)
