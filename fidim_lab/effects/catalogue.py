@@ -33,7 +33,7 @@ from fidim_lab.effects.geometry.marker_stalk import MarkerStalk
 from fidim_lab.effects.geometry.pulley_radius import PulleyRadius
 from fidim_lab.effects.loads.body_force import BodyForce
 from fidim_lab.effects.loads.constant_force import ConstantForce
-from fidim_lab.effects.loads.damped_springs import DampedElasticity, DampedStiffness, DampedWinch
+from fidim_lab.effects.loads.damped_springs import DampedElasticity, DampedFrame, DampedStiffness, DampedWinch
 from fidim_lab.effects.loads.frame_sway import FrameSway, FrameSwayOwnPhase
 from fidim_lab.effects.loads.loose_mass import LooseMass, LooseMassOnAxis
 from fidim_lab.effects.loads.periodic_force import PeriodicForce, PeriodicForceOwnPhase
@@ -86,6 +86,7 @@ _MAKERS: tuple[Maker, ...] = (
     _all_and_each(AttachmentFriction),
     _elasticity,
     _each(DampedWinch),
+    _once(DampedFrame),
     _each(CableCreep),
     _once(CableMass),
     _once(LayTorque),

@@ -65,6 +65,12 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         "look at the encoders during the motion, or compare long cables with short ones",
     ),
     Equivalence(
+        ("cable-elasticity", "frame-compliance"),
+        Kind.NEAR,
+        "a cable does not show whether it gives way itself or its post; posts do less for steep cables",
+        "put a marker on a pulley, or compare equilibria under steep cables with those under flat ones",
+    ),
+    Equivalence(
         ("time-offset",),
         Kind.GAUGE,
         "with locked motors every window's start state takes up a shift of time; only what depends on absolute time "
@@ -154,7 +160,12 @@ SHARED: Mapping[str, tuple[str, ...]] = {
         "gravity-tilt",
     ),
     "a marker that is not where the robot file says": ("marker-offset", "marker-stalk"),
-    "cables or winches that yield": ("cable-elasticity", "winch-hold-compliance", "cable-creep"),
+    "cables, winches or posts that yield": (
+        "cable-elasticity",
+        "winch-hold-compliance",
+        "frame-compliance",
+        "cable-creep",
+    ),
     "mass beside the rigid body": ("swivel-inertia", "cable-mass", "loose-mass"),
     "an oscillation": ("periodic-force", "frame-sway"),
     "a force or torque beside gravity": ("constant-force", "body-force", "lay-torque", "umbilical"),

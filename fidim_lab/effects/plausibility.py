@@ -63,6 +63,8 @@ class Context:
     """of the platform against its cables, rad/s"""
     free_length: float = 2.0
     """of a cable from its pulley to the platform, m"""
+    level: float = 0.7
+    """tx² + ty² of a cable's direction t: 1 for a level one"""
 
     @staticmethod
     def of(robot: Robot) -> "Context":
@@ -80,7 +82,7 @@ class Context:
     @staticmethod
     def of_motion(mechanism: Mechanism, motion: Motion, tensions: CableSeries) -> "Context":
         """Tensions (N, the mean of each cable) and rates as they are in a motion with these tensions (N n), N."""
-        speeds, rates, lengths = _course(mechanism, motion)
+        speeds, rates, lengths, levels = _course(mechanism, motion)
         swivel, wrap, slip = np.percentile(np.abs(rates), USUAL, axis=0).reshape(3, -1).max(axis=1)
         return replace(
             Context.of(mechanism.robot),
@@ -90,6 +92,7 @@ class Context:
             wrap_rate=float(wrap),
             slip_rate=float(slip),
             free_length=float(lengths.mean()),
+            level=float(levels.mean()),
         )
 
     def bearing_torque(self, cable: int | None) -> Limit:
@@ -139,26 +142,27 @@ def over_rate(limit: Limit, rate: float) -> Limit:
     return Limit(limit.size / max(rate, 1e-6), f"{limit.why} at {rate:.2g} rad/s")
 
 
-def _course(mechanism: Mechanism, motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Speed of the nominal G (N,), rates of swivels, wraps and attachments (N, 3 n), and free lengths (N, n)."""
+def _course(mechanism: Mechanism, motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Speed of the nominal G (N,), rates of swivels, wraps and attachments (N, 3 n), free lengths and levels (N, n)."""
     compiled = mechanism.compiled("course of cables", _compile_course)
     given = (motion.positions, motion.rotations, motion.twists, mechanism.theta)
-    speeds, rates, lengths = over_samples(compiled, len(motion.t), *given)
-    return speeds[:, 0], rates, lengths
+    speeds, rates, lengths, levels = over_samples(compiled, len(motion.t), *given)
+    return speeds[:, 0], rates, lengths, levels
 
 
 def _compile_course(mechanism: Mechanism) -> ca.Function:
     position, flat, twist = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9), ca.SX.sym("twist", 6)
     theta = ca.SX.sym("theta", mechanism.theta.size)
     rotation, spin = from_rows(flat, 3, 3), twist[3:]
-    swivel, wrap, slip, lengths = [], [], [], []
+    swivel, wrap, slip, lengths, levels = [], [], [], [], []
     for cable in mechanism.cables_at(position, rotation, theta):
         velocity = twist[:3] + ca.cross(spin, cable.arm)
         swivel.append(ca.dot(cable.swivel_gradient, velocity))
         wrap.append(ca.dot(cable.wrap_gradient, velocity))
         slip.append(ca.norm_2(spin - ca.cross(cable.direction, velocity) / cable.free_length))
         lengths.append(cable.free_length)
+        levels.append(ca.sumsqr(cable.direction[:2]))
     centre = twist[:3] + ca.cross(spin, rotation @ ca.SX(ca.DM(mechanism.robot.nominal.com)))
     rates = ca.vertcat(*swivel, *wrap, *slip)
-    told = [ca.norm_2(centre), rates, ca.vertcat(*lengths)]
+    told = [ca.norm_2(centre), rates, ca.vertcat(*lengths), ca.vertcat(*levels)]
     return function("course_of_cables", [position, flat, twist, theta], told)

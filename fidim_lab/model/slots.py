@@ -114,6 +114,9 @@ class Effect:
     extra_states: ClassVar[tuple[ExtraState, ...]] = ()
     encoder_sees_stretch: ClassVar[bool] = False
     """whether `compliance` lies between drum and ground, so that the encoder turns with it"""
+    anchor_yields: ClassVar[bool] = False
+    """whether `compliance` is that of entry points, which move across their cables, too: a tension τ then gives the
+    platform ½ τ² times its gradient by the pose"""
 
     @property
     def absent(self) -> np.ndarray:

@@ -106,6 +106,12 @@ CATALOGUE: Mapping[str, HiddenKind] = {
         {"k": Key(1e5, "N/m", "of the held winch", low=0.0), "c": Key(40.0, "N s/m", "damping of the held winch")},
         one_cable=True,
     ),
+    "frame-compliance": HiddenKind(
+        {
+            "k": Key(1e5, "N/m", "of each pulley's post, sideways", low=0.0),
+            "c": Key(40.0, "N s/m", "damping along the cable"),
+        }
+    ),
     "cable-creep": HiddenKind(
         {"delta": Key(0.003, "m", "final creep"), "T": Key(5.0, "s", "time constant", low=0.0)}, one_cable=True
     ),

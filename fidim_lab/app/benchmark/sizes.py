@@ -133,6 +133,7 @@ EFFECTS: Mapping[str, Size] = {
     "winch-hold-compliance": Size(
         5e-7, 2e-5, "m/N (1/k)", lambda rng, size: {"k": 1 / size, "c": rng.uniform(20, 80)}, one_cable=True
     ),
+    "frame-compliance": Size(5e-7, 3e-5, "m/N (1/k)", lambda rng, size: {"k": 1 / size, "c": rng.uniform(20, 80)}),
     "cable-creep": Size(
         1e-4, 5e-3, "m", lambda rng, size: {**_signed("delta")(rng, size), "T": rng.uniform(1.0, 15.0)}, one_cable=True
     ),

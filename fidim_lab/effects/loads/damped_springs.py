@@ -1,7 +1,7 @@
 """Springs in the cables' way, each with a damper beside it: what `explain` looks for, and fits.
 
-Three forms of one thing, which the platform feels nearly alike: a cable that stretches with its length, one that does
-so whatever its length, and a winch that yields where its encoder sees it.
+Forms of one thing, which the platform feels nearly alike: a cable that stretches with its length, one that does so
+whatever its length, a winch that yields where its encoder sees it, and posts that bend sideways.
 """
 
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.effects.cables.cable_elasticity import DAMPING, CableElasticity, CableStiffness
+from fidim_lab.effects.cables.frame_compliance import FrameCompliance
 from fidim_lab.effects.cables.winch_hold_compliance import WinchHoldCompliance
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.plausibility import Context
@@ -65,6 +66,17 @@ class DampedWinch(_Damped, WinchHoldCompliance):
         return _others(self, values, context)
 
 
+@dataclass(frozen=True)
+class DampedFrame(_Damped, FrameCompliance):
+    """δ = τ (tx, ty, 0)/k at every entry point."""
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (*FrameCompliance.parameters, DAMPER)
+
+    def other_forms(self, values: np.ndarray, context: Context) -> Forms:
+        """The same compliance of the cables."""
+        return _others(self, values * (context.level, 1.0), context)
+
+
 def _others(form: NamedEffect, values: np.ndarray, context: Context) -> Forms:
     """The forms besides this one, of the same 1/k (m/N) and damping; all winches do not yield alike."""
     cable = form.cable
@@ -72,6 +84,5 @@ def _others(form: NamedEffect, values: np.ndarray, context: Context) -> Forms:
         (DampedElasticity(cable), values / (context.free_length, 1.0)),
         (DampedStiffness(cable), values),
     ]
-    if cable is not None:
-        forms.append((DampedWinch(cable), values))
+    forms.append((DampedFrame(), values / (context.level, 1.0)) if cable is None else (DampedWinch(cable), values))
     return tuple((other, theta) for other, theta in forms if other != form)

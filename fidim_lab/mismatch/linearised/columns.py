@@ -24,7 +24,7 @@ from fidim_lab.identification.mle.trajectories.recordings import Recording
 from fidim_lab.mismatch.linearised.giving_way import gives_way, holds_of
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, rides
 from fidim_lab.mismatch.linearised.resonance import UnitTorque, pull_of
-from fidim_lab.mismatch.linearised.stretch import stretch_of
+from fidim_lab.mismatch.linearised.stretch import pushes_of, stretch_of
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.motion.forcing import forcing, sightings, start_gaps
@@ -164,9 +164,9 @@ class Scorer:
         n, count = self.mechanism.n, len(self._all.theta)
         lengths, speeds = gaps[2].reshape(n, count), gaps[3].reshape(n, count)
         chosen = np.concatenate([*self._places, np.zeros(0)]).astype(int)
-        force, torque, pull = np.split(table[..., count - 6 - n :], [3, 6], axis=-1)
+        force, torque, _ = np.split(table[..., count - 6 - n :], [3, 6], axis=-1)
         parts = [(table[..., chosen], lengths[:, chosen], speeds[:, chosen])]
-        parts += [self._compliant(h, one, pull, shared[BODY:]) for h in self.tried.direct if stretches(h.effect)]
+        parts += [self._compliant(h, one, table, shared) for h in self.tried.direct if stretches(h.effect)]
         parts += [self._riding(h, one, force, torque, shared) for h in self.tried.direct if rides(h)]
         parts += [_forced(f, t, force, n) for f in self._frequencies]
         further, by_lengths, by_speeds = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
@@ -177,11 +177,16 @@ class Scorer:
         return _Moving(further[..., order], by_lengths[:, order], states[:, order])
 
     def _compliant(
-        self, tried: Hypothesis, one: Trajectories, pull: np.ndarray, theta: np.ndarray
+        self, tried: Hypothesis, one: Trajectories, table: np.ndarray, shared: np.ndarray
     ) -> tuple[np.ndarray, ...]:
-        stretch, rate, bend = stretch_of(self.mechanism, theta, tried.effect, one)
+        """table: v̇ by all θ, the last of which are units of force, torque and pull."""
+        stretch, rate, bend = stretch_of(self.mechanism, shared[BODY:], tried.effect, one)
         seen = 0.0 if tried.effect.encoder_sees_stretch else 1.0
-        further = np.einsum("kij,kj->ki", pull, bend)[..., np.newaxis]
+        unit = table[..., -6 - self.mechanism.n :]
+        further = np.einsum("kij,kj->ki", unit[..., 6:], bend)[..., np.newaxis]
+        if tried.effect.anchor_yields:
+            pushes = np.concatenate(pushes_of(self.mechanism, shared[BODY:], tried.effect, one, shared[:3]), axis=1)
+            further += np.einsum("kij,kj->ki", unit[..., :6], pushes)[..., np.newaxis]
         return further, -seen * stretch[0][:, np.newaxis], -rate[0][:, np.newaxis]
 
     def _riding(

@@ -11,11 +11,12 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.model.batch import evaluate, from_rows, function
+from fidim_lab.model.batch import evaluate, from_rows, function, rows
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.native import Kernel
 from fidim_lab.model.sensitivity.grid import Resolution, lobatto
 from fidim_lab.model.sensitivity.integrate import Trajectories
+from fidim_lab.model.slots import PlatformState
 
 Stretch = Float[np.ndarray, "3 N n"]
 """stretch (m), its rate and its second derivative at the nodes, for one cable each"""
@@ -32,6 +33,36 @@ def stretch_of(
     stretch = found * mechanism.robot.mass * trajectories.tensions[0]
     rate = _derivative(stretch, trajectories.grid.resolution)
     return np.stack([stretch, rate, _derivative(rate, trajectories.grid.resolution)])
+
+
+def pushes_of(
+    mechanism: Mechanism,
+    theta: Float[np.ndarray, " theta"],
+    effect: NamedEffect,
+    trajectories: Trajectories,
+    com: Float[np.ndarray, "3"],
+) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, "N 3"]]:
+    """Force at the centre of mass and torque beside it that entry points which yield add for θ = 1, N and N m.
+
+    com: of the platform, body frame, m.
+    """
+    nodes, n = trajectories.positions.shape[1], mechanism.n
+    compiled = mechanism.compiled(f"unit yielding: {effect!r}", lambda made: _compile_yielding(made, effect))
+    shared = np.broadcast_to(theta, (nodes, theta.size))
+    found = evaluate(compiled.over(nodes), trajectories.positions[0], trajectories.rotations[0], shared)[0]
+    tensions = mechanism.robot.mass * trajectories.tensions[0]
+    wrench = np.einsum("kin,kn->ki", found.reshape(nodes, 6, n), tensions**2) / 2
+    return wrench[:, :3], wrench[:, 3:] - np.cross(trajectories.rotations[0] @ com, wrench[:, :3])
+
+
+def _compile_yielding(mechanism: Mechanism, effect: NamedEffect) -> Kernel:
+    position, flat, twist = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9), ca.SX.sym("twist", 6)
+    theta = ca.SX.sym("theta", mechanism.theta.size)
+    rotation = from_rows(flat, 3, 3)
+    cables = mechanism.cables_at(position, rotation, theta)
+    state = PlatformState(ca.SX(0), position, rotation, twist, cables)
+    each = [state.gradient(effect.compliance(k, cable, ca.SX(1))) for k, cable in enumerate(cables, start=1)]
+    return Kernel.of(function("unit_yielding", [position, flat, theta], [rows(ca.horzcat(*each))]), native=False)
 
 
 def _compile(mechanism: Mechanism, effect: NamedEffect) -> Kernel:

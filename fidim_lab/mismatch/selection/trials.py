@@ -150,12 +150,20 @@ class Trials:
         return refit(self.start.ground(model), model.fit, tried, thetas, self.start.context, simpler=model)
 
     def in_best_form(self, model: Completed) -> Completed:
-        """The model with another form of a term, as free, where that has become more convincing beside the others."""
-        best = model
-        for k, term in enumerate(model.tried if len(model.tried) > 1 else ()):
+        """The model with another form of a term, as free, where that has become more convincing beside the others.
+
+        A term alone has chosen its form by its score. Only where it leaves structure the others are tried, from
+        nothing: the optimum of one form may be a poor start for another, and nothing beside it is to be kept.
+        """
+        best, alone = model, len(model.tried) == 1
+        ground = self.start.ground(model)
+        for k, term in enumerate(() if alone and model.is_white else model.tried):
             for effect, theta in term.effect.other_forms(model.thetas[k], self.start.context):
                 other = general(term, effect, theta)
-                found = in_place_of(best, k, other, theta, self.start.ground(model), self.start.context)
+                if alone:
+                    found = refit(ground, self.start.short, [other], [theta], self.start.context)
+                else:
+                    found = in_place_of(best, k, other, theta, ground, self.start.context)
                 best = best if found is None else most_convincing(best, [found])
         return best
 

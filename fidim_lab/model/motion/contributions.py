@@ -77,6 +77,17 @@ def stretch_dampings(mechanism: Mechanism, cables: Sequence[CableExpressions], t
     return found
 
 
+def yieldings_at(mechanism: Mechanism, state: PlatformState, theta: ca.SX) -> ca.SX:
+    """Wrenches (6 × n) per unit mass for each (N/kg)² of a tension whose entry point yields: ½ ∂κ, κ for 1 N/kg."""
+    given = [(effect, part) for effect, part in parts(mechanism, theta) if effect.anchor_yields]
+    columns: list[ca.SX] = []
+    for number, cable in enumerate(state.cables, start=1):
+        compliance = _total([effect.compliance(number, cable, part) for effect, part in given])
+        half = mechanism.robot.mass / 2
+        columns.append(ca.SX(6, 1) if compliance.is_zero() else half * state.gradient(compliance))
+    return ca.horzcat(*columns)
+
+
 def tension_wrenches_at(mechanism: Mechanism, state: PlatformState, theta: ca.SX) -> ca.SX:
     """Wrenches (6 × n) on the platform for each newton of the cables' tensions, or N/kg: both per unit mass."""
     given = _with_states(mechanism, state, theta)

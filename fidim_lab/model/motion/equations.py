@@ -1,6 +1,7 @@
 """The completed model's equations of motion: free motion with locked motors and everything that effects add to it.
 
-    (M + A) v̇ + (Ξᵀ − W) τ = φ − C v + w − b    per unit mass, τ in N/kg; W what effects do for each newton of tension
+    (M + A) v̇ + (Ξᵀ − W) τ − Y τ² = φ − C v + w − b    per unit mass, τ in N/kg; W what effects do for each newton of
+                                                        tension, Y = ½ ∂κ of entry points that yield (κ below)
     Ξ v̇ + Ξ̇ v = l̈,    l = l₀ + drift(t) + stretch
     ξ̇ = the extra states' own rates
 
@@ -31,6 +32,7 @@ from fidim_lab.model.motion.contributions import (
     inertia_at,
     length_drifts_at,
     tension_wrenches_at,
+    yieldings_at,
 )
 from fidim_lab.model.motion.rigid_body import BodyExpressions
 from fidim_lab.model.slots import PlatformState
@@ -91,6 +93,8 @@ class MotionEquations:
     """φ − C v + w − b (6)"""
     by_tension: ca.SX
     """W: wrench (6 × n) for each N/kg of a cable's tension, beside its pull"""
+    by_square: ca.SX
+    """Y: wrench (6 × n) for the square of a cable's tension, N/kg"""
     drifts: ca.SX
     """how much longer than at time 0 the cables are (n), m"""
     pull: ca.SX
@@ -118,12 +122,13 @@ class MotionEquations:
         solver = solver or self.factorised()
         if self.compliance.is_zero():
             return solver(self.wrench, self.pull)
-        return solver(self.wrench, self.pull + self.stretch(solver)[2])
+        held = solver(self.wrench, self.pull)[6:]
+        return solver(self.wrench + self.by_square @ held**2, self.pull + self.stretch(solver)[2])
 
     def wrench_of(self, cables: Sequence[int], tensions: ca.SX) -> ca.SX:
         """Wrench (6) of cables (0-based) that are springs with these tensions, N/kg: their pull, what grows with it."""
         chosen = list(cables)
-        return -self.pulling[:, chosen] @ tensions
+        return self.by_square[:, chosen] @ tensions**2 - self.pulling[:, chosen] @ tensions
 
     def length_constraint(self, solver: Solver | None = None) -> tuple[ca.SX, ca.SX]:
         """What the cables hold at any time: drift + stretch (n), m, and its rate (n), m/s.
@@ -200,6 +205,7 @@ def motion_equations(mechanism: Mechanism, symbols: Symbols) -> MotionEquations:
         added_mass=added,
         wrench=wrench + mechanism.wrench_at(state, theta),
         by_tension=tension_wrenches_at(mechanism, state, theta),
+        by_square=yieldings_at(mechanism, state, theta),
         drifts=drifts,
         pull=ca.jtimes(drift_rates, symbols.time, ca.SX(1)) - bending,
         compliance=compliances_at(mechanism, cables, theta),

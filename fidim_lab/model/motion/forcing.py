@@ -77,7 +77,7 @@ def _compile_forcing(mechanism: Mechanism, absent: Sequence[int]) -> ca.Function
     given = ca.SX.sym("solution", 6 + mechanism.n)
     rates, held = given[:6], given[6:]
     left = ca.vertcat(
-        equations.mass @ rates + equations.pulling @ held - equations.wrench,
+        equations.mass @ rates + equations.pulling @ held - equations.by_square @ held**2 - equations.wrench,
         equations.structure @ rates - equations.pull,
     )
     by_theta = ca.substitute(_at_base(ca.jacobian(left, theta), theta, absent), given, solution)

@@ -152,10 +152,10 @@ class Sample:
         return ca.vertcat(solution[:6], self.equations.extra_rates, tensions)
 
     def residual(self, solution: ca.SX) -> ca.SX:
-        """[(M + A) v̇ + (Ξᵀ − W) τ − f; Ξ v̇ − c], zero for the solution."""
+        """[(M + A) v̇ + (Ξᵀ − W) τ − Y τ² − f; Ξ v̇ − c], zero for the solution."""
         rates, tensions = solution[:6], solution[6:]
         return ca.vertcat(
-            self.equations.mass @ rates + self.equations.pulling[:, list(self.held)] @ tensions - self.wrench,
+            self.equations.mass @ rates - self.equations.wrench_of(self.held, tensions) - self.wrench,
             self.structure @ rates - self.pull,
         )
 

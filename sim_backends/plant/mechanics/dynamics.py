@@ -26,6 +26,8 @@ from sim_backends.plant.mechanics.kinematics import (
     stalks,
     sticking,
 )
+from sim_backends.plant.mechanics.posts import on_bent_posts, soft_posts
+from sim_backends.plant.mechanics.pulley import Tangent, tangent
 from sim_backends.plant.mechanics.terms import (
     applied,
     bending,
@@ -102,14 +104,17 @@ class Equations:
     platform: Platform
 
 
-def stretch_of(world: World, i: int, free: ca.SX) -> CableStretch:
+def stretch_of(world: World, i: int, bend: Tangent) -> CableStretch:
     """How cable i gives way: stiffnesses and dampers in series. A stiffness of 0 is a rigid cable."""
     compliance, yielding = ca.SX(0), 0.0
     for effect in world.effects("cable-elasticity", "winch-hold-compliance"):
         soft = effect["k"] > 0 or (effect.id == "cable-elasticity" and effect["EA"] > 0)
         if soft and effect.concerns(i):
-            compliance = compliance + (1 / effect["k"] if effect["k"] > 0 else free / effect["EA"])
+            compliance = compliance + (1 / effect["k"] if effect["k"] > 0 else bend.free / effect["EA"])
             yielding += 1 / effect["c"] if effect["c"] > 0 else np.inf
+    for effect in soft_posts(world):
+        compliance = compliance + ca.sumsqr(bend.along[:2]) / effect["k"]
+        yielding += 1 / effect["c"] if effect["c"] > 0 else np.inf
     return CableStretch(None, 0.0) if yielding == 0.0 else CableStretch(1 / compliance, 1 / yielding)
 
 
@@ -124,7 +129,7 @@ def equations(world: World, symbols: Inputs) -> Equations:
         row = row_of(body, i)
         length, rate = bend.length, ca.dot(bend.along, end.velocity)
         beyond, faster = length - symbols.lengths[i], rate - symbols.rates[i]
-        stretch = stretch_of(world, i, bend.free)
+        stretch = stretch_of(world, i, bend)
         if stretch.stiffness is None:
             rigid.append(i)
             elastic.append(ca.SX(0))
@@ -142,7 +147,7 @@ def equations(world: World, symbols: Inputs) -> Equations:
         force=force,
         hand=generalised(body, hand_push(body, symbols.hand)),
         jacobian=ca.vertcat(*rows),
-        pulling=pulling(body),
+        pulling=pulling(on_bent_posts(body, ca.vertcat(*elastic))),
         lengths=ca.vertcat(*lengths),
         rates=ca.vertcat(*rates),
         required=ca.vertcat(*required),
@@ -221,7 +226,8 @@ def contact(world: World, symbols: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, 
 
 def rigid_cables(world: World) -> tuple[int, ...]:
     """Which cables are held by multipliers."""
-    return tuple(i for i in range(world.n) if stretch_of(world, i, ca.SX(1.0)).stiffness is None)
+    anywhere = (tangent(ca.SX(cable.x + cable.y + cable.z), cable) for cable in world.cables)
+    return tuple(i for i, bend in enumerate(anywhere) if stretch_of(world, i, bend).stiffness is None)
 
 
 def energy(world: World, symbols: Inputs) -> ca.SX:
@@ -231,7 +237,7 @@ def energy(world: World, symbols: Inputs) -> ca.SX:
     twist = ca.vertcat(body.velocity, body.spin)
     total = ca.dot(twist, mass @ twist) / 2 - world.mass * ca.dot(ca.DM(world.gravity), body.centre)
     for i, end in enumerate(body.cables):
-        stretch = stretch_of(world, i, end.tangent.free)
+        stretch = stretch_of(world, i, end.tangent)
         if stretch.stiffness is not None:
             total += stretch.stiffness * ca.fmax(end.tangent.length - symbols.lengths[i], 0) ** 2 / 2
         if needs_attached(world):

@@ -24,6 +24,7 @@ from sim_backends.plant.mechanics.dynamics import (
     stretch_of,
 )
 from sim_backends.plant.mechanics.kinematics import HAND_SIZE, coordinates_of, platform, pose_of, size
+from sim_backends.plant.mechanics.posts import on_bent_posts
 from sim_backends.plant.mechanics.terms import hand_push
 from sim_backends.plant.world import World
 
@@ -210,10 +211,10 @@ def _residual(world: World, z: ca.SX, tension: ca.SX, lengths: ca.SX, hand: ca.S
     mass, force = mass_and_force(body)
     jacobian = ca.vertcat(*(row_of(body, i) for i in range(world.n)))
     push = generalised(body, hand_push(body, hand))
-    balance = force + gripped(inverse_of(world, mass), jacobian, push) - pulling(body) @ tension
+    balance = force + gripped(inverse_of(world, mass), jacobian, push) - pulling(on_bent_posts(body, tension)) @ tension
     gaps: list[ca.SX] = []
     for i, end in enumerate(body.cables):
-        stretch = stretch_of(world, i, end.tangent.free)
+        stretch = stretch_of(world, i, end.tangent)
         given_way = ca.SX(0) if stretch.stiffness is None else tension[i] / stretch.stiffness
         gaps.append(end.tangent.length - lengths[i] - given_way)
     return ca.vertcat(balance, *gaps, ca.dot(z[3:7], z[3:7]) - 1)

@@ -125,6 +125,9 @@ def longest_step(world: World) -> float:
             case "cable-elasticity":
                 spring += cables * (effect["k"] or effect["EA"] / SHORT)
                 damper += cables * effect["c"]
+            case "frame-compliance":
+                spring += world.n * effect["k"]
+                damper += world.n * effect["c"]
             case "winch-hold-compliance":
                 spring += effect["k"]
                 damper += effect["c"]

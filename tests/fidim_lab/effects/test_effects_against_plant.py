@@ -154,6 +154,15 @@ def test_elastic_cables_whatever_their_length(irma4, hide):
     assert exactly < 1e-5 * influence
 
 
+@pytest.mark.parametrize(("k", "first_order"), [(1e6, 0.03), (1e7, 3e-3)])
+def test_posts_that_bend(k, first_order, irma4, hide):
+    """The plant moves the pulleys; the model has what that stores depend on the pose."""
+    effect = _effect(irma4, ("frame-compliance", 0, None))
+    influence, left, exactly = _stretched(irma4, hide, f"frame-compliance:k={k}", effect, 1 / k)
+    assert left < first_order * influence
+    assert exactly < 1e-3 * influence
+
+
 def test_one_elastic_cable_among_rigid_ones(irma4, hide):
     effect = _effect(irma4, ("cable-elasticity", 0, 2))
     influence, left, exactly = _stretched(irma4, hide, "cable-elasticity:cable=2,EA=1e6", effect, 1 / 1e6)

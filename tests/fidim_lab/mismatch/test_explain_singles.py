@@ -23,6 +23,7 @@ SINGLES = (
     ("umbilical:rest=0.5", None, {"k": 4.0, "c": 0.3, "rest": 0.5}),
     # tensions are told by the stated mass, which is 0.25 % more than the true one
     ("winch-hold-compliance:cable=3", 3, {"softness": 0.99754e-5}),
+    ("frame-compliance:k=3e5", None, {"softness": 0.99754 / 3e5}),
     ("time-offset:offset=-0.004", None, {"offset": -0.004}),
     ("frame-sway:f=1.6,psi=1", None, {"sx": 1e-3 * np.cos(1), "cy": 5e-4 * np.sin(1), "f": 1.6}),
     ("marker-stalk:k=3e-4,zeta=0.06", None, {"k": 3e-4, "zeta": 0.06}),

@@ -31,6 +31,7 @@ CHECKED = (
     "swivel-friction (giving way)",
     "lay-torque",
     "body-force",
+    "frame-compliance",
 )
 """one for each way in which an effect enters"""
 SCANNED = {"cable-creep": 4.0, "loose-mass": 2.4, "swivel-friction": 0.05}
@@ -83,7 +84,7 @@ def test_columns_are_derivatives(dragged: Case) -> None:
             scale = np.abs(numeric).max()
             assert np.abs(exact - numeric).max() < 2e-3 * scale, h.label
             checked += 1
-    assert checked == 17
+    assert checked == 18
 
 
 def _residual(case: Case, effect: object, absent: np.ndarray, k: int, change: float) -> np.ndarray:
