@@ -45,13 +45,15 @@ def identify(
     sensors, or both; the latter two take a folder. A misfit is told, and `ok` is False.
     Raises FileError for a wrong campaign, SetupError for an unknown method, RefusedError when no body is identified.
     """
+    if pose_from not in tuple(PoseSource):
+        raise SetupError(f"There is no pose_from={pose_from!r}; available: {', '.join(PoseSource)}.")
     source = PoseSource(pose_from)
     if isinstance(campaign, records.Campaign):
         if source is not PoseSource.MOCAP:
             raise SetupError(f"pose_from={pose_from!r} takes the folder of a campaign, not one in memory.")
         posed = Posed(campaign)
     else:
-        posed = read_posed(Path(campaign), source)
+        posed = read_posed(_folder(campaign), source)
     if paper and method not in (None, Method.TLS):
         raise SetupError(f"paper is a form of total least squares; it does not go with method {method!r}.")
     return Identified(identify_posed(posed, method, paper=paper))
@@ -109,6 +111,8 @@ def simulate(
     """
     from fidim_lab.app.analysis.simulate import SimulateOptions, run_simulate
 
+    if equilibria < 1 or validate < 0:
+        raise SetupError(f"equilibria={equilibria}, validate={validate}: at least 1 and at least 0 windows are needed.")
     options = SimulateOptions(
         robot=robot_path(str(robot)),
         out=Path(out),
@@ -179,4 +183,12 @@ def _several(given: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def _in_memory(campaign: AnyCampaign) -> records.Campaign:
-    return campaign if isinstance(campaign, records.Campaign) else load(campaign)
+    return campaign if isinstance(campaign, records.Campaign) else load(_folder(campaign))
+
+
+def _folder(campaign: object) -> Path:
+    """Raises SetupError for what is neither a campaign nor the path of one."""
+    if isinstance(campaign, str | Path):
+        return Path(campaign)
+    what = f"{type(campaign).__name__} is no campaign."
+    raise SetupError(what, hint="Give what load or simulate returned, or the folder of a campaign.")

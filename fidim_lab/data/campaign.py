@@ -33,6 +33,8 @@ READERS: Mapping[str, Callable[[Path, int], WindowColumns]] = MappingProxyType(
 """(file, cables of the robot) → its columns, by suffix"""
 
 
+_FEW = 3
+"""campaigns that a message names"""
 WANTED = (
     "Give a run or campaign folder: fidim dry-run makes one on simulators, fidim import one of another lab's recording."
 )
@@ -81,12 +83,13 @@ def read_campaign(folder: Path) -> Campaign:
 
     Where it has an alignment.toml, lengths and currents are those of the instants at which the markers were seen.
     """
+    index = folder / INDEX
     if not folder.is_dir():
         what = "is a file; a campaign is a folder." if folder.exists() else "no such folder."
-        raise FileError(folder, "", what, hint=WANTED)
-    index = folder / INDEX
+        near = [folder.parent] if folder.exists() and (folder.parent / INDEX).exists() else []
+        raise FileError(folder, "", what, hint=_meant(near))
     if not index.exists():
-        raise FileError(index, "", "no such file.", hint=WANTED)
+        raise FileError(index, "", "no such file.", hint=_meant(sorted(one.parent for one in folder.glob(f"*/{INDEX}"))))
     table = read_toml(index, CampaignTable, FORMAT)
     if not table.window:
         raise FileError(index, "window", "the campaign lists no windows")
@@ -105,6 +108,14 @@ def read_campaign(folder: Path) -> Campaign:
         windows=tuple(windows if alignment is None else (_aligned(window, alignment) for window in windows)),
         alignment=alignment,
     )
+
+
+def _meant(campaigns: Sequence[Path]) -> str:
+    """What to give instead: the campaigns that are near, where there are any."""
+    if not campaigns:
+        return WANTED
+    more = " …" if len(campaigns) > _FEW else ""
+    return f"Campaign folders near it: {', '.join(map(str, campaigns[:_FEW]))}{more}."
 
 
 def _aligned(window: Window, alignment: Alignment) -> Window:

@@ -107,7 +107,8 @@ class CrossValidation:
         count = len(self.judged)
         windows = "window" if count == 1 else "windows"
         if self.predicts:
-            return f"The parameters predict all {count} {windows} that were judged{figures}."
+            judged = "the one window that was judged" if count == 1 else f"all {count} windows that were judged"
+            return f"The parameters predict {judged}{figures}."
         names = ", ".join(w.id for w in self.failed)
         return f"The parameters do not predict {len(self.failed)} of {count} {windows} ({names}){figures}."
 

@@ -215,6 +215,8 @@ def parse_effect(text: str, cables: int) -> HiddenEffect:
 def _pair(text: str, part: str, kind: HiddenKind) -> tuple[str, float]:
     key, equals, value = (piece.strip() for piece in part.partition("="))
     known = [*(["cable"] if kind.one_cable or kind.any_cable else []), *kind.keys]
+    if key in known and not value:
+        raise SetupError(f"--hide {text}: the key {key} has no value.", hint=f"Write {key}=NUMBER.")
     if not equals or key not in known:
         raise SetupError(f"--hide {text}: '{part}' is not one of its keys.", hint=f"Allowed: {', '.join(known)}.")
     try:

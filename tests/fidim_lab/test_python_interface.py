@@ -120,6 +120,13 @@ def test_mistakes_are_sentences(folder: Path, tmp_path: Path) -> None:
         fl.identify(folder, "magic")
     with pytest.raises(fl.FidimError, match="takes the folder"):
         fl.identify(fl.load(folder), pose_from="swivel")
+    with pytest.raises(fl.FidimError, match="no pose_from='moccap'; available: mocap"):
+        fl.identify(folder, pose_from="moccap")  # type: ignore[arg-type]
+    for wrong in (3, fl.load_robot("irma4")):
+        with pytest.raises(fl.FidimError, match="is no campaign"):
+            fl.explain(wrong)  # type: ignore[arg-type]
+    with pytest.raises(fl.FidimError, match="equilibria=0"):
+        fl.simulate("irma4", tmp_path / "empty", equilibria=0)
     with pytest.raises(fl.FidimError, match="exists already"):
         fl.simulate("irma4", folder)
 
@@ -141,7 +148,11 @@ def _timeless(path: Path) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "says"), [({"without": "air"}, "without air: no such effect"), ({"patience": -1}, "-1 s")]
+    ("wrong", "says"), [
+        ({"without": "air"}, "without air: no such effect"),
+        ({"without": "swivel-frction"}, "Did you mean swivel-friction"),
+        ({"patience": -1}, "-1 s"),
+    ],
 )
 def test_explain_refuses_what_it_would_silently_ignore(folder, wrong, says):
     with pytest.raises(fl.FidimError, match=says):

@@ -288,7 +288,7 @@ def tension_calibrate(campaign: Path, json_file: Path | None) -> None:
 @click.argument("kind", type=click.Choice(["robot", "rig", "plan", "campaign"]))
 @click.option("--out", type=OUT_EITHER, default=None, help="File, of a campaign the folder; default KIND.toml.")
 @click.option("--robot", type=ROBOT, default=None, help="That the file is for; default robot.toml.")
-@click.option("--cables", default=4, show_default=True, type=click.IntRange(2, 5), help="Of a new robot.")
+@click.option("--cables", default=4, show_default=True, type=int, help="Of a new robot: 2 to 5.")
 @click.option("--simulated", is_flag=True, help="rig: for the devices of fidim simulators, not for hardware.")
 @click.option("--json", "json_file", type=OUT_FILE, default=None, help='Write "fidim-init/1".')
 @example("fidim init robot --cables 3\n      fidim init rig --simulated\n      fidim init plan --robot robot.toml")

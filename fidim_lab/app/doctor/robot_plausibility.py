@@ -9,6 +9,7 @@ import numpy as np
 from fidim_lab.app.doctor.finding import Finding
 from fidim_lab.app.doctor.robot_cables import copies, pulleys, roll
 from fidim_lab.app.doctor.robot_order import order, what_would_rest
+from fidim_lab.app.doctor.robot_uncertainties import uncertainties
 from fidim_lab.data.records import Robot
 from fidim_lab.errors import FidimError, InfeasibleError
 from fidim_lab.identification.equations.consistency import can_exist
@@ -52,6 +53,7 @@ def plausibility(robot: Robot) -> list[Finding]:
     if not (first := units(robot)).ok:
         return [first]
     findings = [first, attachments(robot), copies(robot), roll(robot), inertia(robot), body(robot), weight(robot)]
+    findings.append(uncertainties(robot))
     mechanism = Mechanism(robot)
     rests = middle_rests(mechanism)
     findings.append(rest(robot, rests))

@@ -23,13 +23,15 @@ from fidim_lab.app.formats.manifest import EXPORTS
 from fidim_lab.app.records.export_body import mass_of, mjcf, python_snippet, toml, urdf
 from fidim_lab.app.records.export_unfinished import export_unfinished
 from fidim_lab.app.terminal import console
-from fidim_lab.data.campaign import ROBOT, read_campaign, write_campaign
+from fidim_lab.data.campaign import INDEX, ROBOT, read_campaign, write_campaign
 from fidim_lab.data.campaign_frame import LoadedCampaign, load_campaign
 from fidim_lab.data.files.input_file import read_text
 from fidim_lab.data.records import Window
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.results.result_file import ResultTable, read_result
+
+RESULT = "result.json"
 
 _OF_RESULT: Mapping[str, tuple[str, Callable[[ResultTable, float | None], str]]] = MappingProxyType(
     {
@@ -59,11 +61,14 @@ def export_command(
     unfinished_files: list[dict[str, str]] = []
     if kind in _OF_RESULT:
         if source.is_dir():
-            raise SetupError(f"{source} is a folder; --to {kind} takes a result file, as identify --json writes it.")
+            kept = source / RESULT
+            hint = f"There is one: {kept}." if kept.exists() else f"fidim identify {source} --json result.json makes one."
+            raise SetupError(f"{source} is a folder; --to {kind} takes a result file.", hint=hint)
         path = _export_result(source, kind, out, mass, robot)
     else:
         if source.is_file():
-            raise SetupError(f"{source} is a file; --to {kind} takes a campaign folder.")
+            hint = f"It lies in one: {source.parent}." if (source.parent / INDEX).exists() else ""
+            raise SetupError(f"{source} is a file; --to {kind} takes a campaign folder.", hint=hint)
         path = _export_campaign(source, kind, out)
         if unfinished:
             for made, problem in export_unfinished(source, path.with_name(f"{path.stem}-unfinished")):

@@ -33,6 +33,10 @@ SEEN = 0.8
 """share of a free stretch in which a marker is to be seen; less is told"""
 JUMP = 3e-4
 """m, by which the misfit of the rigid markers changes from one sample to the next where a marker is mislabelled"""
+MOST_SAID = 12
+"""lines of decisions on screen, half of a terminal; import.json has all"""
+OF_WINDOW = "window "
+"""how a decision on one window begins"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +87,7 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
         name = take.id if len(free.stretches) == 1 else f"{take.id}-{number}"
         warnings += _doubts(name, posed.names, posed.markers[rows], posed.rms[rows])
         by_log = logged(mechanism, take, posed, rows)
-        said = (*said, f"window {name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {by_log.words}")
+        said = (*said, f"{OF_WINDOW}{name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {by_log.words}")
         role = take.role or Role.IDENTIFY
         windows.append(
             Window(
@@ -145,6 +149,16 @@ def _table(group: Takes, found: Sequence[TakeWindows], windows: Sequence[Window]
     }
 
 
+def _together(found: Sequence[TakeWindows]) -> dict[str, list[str]]:
+    """What was decided of takes, each sentence once, and of which; what windows have follows with them."""
+    said: dict[str, list[str]] = {}
+    for one in found:
+        for words in one.decided:
+            if not words.startswith(OF_WINDOW):
+                said.setdefault(words, []).append(one.take.id)
+    return said
+
+
 def _print(group: Takes, found: Sequence[TakeWindows], folder: Path) -> None:
     out = console.out
     windows = sum(len(one.windows) for one in found)
@@ -153,9 +167,16 @@ def _print(group: Takes, found: Sequence[TakeWindows], folder: Path) -> None:
         "motion",
         markup=False,
     )
+    said = _together(found)
+    for words, ids in list(said.items())[:MOST_SAID]:
+        whose = "" if len(ids) == len(found) else f"  ({', '.join(ids[:3])}{' …' if len(ids) > 3 else ''})"
+        out.print(f"  {words}{whose}", highlight=False, markup=False)
+    if len(said) > MOST_SAID:
+        out.print(f"  … and {len(said) - MOST_SAID} more in import.json", highlight=False, markup=False)
     for one in found:
-        for window in one.windows:
-            out.print(f"  {window.id}: {window.t[0]:.2f} to {window.t[-1]:.2f} s", highlight=False, markup=False)
+        for words in one.decided:
+            if words.startswith(OF_WINDOW):
+                out.print(f"  {words.removeprefix(OF_WINDOW)}", highlight=False, markup=False)
         for warning in one.warnings:
             out.print(f"  check {one.take.id}: {warning}", highlight=False, markup=False)
         if one.refused:

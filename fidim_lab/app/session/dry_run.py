@@ -133,6 +133,8 @@ def _finish(rehearsal: "_Rehearsal", json_file: Path | None) -> int:
             hint = f"All windows are recorded. Free some space, then: fidim identify {folder}"
             raise HardwareError(what, hint=hint) from error
     console.out.print(f"run folder  {folder}", markup=False)
+    if report.exit_code:
+        console.out.print(f"next        fidim identify {folder}     with the windows that were accepted", markup=False)
     return report.exit_code
 
 

@@ -40,6 +40,7 @@ def init_command(options: InitOptions) -> int:
     if taken:
         raise SetupError(f"{path} exists already; nothing in it was touched.", hint="Choose another --out.")
     if kind == "robot":
+        _check_cables(options.cables)
         text, further = robot_text(path, options.cables), f"fidim doctor --robot {path}"
     else:
         text, further = _for_robot(options, path)
@@ -51,6 +52,15 @@ def init_command(options: InitOptions) -> int:
     console.out.print(f"next        {further}", markup=False)
     write_answer(options.json_file, FORMAT, {"kind": kind, "path": str(path), "next": further})
     return 0
+
+
+def _check_cables(cables: int) -> None:
+    """Raises SetupError for robots of which there is no pattern, with the reason."""
+    if cables > 5:
+        raise SetupError(f"--cables {cables}: with six cables or more and held motors a platform cannot swing; 2 to 5.")
+    if cables < 2:
+        what = f"--cables {cables}: the pattern is of robots with 2 to 5 cables."
+        raise SetupError(what, hint="A body on one cord: examples/robots and docs/pendulums.md.")
 
 
 def _for_robot(options: InitOptions, path: Path) -> tuple[str, str]:

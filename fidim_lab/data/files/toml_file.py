@@ -81,13 +81,19 @@ def validated(path: Path, table: dict[str, Any], schema: type[Schema], wanted_fo
     found = table.get("format")
     if found != wanted_format:
         what = "is missing" if found is None else f"is {found!r}"
-        raise FileError(path, "format", f'{what}; this version reads "{wanted_format}"')
+        other = isinstance(found, str) and found.startswith("fidim-") and _kind(found) != _kind(wanted_format)
+        wants = f'another kind of file; "{wanted_format}" is wanted here' if other else f'this version reads "{wanted_format}"'
+        raise FileError(path, "format", f"{what}; {wants}")
     try:
         made = schema.model_validate(table)
     except ValidationError as error:
         raise FileError(path, "", _together(_sentences(error.errors(), schema))) from None
     _check_types(path, table, made.model_dump(by_alias=True), ())
     return made
+
+
+def _kind(name: str) -> str:
+    return name.partition("/")[0]
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -23,7 +23,7 @@ from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.importers.reading.cells import EPOCH, check_near, length_scale
-from fidim_lab.data.importers.reading.clock import SECONDS, even_times, time_unit_of
+from fidim_lab.data.importers.reading.clock import SECONDS, check_time_unit, even_times, time_unit_of
 from fidim_lab.data.importers.reading.columns import Column, TableMap, read_columns
 from fidim_lab.data.importers.reading.poses import by_quaternions
 from fidim_lab.data.importers.recording import MarkerLog
@@ -65,9 +65,11 @@ def read_mapped(path: Path, map_file: Path) -> MarkerLog:
         raise FileError(map_file, "", "neither a [[marker]] nor a [[body]]")
     wanted = [said.time, *(column for marker in said.marker for column in marker.columns)]
     wanted += [column for body in said.body for column in (*body.position, *body.quaternion)]
-    read = read_columns(path, said, wanted)
+    read = read_columns(path, said, wanted, f"{map_file.name} names it.")
     values = read.values
     unit = "s" if read.dated else said.time_unit or time_unit_of(path, values[:, 0])
+    if said.time_unit and not read.dated:
+        check_time_unit(map_file, said.time_unit, values[:, 0])
     seconds = values[:, 0] * SECONDS[unit]
     t, rate = even_times(path, (values[:, 0] - values[0, 0]) * SECONDS[unit])
     scale = 1.0 if said.unit is None else length_scale(map_file, "unit", said.unit)

@@ -21,7 +21,7 @@ from pydantic import Field
 
 from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.importers.reading.cells import length_scale
-from fidim_lab.data.importers.reading.clock import SECONDS
+from fidim_lab.data.importers.reading.clock import SECONDS, unit_by_steps
 from fidim_lab.data.importers.reading.columns import Column, TableMap, read_columns
 from fidim_lab.data.importers.takes import EncoderLog
 from fidim_lab.errors import FileError
@@ -29,6 +29,8 @@ from fidim_lab.errors import FileError
 FORMAT = "fidim-log/1"
 FEWEST = 50
 """samples that all cables have in common"""
+SLOWEST = 1.0
+"""s between samples: platforms swing with 0.2 Hz and more, so that a longer step is one in a smaller unit"""
 
 
 class CableColumns(Table):
@@ -61,7 +63,8 @@ def read_robot_log(path: Path, cables: int, map_file: Path | None) -> EncoderLog
     wanted: list[Column] = [said.time, *([] if said.actuator is None else [said.actuator])]
     for cable in said.cable:
         wanted += [c for c in (_counted(cable), cable.swivel, cable.current) if c is not None]
-    read = read_columns(path, said, wanted)
+    own = f"Without --log-map a log has columns t and l1 to l{cables}; a map says which column is what."
+    read = read_columns(path, said, wanted, own if map_file is None else f"{map_file.name} names it.")
     table = dict(zip(wanted, read.values.T, strict=True))
     parts = [_rows(path, said, cable, table) for cable in said.cable]
     t = parts[0][0]
@@ -69,16 +72,18 @@ def read_robot_log(path: Path, cables: int, map_file: Path | None) -> EncoderLog
         t = np.intersect1d(t, other)
     if len(t) < FEWEST:
         raise FileError(path, "time", f"{len(t)} samples are common to all cables; {FEWEST} are needed")
+    in_seconds = read.dated or float(np.median(np.diff(t))) <= SLOWEST
+    unit = "s" if read.dated else said.time_unit or (None if in_seconds else unit_by_steps(t)) or "s"
     picked = [{name: column[np.searchsorted(at, t)] for name, column in found.items()} for at, found in parts]
     return EncoderLog(
         path,
-        t * (1.0 if read.dated else SECONDS[said.time_unit or "s"]),
+        t * SECONDS[unit],
         np.column_stack(
             [_length(map_file or path, cable, found) for cable, found in zip(said.cable, picked, strict=True)]
         ),
         _all([_swivel(cable, found) for cable, found in zip(said.cable, picked, strict=True)]),
         _all([found.get("current") for found in picked]),
-        read.decided,
+        (*read.decided, f"times of logs are in {unit}"),
     )
 
 

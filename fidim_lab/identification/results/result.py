@@ -117,6 +117,8 @@ class Geometry:
     """by how much the sum of squares falls when the geometry is left open, in units of χ²/dof"""
     moved: tuple[Moved, ...] = ()
     """everything that was left open; nothing where the file's geometry counts as exact"""
+    stated: bool = False
+    """whether the robot file states a survey"""
 
     @property
     def pieces(self) -> dict[tuple[str, int | None], tuple[float, ...]]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from math import isfinite
 
 from fidim_lab.effects.equivalences import shared_by
+from fidim_lab.identification.mle.geometry_words import furthest
 from fidim_lab.mismatch.conclusion.explanation import Answer, EffectParameter, Explanation, NamedCause, Verdict
 from fidim_lab.units import millimetres, plain
 
@@ -118,6 +119,8 @@ def _next(told: Explanation) -> str:
         return told.next_experiment
     if any(not cause.single for cause in told.effects):
         return "Record windows that separate them: `fidim design --after explanation.json` proposes some."
-    if told.geometry is not None:
+    if told.geometry is not None and not told.geometry.stated:
         return "State [survey] in the robot file, or measure the anchors again."
+    if told.geometry is not None and furthest(told.geometry, explained=True):
+        return "Measure again what is clearly off, or state it less exact in [survey]."
     return "Nothing more is needed."

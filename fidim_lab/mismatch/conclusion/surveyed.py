@@ -44,7 +44,7 @@ def with_geometry(told: Explanation, baseline: Baseline, exact: Baseline, judged
     geometry = told_geometry(Surveyed(judged.named.model.fit, baseline.geometry, GeometryOdds(chi2_gain=gained)))
     wrong = is_wrong(baseline.geometry, robot)
     says = geometry_says(geometry, robot, wrong, judged.named.model.fit.excess <= MISFIT)
-    told = replace(told, geometry=geometry, message=f"{told.message} {says}")
+    told = replace(told, geometry=replace(geometry, stated=robot.survey is not None), message=f"{told.message} {says}")
     if not wrong:
         return told
     verdict = {

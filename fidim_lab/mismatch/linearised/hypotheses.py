@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fidim_lab.data.files.toml_file import nearest
 from fidim_lab.data.records import Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
 from fidim_lab.effects.catalogue import catalogue
@@ -146,4 +147,7 @@ def check_known(effects: Collection[str]) -> None:
     known = {effect.id for effect in catalogue(read_robot(PAPERS_ROBOT))} - {*NOT_BY_SCORE}
     for effect in effects:
         if effect not in known:
-            raise SetupError(f"without {effect}: no such effect.", hint=f"There are: {', '.join(sorted(known))}.")
+            near = nearest(effect, known)
+            meant = f"Did you mean {near}? " if near else ""
+            there = f"There are: {', '.join(sorted(known))}."
+            raise SetupError(f"without {effect}: no such effect.", hint=meant + there)

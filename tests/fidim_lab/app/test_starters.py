@@ -104,6 +104,8 @@ def test_a_simulated_rig_names_local_devices(files: dict[str, Path], tmp_path: P
         (["rig", "--out", "p.toml", "--cables", "3"], "--cables does not go with rig"),
         (["robot", "--out", "p.toml", "--robot", "robot.toml"], "--robot does not go with robot"),
         (["robots"], "is not one of"),
+        (["robot", "--out", "p.toml", "--cables", "6"], "six cables or more and held motors a platform cannot swing"),
+        (["robot", "--out", "p.toml", "--cables", "1"], "docs/pendulums.md"),
     ],
 )
 def test_nothing_is_overwritten_and_wrong_use_is_said(

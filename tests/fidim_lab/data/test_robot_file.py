@@ -36,6 +36,11 @@ def test_written_file_reads_back_the_same(irma4: Robot, tmp_path: Path) -> None:
     [
         ('format = "fidim-robot/1"', 'format = "fidim-robot/2"', "format: is 'fidim-robot/2'"),
         ('format = "fidim-robot/1"', "", "format: is missing"),
+        (
+            'format = "fidim-robot/1"',
+            'format = "fidim-plan/1"',
+            "format: is 'fidim-plan/1'; another kind of file; \"fidim-robot/1\" is wanted here",
+        ),
         ("mass = 11.0", "mass = -1", "platform, mass: Input should be greater than 0, found -1"),
         ("mass = 11.0", "mass = 11.0\ncolour = 1", "platform, colour: unknown key"),
         ("mass = 11.0", "", "platform, mass: is missing"),

@@ -96,10 +96,25 @@ def even_times(path: Path, t: np.ndarray) -> tuple[np.ndarray, float]:
     return check_long(path, t, rate), rate
 
 
-def time_unit_of(path: Path, stamps: np.ndarray) -> str:
-    """The unit of stamps by their step: that which makes a camera's rate. Raises FileError where none does."""
+def unit_by_steps(stamps: np.ndarray) -> str | None:
+    """The unit of stamps by their step: that which makes a camera's rate; None where none does."""
     step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else math.nan
-    for unit, seconds in SECONDS.items():
-        if step > 0.0 and RATES[0] <= 1.0 / (step * seconds) <= RATES[1]:
-            return unit
-    raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint="Say time_unit in the map.")
+    fitting = (unit for unit, scale in SECONDS.items() if step > 0.0 and RATES[0] <= 1.0 / (step * scale) <= RATES[1])
+    return next(fitting, None)
+
+
+def check_time_unit(map_file: Path, unit: str, stamps: np.ndarray) -> None:
+    """Raises FileError for a unit with which no camera has the stamps' rate, while another one fits."""
+    step, fits = float(np.median(np.diff(stamps))) * SECONDS[unit], unit_by_steps(stamps)
+    if fits is not None and fits != unit and not 1.0 <= 1.0 / step <= 1e4:
+        what = f"with {unit!r} the frame rate would be {1.0 / step:.4g} Hz; 1 to 10000 was expected"
+        raise FileError(map_file, "time_unit", what, hint=f'The steps fit time_unit = "{fits}".')
+
+
+def time_unit_of(path: Path, stamps: np.ndarray) -> str:
+    """As `unit_by_steps`. Raises FileError where no unit makes a camera's rate."""
+    unit = unit_by_steps(stamps)
+    if unit is None:
+        step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else math.nan
+        raise FileError(path, "time", f"steps of {step:g} are a camera's in no unit.", hint="Say time_unit in the map.")
+    return unit

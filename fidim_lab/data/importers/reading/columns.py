@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from fidim_lab.data.files.toml_file import Table
+from fidim_lab.data.files.toml_file import Table, nearest
 from fidim_lab.data.importers.reading.cells import (
     MIN_FRAMES,
     cells_of,
@@ -53,8 +53,8 @@ class ColumnTable:
     """what was decided, a sentence each"""
 
 
-def read_columns(path: Path, said: TableMap, wanted: Sequence[Column]) -> ColumnTable:
-    """The wanted columns of a table, the time first.
+def read_columns(path: Path, said: TableMap, wanted: Sequence[Column], wanted_by: str) -> ColumnTable:
+    """The wanted columns of a table, the time first; wanted_by: who names them, for the message.
 
     The header is the first of the lines at the top that has every wanted name; lines above it, comments and a row of
     units below it are passed over. Where all columns are numbers, the table begins with the first time. Raises
@@ -72,7 +72,7 @@ def read_columns(path: Path, said: TableMap, wanted: Sequence[Column]) -> Column
         raise FileError(path, "", "the decimal sign is the delimiter too")
     split = [cells_of(row, delimiter) for row in rows]
     at, header = _header(split, wanted)
-    places = [_place(path, header, column) for column in wanted]
+    places = [_place(path, header, column, wanted_by) for column in wanted]
     below = split[at + 1 :] if header else split
     skipped = next((k for k, cells in enumerate(below[:TOP]) if _is_time(cells, places[0], decimal)), 0)
     first = len(split) - len(below) + skipped
@@ -121,11 +121,15 @@ def without_mark(cells: Sequence[str]) -> list[str]:
     return [cell.strip().lstrip("".join(COMMENTS)).strip().strip('"') for cell in cells]
 
 
-def _place(path: Path, header: Sequence[str], column: Column) -> int:
+def _place(path: Path, header: Sequence[str], column: Column, wanted_by: str) -> int:
     if isinstance(column, int):
         return column - 1
     if header.count(column) != 1:
-        raise FileError(path, "line 1", f"column {column[:60]!r} is not there once; found {', '.join(header)[:120]}")
+        what = "stands there more than once" if column in header else "is not there"
+        near = "" if column in header else nearest(column.lower(), [name.lower() for name in header])
+        meant = next((f"The nearest is {name!r}. " for name in header if near and name.lower() == near), "")
+        found = f"column {column[:60]!r} {what}; found {', '.join(header)[:120]}"
+        raise FileError(path, "line 1", found, hint=f"{meant}{wanted_by}")
     return header.index(column)
 
 

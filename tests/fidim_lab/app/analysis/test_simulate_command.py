@@ -165,6 +165,7 @@ def test_both_backends_tell_the_same(robot_file, tmp_path):
     [
         (["--hide", "gremlins"], r"no effect is called 'gremlins'.*air-drag-linear"),
         (["--hide", "air-drag-linear:k=1"], r"'k=1' is not one of its keys.*Allowed: c"),
+        (["--hide", "air-drag-linear:c"], r"the key c has no value.*Write c=NUMBER"),
         (["--hide", "anchor-offset:cable=7"], r"cables 1 to 4"),
         (["--seed", "-1"], r"--seed.*-1 is not in the range"),
         (["--noise", "-1"], r"--noise"),

@@ -14,7 +14,7 @@ from fidim_lab.app.doctor.finding import Finding
 from fidim_lab.app.doctor.robot_plausibility import middle_rests, plausibility
 from fidim_lab.app.doctor.robot_text import robot_views
 from fidim_lab.app.report.drawings.robot_picture import robot_picture
-from fidim_lab.data.records import Body, Cable, Limits, Robot
+from fidim_lab.data.records import Body, Cable, Limits, Robot, Survey
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot, write_robot
 from fidim_lab.errors import FileError
 from fidim_lab.model.mechanism import Mechanism
@@ -56,6 +56,7 @@ def test_the_papers_robot_is_plausible(irma4: Robot):
         "inertia",
         "body",
         "weight",
+            "uncertainties",
         "rest",
         "order",
         "pulleys",
@@ -88,6 +89,36 @@ def test_a_pulley_in_millimetres(irma4: Robot):
     (finding,) = plausibility(replace(irma4, cables=cables))
     assert not finding.ok
     assert "radius is 25 m" in finding.found
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("marker_noise", 0.1, "marker_noise is 0.1 m, and the largest swing"),
+        ("encoder_resolution", 0.2, "encoder_resolution is 0.2 m, and a turn of the motor"),
+        ("anchor", 5.0, "anchor is 5 m, and two anchors are"),
+        ("attachment", 0.5, "attachment is 0.5 m, and two attachments are"),
+        ("marker", 0.5, "marker is 0.5 m, and two markers are"),
+        ("encoder_zero", 5.0, "encoder_zero is 5 m, and an anchor"),
+        ("frame_shift", 5.0, "frame_shift is 5 m, and an anchor"),
+        ("radius", 0.2, "radius is 0.2 m, and the largest pulley"),
+        ("axis", 5.0, "axis is 5 rad"),
+        ("frame_rotation", 2.0, "frame_rotation is 2 rad"),
+        ("gravity", 2.0, "gravity is 2 rad"),
+    ],
+)
+def test_standard_deviations_in_another_unit(irma4: Robot, key: str, value: float, says: str):
+    seen = replace(irma4, extra_markers=(np.array([0.1, 0.0, 0.2]), np.array([0.0, 0.12, 0.2])))
+    if key in {"marker_noise", "encoder_resolution"}:
+        wrong = replace(seen, sensors=replace(seen.sensors, **{key: value}))
+    else:
+        survey = Survey.alike(seen.n, 2e-3, 5e-4)
+        size = np.full((seen.n, 3), value) if key in {"anchor", "attachment"} else value
+        wrong = replace(seen, survey=replace(survey, **{key: size}))
+    found = _by_name(wrong)["uncertainties"]
+    assert not found.ok
+    assert says in found.found
+    assert "m and rad" in found.advice
 
 
 def test_attachments_in_the_world_frame(irma4: Robot):

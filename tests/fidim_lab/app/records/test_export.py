@@ -138,6 +138,19 @@ def test_wrong_use(folder, result, capsys, arguments, code, says):
     assert says in capsys.readouterr().err
 
 
+def test_what_lies_near_is_named(folder, result, tmp_path, capsys):
+    inside = folder / "result.json"
+    inside.write_text(result.read_text())
+    assert run(["export", str(folder), "--to", "urdf"]) == 2
+    assert str(inside) in capsys.readouterr().err.replace("\n", "")
+    assert run(["export", str(inside), "--to", "csv"]) == 2
+    assert f"It lies in one: {folder}." in capsys.readouterr().err.replace("\n", "")
+    assert run(["identify", str(inside)]) == 2
+    assert f"Campaign folders near it: {folder}." in capsys.readouterr().err.replace("\n", "")
+    assert run(["identify", str(folder.parent)]) == 2
+    assert f"Campaign folders near it: {folder}." in capsys.readouterr().err.replace("\n", "")
+
+
 def test_an_inertia_that_no_body_has_is_refused(result, tmp_path, capsys):
     table = json.loads(result.read_text())
     table["parameters"]["I_xx"]["value"] = 0.9

@@ -174,6 +174,14 @@ def test_an_export_at_a_lower_rate_keeps_its_times(swing: Swing, tmp_path: Path)
         assert np.nanmax(np.abs(off)) < 3e-4
 
 
+def test_what_was_decided_is_on_screen(swing: Swing, tmp_path: Path):
+    _, said = imported(swing, tmp_path, "qtm-tsv", qtm(swing), [])
+    told = json.loads((tmp_path / "out" / "import.json").read_text(encoding="utf-8"))["takes"][0]
+    assert told["decided"]
+    for words in told["decided"]:
+        assert " ".join(words.removeprefix("window ").split()) in said
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_is_said_wrongly_is_refused_with_its_cause(name: str, swing: Swing, tmp_path: Path):
     kind, write, options, cause = REFUSED[name]

@@ -42,7 +42,8 @@ def test_decimal_commas_and_epoch_milliseconds(tmp_path: Path):
     [
         (np.repeat(np.arange(0, 400, 20), 2), MAP, "does not increase"),
         (10.0 * np.arange(40) + 5.0 * (np.arange(40) % 5 == 2), MAP, "even steps"),
-        (10.0 * np.arange(40), MAP.replace("ax", "bx"), "'bx'"),
+        (10.0 * np.arange(40), MAP.replace('"ax', '"Ax'), "'Ax' is not there.*nearest is 'ax'. map.toml names it"),
+        (10.0 * np.arange(40), MAP.replace('"ms"', '"s"'), r"map\.toml: time_unit: .*time_unit = \"ms\""),
         (10.0 * np.arange(40), MAP.replace('unit = "mm"', 'unit = "ell"'), "ell"),
     ],
 )

@@ -79,6 +79,23 @@ def test_without_a_map_the_columns_have_our_own_names(tmp_path: Path):
         read_robot_log(log, 3, None)
 
 
+@pytest.mark.parametrize(("unit", "step"), [("ms", 10.0), ("us", 1e4), ("ns", 1e7), ("s", 0.01), ("s", 0.5)])
+def test_the_unit_of_time_is_found_by_the_steps_where_no_map_says_it(tmp_path: Path, unit: str, step: float):
+    begin = 1.75e9 * {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[unit]
+    rows = [f"{begin + step * k:.2f};1,5;{2 + 0.001 * k:.3f}".replace(".", ",") for k in range(60)]
+    log, _ = written(tmp_path, "\n".join(["t;l1;l2", *rows]) + "\n")
+    found = read_robot_log(log, 2, None)
+    assert found.t[0] == pytest.approx(1.75e9)
+    assert np.diff(found.t) == pytest.approx(0.5 if step == 0.5 else 0.01, abs=1e-5)
+    assert found.decided[-1] == f"times of logs are in {unit}"
+
+
+def test_other_names_of_columns_are_told_with_what_to_do(tmp_path: Path):
+    log, _ = written(tmp_path, "t;L1;l2\n" + "0,01;1;2\n" * 60)
+    with pytest.raises(FileError, match=r"'l1' is not there.*nearest is 'L1'. Without --log-map .* l1 to l2"):
+        read_robot_log(log, 2, None)
+
+
 @pytest.mark.parametrize(
     ("columns", "says"),
     [

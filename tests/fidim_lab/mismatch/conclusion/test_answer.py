@@ -85,6 +85,14 @@ def test_geometry_within_its_survey_is_no_cause() -> None:
     assert "[survey]" in found.next
 
 
+def test_a_stated_survey_is_not_asked_for_again() -> None:
+    within = Geometry(10.0, (Moved("anchor", 1, (1e-4, 1e-4, 1e-4), (1e-4,) * 3),), stated=True)
+    told = explanation(Verdict.NOTHING_MISSING)
+    assert answer(replace(told, geometry=within)).next == "Nothing more is needed."
+    beyond = replace(within, moved=(Moved("anchor", 1, (9e-3, 1e-4, 1e-4), (1e-4,) * 3),))
+    assert answer(replace(told, geometry=beyond)).next.startswith("Measure again what is clearly off")
+
+
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_every_verdict_is_short(verdict: Verdict) -> None:
     many = [replace(EITHER, members=(ROTATION,) * 5), *(replace(ANCHOR, cable=k) for k in range(1, 5))]
