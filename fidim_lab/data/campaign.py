@@ -89,7 +89,8 @@ def read_campaign(folder: Path) -> Campaign:
         near = [folder.parent] if folder.exists() and (folder.parent / INDEX).exists() else []
         raise FileError(folder, "", what, hint=_meant(near))
     if not index.exists():
-        raise FileError(index, "", "no such file.", hint=_meant(sorted(one.parent for one in folder.glob(f"*/{INDEX}"))))
+        inside = sorted(one.parent for one in folder.glob(f"*/{INDEX}"))
+        raise FileError(index, "", "no such file.", hint=_meant(inside))
     table = read_toml(index, CampaignTable, FORMAT)
     if not table.window:
         raise FileError(index, "window", "the campaign lists no windows")

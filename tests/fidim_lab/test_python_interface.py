@@ -148,7 +148,8 @@ def _timeless(path: Path) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "says"), [
+    ("wrong", "says"),
+    [
         ({"without": "air"}, "without air: no such effect"),
         ({"without": "swivel-frction"}, "Did you mean swivel-friction"),
         ({"patience": -1}, "-1 s"),

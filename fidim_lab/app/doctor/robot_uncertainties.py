@@ -22,7 +22,8 @@ def uncertainties(robot: Robot) -> Finding:
     wrong = [*_sensors(robot), *(() if robot.survey is None else _survey(robot, robot.survey))]
     if wrong:
         found = f"{'; '.join(wrong)}."
-        return Finding("uncertainties", False, found, "Standard deviations are in m and rad: 0.1 mm is 1e-4, 5 mrad 5e-3.")
+        advice = "Standard deviations are in m and rad: 0.1 mm is 1e-4, 5 mrad 5e-3."
+        return Finding("uncertainties", False, found, advice)
     noise, count = 1e3 * robot.sensors.marker_noise, 1e3 * robot.sensors.encoder_resolution
     return Finding("uncertainties", True, f"Markers are good to {noise:.3g} mm, a count is {count:.2g} mm of cable.")
 

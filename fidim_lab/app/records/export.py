@@ -62,7 +62,9 @@ def export_command(
     if kind in _OF_RESULT:
         if source.is_dir():
             kept = source / RESULT
-            hint = f"There is one: {kept}." if kept.exists() else f"fidim identify {source} --json result.json makes one."
+            hint = (
+                f"There is one: {kept}." if kept.exists() else f"fidim identify {source} --json result.json makes one."
+            )
             raise SetupError(f"{source} is a folder; --to {kind} takes a result file.", hint=hint)
         path = _export_result(source, kind, out, mass, robot)
     else:

@@ -82,8 +82,9 @@ def validated(path: Path, table: dict[str, Any], schema: type[Schema], wanted_fo
     if found != wanted_format:
         what = "is missing" if found is None else f"is {found!r}"
         other = isinstance(found, str) and found.startswith("fidim-") and _kind(found) != _kind(wanted_format)
-        wants = f'another kind of file; "{wanted_format}" is wanted here' if other else f'this version reads "{wanted_format}"'
-        raise FileError(path, "format", f"{what}; {wants}")
+        wants = f'"{wanted_format}"'
+        says = f"another kind of file; {wants} is wanted here" if other else f"this version reads {wants}"
+        raise FileError(path, "format", f"{what}; {says}")
     try:
         made = schema.model_validate(table)
     except ValidationError as error:

@@ -56,7 +56,7 @@ def test_the_papers_robot_is_plausible(irma4: Robot):
         "inertia",
         "body",
         "weight",
-            "uncertainties",
+        "uncertainties",
         "rest",
         "order",
         "pulleys",
