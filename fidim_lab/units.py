@@ -2,6 +2,9 @@
 
 import math
 
+HALL = 100.0
+"""m: no hall is larger; the same number in mm is an everyday one"""
+
 
 def millimetres(metres: float) -> float:
     """Metres to millimetres, for showing."""

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from fidim_lab.units import plain
+
 
 class Outcome(StrEnum):
     """How a measurement, a step, a window or a run ended."""
@@ -70,21 +72,36 @@ class Measurement:
         """Found and allowed value in words."""
         if self.outcome is Outcome.UNSET:
             return f"{self.name} was not measured ({self._allowed})"
-        return f"{self.name} is {self.value:.4g}{self._unit} ({self._allowed})"
+        return f"{self.name} is {self._shown(self.value)}{self._unit} ({self._allowed})"
+
+    @property
+    def _small(self) -> bool:
+        """Whether all of it is less than a metre: then it is told in mm."""
+        told = [value for value in (self.value, self.low, self.high) if value is not None and math.isfinite(value)]
+        return self.unit == "m" and all(abs(value) < 1.0 for value in told)
 
     @property
     def _unit(self) -> str:
-        return f" {self.unit}" if self.unit else ""
+        return " mm" if self._small else f" {self.unit}" if self.unit else ""
+
+    def _shown(self, value: float | None) -> str:
+        """With three figures, or with as many as tell a value from the limit that it misses."""
+        scale = 1e3 if self._small else 1.0
+        limits = [limit for limit in (self.low, self.high) if math.isfinite(limit) and limit != self.value]
+        found = math.nan if self.value is None else self.value
+        few = (n for n in range(3, 9) if all(plain(scale * found, n) != plain(scale * one, n) for one in limits))
+        return "" if value is None else plain(scale * value, next(few, 9))
 
     @property
     def _allowed(self) -> str:
+        low, high = self._shown(self.low), self._shown(self.high)
         if math.isinf(self.low) and math.isinf(self.high):
             return "no limits"
         if math.isinf(self.low):
-            return f"at most {self.high:.4g}{self._unit} is allowed"
+            return f"at most {high}{self._unit} is allowed"
         if math.isinf(self.high):
-            return f"at least {self.low:.4g}{self._unit} is allowed"
-        return f"{self.low:.4g} to {self.high:.4g}{self._unit} is allowed"
+            return f"at least {low}{self._unit} is allowed"
+        return f"{low} to {high}{self._unit} is allowed"
 
 
 def judge(measurements: Iterable[Measurement]) -> tuple[Outcome, str]:

@@ -12,6 +12,7 @@ from pydantic import Field
 from fidim_lab.data.files.toml_file import Table, read_toml
 from fidim_lab.data.records import Accuracy, Plan, PlannedWindow, Pose, Role
 from fidim_lab.errors import FileError
+from fidim_lab.units import HALL
 
 FORMAT = "fidim-plan/1"
 WINDOW_ID = re.compile(r"\w[\w.-]{0,79}")
@@ -71,6 +72,11 @@ def read_plan(path: Path, cables: int) -> Plan:
             raise FileError(
                 path, f"window {number}, lengths", f"{len(window.lengths)} values for a robot of {cables} cables"
             )
+        for key in ("lengths", "displacement", "position"):
+            largest = max(map(abs, getattr(window, key)))
+            if largest > HALL:
+                what = f"holds {largest:g}, which would be metres"
+                raise FileError(path, f"window {number}, {key}", what, hint="Divide millimetres by 1000, everywhere.")
     wrong = wrong_id([window.id for window in table.window])
     if wrong is not None:
         number, problem = wrong

@@ -264,8 +264,8 @@ def test_a_window_after_a_small_jump_of_an_encoder_is_not_taken_for_good_either(
     ended = rehearsal.run()
     report = ended.check()
     verdicts = [e.reason for e in ended.journal if e.step == "CheckWindow" and e.kind is Kind.STEP_FINISHED]
-    assert verdicts[0].startswith("movement of the motor of cable 2 is 0.004 m")
-    assert verdicts[1].startswith("encoder error of cable 2 is 0.004 m")
+    assert verdicts[0].startswith("movement of the motor of cable 2 is 4 mm")
+    assert verdicts[1].startswith("encoder error of cable 2 is 4 mm")
     assert report.exit_code == 1
     assert not report.accepted
 

@@ -28,7 +28,7 @@ GLITCHES = {
     "occlusions": ("longest gap of the marker is 0.2 s (at most 0.1 s is allowed)", ()),
     "freezes": ("longest gap of the marker is 0.", ()),
     "silences": ("longest gap of the marker is 0.2 s (at most 0.1 s is allowed)", ()),
-    "jumps": ("largest jump of marker 1 is 0.0", ((0.02, 0.0, 0.0),)),
+    "jumps": ("largest jump of marker 1 is ", ((0.02, 0.0, 0.0),)),
 }
 
 

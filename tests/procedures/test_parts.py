@@ -45,6 +45,11 @@ def test_a_measurement_says_what_was_found_and_what_is_allowed():
     assert Measurement("tension of cable 3", 12.0, "N", low=20, high=200).sentence == (
         "tension of cable 3 is 12 N (20 to 200 N is allowed)"
     )
+    assert Measurement("drift", 0.034171, "m", high=0.029283).sentence == (
+        "drift is 34.2 mm (at most 29.3 mm is allowed)"
+    )
+    assert Measurement("drift", 0.030004, "m", high=0.03).sentence == "drift is 30.004 mm (at most 30 mm is allowed)"
+    assert Measurement("drift", 2.5, "m", high=0.03).sentence == "drift is 2.5 m (at most 0.03 m is allowed)"
     assert Measurement("gap", None, "s", high=0.1).sentence == "gap was not measured (at most 0.1 s is allowed)"
 
 

@@ -125,7 +125,7 @@ def next_command(folder: Path, result: IdentificationResult, json_file: Path | N
     if not result.outcome.answers or result.fallback:
         return f"fidim explain {place}"
     if json_file is None:  # what all that follows takes
-        return f"fidim identify {place} --json result.json"
+        return f"fidim identify {place} --json {quote(str(folder / 'result.json'))}"
     kept = quote(str(json_file))
     if result.outcome is Outcome.DOUBTFUL and result.freedoms > DISPLACED:  # more windows, at places at random
         return f"fidim dry-run --robot {quote(str(folder / ROBOT))} --out rehearsal"

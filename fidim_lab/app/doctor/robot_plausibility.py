@@ -17,9 +17,8 @@ from fidim_lab.identification.workspace import Workspace, rest_near
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.modes import ROTATION_SCALE, modes, scaled_singular_values
 from fidim_lab.model.statics import Equilibrium
+from fidim_lab.units import HALL
 
-FARTHEST = 100.0
-"""m: no hall is larger; the same number in mm is an everyday one"""
 LARGEST_PULLEY = 0.5
 """m"""
 REACH = 1.0
@@ -71,7 +70,7 @@ def units(robot: Robot) -> Finding:
         sizes[f"cable {number}, d"], sizes[f"cable {number}, a"] = _largest(cable.d), _largest(cable.a)
     sizes["platform, nominal_com"] = _largest(robot.nominal.com)
     key = max(sizes, key=lambda name: sizes[name])
-    if sizes[key] > FARTHEST:
+    if sizes[key] > HALL:
         found = f"{key.capitalize()} holds {sizes[key]:g}, which would be metres."
         return Finding("units", False, found, "Lengths are in metres: divide millimetres by 1000, everywhere.")
     number, radius = max(enumerate((cable.radius for cable in robot.cables), start=1), key=lambda item: item[1])

@@ -141,6 +141,7 @@ class PlainDisplay:
     def __init__(self, console: Console, title: str) -> None:
         self._console = console
         self._title = title
+        self._last = ("", "")
 
     def __enter__(self) -> "PlainDisplay":
         return self
@@ -171,7 +172,9 @@ class PlainDisplay:
                 pass
 
     def _say(self, t: float, window: str, text: str) -> None:
-        self._console.print(f"{_clock(t):>8}  {window:4} {text}", markup=False)
+        if (window, text) != self._last:  # a check and the rejection that follows have the same reason
+            self._console.print(f"{_clock(t):>8}  {window:4} {text}", markup=False)
+        self._last = (window, text)
 
 
 def display(console: Console, title: str) -> LiveDisplay | PlainDisplay:

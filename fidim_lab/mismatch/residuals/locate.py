@@ -114,7 +114,7 @@ def _where(one: Leftover, rows: tuple[int, int], total: float) -> Where:
     says += f"{rms:.1f} times the noise"
     if shown is not None:
         size, phase = shown.amplitude * one.noise * 1e3, np.degrees(shown.phase)
-        says += f", most at {shown.frequency:.2f} Hz ({size:.2g} mm, phase {phase:.0f}°)"
+        says += f", most at {shown.frequency:.2f} Hz ({size:.2g} mm, phase {round(float(phase))}°)"
     if companions:
         says += f"; it goes along with {companions[0].name} ({companions[0].correlation:.2f})"
     says += f". This is {share:.0%} of all that is unexplained."

@@ -50,6 +50,8 @@ def changed(tmp_path: Path):
             "[-0.02]",
             "window 1, displacement: 1 number is too few, 2 are wanted (the same in 11 more)",
         ),
+        ("[1.3, ", "[1300, ", "window 1, lengths: holds 1300, which would be metres. Divide millimetres by 1000"),
+        ("[1.111,", "[1111,", "window 1, position: holds 1111, which would be metres"),
         ('name = "p"', 'nam = "p"', "nam: unknown key; the nearest is name"),
         ("[1.3, ", "[-1.3, ", "greater than 0, found -1.3 (the same in 11 more)"),
         ('"w2"', '"../x"', "window 2, id: '../x' cannot be a file name; use letters, digits, _ . and -."),

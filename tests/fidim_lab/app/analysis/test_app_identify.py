@@ -57,7 +57,7 @@ def test_the_summary_shows_parameters_gauge_and_warnings():
     [
         (Outcome.MISFIT, None, "fidim explain 'my run'"),
         (Outcome.NOT_CONVERGED, Path("r.json"), "fidim explain 'my run'"),
-        (Outcome.CONVERGED, None, "fidim identify 'my run' --json result.json"),
+        (Outcome.CONVERGED, None, "fidim identify 'my run' --json 'my run/result.json'"),
         (Outcome.DOUBTFUL, Path("r.json"), "fidim design --after r.json --campaign 'my run' --out next"),
         (Outcome.CONVERGED, Path("r.json"), "fidim export r.json --to python --campaign 'my run' --out robot.py"),
     ],

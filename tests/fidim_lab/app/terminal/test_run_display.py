@@ -59,6 +59,15 @@ def test_a_log_gets_a_line_for_each_thing_that_happens() -> None:
         assert expected in said
 
 
+def test_the_same_reason_is_not_told_twice_in_a_row() -> None:
+    out, text = console(terminal=False)
+    failed = StepFinished(2.0, 1, RECORD, Result(Outcome.FAIL, "swings too little"), 128.0)
+    with display(out, "dry run") as shown:
+        for event in (EVENTS[0], failed, failed, EVENTS[3], failed):
+            shown(event)
+    assert text.getvalue().count("fail: swings too little") == 2
+
+
 def test_a_terminal_gets_a_row_for_each_window() -> None:
     out, text = console(terminal=True)
     with display(out, "dry run") as shown:
