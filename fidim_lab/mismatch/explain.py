@@ -8,12 +8,12 @@ A pipeline of stages, each of which hands one frozen value to the next:
 """
 
 from collections.abc import Collection
-from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 
 from fidim_lab.data.records import Campaign
-from fidim_lab.errors import RefusedError, SetupError
+from fidim_lab.errors import SetupError
 from fidim_lab.identification.choice import soft_mode
 from fidim_lab.mismatch.cleaning.clean import Cleaned, clean
 from fidim_lab.mismatch.cleaning.restored import without_needless_contacts, without_needless_faults
@@ -25,8 +25,6 @@ from fidim_lab.mismatch.conclusion.message import body_parameters, tell
 from fidim_lab.mismatch.conclusion.opened_once import with_test
 from fidim_lab.mismatch.conclusion.parsimony_check import unless_outdone
 from fidim_lab.mismatch.conclusion.readings import with_readings
-from fidim_lab.mismatch.conclusion.soft_cables import compare
-from fidim_lab.mismatch.conclusion.soft_message import soft_answer
 from fidim_lab.mismatch.conclusion.surveyed import with_geometry
 from fidim_lab.mismatch.conclusion.timing import with_timing
 from fidim_lab.mismatch.conclusion.unnamed import with_unknown
@@ -37,6 +35,7 @@ from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.linearised.hypotheses import check_known
 from fidim_lab.mismatch.rounds import Reached, Rounds
 from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
+from fidim_lab.mismatch.whole_motion.ground import elastic, rigid
 from fidim_lab.say import Say
 
 OPEN = (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED)
@@ -81,9 +80,11 @@ def explain(
     if whole.verdict in OPEN:
         soft = soft_mode(audited.campaign)
         if soft is None:
-            whole = with_whole_motion(whole, last.cleaned.campaign, reached.mechanism, say, without)
+            ground = partial(rigid, last.cleaned.campaign, reached.mechanism)
+            whole = with_whole_motion(whole, last.cleaned.campaign, ground, say, without)
         else:
-            whole = _with_soft_mode(whole, audited.campaign, soft, say)
+            ground = partial(elastic, audited.campaign, soft)
+            whole = _if_soft(soft, with_whole_motion(whole, audited.campaign, ground, say, without), whole)
     return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
 
@@ -109,16 +110,11 @@ def _audited(campaign: Campaign, cleaned: Cleaned, reached: Reached, judged: Jud
     return audited
 
 
-def _with_soft_mode(told: Explanation, campaign: Campaign, soft: str, say: Say) -> Explanation:
-    """Where something stays unexplained and cables hold one direction hardly at all: what elastic ones say.
-
-    soft: how that is seen. Where elastic cables say nothing, that rigid ones are the wrong model is said first.
-    """
-    with suppress(RefusedError):
-        answer = soft_answer(told, compare(campaign, say), campaign.robot, soft)
-        if answer is not None:
-            return answer
+def _if_soft(soft: str, after: Explanation, before: Explanation) -> Explanation:
+    """Where elastic cables say nothing, that rigid ones are the wrong model is said first. soft: how that is seen."""
+    if after is not before:
+        return after
     advice = f"The cables hold one direction hardly at all ({soft}). Rigid cables, on which this search stands, are "
     advice += "the wrong model of this robot: `fidim identify` fits elastic ones with what dissipates rotation, and "
     advice += "its remainder is the one to look at."
-    return replace(told, message=f"{advice} {told.message}")
+    return replace(before, message=f"{advice} {before.message}")

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import casadi as ca
+import numpy as np
 
+from fidim_lab.data.records import Robot
 from fidim_lab.effects.effect import NamedEffect, Parameter
 from fidim_lab.effects.loads.forces import DRY_RATE, at_arm, over_cables, turning
 from fidim_lab.effects.plausibility import Context, Limit, over_rate
@@ -41,6 +43,13 @@ class AttachmentFriction(NamedEffect):
             return _on_both(cable, -(theta[0] + theta[1] / speed) * slip)
 
         return over_cables(self, state, each)
+
+    def wider(self, values: np.ndarray, robot: Robot) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
+        """At all attachments alike: by the cables' tension, giving way before it slips, and more of it about z."""
+        del robot
+        giving = AttachmentFrictionGivingWay()
+        dry = values[1]
+        return ((giving, np.array([*values, dry, giving.absent[-1]])),) if self.cable is None and dry > 0 else ()
 
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """μ T r of an eyelet or knot, and the same at the usual rate."""

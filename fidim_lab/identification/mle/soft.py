@@ -35,9 +35,10 @@ from fidim_lab.identification.mle.frames import REGISTERED, free_frames
 from fidim_lab.identification.mle.judge import Remainder, remainder
 from fidim_lab.identification.mle.touched import LEFT_OUT, left_by_window, untouched
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.identification.mle.warm_start import Newcomer, exchanged
+from fidim_lab.identification.mle.warm_start import Newcomer, exchanged, rearranged
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
+from fidim_lab.model.slots import Effect
 
 SOFTNESS = (2e-5, 2e-6)
 """m/N of a cable where no load cell tells it, and how far that is trusted: motion alone tells it to a factor of 2"""
@@ -88,22 +89,38 @@ class SoftFit:
         return replace(seen, remainder=_restated(seen.remainder, self.working.marker_noise / likelihood.noise))
 
     @property
+    def not_dissipating(self) -> tuple[Effect, ...]:
+        """What was fitted along with the body, less the terms that dissipate."""
+        effects = self.found.likelihood.mechanism.effects
+        return tuple(one for one in effects if one not in (self.friction, RotationalDragPerAxis()))
+
+    def without_dissipation(self) -> Fit | None:
+        """The same cables without what dissipates, whitened by the working noise; None where it leads nowhere."""
+        likelihood = replace(self.found.likelihood, noise=self.working.marker_noise)
+        return rearranged(replace(self.found, likelihood=likelihood), self.not_dissipating)
+
+    @property
     def friction(self) -> NamedEffect:
         """The friction at the attachments in `found`."""
         return AttachmentFriction() if self.at_once is None else AttachmentFrictionGivingWay()
 
     @property
-    def sentences(self) -> tuple[str, ...]:
-        """The further parameters fitted, how their start was found, and the parts left out."""
+    def springs(self) -> str:
+        """How soft the cables are, what tells so, and what is free beside them."""
         softness = self.found.values[BODY]
-        viscous, dry, *giving = self.found.values[self.found.place_of(self.friction)]
-        drag = self.found.values[self.found.place_of(RotationalDragPerAxis())]
         source = f"by the motion, from {1e6 * SOFTNESS[0]:.0f} ± {1e6 * SOFTNESS[1]:.0f} without load cells that tell"
         if self.stretch is not None and self.stretch.clear:
             lag = f"which {'lag' if self.stretch.delay >= 0 else 'lead'} by {1e3 * abs(self.stretch.delay):.0f} ms"
             source = f"{1e6 * self.stretch.softness:.0f} by statics of lengths and load cells, {lag}"
         mechanism = self.found.likelihood.mechanism
         frames = ", frames of cameras and markers" if len(mechanism.effects) > 3 + mechanism.n else ""
+        return f"Cables were fitted as springs ({1e6 * softness:.0f} µm/N, {source}) with free encoder zeros{frames}."
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The further parameters fitted, how their start was found, and the parts left out."""
+        viscous, dry, *giving = self.found.values[self.found.place_of(self.friction)]
+        drag = self.found.values[self.found.place_of(RotationalDragPerAxis())]
         by_tension, more = "", ""
         if giving:
             by_tension = " at usual tension"
@@ -111,10 +128,9 @@ class SoftFit:
         best = min(self.costs)
         alike = sum(cost < SAME * best for cost in self.costs)
         return (
-            f"Cables were fitted as springs ({1e6 * softness:.0f} µm/N, {source}) with friction at the attachments "
-            f"({dry:.2g} N m dry{by_tension}, {viscous:.2g} N m s viscous for each cable{more}), drag about the body's "
-            f"axes ({', '.join(f'{value:.2g}' for value in drag)} N m s), free encoder zeros{frames}; these terms "
-            "take up what dissipates, they do not prove where. "
+            f"{self.springs} Friction at the attachments ({dry:.2g} N m dry{by_tension}, {viscous:.2g} N m s viscous "
+            f"for each cable{more}) and drag about the body's axes ({', '.join(f'{value:.2g}' for value in drag)} N m "
+            "s) take up what dissipates; they do not prove where. "
             f"{alike} of {len(self.costs)} beginnings led to this optimum.",
             *self.cut,
         )

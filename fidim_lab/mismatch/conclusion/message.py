@@ -36,8 +36,9 @@ from fidim_lab.mismatch.unknown_force.unknown import Unknown as Wrench
 def tell(baseline: Baseline, found: Selection, judged: Judged, seconds: float) -> Explanation:
     """Everything that is answered."""
     named, verdict, untested = judged.named, judged.verdict, baseline.tried.untested
-    geometry = general_geometry_may_be_it(found)
-    effects = tuple(_cause(found, named.model, k, geometry) for k in range(len(named.model.tried)))
+    terms = range(len(named.model.tried))
+    doubtful = general_geometry_may_be_it(found) or any(named.model.size_in_sd(k) < CONCLUSION.sized for k in terms)
+    effects = tuple(_cause(found, named.model, k, doubtful) for k in terms)
     return Explanation(
         campaign=baseline.campaign.name,
         verdict=verdict,
@@ -61,7 +62,8 @@ def _places(found: Fit) -> tuple[Place, ...]:
     return tuple(Place(p.window, p.t, p.channel, p.frequency, p.share, p.says) for p in places)
 
 
-def _cause(found: Selection, model: Completed, k: int, geometry: bool) -> NamedCause:
+def _cause(found: Selection, model: Completed, k: int, doubtful: bool) -> NamedCause:
+    """Term k. doubtful: no name of this model is the only one."""
     tried = model.tried[k]
     values, sds = model.theta_of(k)
     inflation = float(np.sqrt(max(1.0, model.fit.chi2_per_dof)))
@@ -70,7 +72,7 @@ def _cause(found: Selection, model: Completed, k: int, geometry: bool) -> NamedC
         for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
     }
     effect, members = tried.effect, alike(found, k)
-    ids, single = tuple(one.id for one in members), stands_alone(members) and not geometry
+    ids, single = tuple(one.id for one in members), stands_alone(members) and not doubtful
     return NamedCause(effect.id, effect.cable, ids, parameters, effect.says, members, single)
 
 

@@ -11,6 +11,9 @@ class ConclusionThresholds:
     certainty_many: int = 3
     """effects, of which none is told as the only one: of 2 that imitated a left-out one all had 3 or more, or left
     something unexplained"""
+    sized: float = 5.0
+    """sd from 0 of the amplitudes of each named effect together, for any name of the model to be the only one: 10 and
+    more in right answers (golden files), 1.2 of a loose mass that stood for drag that was not listed"""
 
     # explanation
     most_alike: int = 3
@@ -39,16 +42,6 @@ class ConclusionThresholds:
     """entries of the ranking that were scored but not fitted"""
     ranking_briefly: int = 4
     """entries that were fitted to the first seconds alone"""
-
-    # soft_message
-    soft_message_no_worse: float = 1.1
-    """times the held-out rms without a term, up to which it is not predicted worse with it"""
-    soft_message_alike: float = 1.25
-    """times the held-out rms, up to which friction elsewhere predicts as well: windows differ by as much"""
-    soft_message_at_bound: float = 0.99
-    """of the largest possible size: beyond, more is asked for than can be"""
-    soft_message_half: float = 0.5
-    """of what held-out windows lack, that both terms together must take"""
 
     # timing
     timing_clear: float = 5.0

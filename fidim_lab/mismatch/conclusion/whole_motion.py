@@ -1,6 +1,6 @@
 """The answer by whole windows, where no model was found that leaves only noise."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,6 @@ from fidim_lab.identification.mle.evidence import GeometryOdds
 from fidim_lab.identification.mle.geometry import Surveyed
 from fidim_lab.identification.mle.geometry_words import told_geometry
 from fidim_lab.identification.mle.soft import ALL_NOISE
-from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.results.result import Geometry
 from fidim_lab.mismatch.conclusion.explanation import (
     Before,
@@ -26,28 +25,28 @@ from fidim_lab.mismatch.conclusion.explanation import (
 )
 from fidim_lab.mismatch.conclusion.message import next_experiment
 from fidim_lab.mismatch.conclusion.surveyed import geometry_cause, geometry_says, is_wrong
+from fidim_lab.mismatch.whole_motion.ground import Ground
 from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
 from fidim_lab.mismatch.whole_motion.search import Outcome, search
 from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 from fidim_lab.mismatch.whole_motion.weighing import log_odds, taken
-from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.say import Say
 from fidim_lab.units import millimetres
 
 
 def with_whole_motion(
-    told: Explanation, campaign: Campaign, mechanism: Mechanism, say: Say, without: Collection[str] = ()
+    told: Explanation, campaign: Campaign, ground: Callable[[], Ground], say: Say, without: Collection[str] = ()
 ) -> Explanation:
     """The answer of whole windows to a verdict that leaves something open; as it was where they say no more.
 
     They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
-    answer so far leaves of them (sums of squares).
+    answer so far leaves of them (sums of squares). ground: makes what every model contains.
     """
     if not campaign.of_role(Role.VALIDATE) or _follows(told, campaign.robot):
         return told
     try:
-        outcome = search(campaign, mechanism, say, without)
+        outcome = search(campaign, ground(), say, without)
     except RefusedError as refusal:
         say(str(refusal))
         return told
@@ -87,6 +86,8 @@ def _told(told: Explanation, outcome: Outcome, campaign: Campaign) -> Explanatio
         told,
         verdict=verdict,
         effects=effects,
+        # places are those that rigid cables miss
+        where=() if base.ground.nuisances else told.where,
         unknown=None,
         chi2_per_dof=Before(base.chi2_per_dof, best.chi2_per_dof),
         rms_mm=Before(millimetres(base.held_out), millimetres(best.held_out)),
@@ -160,10 +161,11 @@ def _ranked(one: WholeModel, outcome: Outcome) -> Ranked:
 
 def _opened_once(outcome: Outcome, campaign: Campaign) -> OpenedOnce | None:
     """Figures of the windows of role `test`, without and with the terms; None without any."""
-    windows = campaign.of_role(Role.TEST)
+    ground = outcome.base.ground
+    windows = ground.prepared(campaign, Role.TEST, lambda _: None)
     if not windows:
         return None
-    trial = Trial(outcome.context, tuple(prepare(window, campaign.robot) for window in windows))
+    trial = Trial(ground, windows)
     before, after = (replace(one, predict=trial.predicted) for one in (outcome.base, outcome.best))
     chi2 = Before(before.chi2_per_dof, after.chi2_per_dof)
     return OpenedOnce(chi2, Before(millimetres(before.held_out), millimetres(after.held_out)))
@@ -185,6 +187,7 @@ def _message(outcome: Outcome, effects: Sequence[NamedCause], geometry: Geometry
         elif cause.single:
             said.append(f"Nothing tested can stand for {cause.id}.")
     explained = best.held_out < ALL_NOISE * floor
+    said = [*base.ground.sentences, *said]
     if geometry is not None:
         said.append(geometry_says(geometry, robot, is_wrong(best.geometry, robot), explained))
     if not explained:

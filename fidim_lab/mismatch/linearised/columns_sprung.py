@@ -16,7 +16,15 @@ from jaxtyping import Float
 from fidim_lab.effects.loads.constant_force import ConstantForce
 from fidim_lab.identification.mle.starts.springs import stretches
 from fidim_lab.identification.mle.trajectories.likelihood import Likelihood, Simulation, priors_by
-from fidim_lab.mismatch.linearised.columns import FRAME_SWAY, WindowColumns, frequency_of, scored_places, seen_by, waves
+from fidim_lab.mismatch.linearised.columns import (
+    FRAME_SWAY,
+    Scorer,
+    WindowColumns,
+    frequency_of,
+    scored_places,
+    seen_by,
+    waves,
+)
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, rides
 from fidim_lab.model.batch import evaluate
 from fidim_lab.model.mechanism import Mechanism
@@ -135,3 +143,8 @@ def _goes_with(mechanism: Mechanism, tried: Hypothesis) -> bool:
     if not stretches(tried.effect) or len(sprung(mechanism)) == mechanism.n:
         return True
     return tried.effect.cable is not None and tried.effect.cable - 1 in sprung(mechanism)
+
+
+def scorer_of(mechanism: Mechanism, tried: Hypotheses) -> Scorer | SprungScorer:
+    """The influence of all hypotheses on a model, whatever its cables are."""
+    return SprungScorer(mechanism, tried) if mechanism.springs else Scorer(mechanism, tried)

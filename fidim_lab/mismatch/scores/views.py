@@ -12,8 +12,8 @@ from fidim_lab.identification.mle.fit import Fit
 from fidim_lab.mismatch.fitting.fit_data import nearer
 from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.fitting.thresholds import FITTING
-from fidim_lab.mismatch.linearised.columns import Scorer, frequency_of
-from fidim_lab.mismatch.linearised.columns_sprung import SprungScorer
+from fidim_lab.mismatch.linearised.columns import frequency_of
+from fidim_lab.mismatch.linearised.columns_sprung import scorer_of
 from fidim_lab.mismatch.linearised.hypotheses import PERIODIC, Hypotheses, Hypothesis
 from fidim_lab.mismatch.scores.frequencies import between, likely_frequencies
 from fidim_lab.mismatch.scores.own_phase import own_phase_scores
@@ -158,8 +158,7 @@ def _seen(model: Completed, found: Fit, left: Hypotheses, context: Context, hear
 def _scored(
     model: Completed, found: Fit, left: Hypotheses, context: Context, heard: _Heard
 ) -> tuple[Projected, tuple[Score, ...]]:
-    scorer = SprungScorer if model.mechanism.springs else Scorer
-    scored = scorer(model.mechanism, left)
+    scored = scorer_of(model.mechanism, left)
     grams = window_grams(scored, found.likelihood, found.journey.optimum.simulation)
     seen = projected(scored, found, grams)
     same = single_scores(seen, context)

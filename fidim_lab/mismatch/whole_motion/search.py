@@ -5,25 +5,21 @@ named for what a usual survey misses. Then every step looks at all effects to fi
 and keeps the most evident that held-out windows confirm. Scores only propose.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from fidim_lab.data.records import Campaign, Role, Survey
-from fidim_lab.effects.plausibility import Context
-from fidim_lab.errors import RefusedError
-from fidim_lab.identification.mle.fit import fit
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.starts.springs import stretches
-from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, nuisances, stated
-from fidim_lab.mismatch.fitting.baseline import context_of
-from fidim_lab.mismatch.linearised.columns import Scorer
-from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, hypotheses
+from fidim_lab.mismatch.linearised.columns_sprung import scorer_of
+from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, general, hypotheses
 from fidim_lab.mismatch.scores.score import Score, project, single_scores
 from fidim_lab.mismatch.whole_motion.factors import likeliest_factors
+from fidim_lab.mismatch.whole_motion.ground import Ground
 from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
 from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 from fidim_lab.mismatch.whole_motion.weighing import excludes, log_odds, taken
-from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.say import Say
 
 
@@ -38,8 +34,6 @@ class Outcome:
     """for each term of the best: models with another one in its place that are not excluded, the most evident first"""
     tried: tuple[WholeModel, ...]
     """every model that was fitted, the most evident first"""
-    context: Context
-    """what is physically possible"""
 
     @property
     def temper(self) -> float:
@@ -47,35 +41,21 @@ class Outcome:
         return self.best.temper
 
 
-def search(campaign: Campaign, mechanism: Mechanism, say: Say, without: Collection[str] = ()) -> Outcome:
-    """Look for what whole windows lack.
-
-    mechanism: of the robot as its file has it. without: ids of effects that are taken as unknown. Raises RefusedError
-    where no window can be fitted.
-    """
-    found = fit(mechanism, campaign.of_role(Role.IDENTIFY))
-    held = []
-    for window in campaign.of_role(Role.VALIDATE):
-        try:
-            held.append(prepare(window, campaign.robot))
-        except RefusedError as refusal:
-            say(str(refusal))
-    trial = Trial(context_of(found), tuple(held))
+def search(campaign: Campaign, ground: Ground, say: Say, without: Collection[str] = ()) -> Outcome:
+    """Look for what whole windows lack beside `ground`. without: ids of effects that are taken as unknown."""
+    trial = Trial(ground, ground.prepared(campaign, Role.VALIDATE, say))
     steps = _Steps(trial, hypotheses(campaign.robot, without), say)
-    base = trial.as_it_is(found)
+    base = trial.as_it_is
     say(f"whole windows without any effect: fitted {1e3 * base.fitted:.3g} mm, held out {1e3 * base.held_out:.3g} mm")
-    best = steps.surveyed(base)
-    while len(best.terms) < WHOLE_MOTION.most_terms:
-        further = steps.further(best)
-        if further is None:
+    best, rivals = steps.beside_rivals(base)
+    for _ in range(WHOLE_MOTION.most_terms):
+        better = steps.better(best, rivals)
+        if better is None:
             break
-        best = steps.surveyed(further)
-        say(f"whole windows: {best.label}, fitted {1e3 * best.fitted:.3g} mm, held out {1e3 * best.held_out:.3g} mm")
-    best = trial.finished(best) if best.size else best
-    rivals = tuple(steps.rivals(best, k) for k in range(len(best.terms)))
+        best, rivals = steps.beside_rivals(better)
     every = {one.label: one for one in (base, *steps.tried, best)}
     tried = sorted(every.values(), key=lambda one: -log_odds(one, best))
-    return Outcome(base, best, rivals, tuple(tried), trial.context)
+    return Outcome(base, best, rivals, tuple(tried))
 
 
 class _Steps:
@@ -83,7 +63,9 @@ class _Steps:
 
     def __init__(self, trial: Trial, every: Hypotheses, say: Say) -> None:
         self.trial, self.say = trial, say
-        self.every = replace(every, periodic=(), direct=tuple(h for h in every.direct if not stretches(h.effect)))
+        known = {one.id for one in trial.ground.nuisances if isinstance(one, NamedEffect)}
+        left = (h for h in every.direct if not stretches(h.effect) and h.effect.id not in known)
+        self.every = replace(every, periodic=(), direct=tuple(left))
         self.tried: list[WholeModel] = []
 
     def surveyed(self, best: WholeModel) -> WholeModel:
@@ -95,18 +77,74 @@ class _Steps:
         self.tried += [opened] if opened is not chosen else [exact]
         return chosen
 
+    def beside_rivals(self, begun: WholeModel) -> tuple[WholeModel, tuple[tuple[WholeModel, ...], ...]]:
+        """Where the search goes from a model, at its optimum, and the rivals of each of its terms."""
+        best = self.forward(self.surveyed(begun))
+        best = self.trial.finished(best) if best.size else best
+        return best, tuple(self.rivals(best, k) for k in range(len(best.terms)))
+
+    def forward(self, best: WholeModel) -> WholeModel:
+        """With as many further terms as are asked for, each in the form that is, and without those made needless."""
+        while len(best.terms) < WHOLE_MOTION.most_terms:
+            further = self.further(best)
+            if further is None:
+                break
+            best = self.surveyed(self.simpler(further))
+            out = f"fitted {1e3 * best.fitted:.3g} mm, held out {1e3 * best.held_out:.3g} mm"
+            self.say(f"whole windows: {best.label}, {out}")
+        return self.simpler(self.widened(best))
+
     def further(self, best: WholeModel) -> WholeModel | None:
-        """The most evident model with one more term that held-out windows confirm, or None."""
+        """The most evident model with one more term that held-out windows confirm, or None.
+
+        Of a term that is evident and that they do not confirm, the more general forms are tried.
+        """
         fresh = [self.trial.with_term(best, score.tried[0], score.theta[0]) for score in self._shortlist(best)]
-        models = [one for one in fresh if one is not None]
-        self.tried += models
-        asked = [one for one in models if log_odds(one, best) > WHOLE_MOTION.odds]
+        asked = self._evident(fresh, best)
         while asked:
             chosen = most_evident(asked)
             if taken(best, chosen) > WHOLE_MOTION.takes:
                 return chosen
             asked.remove(chosen)
+            asked += self._evident(self._wider(chosen, len(chosen.terms) - 1), best)
         return None
+
+    def widened(self, best: WholeModel) -> WholeModel:
+        """With more general forms of its terms, where these are as evident as a term must be and predict no worse."""
+        for k in range(len(best.terms)):
+            wider = [one for one in self._evident(self._wider(best, k), best) if taken(best, one) >= 0.0]
+            best = most_evident(wider) if wider else best
+        return best
+
+    def simpler(self, best: WholeModel) -> WholeModel:
+        """Without terms that another one has made needless: evidence does not ask for them any more."""
+        while len(best.terms) > 1:
+            every = (self.trial.without(best, k) for k in range(len(best.terms)))
+            less = [one for one in every if one is not None and log_odds(best, one) < WHOLE_MOTION.odds]
+            if not less:
+                break
+            self.tried.append(best)
+            best = max(less, key=lambda one: log_odds(one, less[0]))
+        return best
+
+    def better(self, best: WholeModel, rivals: Sequence[Sequence[WholeModel]]) -> WholeModel | None:
+        """The most evident rival where it is more evident than the best and predicts no worse, or None."""
+        more = [one for every in rivals for one in every if log_odds(one, best) > 0.0 and taken(best, one) >= 0.0]
+        return max(more, key=lambda one: log_odds(one, best)) if more else None
+
+    def _evident(self, fresh: Sequence[WholeModel | None], best: WholeModel) -> list[WholeModel]:
+        """Those of these models that evidence prefers to the best so far as a term must be."""
+        models = [one for one in fresh if one is not None]
+        self.tried += models
+        return [one for one in models if log_odds(one, best) > WHOLE_MOTION.odds]
+
+    def _wider(self, model: WholeModel, k: int) -> list[WholeModel | None]:
+        """With each more general form of term k in its place."""
+        found, term = model.found, model.terms[k]
+        values = found.values[found.place_of(term.effect)]
+        forms = term.effect.wider(values, found.likelihood.mechanism.robot)
+        wider = [(general(term, effect, theta), theta) for effect, theta in forms]
+        return [self.trial.instead(model, k, one, theta[list(one.scored)]) for one, theta in wider]
 
     def rivals(self, best: WholeModel, k: int) -> tuple[WholeModel, ...]:
         """Models with another term in the place of one, that the windows do not exclude."""
@@ -129,10 +167,10 @@ class _Steps:
         self.say(f"whole windows: looking at all effects beside {model.label}")
         inside = {h.effect for h in model.terms} | {one.effect for one in model.geometry}
         left = tuple(h for h in self.every.direct if h.effect not in inside)
-        scorer = Scorer(model.found.likelihood.mechanism, replace(self.every, direct=left))
+        scorer = scorer_of(model.found.likelihood.mechanism, replace(self.every, direct=left))
         found = model.found
         seen = project(scorer, found, found.likelihood, found.journey.optimum.simulation)
-        scores = single_scores(replace(seen, inflation=model.temper), self.trial.context)
+        scores = single_scores(replace(seen, inflation=model.temper), self.trial.ground.context)
         chosen: dict[tuple[str, bool], Score] = {}
         for score in scores:
             chosen.setdefault(_kind(score.tried[0]), score)

@@ -31,11 +31,14 @@ def chance(model: WholeModel, than: WholeModel) -> float:
 def excludes(model: WholeModel, other: WholeModel) -> bool:
     """Whether the other cannot stand for the model: evidence says so by odds of 20, and windows held out agree.
 
-    A wider model must be the more evident one: what it does by its freedom, the simpler one does without.
+    A wider model must be the more evident one: what it does by its freedom, the simpler one does without. Where the
+    model leaves noise alone, evidence needs no second witness.
     """
     odds = log_odds(model, other)
     if other.parameters > model.parameters:
         return odds > 0.0
+    if model.found.explained:
+        return odds > WHOLE_MOTION.odds
     return odds > WHOLE_MOTION.odds and chance(model, other) < WHOLE_MOTION.tail
 
 

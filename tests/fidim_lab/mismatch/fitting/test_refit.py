@@ -46,3 +46,33 @@ def test_what_is_not_told_at_all_costs_nothing(irma4: Robot) -> None:
     assert one.freedom(1.0) == 0.0
     one.fit.covariance[BODY, BODY] = np.inf
     assert one.freedom(1.0) == 0.0
+
+
+def sized(irma4: Robot, id: str, values: list[float], covariance: np.ndarray, chi2_per_dof: float = 1.0) -> float:
+    """How many sd an effect of these θ is from 0, its θ of this covariance beside a body."""
+    tried = next(h for h in hypotheses(irma4).every if h.effect.id == id and len(h.effect.parameters) == len(values))
+    whole = np.eye(BODY + len(values))
+    whole[BODY:, BODY:] = covariance
+    shared = np.concatenate([np.zeros(BODY), values])
+    fit = SimpleNamespace(values=shared, covariance=whole, chi2_per_dof=chi2_per_dof)
+    return Completed((tried,), fit, whole=True).size_in_sd(0)  # type: ignore[arg-type]
+
+
+def test_a_term_is_as_large_as_its_amplitude_is_in_sd(irma4: Robot) -> None:
+    assert sized(irma4, "air-drag-linear", [0.06], np.array([[0.01**2]])) == pytest.approx(6.0)
+    assert sized(irma4, "air-drag-linear", [0.06], np.array([[0.01**2]]), 4.0) == pytest.approx(3.0)
+
+
+def test_a_force_is_as_large_as_all_its_components_together(irma4: Robot) -> None:
+    """Its direction may be open to any extent: along it nothing is lost."""
+    along = np.diag([1e-4, 1.0, 1.0])
+    assert sized(irma4, "constant-force", [0.06, 0.0, 0.0], along) == pytest.approx(6.0)
+    assert sized(irma4, "constant-force", [0.03, 0.04, 0.0], 1e-4 * np.eye(3)) == pytest.approx(5.0)
+
+
+def test_what_a_scan_settles_is_no_size(irma4: Robot) -> None:
+    """A loose mass with a frequency that is known well, and a mass that is not."""
+    sd = np.array([0.013, 0.03, 0.01, 0.6, 3.8, 2.7])
+    assert sized(irma4, "loose-mass", [0.0157, 4.08, 0.087, 0.03, 0.04, 0.06], np.diag(sd**2)) == pytest.approx(
+        1.21, abs=0.01
+    )

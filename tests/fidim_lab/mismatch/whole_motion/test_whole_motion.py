@@ -1,6 +1,7 @@
 """Whole windows decide where no model reaches the noise: independent values, evidence, what is named, what is not."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
+from fidim_lab.mismatch.whole_motion.ground import rigid
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
 from fidim_lab.mismatch.whole_motion.search import Outcome, search
 from fidim_lab.mismatch.whole_motion.weighing import chance, excludes, log_odds, taken
@@ -57,7 +59,7 @@ def _recorded(robot: Robot, windows: int, seconds: float) -> Campaign:
 def test_of_two_dissipations_the_true_one_is_named_beside_an_open_geometry(irma4: Robot):
     others = {effect.id for effect in catalogue(irma4)} - {"attachment-friction", "air-drag-linear"}
     campaign = _recorded(irma4, 3, 2.5)
-    outcome = search(campaign, Mechanism(irma4, native=True), lambda _: None, without=others)
+    outcome = search(campaign, rigid(campaign, Mechanism(irma4, native=True)), lambda _: None, without=others)
     assert "attachment-friction" in {h.effect.id for h in outcome.best.terms}
     assert outcome.best.geometry
     assert outcome.best.held_out < 0.5 * outcome.base.held_out
@@ -71,7 +73,7 @@ def campaign(irma4: Robot) -> Campaign:
 
 @pytest.fixture(scope="module")
 def outcome(campaign: Campaign) -> Outcome:
-    return search(campaign, Mechanism(campaign.robot, native=True), lambda _: None)
+    return search(campaign, rigid(campaign, Mechanism(campaign.robot, native=True)), lambda _: None)
 
 
 @pytest.mark.slow
@@ -107,7 +109,8 @@ def test_a_survey_that_the_file_states_is_counted_and_no_cause(irma4: Robot):
     campaign = replace(_recorded(irma4, 3, 2.5), robot=stated)
     rough = Before(9.0, 9.0)
     open_still = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), rough, rough, (), {}, {}, None, "", 1.0)
-    told = with_whole_motion(open_still, campaign, Mechanism(stated, native=True), lambda _: None, others)
+    ground = partial(rigid, campaign, Mechanism(stated, native=True))
+    told = with_whole_motion(open_still, campaign, ground, lambda _: None, others)
     assert [cause.id for cause in told.effects] == ["attachment-friction"]
     assert told.geometry is not None
     assert "The robot file's survey is counted" in told.message
