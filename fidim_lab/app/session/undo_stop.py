@@ -10,6 +10,7 @@ import termios
 from contextlib import suppress
 from pathlib import Path
 
+from drivers.clock import LoopClock
 from fidim_lab.app.formats.answer_file import write_answer
 from fidim_lab.app.service.client import connect
 from fidim_lab.app.service.lock import holder
@@ -26,6 +27,8 @@ QUESTIONS = (
 )
 FORMAT = "fidim-reset/1"
 YES = "yes"
+ENDING, AGAIN = 5.0, 0.1
+"""s, within which a service that answers no more has ended (it gives its drives two), and between looks at it"""
 
 
 def confirmed(spec: RunSpec, *, asks: bool = True) -> str:
@@ -91,12 +94,26 @@ def reset_command(folder: Path | None, rig: Path | None, json_file: Path | None 
     """
     undone = ""
     for place, stopped in _rigs(folder, rig):
-        undone = asyncio.run(_reset_service(place)) if holder(place) is not None else _reset_file(stopped)
+        undone = asyncio.run(_reset(place, stopped))
         if undone:
             break
     console.out.print("The emergency stop is reset." if undone else "No emergency stop is latched.", markup=False)
     write_answer(json_file, FORMAT, {"exit_code": 0, "undone": undone})
     return 0
+
+
+async def _reset(place: Place, stopped: Path) -> str:
+    """In the service, or in its file where none runs. One that is just ending is waited for."""
+    clock = LoopClock()
+    until = clock.now() + ENDING
+    while holder(place) is not None:
+        try:
+            return await _reset_service(place)
+        except SetupError:
+            if clock.now() > until:
+                raise
+        await clock.sleep(AGAIN)
+    return _reset_file(stopped)
 
 
 def _rigs(folder: Path | None, rig: Path | None) -> list[tuple[Place, Path]]:

@@ -120,6 +120,10 @@ class AttachmentFrictionGivingWay(NamedEffect):
         whole, about_z = ca.sqrt(ca.dot(spin, spin) + REST_RATE**2), ca.sqrt(spin[2] ** 2 + REST_RATE**2)
         return ca.vertcat(spin - whole * state.extra[:3], spin[2] - about_z * state.extra[3]) / theta[3]
 
+    def narrower(self, values: np.ndarray) -> tuple[NamedEffect, np.ndarray]:
+        """Friction that slips at once, at any tension."""
+        return AttachmentFriction(), values[:2]
+
     def limits(self, context: Context) -> Mapping[str, Limit]:
         """μ T r of an eyelet or knot, of all of them about z, and the same at the usual rate."""
         torque = context.joint_torque(None)

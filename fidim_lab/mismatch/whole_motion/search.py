@@ -132,6 +132,16 @@ class _Steps:
         more = [one for every in rivals for one in every if log_odds(one, best) > 0.0 and taken(best, one) >= 0.0]
         return max(more, key=lambda one: log_odds(one, best)) if more else None
 
+    def _simple(self, model: WholeModel, k: int) -> WholeModel:
+        """With the simple form of term k in its place, where it has a more general one."""
+        found, term = model.found, model.terms[k]
+        form = term.effect.narrower(found.values[found.place_of(term.effect)])
+        if form is None:
+            return model
+        effect, theta = form
+        simple = general(term, effect, theta)
+        return self.trial.instead(model, k, simple, theta[list(simple.scored)]) or model
+
     def _evident(self, fresh: Sequence[WholeModel | None], best: WholeModel) -> list[WholeModel]:
         """Those of these models that evidence prefers to the best so far as a term must be."""
         models = [one for one in fresh if one is not None]
@@ -147,7 +157,10 @@ class _Steps:
         return [self.trial.instead(model, k, one, theta[list(one.scored)]) for one, theta in wider]
 
     def rivals(self, best: WholeModel, k: int) -> tuple[WholeModel, ...]:
-        """Models with another term in the place of one, that the windows do not exclude."""
+        """Models with another term in the place of one, that the windows do not exclude.
+
+        They are held against its simple form: a more general law says more of how it acts, not of what acts.
+        """
         less = self.trial.without(best, k)
         if less is None:
             return ()
@@ -159,7 +172,8 @@ class _Steps:
                 other = self.trial.instead(best, k, new, score.theta[0])
                 found += [] if other is None else [other]
         self.tried += found
-        kept = [one for one in found if not excludes(best, one)]
+        against = self._simple(best, k)
+        kept = [one for one in found if not excludes(against, one)]
         return tuple(sorted(kept, key=lambda one: -log_odds(one, best)))
 
     def _shortlist(self, model: WholeModel) -> list[Score]:

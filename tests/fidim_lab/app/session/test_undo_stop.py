@@ -2,11 +2,15 @@
 
 import json
 from pathlib import Path
+from threading import Event, Thread, Timer
 
 import pytest
 
 from fidim_lab.app.cli import run
+from fidim_lab.app.service.lock import held
+from fidim_lab.app.service.place import place_of
 from fidim_lab.app.session import run_process
+from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.rigs.stop_file import Stopped, keep_stop, read_stop, stop_path
 
 SIMULATED = Path(__file__).parents[4] / "examples" / "rigs" / "simulated.toml"
@@ -103,3 +107,24 @@ def test_a_reset_wants_to_know_of_what(rig, capfd):
 def test_a_shutdown_without_a_service_says_so(rig, capfd):
     assert run(["shutdown"]) == 1
     assert "No service is running." in capfd.readouterr().out
+
+
+def test_reset_waits_for_a_service_that_is_just_ending(rig, typing, capfd):
+    """Its lock is held, and nobody listens any more."""
+    place = place_of(read_rig(rig, opened=False), embedded=False)
+    begun, end = Event(), Event()
+
+    def service() -> None:
+        with held(place, rig.parent):
+            begun.set()
+            end.wait(20)
+
+    ending = Thread(target=service)
+    ending.start()
+    assert begun.wait(20)
+    Timer(0.3, end.set).start()
+    typing(b"yes\nyes\n")
+    assert run(["reset", "--rig", str(rig)]) == 0
+    ending.join()
+    assert "The emergency stop is reset." in capfd.readouterr().out
+    assert read_stop(stop_path(rig, embedded=False)) is None
