@@ -126,6 +126,13 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
         "read swivel encoders: friction there makes a swivel lag behind its cable",
     ),
     Equivalence(
+        ("attachment-friction", "rotational-drag", "rotational-drag-quadratic"),
+        Kind.NEAR,
+        "all take energy from the platform's rotation; they differ in how that goes with its rate and its axis",
+        "let it turn about each body axis by itself, at two sizes: dry friction damps the small swing more, drag alike "
+        "or less",
+    ),
+    Equivalence(
         ("air-drag-linear", "pulley-friction"),
         Kind.NEAR,
         "near one equilibrium speed of the centre of mass and wrap rates are the same few freedoms",
