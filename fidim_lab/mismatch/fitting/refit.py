@@ -88,13 +88,12 @@ class Completed:
         return self.fit.values[place], sd
 
     def size_in_sd(self, k: int) -> float:
-        """How far the amplitudes of effect k, those parameters that are 0 without it, are from 0 together (Wald).
+        """How far the amplitudes of effect k, those parameters that have a score, are from 0 together (Wald).
 
         Their covariance counts all that is uncertain beside them, by what the residuals say of the noise.
         """
         first = self.place_of(k).start
-        parameters = self.tried[k].effect.parameters
-        amplitudes = [first + j for j, one in enumerate(parameters) if not one.scan]
+        amplitudes = [first + j for j, scanned in enumerate(self.tried[k].effect.scanned) if not scanned]
         values = self.fit.values[amplitudes]
         covariance = self.fit.covariance[np.ix_(amplitudes, amplitudes)] * max(1.0, self.fit.chi2_per_dof)
         return float(np.sqrt(values @ np.linalg.lstsq(covariance, values, rcond=None)[0]))
