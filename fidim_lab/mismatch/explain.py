@@ -35,7 +35,7 @@ from fidim_lab.mismatch.fitting.refit import Completed
 from fidim_lab.mismatch.linearised.hypotheses import check_known
 from fidim_lab.mismatch.rounds import Reached, Rounds
 from fidim_lab.mismatch.selection.budget import PATIENCE, Patience
-from fidim_lab.mismatch.whole_motion.ground import elastic, rigid
+from fidim_lab.mismatch.whole_motion.common_part import elastic, rigid
 from fidim_lab.say import Say
 
 OPEN = (Verdict.UNKNOWN_PHYSICS, Verdict.PARTLY_EXPLAINED)
@@ -80,11 +80,11 @@ def explain(
     if whole.verdict in OPEN:
         soft = soft_mode(audited.campaign)
         if soft is None:
-            ground = partial(rigid, last.cleaned.campaign, reached.mechanism)
-            whole = with_whole_motion(whole, last.cleaned.campaign, ground, say, without)
+            common = partial(rigid, last.cleaned.campaign, reached.mechanism)
+            whole = with_whole_motion(whole, last.cleaned.campaign, common, say, without)
         else:
-            ground = partial(elastic, audited.campaign, soft)
-            whole = _if_soft(soft, with_whole_motion(whole, audited.campaign, ground, say, without), whole)
+            common = partial(elastic, audited.campaign, soft)
+            whole = _if_soft(soft, with_whole_motion(whole, audited.campaign, common, say, without), whole)
     return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
 

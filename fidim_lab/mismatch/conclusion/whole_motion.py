@@ -25,7 +25,7 @@ from fidim_lab.mismatch.conclusion.explanation import (
 )
 from fidim_lab.mismatch.conclusion.message import next_experiment
 from fidim_lab.mismatch.conclusion.surveyed import geometry_cause, geometry_says, is_wrong
-from fidim_lab.mismatch.whole_motion.ground import Ground
+from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
 from fidim_lab.mismatch.whole_motion.search import Outcome, search
 from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
@@ -36,17 +36,17 @@ from fidim_lab.units import millimetres
 
 
 def with_whole_motion(
-    told: Explanation, campaign: Campaign, ground: Callable[[], Ground], say: Say, without: Collection[str] = ()
+    told: Explanation, campaign: Campaign, common: Callable[[], CommonPart], say: Say, without: Collection[str] = ()
 ) -> Explanation:
     """The answer of whole windows to a verdict that leaves something open; as it was where they say no more.
 
     They say more where all terms together take half of what held-out windows lack, and leave at most half of what the
-    answer so far leaves of them (sums of squares). ground: makes what every model contains.
+    answer so far leaves of them (sums of squares). common: makes what every model contains.
     """
     if not campaign.of_role(Role.VALIDATE) or _follows(told, campaign.robot):
         return told
     try:
-        outcome = search(campaign, ground(), say, without)
+        outcome = search(campaign, common(), say, without)
     except RefusedError as refusal:
         say(str(refusal))
         return told
@@ -87,7 +87,7 @@ def _told(told: Explanation, outcome: Outcome, campaign: Campaign) -> Explanatio
         verdict=verdict,
         effects=effects,
         # places are those that rigid cables miss
-        where=() if base.ground.nuisances else told.where,
+        where=() if base.common.nuisances else told.where,
         unknown=None,
         chi2_per_dof=Before(base.chi2_per_dof, best.chi2_per_dof),
         rms_mm=Before(millimetres(base.held_out), millimetres(best.held_out)),
@@ -161,11 +161,11 @@ def _ranked(one: WholeModel, outcome: Outcome) -> Ranked:
 
 def _opened_once(outcome: Outcome, campaign: Campaign) -> OpenedOnce | None:
     """Figures of the windows of role `test`, without and with the terms; None without any."""
-    ground = outcome.base.ground
-    windows = ground.prepared(campaign, Role.TEST, lambda _: None)
+    common = outcome.base.common
+    windows = common.prepared(campaign, Role.TEST, lambda _: None)
     if not windows:
         return None
-    trial = Trial(ground, windows)
+    trial = Trial(common, windows)
     before, after = (replace(one, predict=trial.predicted) for one in (outcome.base, outcome.best))
     chi2 = Before(before.chi2_per_dof, after.chi2_per_dof)
     return OpenedOnce(chi2, Before(millimetres(before.held_out), millimetres(after.held_out)))
@@ -187,7 +187,7 @@ def _message(outcome: Outcome, effects: Sequence[NamedCause], geometry: Geometry
         elif cause.single:
             said.append(f"Nothing tested can stand for {cause.id}.")
     explained = best.held_out < ALL_NOISE * floor
-    said = [*base.ground.sentences, *said]
+    said = [*base.common.sentences, *said]
     if geometry is not None:
         said.append(geometry_says(geometry, robot, is_wrong(best.geometry, robot), explained))
     if not explained:

@@ -24,7 +24,7 @@ from fidim_lab.identification.survey import Nuisance, prior_sd
 from fidim_lab.mismatch.fitting.refit import prior_of
 from fidim_lab.mismatch.fitting.thresholds import FITTING
 from fidim_lab.mismatch.linearised.hypotheses import Hypothesis
-from fidim_lab.mismatch.whole_motion.ground import Ground
+from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
 from fidim_lab.model.sensitivity.equations import BODY
 from fidim_lab.model.slots import Effect
@@ -37,7 +37,7 @@ TRIED = replace(ON_THE_WAY, rounds=15, crawl=FITTING.crawl)
 class WholeModel:
     """Some terms, and a geometry that is open or exact, fitted to whole windows."""
 
-    ground: Ground
+    common: CommonPart
     terms: tuple[Hypothesis, ...]
     geometry: tuple[Nuisance, ...]
     """what is open, under its prior; empty where the robot file's counts as exact"""
@@ -84,12 +84,12 @@ class WholeModel:
     def chi2_per_dof(self) -> float:
         """Of held-out windows, by the stated noise; nan without any."""
         dof = sum(one.dof for one in self.held.values())
-        return sum(one.chi2 for one in self.held.values()) / dof / self.ground.noise if dof else float("nan")
+        return sum(one.chi2 for one in self.held.values()) / dof / self.common.noise if dof else float("nan")
 
     @cached_property
     def prior_sd(self) -> np.ndarray:
         """Of all θ before any data: of what every model contains, of its terms, of its geometry."""
-        return np.concatenate([self.ground.nuisance_sd, prior_of(self.terms), prior_sd(self.geometry)])
+        return np.concatenate([self.common.nuisance_sd, prior_of(self.terms), prior_sd(self.geometry)])
 
     @property
     def cost(self) -> float:
@@ -105,7 +105,7 @@ class WholeModel:
     def temper(self) -> float:
         """Sum of squares for each independent value of what is left, at least that of the stated noise."""
         values = sum(independent_values(one.residuals) for one in self.found.remainders)
-        return max(self.ground.noise, self.cost / values)
+        return max(self.common.noise, self.cost / values)
 
     def nats(self, temper: float) -> float:
         """Evidence, less what all models of these windows have in common."""
@@ -133,14 +133,14 @@ class WholeModel:
 class Trial:
     """Fits models to the same windows, each from the optimum of another one."""
 
-    ground: Ground
+    common: CommonPart
     recordings: tuple[Recording, ...]
     """held out"""
 
     @property
     def as_it_is(self) -> WholeModel:
         """The model without any term."""
-        return WholeModel(self.ground, (), (), self.ground.found, self.predicted)
+        return WholeModel(self.common, (), (), self.common.found, self.predicted)
 
     def with_term(self, model: WholeModel, new: Hypothesis, theta: np.ndarray) -> WholeModel | None:
         """With one more term, from these θ; None where it gets nowhere."""
@@ -180,18 +180,18 @@ class Trial:
 
         def part(effect: NamedEffect, sd: np.ndarray, mean: np.ndarray, begun: np.ndarray | None = None) -> Newcomer:
             wide = np.full(len(mean), np.inf)
-            low, high = (-wide, wide) if effect in offsets else effect.bounds(self.ground.context)
+            low, high = (-wide, wide) if effect in offsets else effect.bounds(self.common.context)
             if begun is None:
                 begun = donor.found.values[donor.found.place_of(effect)] if effect in known else mean
             parts = (np.clip(begun, low, high), sd / softened, low, high, mean)
             return Newcomer(effect, *(one.tolist() for one in parts))
 
         offsets = {one.effect for one in geometry}
-        wanted: list[Effect | Newcomer] = [*self.ground.nuisances]
+        wanted: list[Effect | Newcomer] = [*self.common.nuisances]
         wanted += [part(h.effect, prior_of([h]), h.absent, h.theta(fresh[h]) if h in fresh else None) for h in terms]
         wanted += [part(one.effect, np.array(one.sd), np.zeros(len(one.sd))) for one in geometry]
         found = rearranged(donor.found, wanted, effort)
-        return None if found is None else WholeModel(self.ground, terms, geometry, found, self.predicted)
+        return None if found is None else WholeModel(self.common, terms, geometry, found, self.predicted)
 
     def predicted(self, found: Fit) -> dict[str, Remainder]:
         """The residuals of held-out windows, without those that the fit cannot follow."""

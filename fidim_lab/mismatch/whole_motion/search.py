@@ -15,8 +15,8 @@ from fidim_lab.identification.survey import TYPICAL_ANCHOR, TYPICAL_ATTACHMENT, 
 from fidim_lab.mismatch.linearised.columns_sprung import scorer_of
 from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, general, hypotheses
 from fidim_lab.mismatch.scores.score import Score, project, single_scores
+from fidim_lab.mismatch.whole_motion.common_part import CommonPart
 from fidim_lab.mismatch.whole_motion.factors import likeliest_factors
-from fidim_lab.mismatch.whole_motion.ground import Ground
 from fidim_lab.mismatch.whole_motion.models import Trial, WholeModel
 from fidim_lab.mismatch.whole_motion.thresholds import WHOLE_MOTION
 from fidim_lab.mismatch.whole_motion.weighing import excludes, log_odds, taken
@@ -41,9 +41,9 @@ class Outcome:
         return self.best.temper
 
 
-def search(campaign: Campaign, ground: Ground, say: Say, without: Collection[str] = ()) -> Outcome:
-    """Look for what whole windows lack beside `ground`. without: ids of effects that are taken as unknown."""
-    trial = Trial(ground, ground.prepared(campaign, Role.VALIDATE, say))
+def search(campaign: Campaign, common: CommonPart, say: Say, without: Collection[str] = ()) -> Outcome:
+    """Look for what whole windows lack beside `common`. without: ids of effects that are taken as unknown."""
+    trial = Trial(common, common.prepared(campaign, Role.VALIDATE, say))
     steps = _Steps(trial, hypotheses(campaign.robot, without), say)
     base = trial.as_it_is
     say(f"whole windows without any effect: fitted {1e3 * base.fitted:.3g} mm, held out {1e3 * base.held_out:.3g} mm")
@@ -63,7 +63,7 @@ class _Steps:
 
     def __init__(self, trial: Trial, every: Hypotheses, say: Say) -> None:
         self.trial, self.say = trial, say
-        known = {one.id for one in trial.ground.nuisances if isinstance(one, NamedEffect)}
+        known = {one.id for one in trial.common.nuisances if isinstance(one, NamedEffect)}
         left = (h for h in every.direct if not stretches(h.effect) and h.effect.id not in known)
         self.every = replace(every, periodic=(), direct=tuple(left))
         self.tried: list[WholeModel] = []
@@ -184,7 +184,7 @@ class _Steps:
         scorer = scorer_of(model.found.likelihood.mechanism, replace(self.every, direct=left))
         found = model.found
         seen = project(scorer, found, found.likelihood, found.journey.optimum.simulation)
-        scores = single_scores(replace(seen, inflation=model.temper), self.trial.ground.context)
+        scores = single_scores(replace(seen, inflation=model.temper), self.trial.common.context)
         chosen: dict[tuple[str, bool], Score] = {}
         for score in scores:
             chosen.setdefault(_kind(score.tried[0]), score)

@@ -15,7 +15,7 @@ from fidim_lab.effects.catalogue import catalogue
 from fidim_lab.identification.choice import soft_mode
 from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.mismatch.explain import explain
-from fidim_lab.mismatch.whole_motion.ground import elastic
+from fidim_lab.mismatch.whole_motion.common_part import elastic
 from fidim_lab.mismatch.whole_motion.search import search
 from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
@@ -55,11 +55,11 @@ def test_what_dissipates_is_found_beside_cables_that_are_springs(irma4: Robot):
     campaign = recorded(irma4, ["rotational-drag:c=0.012"], 2.0)
     softness = soft_mode(campaign)
     assert softness is not None
-    ground = elastic(campaign, softness)
-    assert CableStiffness() in ground.nuisances
-    assert not {effect.id for effect in ground.found.likelihood.mechanism.effects} & {*DISSIPATION}  # pyright: ignore
-    assert softness in ground.sentences[0]
-    outcome = search(campaign, ground, lambda _: None, without=others)
+    common = elastic(campaign, softness)
+    assert CableStiffness() in common.nuisances
+    assert not {effect.id for effect in common.found.likelihood.mechanism.effects} & {*DISSIPATION}  # pyright: ignore
+    assert softness in common.sentences[0]
+    outcome = search(campaign, common, lambda _: None, without=others)
     assert [term.effect.id for term in outcome.best.terms] == ["rotational-drag"]
     assert outcome.best.held_out < 0.5 * outcome.base.held_out
     assert outcome.best.chi2_per_dof < 2.0

@@ -12,7 +12,7 @@ from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.identification.random_plan import random_plan
 from fidim_lab.mismatch.conclusion.explanation import Before, Explanation, Verdict
 from fidim_lab.mismatch.conclusion.whole_motion import with_whole_motion
-from fidim_lab.mismatch.whole_motion.ground import rigid
+from fidim_lab.mismatch.whole_motion.common_part import rigid
 from fidim_lab.mismatch.whole_motion.independent_values import independent_values
 from fidim_lab.mismatch.whole_motion.search import Outcome, search
 from fidim_lab.mismatch.whole_motion.weighing import chance, excludes, log_odds, taken
@@ -109,8 +109,8 @@ def test_a_survey_that_the_file_states_is_counted_and_no_cause(irma4: Robot):
     campaign = replace(_recorded(irma4, 3, 2.5), robot=stated)
     rough = Before(9.0, 9.0)
     open_still = Explanation("c", Verdict.UNKNOWN_PHYSICS, (), (), rough, rough, (), {}, {}, None, "", 1.0)
-    ground = partial(rigid, campaign, Mechanism(stated, native=True))
-    told = with_whole_motion(open_still, campaign, ground, lambda _: None, others)
+    common = partial(rigid, campaign, Mechanism(stated, native=True))
+    told = with_whole_motion(open_still, campaign, common, lambda _: None, others)
     assert [cause.id for cause in told.effects] == ["attachment-friction"]
     assert told.geometry is not None
     assert "The robot file's survey is counted" in told.message

@@ -22,7 +22,7 @@ from fidim_lab.say import Say
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class CommonPart:
     """A model without any term, fitted to whole windows."""
 
     found: Fit
@@ -55,12 +55,12 @@ class Ground:
         return tuple(kept)
 
 
-def rigid(campaign: Campaign, mechanism: Mechanism) -> Ground:
+def rigid(campaign: Campaign, mechanism: Mechanism) -> CommonPart:
     """With rigid cables. Raises RefusedError where no window can be fitted."""
-    return Ground(fit(mechanism, campaign.of_role(Role.IDENTIFY)))
+    return CommonPart(fit(mechanism, campaign.of_role(Role.IDENTIFY)))
 
 
-def elastic(campaign: Campaign, softness: str) -> Ground:
+def elastic(campaign: Campaign, softness: str) -> CommonPart:
     """With elastic cables, where rigid ones are the wrong model. Raises RefusedError where they cannot be fitted.
 
     softness: how that is seen, for people.
@@ -71,4 +71,4 @@ def elastic(campaign: Campaign, softness: str) -> Ground:
         raise RefusedError("Without dissipation no motion on elastic cables can be simulated.")
     why = f"The cables hold one direction hardly at all ({softness}): elastic cables are fitted instead of rigid ones."
     ratio = campaign.robot.sensors.marker_noise / soft.working.marker_noise
-    return Ground(found, soft.not_dissipating, ratio**2, (why, soft.springs, *soft.cut))
+    return CommonPart(found, soft.not_dissipating, ratio**2, (why, soft.springs, *soft.cut))
