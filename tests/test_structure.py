@@ -33,7 +33,7 @@ TWICE = {
 
 LEFT = frozenset(
     """
-    Balance Candidate Compared Evidence Finding Fit Found FreeMotion Kind Judged Known Limits Measurement Member Outcome
+    Balance Candidate Evidence Finding Fit Found FreeMotion Kind Judged Known Limits Measurement Member Outcome
     Parameter Place Placed Point Posed Predicted Prediction Reading Recording Rows Sample Search Seen Stretch Trial
     Unknown Verdict WindowColumns Workspace
     """.split()  # noqa: SIM905
