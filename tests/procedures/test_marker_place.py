@@ -73,6 +73,17 @@ def test_three_cables_forbid_little_and_an_unseen_marker_tells_nothing(rest):
     assert {one.outcome for one in judged(rest, np.full((30, 3), np.nan))} == {Outcome.UNSET}
 
 
+@pytest.mark.parametrize(
+    ("robot", "lengths", "outcome"), [(TRIFILAR, (2.0,) * 3, Outcome.PASS), (PAPERS_ROBOT, LENGTHS, Outcome.FAIL)]
+)
+def test_a_swing_on_three_cables_may_be_more_uneven_than_on_four(robot, lengths, outcome):
+    """Its middle 40 mm beside the rest, at an amplitude of 100 mm."""
+    hanging = NominalRest(read_robot(robot))
+    aside = np.column_stack([0.04 + 0.05 * np.sin(np.arange(300) / 14.0), np.zeros(300), np.zeros(300)])
+    _, middle = judged(hanging, hanging.at(lengths).marker + aside, lengths)
+    assert middle.outcome == outcome
+
+
 @pytest.mark.parametrize("name", ["anchor-moved", "elastic-cables", "periodic-force", "two-at-once"])
 @pytest.mark.sampled(1)
 def test_honest_windows_pass_whatever_physics_is_hidden_in_them(shared, name):
