@@ -26,7 +26,7 @@ def test_the_true_body_predicts_to_the_noise(campaign, true_body):
     assert window.rms == pytest.approx(NOISE, rel=0.06)
     assert window.sigma_perp == pytest.approx(window.expected, rel=0.3)
     assert window.why == ""
-    assert "predict all 1 window" in found.message
+    assert "predict the one window" in found.message
 
 
 def test_one_percent_of_s_z_is_noticed(campaign, true_body):

@@ -47,7 +47,7 @@ def test_an_effect_is_read_with_its_defaults():
         ("cable-creep:T=-1", "0 or more can be meant"),
         ("loose-mass:m=-1", "0 or more can be meant"),
         ("air-drag-linear:d=1", "Allowed: c"),
-        ("air-drag-linear:c", "Allowed: c"),
+        ("air-drag-linear:c", "the key c has no value. Write c=NUMBER"),
         ("air-drag-linear:cable=1", "Allowed: c"),
         ("air-drag-linear:c=much", "not a finite number"),
         ("air-drag-linear:c=nan", "not a finite number"),

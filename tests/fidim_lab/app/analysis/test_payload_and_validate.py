@@ -151,7 +151,7 @@ def test_good_parameters_are_confirmed(
 ) -> None:
     out = tmp_path / "validation.json"
     assert run("validate", pair.empty, "--parameters", result_file, "--json", out) == 0
-    assert "predict all 1 window" in " ".join(capsys.readouterr().out.split())
+    assert "predict the one window" in " ".join(capsys.readouterr().out.split())
     table = json.loads(out.read_text())
     assert table["format"] == "fidim-validation/1"
     assert table["predicts"] is True

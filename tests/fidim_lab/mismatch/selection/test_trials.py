@@ -111,7 +111,8 @@ def test_beside_other_terms_the_form_of_an_effect_that_says_more_is_taken(
         return None if gain is None else model(other, tilt, whole=False)
 
     def convincing(best: SimpleNamespace, found: list[SimpleNamespace]) -> SimpleNamespace:
-        return found[0] if gain is not None and gain > 0 else best
+        better = gain is not None and gain > 0 and found[0].tried[0].effect.variant == "whatever the length"
+        return found[0] if better else best
 
     monkeypatch.setattr(module, "in_place_of", in_place_of)
     monkeypatch.setattr(module, "most_convincing", convincing)
@@ -122,8 +123,9 @@ def test_beside_other_terms_the_form_of_an_effect_that_says_more_is_taken(
     assert found.tried[0].effect.variant == expected
     assert found.tried[1] is tilt
     alone = model(soft, whole=False)
+    alone.is_white = True
     assert trials.in_best_form(alone) is alone  # type: ignore[arg-type, comparison-overlap]
-    assert asked == [0]
+    assert set(asked) == {0}
 
 
 @pytest.fixture
