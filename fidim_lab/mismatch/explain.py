@@ -78,13 +78,12 @@ def explain(
     whole = with_test(whole, last.cleaned.campaign, reached.exact, last_word)
     audited = _audited(campaign, cleaned, reached, judged, whole)
     if whole.verdict in OPEN:
-        soft = soft_mode(audited.campaign)
-        if soft is None:
-            common = partial(rigid, last.cleaned.campaign, reached.mechanism)
-            whole = with_whole_motion(whole, last.cleaned.campaign, common, say, without)
-        else:
-            common = partial(elastic, audited.campaign, soft)
-            whole = _if_soft(soft, with_whole_motion(whole, audited.campaign, common, say, without), whole)
+        soft, searched = soft_mode(audited.campaign), last.cleaned.campaign
+        common = partial(rigid, searched, reached.mechanism)
+        if soft is not None:
+            whole, searched = _on_rigid_cables(whole, soft), audited.campaign
+            common = partial(elastic, searched, soft)
+        whole = with_whole_motion(whole, searched, common, say, without)
     return with_answer(only_certain(with_cleaning(replace(whole, seconds=perf_counter() - begin), audited)))
 
 
@@ -110,11 +109,12 @@ def _audited(campaign: Campaign, cleaned: Cleaned, reached: Reached, judged: Jud
     return audited
 
 
-def _if_soft(soft: str, after: Explanation, before: Explanation) -> Explanation:
-    """Where elastic cables say nothing, that rigid ones are the wrong model is said first. soft: how that is seen."""
-    if after is not before:
-        return after
+def _on_rigid_cables(told: Explanation, soft: str) -> Explanation:
+    """An answer that stands where elastic cables say no more: that rigid ones are the wrong model is said first.
+
+    soft: how that is seen.
+    """
     advice = f"The cables hold one direction hardly at all ({soft}). Rigid cables, on which this search stands, are "
     advice += "the wrong model of this robot: `fidim identify` fits elastic ones with what dissipates rotation, and "
     advice += "its remainder is the one to look at."
-    return replace(before, message=f"{advice} {before.message}")
+    return replace(told, message=f"{advice} {told.message}")

@@ -49,6 +49,10 @@ class WholeModel:
         """Held-out window → what is left of it; those that could be predicted. Takes longer than a fit."""
         return self.predict(self.found)
 
+    def theta_of(self, k: int) -> np.ndarray:
+        """θ of term k."""
+        return self.found.values[self.found.place_of(self.terms[k].effect)]
+
     @property
     def is_predicted(self) -> bool:
         """Whether held-out windows were asked."""

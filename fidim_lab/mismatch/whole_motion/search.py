@@ -8,6 +8,8 @@ and keeps the most evident that held-out windows confirm. Scores only propose.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from fidim_lab.data.records import Campaign, Role, Survey
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.identification.mle.starts.springs import stretches
@@ -134,13 +136,8 @@ class _Steps:
 
     def _simple(self, model: WholeModel, k: int) -> WholeModel:
         """With the simple form of term k in its place, where it has a more general one."""
-        found, term = model.found, model.terms[k]
-        form = term.effect.narrower(found.values[found.place_of(term.effect)])
-        if form is None:
-            return model
-        effect, theta = form
-        simple = general(term, effect, theta)
-        return self.trial.instead(model, k, simple, theta[list(simple.scored)]) or model
+        form = model.terms[k].effect.narrower(model.theta_of(k))
+        return model if form is None else self._in_form(model, k, *form) or model
 
     def _evident(self, fresh: Sequence[WholeModel | None], best: WholeModel) -> list[WholeModel]:
         """Those of these models that evidence prefers to the best so far as a term must be."""
@@ -150,11 +147,13 @@ class _Steps:
 
     def _wider(self, model: WholeModel, k: int) -> list[WholeModel | None]:
         """With each more general form of term k in its place."""
-        found, term = model.found, model.terms[k]
-        values = found.values[found.place_of(term.effect)]
-        forms = term.effect.wider(values, found.likelihood.mechanism.robot)
-        wider = [(general(term, effect, theta), theta) for effect, theta in forms]
-        return [self.trial.instead(model, k, one, theta[list(one.scored)]) for one, theta in wider]
+        forms = model.terms[k].effect.wider(model.theta_of(k), model.found.likelihood.mechanism.robot)
+        return [self._in_form(model, k, *form) for form in forms]
+
+    def _in_form(self, model: WholeModel, k: int, effect: NamedEffect, theta: np.ndarray) -> WholeModel | None:
+        """With another form of term k in its place, from these θ."""
+        form = general(model.terms[k], effect, theta)
+        return self.trial.instead(model, k, form, theta[list(form.scored)])
 
     def rivals(self, best: WholeModel, k: int) -> tuple[WholeModel, ...]:
         """Models with another term in the place of one, that the windows do not exclude.
@@ -172,7 +171,7 @@ class _Steps:
                 other = self.trial.instead(best, k, new, score.theta[0])
                 found += [] if other is None else [other]
         self.tried += found
-        against = self._simple(best, k)
+        against = self._simple(best, k) if found else best
         kept = [one for one in found if not excludes(against, one)]
         return tuple(sorted(kept, key=lambda one: -log_odds(one, best)))
 
