@@ -5,7 +5,8 @@ motion capture in its own tilted world, a log with its own clock. It does not si
 rotational drag, sensor delays, load-cell errors, frames out of order.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
@@ -14,8 +15,12 @@ import pytest
 import scipy.io
 from scipy.spatial.transform import Rotation
 
-from fidim_lab.data.records import Body, Cable, Robot
+from fidim_lab.data.records import Body, Cable, Campaign, Plan, PlannedWindow, Robot, Role
+from fidim_lab.model.equilibria import equilibrium_at
 from fidim_lab.model.mechanism import Mechanism
+from sim_backends.plant.hidden import parse_effect
+from sim_backends.plant.world import make_world
+from sim_backends.simulate import Sampling, simulate_campaign
 
 MASS, DRAG = 12.966, 0.01
 COMPLIANCE, CABLE_DAMPING = 20e-6, 40.0
@@ -23,6 +28,17 @@ STEP, FRAME, DURATION = 1e-3, 10, 30.0
 CONTACTS = ((2.0, 5.0), (9.0, 12.0), (16.0, 19.0), (23.0, 26.0))
 PUSHES = ((20.0, 0.0, 0.5, 0.4), (4.0, 9.0, 0.5, 1.0), (14.0, 5.0, -1.0, 0.6), (-12.0, 8.0, 0.5, 0.8))
 """force x, y, torque about x, z of each contact, N and N m; they follow a sine of 1.3 Hz"""
+
+
+SHAPE = tuple(np.array(m) for m in ([0.1, 0.0, 0.3], [-0.1, 0.1, 0.25], [0.0, -0.2, 0.2]))
+PLACES = (
+    ((1.25, -0.15, -0.2), (18, 12)),
+    ((1.1, 0.1, -0.35), (-18, 12)),
+    ((1.35, -0.35, -0.3), (12, -18)),
+    ((1.2, 0.0, -0.3), (-12, -18)),
+    ((1.3, -0.1, -0.4), (18, 18)),
+)
+"""of P (m), and displacements (mm); the last is held out"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +59,35 @@ class LabRecording:
     tilt: float
     compliance: float
     contacts: tuple[tuple[float, float], ...]
+
+
+def _recorded_on_springs(
+    robot: Robot, hidden: Sequence[str], *, meeting: float = 1.0, seconds: float = 4.0, places: Sequence[int] = range(5)
+) -> tuple[Campaign, Body]:
+    """(campaign, true body) of a robot whose cables meet within so much of the usual distance; four markers.
+
+    places: which of `PLACES`; the last is held out.
+    """
+    cables = tuple(replace(cable, a=cable.a * np.array([meeting, meeting, 1.0])) for cable in robot.cables)
+    robot = replace(robot, cables=cables, extra_markers=SHAPE)
+    world = make_world(robot, np.random.default_rng(2), tuple(parse_effect(text, robot.n) for text in hidden))
+    windows: list[PlannedWindow] = []
+    for k, (place, displacement) in enumerate(PLACES[number] for number in places):
+        # lengths tuned at the robot until all cables are taut there
+        rest = equilibrium_at(Mechanism(robot), world.body, np.array(place))
+        role = Role.VALIDATE if k == len(places) - 1 else Role.IDENTIFY
+        at = rest.pose.position + rest.pose.rotation @ robot.marker
+        windows.append(PlannedWindow(f"w{k + 1}", role, rest.lengths, 1e-3 * np.array(displacement), at))
+    plan, rng = Plan("elastic", tuple(windows)), np.random.default_rng(3)
+    campaign, truth = simulate_campaign(robot, plan, world, rng, recording=Sampling(duration=seconds))
+    assert not truth["slack"]
+    return campaign, world.body
+
+
+@pytest.fixture(scope="session")
+def recorded_on_springs() -> Callable[..., tuple[Campaign, Body]]:
+    """Makes recordings of the independent simulator of robots whose cables may meet."""
+    return _recorded_on_springs
 
 
 def lab_robot() -> Robot:
