@@ -19,6 +19,7 @@ from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.words import Mode, mode_name
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.wire.emcy import emergency_words, register_words
 from drivers.cia402.wire.nmt import NmtCommand, NmtState
 from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, ObjectValue, PdoMap, mapping_expected, mapping_writes
 from drivers.cia402.wire.sdo import SdoRefusedError
@@ -33,6 +34,12 @@ _POWERED = (
     DriveState.FAULT_REACTION,
 )
 HAS_POWER = "the drive has power already"
+CLEARED = (
+    "Some drives do not start while an error stands. Find its cause; secure the load, fidim power-off RIG, then switch "
+    "the drive's supply off and on."
+)
+"""No NMT reset is sent by itself: with the error a drive may lose what it counted, and only a person knows the load"""
+UNSAMPLED = "Is SYNC running (CanopenMaster.run), and does the drive send its TPDOs on SYNC?"
 OF_A_MOVE = ("6083:0", "6084:0")
 """ramps that each move sets anew"""
 _COMMUNICATION = tuple(range(0x1400, 0x1404)) + tuple(range(0x1800, 0x1804))
@@ -159,7 +166,24 @@ async def _await_nmt(master: CanopenMaster, link: NodeLink, config: WinchConfig,
             if last is None
             else f"{last.state.words} by its last heartbeat, {master.clock.now() - last.t:.2f} s ago"
         )
-        raise DeviceError(config.device, f"{state.words} expected within {timeout:g} s, {found}.")
+        error = await _standing_error(link) if state is NmtState.OPERATIONAL else ""
+        hint = CLEARED if error else ""
+        raise DeviceError(config.device, f"{state.words} expected within {timeout:g} s, {found}{error}.", hint=hint)
+
+
+async def _standing_error(link: NodeLink) -> str:
+    """Why a node may not start: CANopenNode takes no NMT start while its error register is not 0.
+
+    Its version 1 keeps a heartbeat that it once missed there until it is restarted.
+    """
+    register = last = 0
+    with contextlib.suppress(DeviceError):
+        register = await link.sdo.read(0x1001)
+        last = await link.sdo.read(0x1003, 1) & 0xFFFF
+    if not register:
+        return ""
+    newest = f"; its last error (1003:1) is 0x{last:04X}, {emergency_words(last)}" if last else ""
+    return f"; its error register (1001) is {register_words(register)}{newest}"
 
 
 async def _map_pdos(link: NodeLink, pdos: tuple[PdoMap, ...]) -> list[SettingCheck]:
@@ -242,12 +266,12 @@ async def start_sampling(master: CanopenMaster, link: NodeLink, config: WinchCon
         return link.values is not None and link.values.t >= asked
 
     if not await wait_until(master.clock, sampled, timeout=config.step_timeout, period=master.period):
-        decoder = link.decoder
+        decoder, error = link.decoder, await _standing_error(link)
         raise DeviceError(
             config.device,
             f"no sample within {config.step_timeout:g} s of NMT start ({decoder.incomplete} incomplete, "
-            f"{decoder.malformed} of a wrong length).",
-            hint="Is SYNC running (CanopenMaster.run), and does the drive send its TPDOs on SYNC?",
+            f"{decoder.malformed} of a wrong length){error}.",
+            hint=CLEARED if error else UNSAMPLED,
         )
     if link.twins.says:
         raise DeviceError(

@@ -13,6 +13,7 @@ from drivers.cia402.dictionary.settings import Setting, SettingCheck, identity, 
 from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.signals import INPUTS, STO_HINT, Signal
 from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.wire.emcy import COMMUNICATION, GENERIC
 from drivers.cia402.wire.pdo import COB_MASK, COB_OFF, Mappable, PdoMap, VendorEntry, mapping_expected
 from drivers.cia402.wire.sdo import SdoChannel, SdoRefusedError
 from drivers.ports import DriveState
@@ -21,8 +22,6 @@ HOME = "fidim run PLAN --rig RIG --procedure home"
 FACTORS = "correct the rig file or the drive; what a drive tells and does not use: absent, in a family file"
 _AT_REST = (DriveState.SWITCH_ON_DISABLED, DriveState.READY, DriveState.NOT_READY)
 _HIGHEST_MAPPED = 8
-_COMMUNICATION = 0x11
-"""error register: generic, and communication"""
 
 
 class Standing(Enum):
@@ -113,9 +112,12 @@ async def _state(sdo: SdoChannel) -> InspectedObject:
 
 
 async def _error_register(sdo: SdoChannel) -> InspectedObject:
-    """That it misses its host is no matter before there is one: the error goes with the first heartbeat."""
+    """That it misses its host is no matter before there is one: the error goes with the first heartbeat.
+
+    Some leave out the generic bit (CANopenNode). One that keeps the error refuses NMT start, and bring-up says why.
+    """
     value = await sdo.read(0x1001)
-    wrong = value & ~(_COMMUNICATION if value & _COMMUNICATION == _COMMUNICATION else 0)
+    wrong = value & ~(COMMUNICATION | GENERIC) if value & COMMUNICATION else value
     advice = "look at the drive's error history (1003) and its display" if wrong else ""
     found = f"{value}{' (misses its host)' if value and not wrong else ''}"
     return InspectedObject("1001:0", "error register", "0", found, Standing.WRONG if wrong else Standing.HOLDS, advice)

@@ -67,6 +67,18 @@ def emergency_words(code: int) -> str:
     return "unnamed error"
 
 
+COMMUNICATION = 1 << 4
+"""of the error register (1001)"""
+GENERIC = 1
+_REGISTER = ("generic", "current", "voltage", "temperature", "communication", "profile", "bit 6", "vendor")
+
+
+def register_words(register: int) -> str:
+    """The error register (1001) in words: number and kinds of error. Bit 0 says only that there is one."""
+    kinds = [word for bit, word in enumerate(_REGISTER) if register >> bit & 1]
+    return f"0x{register:02X} ({', '.join(kinds[1:] if len(kinds) > 1 and register & GENERIC else kinds)})"
+
+
 @dataclass(frozen=True)
 class Emergency:
     """One emergency message."""

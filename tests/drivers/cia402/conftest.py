@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from drivers.canbus.python_can import PythonCanTransport
 from drivers.canbus.transport import CanFrame
 from drivers.cia402.dictionary import WinchConfig
 from drivers.cia402.motion import Cia402Winch
@@ -66,6 +67,8 @@ class PlainDrive:
     host_t: float | None = None
     acknowledges_early: bool = False
     """bit 12 is high from the moment it is enabled until the end of its first handshake"""
+    starts_without_error_only: bool = False
+    """NMT start is ignored while 1001 is not 0, as CANopenNode does"""
 
     def get(self, index: int, sub: int = 0) -> int:
         return self.objects[index, sub][0]
@@ -77,7 +80,8 @@ class PlainDrive:
         if self.mute:
             return []
         if frame_id == 0x000 and data[1] == self.node:
-            self.nmt = {0x01: 0x05, 0x02: 0x04, 0x80: 0x7F}[data[0]]
+            if data[0] != 0x01 or not (self.starts_without_error_only and self.get(0x1001)):
+                self.nmt = {0x01: 0x05, 0x02: 0x04, 0x80: 0x7F}[data[0]]
         elif frame_id == 0x77F:
             self.host_t = t
         elif frame_id == 0x080:
@@ -332,3 +336,45 @@ def on_bench(jump: Callable[..., Any]) -> Callable[..., Any]:
         jump(main())
 
     return run
+
+
+@pytest.fixture
+def against() -> Callable[..., None]:
+    """Run `script(transport, master, winch)` against a peer behind slcan on a TCP port, in real time."""
+
+    def run(port: int, script: Callable[..., Awaitable[None]], kind: Any = Cia402Winch, **changes: Any) -> None:
+        async def main() -> None:
+            transport = PythonCanTransport("slcan", f"socket://127.0.0.1:{port}", sleep_after_open=0.1)
+            master = CanopenMaster(transport, LoopClock(), sync_rate=50.0)
+            slow = {"sdo_timeout": 2.0, "step_timeout": 5.0, "sample_age": 1.0, "rated_current": 5.0}
+            winch = kind(make_config(**(slow | changes)), master)
+            task = asyncio.create_task(master.run())
+            try:
+                await script(transport, master, winch)
+            finally:
+                task.cancel()
+                await asyncio.gather(task, return_exceptions=True)
+                transport.close()
+
+        asyncio.run(main())
+
+    return run
+
+
+@pytest.fixture
+def there_and_back() -> Callable[..., Awaitable[bytes]]:
+    """A long text to object 2FFF and back, in segments or in blocks."""
+
+    async def exchange(transport: Any, master: Any, text: bytes, *, block: bool) -> bytes:
+        sdo = master._network[3].sdo
+        sdo.RESPONSE_TIMEOUT = 2.0
+
+        def at_once() -> bytes:
+            with sdo.open(0x2FFF, 0, "wb", size=len(text), block_transfer=block) as file:
+                file.write(text)
+            with sdo.open(0x2FFF, 0, "rb", block_transfer=block) as file:
+                return file.read()
+
+        return await transport.call(3, at_once)
+
+    return exchange

@@ -253,6 +253,35 @@ def test_a_drive_that_sends_one_tpdo_only(on_bench: OnBench) -> None:
     on_bench(script)
 
 
+@pytest.mark.parametrize(
+    ("register", "history", "says"),
+    [
+        (0x10, 0x1B108130, "0x10 (communication); its last error (1003:1) is 0x8130, heartbeat or node guarding lost."),
+        (0x09, 0x4310, "0x09 (temperature); its last error (1003:1) is 0x4310, temperature of the motor."),
+        (0x01, None, "0x01 (generic)."),
+    ],
+)
+def test_a_drive_that_does_not_start_while_an_error_stands(
+    on_bench: OnBench, register: int, history: int | None, says: str
+) -> None:
+    """CANopenNode ignores NMT start until its error register is 0, and its version 1 keeps a heartbeat once missed."""
+
+    async def script(bench: Any) -> None:
+        bench.drive.starts_without_error_only = True
+        bench.drive.put(0x1001, register)
+        if history is not None:
+            bench.drive.objects[0x1003, 1] = (history, 4)
+        with pytest.raises(DeviceError) as caught:
+            await bench.winch.configure()
+        assert "OPERATIONAL expected within 0.4 s, PRE-OPERATIONAL by its last heartbeat" in caught.value.message
+        assert caught.value.message.endswith(f"; its error register (1001) is {says}")
+        assert "then switch the drive's supply off and on" in caught.value.hint
+        bench.drive.put(0x1001, 0)
+        await bench.winch.configure()
+
+    on_bench(script)
+
+
 def test_configuring_again_forgets_what_was_latched(on_bench: OnBench) -> None:
     async def script(bench: Any) -> None:
         bench.bus.deliver(0x83, bytes.fromhex("3081110000000000"))

@@ -3,7 +3,6 @@
 Install it once: npm install --prefix build/peers/node canopen (FIDIM_PEER_NODE names another folder).
 """
 
-import asyncio
 import os
 import re
 import shutil
@@ -15,13 +14,9 @@ from typing import Any
 import canopen
 import pytest
 
-from drivers.canbus.python_can import PythonCanTransport
 from drivers.cia402.dictionary import GENERIC_EDS
-from drivers.cia402.motion import Cia402Winch
-from drivers.cia402.watch import CanopenMaster
 from drivers.cia402.wire.nmt import NmtCommand, NmtState
 from drivers.cia402.wire.sdo import SdoRefusedError
-from drivers.clock import LoopClock
 from drivers.ports import DriveState
 
 pytestmark = pytest.mark.peer
@@ -51,23 +46,7 @@ def port(tmp_path: Path) -> Iterator[int]:
     slave.communicate(timeout=10)
 
 
-def against(port: int, config: Any, script: Any) -> None:
-    async def main() -> None:
-        transport = PythonCanTransport("slcan", f"socket://127.0.0.1:{port}", sleep_after_open=0.1)
-        master = CanopenMaster(transport, LoopClock(), sync_rate=50.0)
-        winch = Cia402Winch(config(sdo_timeout=2.0, step_timeout=5.0, sample_age=1.0, rated_current=5.0), master)
-        task = asyncio.create_task(master.run())
-        try:
-            await script(transport, master, winch)
-        finally:
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
-            transport.close()
-
-    asyncio.run(main())
-
-
-def test_it_is_brought_up_enabled_moved_and_stopped(port, config):
+def test_it_is_brought_up_enabled_moved_and_stopped(port, against):
     async def script(transport: Any, master: Any, winch: Any) -> None:
         await winch.configure()
         assert all(check.ok for check in winch.checks)
@@ -88,36 +67,27 @@ def test_it_is_brought_up_enabled_moved_and_stopped(port, config):
         assert winch.latest().state is DriveState.SWITCH_ON_DISABLED
         assert winch.latest().fault == ""
 
-    against(port, config, script)
+    against(port, script)
 
 
-def test_sdo_values_aborts_and_long_transfers(port, config):
+def test_sdo_values_aborts_and_long_transfers(port, against, there_and_back):
     async def script(transport: Any, master: Any, winch: Any) -> None:
         sdo = winch.link.sdo
         await sdo.write_verified(0x6065, 0, 1234)
         assert await sdo.read(0x6065, 0) == 1234
         with pytest.raises(SdoRefusedError, match=r"1018:1"):
             await sdo.write(0x1018, 1, 7)
-        network = master._network
-        node = network[NODE]
-        node.sdo.RESPONSE_TIMEOUT = 2.0
         text = bytes(range(256)) * 3
-
-        def exchange(block: bool) -> bytes:
-            with node.sdo.open(0x2FFF, 0, "wb", size=len(text), block_transfer=block) as file:
-                file.write(text)
-            with node.sdo.open(0x2FFF, 0, "rb", block_transfer=block) as file:
-                return file.read()
-
         for block in (False, True):
-            assert await transport.call(NODE, lambda block=block: exchange(block)) == text
+            assert await there_and_back(transport, master, text, block=block) == text
+        node = master._network[NODE]
         with pytest.raises(canopen.SdoAbortedError, match="0x06020000"):
             await transport.call(NODE, lambda: node.sdo.upload(0x5FFF, 0))
 
-    against(port, config, script)
+    against(port, script)
 
 
-def test_nmt_and_heartbeat(port, config):
+def test_nmt_and_heartbeat(port, against):
     async def script(transport: Any, master: Any, winch: Any) -> None:
         await winch.link.sdo.write(0x1017, 0, 50)
         wanted = {
@@ -136,4 +106,4 @@ def test_nmt_and_heartbeat(port, config):
         await master.clock.sleep(0.5)
         assert winch.link.heartbeat.t - first >= 0.3
 
-    against(port, config, script)
+    against(port, script)

@@ -123,6 +123,22 @@ def test_what_would_be_refused_is_wrong_and_has_advice(case):
     on_bench(work)
 
 
+@pytest.mark.parametrize(
+    ("register", "standing"),
+    [(0x11, Standing.HOLDS), (0x10, Standing.HOLDS), (0x01, Standing.WRONG), (0x90, Standing.WRONG)],
+)
+def test_a_drive_that_only_misses_its_host_is_fit(register, standing):
+    """Some set the generic bit for every error, as the standard has it; CANopenNode does not."""
+
+    async def work(bench):
+        bench.drive.od.fix(0x1001, 0, register)
+        item = (await bench.inspect())["1001:0"]
+        assert (item.standing, item.found.split()[0]) == (standing, str(register))
+        assert ("misses its host" in item.found) == (standing is Standing.HOLDS)
+
+    on_bench(work)
+
+
 def test_a_silent_drive_is_an_error_that_names_it():
     async def work(bench):
         bench.drive.faults.silent = True
