@@ -35,8 +35,8 @@ _POWERED = (
 )
 HAS_POWER = "the drive has power already"
 CLEARED = (
-    "Some drives do not start while an error stands. Find its cause; secure the load, fidim power-off RIG, then switch "
-    "the drive's supply off and on."
+    "Some drives do not start while an error stands. Find its cause; secure the load, then: fidim power-off RIG "
+    "--acknowledge NAME. If the error stays, switch the drive's supply off and on."
 )
 """No NMT reset is sent by itself: with the error a drive may lose what it counted, and only a person knows the load"""
 UNSAMPLED = "Is SYNC running (CanopenMaster.run), and does the drive send its TPDOs on SYNC?"

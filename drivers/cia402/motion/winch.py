@@ -23,6 +23,7 @@ from drivers.cia402.profile.words import controlword
 from drivers.cia402.watch.health import HealthPoll
 from drivers.cia402.watch.master import CanopenMaster
 from drivers.cia402.watch.node import NodeLink
+from drivers.cia402.watch.without_power import acknowledge_fault, read_state
 from drivers.cia402.wire.nmt import NmtCommand
 from drivers.ports import Clock, DriveState, WinchSample
 from drivers.trajectory import Trajectory
@@ -214,11 +215,17 @@ class Cia402Winch:
     async def reset_fault(self, acknowledged_by: str) -> None:
         """Leave the fault state, without power; `acknowledged_by` names the person who looked at the cause.
 
-        Never enables. Raises RefusedError without a name, DeviceError where the drive stays in fault.
+        Never enables. By SDO where the node is not operational; it is then configured anew. Raises RefusedError without
+        a name, DeviceError where the drive stays in fault.
         """
         if not acknowledged_by.strip():
             raise RefusedError(f"{self.config.device}: a fault is reset only when somebody acknowledges it by name.")
         order = self._drive.begin()
+        if not self.link.takes_pdos:  # some leave OPERATIONAL while a fault stands: their samples have ended
+            self.link.latched = None
+            if await read_state(self.link) is DriveState.FAULT:
+                await acknowledge_fault(self.link, self.clock, self.config.device, acknowledged_by)
+            return
         state = state_of(self._drive.believed().statusword)
         self.link.latched = None
         if state is not DriveState.FAULT:

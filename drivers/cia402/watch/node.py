@@ -144,7 +144,7 @@ class NodeLink:
         By RPDO while the node is operational with our mapping; otherwise RPDOs are ignored, and it goes as a single
         expedited SDO download, whose answer is not waited for.
         """
-        if self.brought_up and self.nmt_state is NmtState.OPERATIONAL:
+        if self.takes_pdos:
             self.target = target
             rpdo = self.layout.rpdo
             values = {"CONTROLWORD": word, "MODE": self.mode, "TARGET_POSITION": target}
@@ -169,6 +169,11 @@ class NodeLink:
             return None if self.heartbeat is None else self.heartbeat.state
         sampled = self.values is not None and self._sync.current - self.values.t <= _SAMPLED_LATELY
         return NmtState.OPERATIONAL if sampled else None
+
+    @property
+    def takes_pdos(self) -> bool:
+        """Whether it is operational, with our mapping."""
+        return self.brought_up and self.nmt_state is NmtState.OPERATIONAL
 
     def forget(self) -> None:
         """Before a bring-up: what was latched belongs to the past; the history stays."""

@@ -275,7 +275,7 @@ def test_a_drive_that_does_not_start_while_an_error_stands(
             await bench.winch.configure()
         assert "OPERATIONAL expected within 0.4 s, PRE-OPERATIONAL by its last heartbeat" in caught.value.message
         assert caught.value.message.endswith(f"; its error register (1001) is {says}")
-        assert "then switch the drive's supply off and on" in caught.value.hint
+        assert "fidim power-off RIG --acknowledge NAME. If the error stays, switch the drive's" in caught.value.hint
         bench.drive.put(0x1001, 0)
         await bench.winch.configure()
 

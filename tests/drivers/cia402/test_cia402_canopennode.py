@@ -167,6 +167,30 @@ def test_a_host_that_is_lost_stops_it(node, against):
     against(node.port, script)
 
 
+def test_a_fault_is_named_and_reset_by_a_person(node, against):
+    """Whether or not the node stays operational in it."""
+
+    async def script(transport: Any, master: Any, winch: Any) -> None:
+        await winch.configure()
+        await winch.enable()
+        await moving(master, winch, 2.5)
+        await winch.link.sdo.write(0x6066, 0, 0)
+        await winch.link.sdo.write(0x6065, 0, 1)
+        await until(master, lambda: "following error" in winch.latest().fault, "its emergency")
+        await master.clock.sleep(0.5)
+        first = await winch.ask_length()
+        assert state_of(await winch.link.sdo.read(0x6041)) is DriveState.FAULT
+        with pytest.raises(DeviceError, match="following error"):
+            await winch.enable()
+        await winch.reset_fault("A. Person")
+        assert state_of(await winch.link.sdo.read(0x6041)) is DriveState.SWITCH_ON_DISABLED
+        await winch.configure()
+        await winch.enable()
+        assert await winch.ask_length() == first
+
+    against(node.port, script)
+
+
 def test_a_host_that_comes_back_finds_it_held(node, against):
     async def left(transport: Any, master: Any, winch: Any) -> None:
         await winch.configure()

@@ -259,6 +259,32 @@ def test_a_fault_that_stays(on_bench: OnBench) -> None:
     on_bench(script)
 
 
+def test_a_fault_at_which_the_node_leaves_operational_is_reset_by_sdo(on_bench: OnBench) -> None:
+    """As CANopenNode does by default: PDOs end, and NMT start is refused, while the error register is not 0."""
+
+    async def script(bench: Any) -> None:
+        await bench.enabled()
+        drive = bench.drive
+        drive.starts_without_error_only = True
+        bench.bus.deliver(*drive.fail(0x8611))
+        drive.put(0x1001, 0x20)
+        drive.nmt = 0x7F
+        await bench.cycles(40)
+        sample = bench.winch.latest()
+        assert sample.state is DriveState.UNKNOWN
+        assert "following error" in sample.fault
+        assert "PRE-OPERATIONAL, not OPERATIONAL" in sample.fault
+        drive.controlwords.clear()
+        await bench.winch.reset_fault("A. Person")
+        assert (drive.controlwords, drive.state) == ([0x00, 0x80, 0x00], "disabled")
+        drive.put(0x1001, 0)
+        await bench.winch.configure()
+        await bench.winch.enable()
+        assert bench.winch.latest().fault == ""
+
+    on_bench(script)
+
+
 def test_a_fault_during_a_move_ends_the_wait_with_its_cause(on_bench: OnBench) -> None:
     async def script(bench: Any) -> None:
         await bench.enabled()
