@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from fidim_lab.api.answers import Designed, Explained, Identified, Validated
+from fidim_lab.api.as_command import as_command
 from fidim_lab.api.inputs import Campaign, Robot
 from fidim_lab.app.analysis.identify import identify_posed
 from fidim_lab.app.analysis.pose_from import Posed, read_posed
@@ -31,6 +32,7 @@ def load_robot(path: Path | str) -> Robot:
     return Robot.read(path)
 
 
+@as_command
 def identify(
     campaign: AnyCampaign,
     method: str | None = None,
@@ -45,13 +47,11 @@ def identify(
     sensors, or both; the latter two take a folder. A misfit is told, and `ok` is False.
     Raises FileError for a wrong campaign, SetupError for an unknown method, RefusedError when no body is identified.
     """
-    if pose_from not in tuple(PoseSource):
-        raise SetupError(f"There is no pose_from={pose_from!r}; available: {', '.join(PoseSource)}.")
     source = PoseSource(pose_from)
     if isinstance(campaign, records.Campaign):
         if source is not PoseSource.MOCAP:
             raise SetupError(f"pose_from={pose_from!r} takes the folder of a campaign, not one in memory.")
-        posed = Posed(campaign)
+        posed = Posed(_with_windows(campaign))
     else:
         posed = read_posed(_folder(campaign), source)
     if paper and method not in (None, Method.TLS):
@@ -59,6 +59,7 @@ def identify(
     return Identified(identify_posed(posed, method, paper=paper))
 
 
+@as_command
 def explain(campaign: AnyCampaign, *, patience: float = PATIENCE, without: str | Sequence[str] = ()) -> Explained:
     """Name the physics that the model leaves out, and show it on held-out windows.
 
@@ -71,6 +72,7 @@ def explain(campaign: AnyCampaign, *, patience: float = PATIENCE, without: str |
     return Explained(search(_in_memory(campaign), patience=patience, without=_several(without)))
 
 
+@as_command
 def validate(
     campaign: AnyCampaign,
     parameters: Identified | Path | str,
@@ -89,6 +91,7 @@ def validate(
     return Validated(run_validate(_in_memory(campaign), given, limit=limit, **how), given.sigma_W)
 
 
+@as_command
 def simulate(
     robot: Path | str,
     out: Path | str,
@@ -111,8 +114,6 @@ def simulate(
     """
     from fidim_lab.app.analysis.simulate import SimulateOptions, run_simulate
 
-    if equilibria < 1 or validate < 0:
-        raise SetupError(f"equilibria={equilibria}, validate={validate}: at least 1 and at least 0 windows are needed.")
     options = SimulateOptions(
         robot=robot_path(str(robot)),
         out=Path(out),
@@ -129,6 +130,7 @@ def simulate(
     return load(out)
 
 
+@as_command
 def design(
     robot: Path | str = "irma4",
     *,
@@ -183,7 +185,14 @@ def _several(given: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def _in_memory(campaign: AnyCampaign) -> records.Campaign:
-    return campaign if isinstance(campaign, records.Campaign) else load(_folder(campaign))
+    return _with_windows(campaign) if isinstance(campaign, records.Campaign) else load(_folder(campaign))
+
+
+def _with_windows(campaign: records.Campaign) -> records.Campaign:
+    """Raises SetupError where a choice of windows has left none."""
+    if not campaign.windows:
+        raise SetupError(f"The campaign {campaign.name!r} holds no windows.", hint="Choose at least one of `windows`.")
+    return campaign
 
 
 def _folder(campaign: object) -> Path:

@@ -31,14 +31,20 @@ class Ledger:
 
     @property
     def reason(self) -> str:
-        """How many windows are there, and why some are not."""
+        """How many windows are there, or places done where none was to be recorded, and why some are not."""
         missing: dict[str, list[str]] = {}
         for row in self.rows:
             if row.file is None:
                 missing.setdefault(row.reason.rstrip(".") or "not reached", []).append(row.id)
-        accepted = sum(row.file is not None for row in self.rows)
         why = (f"{', '.join(ids)}: {reason}" for reason, ids in missing.items())
-        return ". ".join([f"{accepted} of {len(self._rows)} windows accepted", *why]) + "."
+        return ". ".join([self._counted(), *why]) + "."
+
+    def _counted(self) -> str:
+        passed = [row for row in self.rows if row.outcome is Outcome.PASS]
+        if passed and not any(row.attempts or row.file for row in self.rows):
+            return f"{len(passed)} of {len(self._rows)} places done, where nothing was to be recorded"
+        accepted = sum(row.file is not None for row in self.rows)
+        return f"{accepted} of {len(self._rows)} windows accepted"
 
     def take(self, step: Step, result: Result, t: float) -> WindowFinished | None:
         """Account for one finished step; the verdict event when it decides about a window."""

@@ -5,19 +5,19 @@ import json
 import runpy
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fidim_lab as fl
+from fidim_lab.api.as_command import OTHER_NAMES, in_python
 from fidim_lab.app import cli
 from fidim_lab.data.records import PARAMETER_NAMES
 
 ROOT = Path(__file__).parents[2]
 HIDDEN = "air-drag-linear:c=0.01"
-OTHER_NAMES = {"poses": "pose_from", "validation": "validate"}
-"""option of a command → name here, where the command's own is no word"""
 
 
 @pytest.fixture(scope="module")
@@ -152,12 +152,50 @@ def _timeless(path: Path) -> dict[str, object]:
     [
         ({"without": "air"}, "without air: no such effect"),
         ({"without": "swivel-frction"}, "Did you mean swivel-friction"),
-        ({"patience": -1}, "-1 s"),
+        ({"patience": -1}, "patience=-1 is not in the range x>=0"),
     ],
 )
 def test_explain_refuses_what_it_would_silently_ignore(folder, wrong, says):
     with pytest.raises(fl.FidimError, match=says):
         fl.explain(folder, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda f, new: fl.simulate("irma4", new, seed=-1), "seed=-1 is not in the range x>=0"),
+        (lambda f, new: fl.simulate("irma4", new, seed=1.5), "seed=1.5: a whole number is expected"),
+        (lambda f, new: fl.simulate("irma4", new, noise="a"), "noise='a': a number is expected"),
+        (lambda f, new: fl.simulate("irma4", new, backend="bullet"), "no backend='bullet'; available: native, mujoco"),
+        (lambda f, new: fl.simulate("irma4", new, hide="drag"), "hide drag: no effect"),
+        (lambda f, new: fl.simulate("irma4", f), "Choose another out"),
+        (lambda f, new: fl.design("irma4", criterion="Z"), "no criterion='Z'; available: C, A, D"),
+        (lambda f, new: fl.design("irma4", robust=3), "robust averages A or D"),
+        (lambda f, new: fl.validate(f, "x.json", limit=0), "limit=0 is not in the range x>0"),
+        (lambda f, new: fl.identify(replace(fl.load(f), windows=())), "holds no windows"),
+        (lambda f, new: fl.explain(replace(fl.load(f), windows=())), "holds no windows"),
+    ],
+)
+def test_a_mistake_is_told_in_the_words_of_python(folder, tmp_path, call, says):
+    with pytest.raises(fl.FidimError, match=says) as told:
+        call(folder, tmp_path / "new")
+    assert "--" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("command", "python"),
+    [
+        ("Add --criterion A or D.", "Add criterion A or D."),
+        ("--all judges the windows too.", "everything judges the windows too."),
+        (
+            "Write fidim dry-run --robot FILE --out DIR, then --plan.",
+            "Write fidim dry-run --robot FILE --out DIR, then plan.",
+        ),
+        ("--pose-from swivel: why?", "pose_from swivel: why?"),
+    ],
+)
+def test_options_are_arguments_but_a_command_stays_a_command(command, python):
+    assert in_python(command) == python
 
 
 def test_one_effect_may_be_hidden_by_its_text_alone(tmp_path):

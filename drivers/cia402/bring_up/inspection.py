@@ -80,14 +80,15 @@ async def _setting(sdo: SdoChannel, setting: Setting) -> InspectedObject:
     except SdoRefusedError as error:
         advice = "this drive lacks what a stop without the host rests on" if setting.write else mend
         return InspectedObject(setting.object, setting.meaning, setting.words, error.reason, Standing.WRONG, advice)
+    found = f"0x{value:X}" if setting.words.startswith("0x") else str(value)
     if setting.holds(value):
-        return InspectedObject(setting.object, setting.meaning, setting.words, str(value), Standing.HOLDS)
+        return InspectedObject(setting.object, setting.meaning, setting.words, found, Standing.HOLDS)
     if not setting.write:
-        return InspectedObject(setting.object, setting.meaning, setting.words, str(value), Standing.WRONG, mend)
+        return InspectedObject(setting.object, setting.meaning, setting.words, found, Standing.WRONG, mend)
     if not sdo.writable(setting.index, setting.sub):
         advice = "the EDS file has it as read only: set it with the vendor's tool"
-        return InspectedObject(setting.object, setting.meaning, setting.words, str(value), Standing.WRONG, advice)
-    return InspectedObject(setting.object, setting.meaning, setting.words, str(value), Standing.TO_BE_WRITTEN)
+        return InspectedObject(setting.object, setting.meaning, setting.words, found, Standing.WRONG, advice)
+    return InspectedObject(setting.object, setting.meaning, setting.words, found, Standing.TO_BE_WRITTEN)
 
 
 async def _sto(link: NodeLink, sto: Signal) -> InspectedObject:

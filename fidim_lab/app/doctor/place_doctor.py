@@ -1,12 +1,14 @@
-"""Lengths against markers, as `fidim doctor --rig` sees them: is the marker where the encoders' lengths put it?"""
+"""Lengths as `fidim doctor --rig` sees them: do their limits fit the robot, is the marker where they put it?"""
 
 import numpy as np
 
 from fidim_lab.app.compose.real import rig_settings
 from fidim_lab.app.doctor.checks import Check, Verdict
 from fidim_lab.app.doctor.mocap_doctor import Watched
+from fidim_lab.app.doctor.robot_plausibility import middle_rests
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.errors import InfeasibleError
+from fidim_lab.model.mechanism import Mechanism
 from procedures.expected import NominalRest, PlaceHistory, Seen, place_measurements
 from procedures.steps import Lengths
 
@@ -36,3 +38,20 @@ def check_place(file: RigFile, lengths: Lengths | None, watched: Watched | None)
     verdict = Verdict.FAILED if cause else Verdict.OK
     off = found[0].value or 0.0
     return [Check(NAME, verdict, f"{1e3 * off:.1f} mm off", f"{HANGS} Then {cause}" if cause else "", wanted)]
+
+
+def check_reach(file: RigFile) -> list[Check]:
+    """Whether each winch may have the lengths with which the robot rests; nothing where it rests nowhere."""
+    rests = middle_rests(Mechanism(file.robot))
+    lengths = np.array([rest.lengths for rest in rests])
+    checks: list[Check] = []
+    for number, entry in enumerate(file.winches if rests else ()):
+        low, high = entry.length_limits
+        own = lengths[:, number]
+        within = int(np.sum((own >= low) & (own <= high)))
+        wanted = f"{own.min():.2f} to {own.max():.2f} m"
+        found = f"{low:g} to {high:g} m: {within} of {len(rests)} places of rest under the middle of the anchors"
+        verdict = Verdict.OK if within == len(rests) else Verdict.WARNING if within else Verdict.FAILED
+        advice = "" if verdict is Verdict.OK else "check length_limits (m of cable from D to A) and the robot file's d"
+        checks.append(Check("length_limits", verdict, found, advice, wanted, entry.name))
+    return checks

@@ -31,7 +31,7 @@ from fidim_lab.errors import BusError, DeviceError, FidimError, HardwareError, S
 from procedures.steps import Lengths
 
 from .drive_doctor import check_family, check_grades, check_repairs
-from .place_doctor import check_place
+from .place_doctor import check_place, check_reach
 
 LISTEN = 1.0
 """s; ten heartbeats of a drive that another master has set up"""
@@ -46,7 +46,7 @@ STANDINGS = {
 def check_rig(file: RigFile) -> list[Check]:
     """All checks of a rig; what cannot be reached is a check that says so."""
     checks = [Check(f"rig {file.path.name}", Verdict.OK, f"{file.name}: {len(file.winches)} winches, {file.bus.name}")]
-    checks += check_tensions(file)
+    checks += [*check_reach(file), *check_tensions(file)]
     for eds, name in sorted({(entry.eds, entry.family) for entry in file.winches if entry.eds is not None}):
         with contextlib.suppress(FidimError):  # said with its winch, where the drives are asked
             found = read_dictionary(eds, 1)

@@ -53,6 +53,8 @@ class Console:
                 hint=f"Its drives stop by themselves when they miss its heartbeat. Then: fidim resume {folder}",
             )
         console.out.print(bye.says, markup=False)
+        for line in whereabouts(folder):
+            console.out.print(line, markup=False, soft_wrap=True)
         return EXIT_INTERRUPTED if self._aborting is not None else bye.exit_code
 
     def _take(self, message: Message) -> None:
@@ -93,6 +95,12 @@ class Console:
             answer = await self._service.command(Abort(reason=f"{name} at the console"))
             if not answer.ok:  # too early or too late for an abort: stop it all the same
                 await self._service.command(EmergencyStop(reason=f"{name} at the console"))
+
+
+def whereabouts(folder: Path) -> list[str]:
+    """Where the run lies, and what reads its windows, where it has any."""
+    recorded = any((folder / "windows").glob("*.csv"))
+    return [f"run folder  {folder}", *([f"next        fidim identify {folder}"] if recorded else [])]
 
 
 def _print(event: Happening) -> None:

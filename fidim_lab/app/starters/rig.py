@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from fidim_lab.app.doctor.robot_plausibility import middle_rests
 from fidim_lab.app.starters.sections import Section, document, plain_keys
 from fidim_lab.data.records import Robot
 from fidim_lab.data.rigs import rig_guard_tables as guards
 from fidim_lab.data.rigs import rig_serial_tables as serial
 from fidim_lab.data.rigs import rig_tables as tables
 from fidim_lab.data.rigs.rig_file import FORMAT
+from fidim_lab.model.mechanism import Mechanism
 
 OF_ONE = ("name", "node_id", "direction", "reversed", "home_count", "home_length", "serial_number")
 """keys of a winch that belong to it alone; `[every_winch]` has the others"""
@@ -19,6 +23,9 @@ BUS_PORT, MOCAP_PORT, HAND_PORT = 20100, 20101, 20102
 """of 127.0.0.1, where simulated devices are; those of examples/rigs/simulated.toml"""
 SLOW: Mapping[str, float] = {"heartbeat": 0.3, "host_timeout": 1.5, "sdo_timeout": 3.0}
 """s, for simulators that share a computer with everything else"""
+
+SHORTEST = 0.2
+"""m of cable, that an attachment does not meet its pulley"""
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,7 @@ def _winches(wish: RigWish) -> list[Section]:
         "drum_radius": 0.03 if drum is None else drum.drum_radius,
         "rated_current": 5.0,
         "current_limit": 12.0 if wish.simulated else 10.0,
-        "length_limits": [0.2, 3.5],
+        "length_limits": [SHORTEST, _longest(wish.robot)],
         "max_speed": 0.5 if wish.simulated else 0.1,
         "max_acceleration": 1.0 if wish.simulated else 0.5,
         **(SLOW if wish.simulated else {}),
@@ -84,8 +91,22 @@ def _winches(wish: RigWish) -> list[Section]:
     ]
 
 
+def _longest(robot: Robot) -> float:
+    """m, in whole tenths: from an anchor to the far side of the anchors, at the lowest place of rest."""
+    anchors = np.array([cable.d for cable in robot.cables])
+    down = robot.gravity / np.linalg.norm(robot.gravity)
+    along = anchors @ down
+    flat = anchors - along[:, None] * down
+    across = max(float(np.linalg.norm(a - b)) for a in flat for b in flat)
+    around = max(np.pi * cable.radius for cable in robot.cables)
+    rests = middle_rests(Mechanism(robot))
+    lowest = max((float((rest.pose.position @ down)) for rest in rests), default=float(along.max()) + across)
+    return float(np.ceil(10.0 * (np.hypot(across, lowest - float(along.min())) + around)) / 10.0)
+
+
 def _winch(number: int, wish: RigWish) -> list[Section]:
-    own = {"name": f"winch {number + 1}", "node_id": number + 1, "direction": 1, "home_count": 0, "home_length": 1.5}
+    home = round(_longest(wish.robot) / 2.0, 1)
+    own = {"name": f"winch {number + 1}", "node_id": number + 1, "direction": 1, "home_count": 0, "home_length": home}
     says = "One table for each winch, in the order of the robot file's cables." if number == 0 else ""
     drum = None if wish.robot.winches is None else wish.robot.winches[number]
     if drum is not None and wish.robot.winches is not None and drum.drum_radius != wish.robot.winches[0].drum_radius:

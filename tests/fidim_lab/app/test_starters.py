@@ -3,6 +3,7 @@
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,15 @@ import numpy as np
 import pytest
 
 from fidim_lab.app import cli
+from fidim_lab.app.doctor.checks import Verdict
+from fidim_lab.app.doctor.rig_doctor import check_reach
 from fidim_lab.app.doctor.robot_plausibility import plausibility
 from fidim_lab.app.formats.key_words import known_keys
 from fidim_lab.data.campaign import CampaignTable, read_campaign
 from fidim_lab.data.plan_file import PlanTable, read_plan
 from fidim_lab.data.rigs.rig_file import read_rig
 from fidim_lab.data.rigs.rig_tables import RigTable
-from fidim_lab.data.robot_file import RobotTable, read_robot
+from fidim_lab.data.robot_file import RobotTable, read_robot, write_robot
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.design.task import DesignTask
 
@@ -93,6 +96,15 @@ def test_a_simulated_rig_names_local_devices(files: dict[str, Path], tmp_path: P
     assert rig.hand is not None
     assert rig.bus.channel.startswith("socket://127.0.0.1")
     assert json.loads((tmp_path / "said.json").read_text())["next"] == "fidim simulators sim.toml"
+
+
+@pytest.mark.parametrize("size", [0.4, 3.0])
+def test_a_rig_has_room_for_a_robot_of_any_size(files: dict[str, Path], tmp_path: Path, size: float) -> None:
+    robot = read_robot(files["robot"])
+    anchors = tuple(replace(cable, d=size * cable.d, a=size * cable.a) for cable in robot.cables)
+    write_robot(tmp_path / "other.toml", replace(robot, cables=anchors))
+    assert cli.run(["init", "rig", "--robot", "other.toml", "--out", "other-rig.toml"]) == 0
+    assert {check.verdict for check in check_reach(read_rig(tmp_path / "other-rig.toml"))} == {Verdict.OK}
 
 
 @pytest.mark.parametrize(

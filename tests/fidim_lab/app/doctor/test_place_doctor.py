@@ -1,5 +1,6 @@
 """The doctor holds lengths and markers against each other."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from drivers.ports import MarkerFrame
 from fidim_lab.app.doctor.checks import Verdict
 from fidim_lab.app.doctor.mocap_doctor import Watched
-from fidim_lab.app.doctor.rig_doctor import check_place
+from fidim_lab.app.doctor.rig_doctor import check_place, check_reach
 from fidim_lab.data.rigs.rig_file import read_rig
 from procedures.expected import NominalRest
 
@@ -54,3 +55,14 @@ def test_what_cannot_be_compared_is_said(seen, says):
     (check,) = check_place(RIG, LENGTHS, seen)
     assert check.verdict is Verdict.WARNING
     assert says in check.found
+
+
+@pytest.mark.parametrize(
+    ("limits", "verdict"),
+    [((0.2, 6.0), Verdict.OK), ((0.2, 1.7), Verdict.WARNING), ((200.0, 6000.0), Verdict.FAILED)],
+)
+def test_length_limits_fit_the_lengths_with_which_the_robot_rests(limits, verdict):
+    winches = tuple(replace(entry, length_limits=limits) for entry in RIG.winches)
+    checks = check_reach(replace(RIG, winches=winches))
+    assert [check.device for check in checks] == [entry.name for entry in RIG.winches]
+    assert {check.verdict for check in checks} == {verdict}

@@ -102,7 +102,7 @@ def test_what_bring_up_has_written_holds():
 
 BREAKS = {
     "make": (lambda bench: bench.drive.od.fix(0x6075, 0, 4000), "6075:0", "4000"),
-    "profile": (lambda bench: bench.drive.od.fix(0x1000, 0, 0x191), "1000:0", "401"),
+    "profile": (lambda bench: bench.drive.od.fix(0x1000, 0, 0x191), "1000:0", "0x191"),
     "fault": (lambda bench: bench.drive.faults.raise_fault(0x2310), "6041:0", "fault"),
     "register": (lambda bench: bench.drive.faults.raise_fault(0x2310), "1001:0", "3"),
 }
