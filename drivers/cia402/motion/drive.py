@@ -128,6 +128,10 @@ class Drive:
             if command is None or wanted is None:
                 raise DeviceError(self._config.device, f"cannot be enabled from state {state}.")
             self.target = self.healthy().position
+            if state is DriveState.QUICK_STOP_ACTIVE and wanted is goal:
+                # Where it has stopped by itself, its controlword still enables, and some act only on one that changes.
+                self.send(order, controlword(Command.QUICK_STOP))
+                await self.reach(order, state, after=Command.QUICK_STOP)
             self.send(order, controlword(command, halt=command is Command.ENABLE_OPERATION))
             await self.reach(order, wanted, after=command)
             if wanted is goal:

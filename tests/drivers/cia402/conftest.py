@@ -67,6 +67,8 @@ class PlainDrive:
     host_t: float | None = None
     acknowledges_early: bool = False
     """bit 12 is high from the moment it is enabled until the end of its first handshake"""
+    acts_on_changes_only: bool = False
+    """in quick stop an enable has no effect that its controlword already has"""
     starts_without_error_only: bool = False
     """NMT start is ignored while 1001 is not 0, as CANopenNode does"""
 
@@ -156,7 +158,8 @@ class PlainDrive:
         elif low & 0x0F == 0x07 and self.state in ("ready", "enabled"):
             self.state = "on"
         elif low & 0x0F == 0x0F and self.state in ("on", "quick stop"):
-            self.state = "enabled"
+            again = self.state == "quick stop" and before & 0x0F == 0x0F
+            self.state = self.state if again and self.acts_on_changes_only else "enabled"
         if self.state == "enabled":
             if word & 0x10 and not before & 0x10:
                 self.goal = self.get(0x607A)

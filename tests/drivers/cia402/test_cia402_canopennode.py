@@ -9,11 +9,13 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import canopen
 import pytest
 
+from drivers.cia402.motion import Cia402Winch
 from drivers.cia402.motion.cyclic import CyclicWinch
 from drivers.cia402.profile.machine import state_of
 from drivers.cia402.profile.words import Mode
@@ -192,21 +194,38 @@ def test_a_fault_is_named_and_reset_by_a_person(node, against):
 
 
 def test_a_host_that_comes_back_finds_it_held(node, against):
+    """Refused as a new drive; taken over where its node starts again, and told why not where it does not."""
+    held: list[float] = []
+
     async def left(transport: Any, master: Any, winch: Any) -> None:
         await winch.configure()
         await winch.enable()
         await moving(master, winch, 2.5)
 
-    async def found(transport: Any, master: Any, winch: Any) -> None:
+    async def refused(transport: Any, master: Any, winch: Any) -> None:
         await master.clock.sleep(0.5)
         with pytest.raises(DeviceError, match=r"has power already \(quick stop active\)"):
             await winch.configure()
+        held.append(await winch.ask_length())
+
+    async def taken_over(transport: Any, master: Any, winch: Any) -> None:
+        await master.clock.sleep(0.2)  # a heartbeat of ours, at which version 4 takes its error back
+        if await winch.link.sdo.read(0x1001):
+            with pytest.raises(DeviceError, match=r"error register \(1001\) is 0x10"):
+                await winch.configure()
+            assert state_of(await winch.link.sdo.read(0x6041)) is DriveState.QUICK_STOP_ACTIVE
+        else:
+            await winch.configure()
+            await winch.enable()
+            await standing(master, winch, DriveState.OPERATION_ENABLED)
+        assert await winch.ask_length() == held[0]
         winch.power_off()
         await master.clock.sleep(0.3)
         assert state_of(await winch.link.sdo.read(0x6041)) is DriveState.SWITCH_ON_DISABLED
 
     against(node.port, left)
-    against(node.port, found)
+    against(node.port, refused)
+    against(node.port, taken_over, partial(Cia402Winch, takes_over=True))
 
 
 def test_a_drive_that_restarts_or_dies_is_seen(node, against):

@@ -51,12 +51,26 @@ def test_a_drive_that_holds_is_taken_over_without_a_command_and_moves_again(on_b
         assert {"607D:1", "1A00", "6061:0"} <= {check.object for check in winch.checks}
         await winch.enable()
         await bench.cycles(20)
-        assert bench.drive.controlwords[0] == HALTED
+        assert bench.drive.controlwords[:2] == [QUICK_STOP, HALTED]
         assert DISABLE_VOLTAGE not in bench.drive.controlwords
         assert bench.drive.get(0x6064) == there  # the old move is not resumed
         await winch.move_to(1.1, 0.1, 0.3)
         await bench.cycles(20)
         assert bench.drive.get(0x6064) != there
+
+    on_bench(script)
+
+
+def test_a_drive_that_acts_only_on_a_controlword_that_changes_is_enabled_again(on_bench, config):
+    """It stopped by itself, so what it was told last is still to enable; a drive on CANopenNode sees no other write."""
+
+    async def script(bench: Any) -> None:
+        bench.drive.acts_on_changes_only = True
+        await left(bench, "quick stop")
+        winch = await taken_over(bench, config)
+        await winch.enable()
+        assert winch.latest().state is DriveState.OPERATION_ENABLED
+        assert DISABLE_VOLTAGE not in bench.drive.controlwords
 
     on_bench(script)
 
