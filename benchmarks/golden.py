@@ -90,6 +90,8 @@ def answers(case: Small) -> dict[str, Any]:
     found = {method.value: identify(campaign, method, native=True).to_json() for method in (Method.MLE, Method.TLS)}
     for table in (explained, *found.values()):
         del table["seconds"]
+    for row in explained["ranking"]:
+        del row["forms"]  # of the same effects, for people
     whole = json.loads(json.dumps(finite({"explanation": explained, "results": found})))
     return _rounded(whole)
 

@@ -14,6 +14,8 @@
 A message is a sentence for a person: which file, key, device, window, time; what was found and what is allowed.
 """
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 _NAME, _PLACE, _MESSAGE = 160, 100, 480
@@ -71,6 +73,17 @@ class RefusedError(FidimError):
 
 class InfeasibleError(RefusedError):
     """The physics does not allow what was asked: no equilibrium, a slack cable, a singular pose."""
+
+
+@contextmanager
+def of_file(path: Path | None) -> Generator[None]:
+    """What physics does not allow is said of the file that asks for it; None: of none."""
+    try:
+        yield
+    except InfeasibleError as error:
+        if path is not None:
+            error.message = f"{path}: {error.message}"
+        raise
 
 
 class HardwareError(FidimError):

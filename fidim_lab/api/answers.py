@@ -114,15 +114,16 @@ class Explained:
         return pd.DataFrame(rows, columns=["effect", "cable", "parameter", "value", "sd", "unit"])
 
     def ranking(self) -> pd.DataFrame:
-        """A row a model that was tried: effects, held_out_chi2_per_dof, plausible, why."""
-        return pd.DataFrame([vars(one) for one in self.explanation.ranking])
+        """A row a model that was tried: model, effects, held_out_chi2_per_dof, plausible, why."""
+        rows = [{"model": one.name, **vars(one)} for one in self.explanation.ranking]
+        return pd.DataFrame(rows).drop(columns="forms")
 
     def plot(self) -> Figure:
         """Held-out χ²/dof of each model that was fitted."""
         fitted = self.ranking().dropna(subset="held_out_chi2_per_dof")
         figure = Figure(figsize=(8.0, 0.5 * len(fitted) + 1.2), layout="constrained")
         axis = figure.subplots()
-        names = [" + ".join(effects) or "nothing left out" for effects in fitted["effects"]]
+        names = list(fitted["model"])
         axis.barh(names[::-1], list(fitted["held_out_chi2_per_dof"])[::-1])
         axis.axvline(1.0, color="0.4", lw=0.8)
         axis.set_xlabel("held-out χ²/dof (1: noise)")

@@ -6,10 +6,12 @@ What goes wrong in it is told with that file and its line: it is no bug of ours.
 import importlib.util
 import traceback
 from collections.abc import Generator
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import GeneratorType
 from typing import Any
 
+import procedures.steps
 from fidim_lab.data.files.input_file import read_text
 from fidim_lab.errors import FidimError, FileError, SetupError
 from procedures.control import Intervention
@@ -53,7 +55,15 @@ def _told(path: Path, function: Any, lab: Lab) -> Steps:
     except (FidimError, Intervention, Aborted):
         raise
     except Exception as error:
-        raise FileError(path, _line(path, error), f"{type(error).__name__}: {error}.", hint=HINT) from error
+        wrong = f"{type(error).__name__}: {error}.{_takes(error)}"
+        raise FileError(path, _line(path, error), wrong, hint=HINT) from error
+
+
+def _takes(error: Exception) -> str:
+    """What a step takes that was made with other arguments; nothing of other errors."""
+    name = str(error).partition(".__init__()")[0]
+    kind = getattr(procedures.steps, name, None) if isinstance(error, TypeError) else None
+    return f" {name} takes {', '.join(field.name for field in fields(kind))}." if is_dataclass(kind) else ""
 
 
 def _steps(path: Path, steps: Generator[Any, Result, None], lab: Lab) -> Steps:

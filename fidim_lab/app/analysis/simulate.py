@@ -26,7 +26,7 @@ from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import write_plan
 from fidim_lab.data.records import Campaign, Plan, Pose, Robot, Window
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-from fidim_lab.errors import InfeasibleError, SetupError
+from fidim_lab.errors import InfeasibleError, SetupError, of_file
 from fidim_lab.identification.random_plan import WITHIN_LIMITS, Trial, random_plan
 from fidim_lab.units import millimetres
 from sim_backends.mujoco_world.plant import MujocoPlant
@@ -124,7 +124,8 @@ def _platform(world: World, backend: str) -> SimulatedPlatform:
 
 def _simulate(robot: Robot, platform: SimulatedPlatform, options: SimulateOptions) -> Simulated:
     if options.plan is not None:
-        return _recorded(robot, read_plan_or_design(options.plan, robot.n), platform, options)
+        with of_file(options.plan):
+            return _recorded(robot, read_plan_or_design(options.plan, robot.n), platform, options)
     wanted = options.equilibria + options.validation
     name = options.out.resolve().name
     with _Progress("planning: places where the robot can rest and swing", wanted) as shown:

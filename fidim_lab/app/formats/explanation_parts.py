@@ -54,6 +54,12 @@ class RankedTable(ExplanationPart):
     held_out_chi2_per_dof: float | None
     plausible: bool
     why: str = ""
+    forms: str = ""
+
+    @property
+    def name(self) -> str:
+        """For people: effects with their forms, where the file has them."""
+        return self.forms or " + ".join(self.effects) or "nothing left out"
 
 
 class BeforeTable(ExplanationPart):

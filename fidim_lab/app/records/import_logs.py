@@ -63,6 +63,8 @@ class FromLog:
     currents: np.ndarray | None
     """(N, n) A"""
     words: str
+    doubt: str = ""
+    """why the log cannot be meant; empty where nothing speaks against it"""
 
 
 def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray) -> FromLog:
@@ -80,7 +82,26 @@ def logged(mechanism: Mechanism, take: Take, posed: PosedTake, rows: np.ndarray)
         return FromLog(np.tile(held, (int(rows.sum()), 1)), None, what)
     currents = None if take.log.currents is None else _at(take.log, take.log.currents, at)
     lengths = counted - np.nanmedian(counted, axis=0) + held
-    return FromLog(lengths, currents, f"lengths by {take.log.source.name}, zeros by the poses, {clock}")
+    seen = mechanism.lengths(posed.positions[known], posed.rotations[known])
+    doubt = too_much_motion(counted, seen)
+    words = f"lengths by {take.log.source.name}, zeros by the poses, {clock}"
+    return FromLog(lengths, currents, words, f"{take.log.source.name}: {doubt}" if doubt else "")
+
+
+def too_much_motion(counted: np.ndarray, seen: np.ndarray) -> str:
+    """Where a log's cables (N, n) m move more than twice as far as those of the poses (M, n) m: which, and how far.
+
+    Twice: a log on another clock, or of a motor that yields against a stretching cable, moves about as far.
+    """
+    by_log, by_poses = (np.nanmedian(np.abs(one - np.nanmedian(one, axis=0)), axis=0) for one in (counted, seen))
+    worst = int(np.argmax(by_log - by_poses))
+    if by_log[worst] <= 2.0 * by_poses[worst]:
+        return ""
+    apart = f"{1e3 * by_log[worst]:.3g} mm by it, {1e3 * by_poses[worst]:.2g} mm by the markers"
+    says = (
+        f"cable {worst + 1} moves by {apart} (median): are its lengths in m? Another unit is length_unit of --log-map"
+    )
+    return f"{says}, and counts need metres_per_count"
 
 
 def _at(log: EncoderLog, columns: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -88,6 +88,7 @@ def _of_take(mechanism: Mechanism, take: Take, asked: Asked) -> TakeWindows:
         warnings += _doubts(name, posed.names, posed.markers[rows], posed.rms[rows])
         by_log = logged(mechanism, take, posed, rows)
         said = (*said, f"{OF_WINDOW}{name}: {stretch.begin:.2f} to {stretch.end:.2f} s, {by_log.words}")
+        warnings += [f"window {name}: {by_log.doubt}"] if by_log.doubt else []
         role = take.role or Role.IDENTIFY
         windows.append(
             Window(

@@ -41,7 +41,7 @@ from fidim_lab.data.rigs.alignment_file import NAME as ALIGNMENT
 from fidim_lab.data.rigs.alignment_file import write_alignment
 from fidim_lab.data.rigs.rig import RigFile
 from fidim_lab.data.rigs.rig_file import read_rig
-from fidim_lab.errors import FidimError, HardwareError
+from fidim_lab.errors import FidimError, HardwareError, of_file
 from procedures.guards.guard import Guard
 from procedures.guards.host_guards import host_guards
 from procedures.guards.robot_guards import LogGuard
@@ -79,14 +79,17 @@ def prepare(spec: RunSpec) -> Work:
     if spec.embedded:
         file = compose.rehearsal_file(file, compose.Ports())
         compose.simulated_world(file.robot, spec.seed, spec.hide)  # refuses an effect that nobody knows
-    plan = read_plan_or_design(spec.out / PLAN if spec.resume else spec.plan, file.robot.n)
+    plan_file = spec.out / PLAN if spec.resume else spec.plan
+    plan = read_plan_or_design(plan_file, file.robot.n)
     resumption = None
     if spec.resume:
         resumption = read_resumption(spec.out, {window.id: window.role for window in plan.windows})
         if spec.accept_place:
             resumption = replace(resumption, place=None)
     winches = winch_configs(file, homing=spec.procedure == HOMING, on_trial=bool(spec.by))
-    made = experiment(spec.procedure, plan, file.robot, _settings(spec, file, winches), resumption=resumption)
+    own = spec.procedure.endswith(".py")  # whose mistakes are said of that file
+    with of_file(None if own else plan_file):
+        made = experiment(spec.procedure, plan, file.robot, _settings(spec, file, winches), resumption=resumption)
     alignment = None if spec.resume or spec.procedure == ALIGN else known_alignment(file)
     return Work(spec, file, winches, plan, made, resumption, alignment)
 

@@ -26,7 +26,7 @@ from fidim_lab.data.design_file import read_plan_or_design
 from fidim_lab.data.plan_file import read_plan, write_plan
 from fidim_lab.data.records import Plan, Robot
 from fidim_lab.data.robot_file import PAPERS_ROBOT, read_robot
-from fidim_lab.errors import HardwareError
+from fidim_lab.errors import HardwareError, of_file
 from fidim_lab.identification.random_plan import WITHIN_LIMITS, random_plan
 from fidim_lab.identification.results.result import IdentificationResult
 from fidim_lab.identification.results.result_file import write_result
@@ -83,7 +83,8 @@ def run_dry_run(options: DryRunOptions) -> int:
     world = compose.simulated_world(robot, options.seed, options.hide)
     with Working("planning: equilibria where the robot can rest and swing", options.equilibria + options.validation):
         plan = planned(options, robot)
-        experiment = _experiment(spec, plan, robot)
+        with of_file(options.plan):
+            experiment = _experiment(spec, plan, robot)
     with one_writer(folder):  # makes the folder: nothing is left of a plan that was refused
         return _finish(_Rehearsal(robot, plan, experiment, folder, spec, world), options.json_file)
 

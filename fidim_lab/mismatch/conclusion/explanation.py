@@ -130,6 +130,13 @@ class Ranked:
     held_out_chi2_per_dof: float | None
     plausible: bool
     why: str
+    forms: str = ""
+    """the effects with their forms ("swivel-friction (giving way)"), where these are known"""
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return self.forms or " + ".join(self.effects) or "nothing left out"
 
 
 @dataclass(frozen=True)

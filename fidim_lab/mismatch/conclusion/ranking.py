@@ -30,7 +30,9 @@ def ranking(found: Selection, named: Candidate, context: Context) -> tuple[Ranke
         if effect in seen or listed or len(scored) == CONCLUSION.ranking_listed:
             continue
         seen.add(effect)
-        scored.append(Ranked((_name(effect),), None, _possible(score, context) is None, _why_not_fitted(score)))
+        scored.append(
+            Ranked((_name(effect),), None, _possible(score, context) is None, _why_not_fitted(score), effect.label)
+        )
     return (*fitted, *brief.values(), *scored)
 
 
@@ -44,7 +46,7 @@ def _fitted_briefly(names: tuple[str, ...], model: Completed, context: Context) 
     possible, limits = _limits(model, context)
     seconds = float(model.fit.journey.ends.max())
     why = f"χ²/dof {model.fit.chi2_per_dof:.3f} of the first {seconds:.2g} s; not fitted to whole windows.{limits}"
-    return Ranked(names, None, possible, why)
+    return Ranked(names, None, possible, why, _forms(model))
 
 
 def _limits(model: Completed, context: Context) -> tuple[bool, str]:
@@ -63,7 +65,7 @@ def _ranked(candidate: Candidate, named: Candidate, context: Context) -> Ranked:
     why = f"{said}χ²/dof {model.fit.chi2_per_dof:.3f} fitted, {unseen}. "
     why += f"{candidate.whiteness.says}{limits}"
     effects = tuple(_name(h.effect) for h in model.tried)
-    return Ranked(effects, held.chi2_per_dof if held.dof else None, possible, why)
+    return Ranked(effects, held.chi2_per_dof if held.dof else None, possible, why, _forms(model))
 
 
 def _why_not_fitted(score: Score) -> str:
@@ -77,6 +79,10 @@ def _possible(score: Score, context: Context) -> str | None:
 
 def _key(tried: Sequence[Hypothesis]) -> tuple[str, ...]:
     return tuple(sorted(h.label for h in tried))
+
+
+def _forms(model: Completed) -> str:
+    return " + ".join(h.effect.label for h in model.tried)
 
 
 def _name(effect: NamedEffect) -> str:

@@ -1,6 +1,8 @@
 """A mistake in a procedure of somebody's own is told before anything moves, with its file, line and step."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -55,6 +57,7 @@ def comfortable(lengths):
         ),
         (MOVE.format(-0.1), r"step \d, MoveTo: speed is -0.1; more than 0 is needed"),
         (MOVE.format(0), "speed is 0; more than 0 is needed"),
+        ("yield Record(window=window.id, seconds=5.0)", "line 12: .*'seconds'. Record takes window, attempt, duration"),
         ("yield Note(window=window.id, remark='')\n        continue", "procedure: leaves i01, .* without a verdict"),
     ],
 )
@@ -75,3 +78,14 @@ def test_one_without_a_mistake_is_listed(line, world, lab, tmp_path):
     own.write_text(OWN.format(line=line, step="Hold(window=window.id)"), encoding="utf-8")
     made = experiment(str(own), lab.plan, world.robot, world.settings, statics=comfortable)
     assert Outline(made.procedure).steps
+
+
+PAGE = (Path(__file__).parents[3] / "docs" / "procedures.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("shown", re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
+def test_what_the_docs_show_is_a_procedure(shown, world, lab, tmp_path):
+    own = tmp_path / "shown.py"
+    own.write_text(shown, encoding="utf-8")
+    made = experiment(str(own), lab.plan, world.robot, world.settings, statics=comfortable)
+    assert {step.window for step in Outline(made.procedure).steps} >= {window.id for window in lab.plan.windows}

@@ -114,7 +114,7 @@ def ranking_table(found: ExplanationTable) -> Table:
     """Every model that was fitted, then the best that were only scored."""
     rows = [
         (
-            " + ".join(one.effects) or "nothing left out",
+            one.name,
             short(one.held_out_chi2_per_dof),
             "✓ possible" if one.plausible else "✗ impossible",
             one.why,

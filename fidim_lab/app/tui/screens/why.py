@@ -81,8 +81,7 @@ def _effect(effect: EffectTable, width: int) -> list[Line]:
 def _ranking(found: ShownExplanation, width: int) -> list[Line]:
     rows: list[Line] = [line(Span(f"{left('What was tried', 40)}{right('χ²/dof', 10)}  possible", "head"))]
     for tried in found.ranking[:BEST]:
-        name = " + ".join(tried.effects) or "nothing left out"
-        begin = f"  {left(name, 38)}{right(_short(tried.held_out_chi2_per_dof), 10)}  "
+        begin = f"  {left(tried.name, 38)}{right(_short(tried.held_out_chi2_per_dof), 10)}  "
         mark = Span("✓ yes" if tried.plausible else "✗ no ", "good" if tried.plausible else "dim")
         rest = max(width - len(begin) - 7, 0)
         rows.append(line(begin, mark, Span(f"  {left(tried.why, rest).rstrip()}" if rest > 8 else "", "dim")))

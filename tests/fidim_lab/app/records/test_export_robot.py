@@ -113,6 +113,12 @@ def test_the_functions_say_what_the_model_says(folder: Path, tmp_path: Path) -> 
     acceleration, tensions = module.zero_dynamics(position, rotation, twist)
     np.testing.assert_allclose(acceleration, ours[0], atol=1e-6)
     np.testing.assert_allclose(tensions, 12.5 * held[0], atol=1e-5)
+    with pytest.raises(ValueError, match=r"lengths, one a cable, has the shape \(4,\); found \(3,\)"):
+        module.rest(lengths[:3])
+    with pytest.raises(ValueError, match=r"a twist has the shape \(6,\); found \(3,\)"):
+        module.zero_dynamics(position, rotation, twist[:3])
+    with pytest.raises(ValueError, match=r"a rotation matrix has the shape \(3, 3\); found \(4,\)"):
+        module.rest(lengths, near=(position, np.zeros(4)))
     with pytest.raises(ValueError, match="no rest"):
         module.rest(np.array([9.0, 0.4, 0.4, 0.4]))
 

@@ -1,11 +1,14 @@
 """`fidim import` of many takes: a simulated one as Vicon text, and the paper's own where they are at hand."""
 
 import json
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fidim_lab.app.records.import_kinds import ImportOptions, import_kind_command
+from fidim_lab.app.records.import_logs import too_much_motion
 from fidim_lab.app.report.contents.folder import read_folder
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import Role
@@ -78,3 +81,17 @@ def imported_robot(lab_recording, tmp_path: Path):
 def test_options_that_do_not_belong_are_told(kind: str, robot: Path | None, takes: str | None, says: str):
     with pytest.raises(SetupError, match=says):
         import_kind_command(kind, [Path("x")], Path("never"), ImportOptions(robot, takes), None)
+
+
+@pytest.mark.parametrize(
+    ("scale", "says"),
+    [(1.0, ""), (1e-3, ""), (1e3, "cable 2 moves by .* mm by it, .* by the markers .*length_unit")],
+    ids=["metres", "hardly moving", "millimetres"],
+)
+def test_a_log_that_moves_more_than_the_markers_is_doubted(scale: float, says: str):
+    rng = np.random.default_rng(5)
+    sways = np.sin(np.linspace(0.0, 40.0, 900))[:, None] * [0.2e-3, 1.1e-3, 0.4e-3]
+    by_poses = 2.0 + sways + rng.normal(0.0, 1e-4, sways.shape)
+    doubt = too_much_motion(scale * (1.7 + np.round(sways, 5)), by_poses)
+    assert bool(doubt) == bool(says)
+    assert re.search(says, doubt)
