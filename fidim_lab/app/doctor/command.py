@@ -200,7 +200,8 @@ def check_robot(path: Path) -> list[Check]:
     try:
         robot = read_robot(path)
     except FidimError as error:
-        return [Check(name, Verdict.FAILED, str(error), "mend the file")]
+        advice = "mend the file" if path.exists() else "name another file; fidim init robot writes one"
+        return [Check(name, Verdict.FAILED, str(error), advice)]
     count = len(robot.markers)
     checks = [Check(name, Verdict.OK, f"{robot.n} cables, {count} marker{'s' * (count != 1)}, {robot.mass:g} kg")]
     return checks + [

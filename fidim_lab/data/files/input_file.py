@@ -12,6 +12,7 @@ import re
 import stat
 from collections.abc import Collection, Generator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, NoReturn
@@ -48,6 +49,16 @@ class NotAllowedError(ValueError):
         self.problem = problem
 
 
+def _meant(path: Path) -> str:
+    """A file of the same kind beside it whose name is nearly the same."""
+    try:
+        beside = [one.stem for one in path.parent.iterdir() if one.suffix == path.suffix]
+    except OSError:
+        return ""
+    near = get_close_matches(path.stem, beside, 1)
+    return f"Did you mean {near[0]}{path.suffix}?" if near else ""
+
+
 @contextmanager
 def open_input(path: Path, limit: int) -> Generator[BufferedReader]:
     """A regular file of at most `limit` bytes, open for reading bytes. Raises FileError for anything else."""
@@ -55,7 +66,7 @@ def open_input(path: Path, limit: int) -> Generator[BufferedReader]:
         with _opened(path, limit) as file:
             yield file
     except FileNotFoundError:
-        raise FileError(path, "", "no such file") from None
+        raise FileError(path, "", "no such file", hint=_meant(path)) from None
     except OSError as error:
         raise FileError(path, "", f"cannot be read: {error.strerror or error}") from None
 

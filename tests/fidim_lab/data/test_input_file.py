@@ -157,3 +157,14 @@ def test_any_json_of_ours_comes_back(tmp_path: Path, value: Any) -> None:
     path = tmp_path / "any"
     path.write_text(json.dumps(value))
     assert read_json(path) == value
+
+
+@pytest.mark.parametrize(
+    ("wanted", "meant"), [("hal.toml", " Did you mean hall.toml?"), ("hal.json", ""), ("x.toml", "")]
+)
+def test_a_name_that_is_nearly_right_is_named(tmp_path: Path, wanted: str, meant: str):
+    for name in ("hall.toml", "rig.toml"):
+        (tmp_path / name).touch()
+    with pytest.raises(FileError) as told:
+        read_text(tmp_path / wanted)
+    assert str(told.value) == f"{tmp_path / wanted}: no such file{'.' if meant else ''}{meant}"
