@@ -116,15 +116,11 @@ class Measurement:
         own = None if extra is None else extra[0]
         _, by_point, by_time, direct, by_extra = self._sights(points, begin + times, own)
         velocity = np.einsum("tmij,tmj->tmi", by_point, (later - sooner) / (2 * SHIFT)) + by_time
-        centre = at_nodes(one, np.zeros((1, 3)))[0]
-        count = self.theta.size
-        arms = [between(at_nodes(one, moved[..., k])[0] - centre, *hermite(nodes, times)) for k in range(count)]
-        columns = np.einsum("tmij,tmjp->tmip", by_point, columns)
-        columns[..., columns.shape[-1] - count :] += (
-            np.einsum("tmij,tmjp->tmip", by_point, np.stack(arms, axis=-1))
-            + direct
-            + velocity[..., np.newaxis] * by_theta[:, np.newaxis, np.newaxis]
-        )
+        turn = _rotations(between(at_nodes(one, AXES)[0], *hermite(nodes, times)))
+        moved_by = columns.shape[-1] - self.theta.size
+        columns[..., moved_by:] += turn[:, np.newaxis] @ moved
+        columns = by_point @ columns
+        columns[..., moved_by:] += direct + velocity[..., np.newaxis] * by_theta[:, np.newaxis, np.newaxis]
         return columns if extra is None else columns + by_extra @ extra[1]
 
     def _points(self, nodal: np.ndarray, count: int, grid: Grid, times: Series, begin: float) -> np.ndarray:
