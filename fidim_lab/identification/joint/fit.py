@@ -21,6 +21,7 @@ from fidim_lab.errors import OurBugError, RefusedError
 from fidim_lab.identification.joint.members import Layout, Member, lay_out
 from fidim_lab.identification.joint.search import JointOptimum, linear_tables, search
 from fidim_lab.identification.joint.sharing import Common
+from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.mle import spread
 from fidim_lab.identification.mle.evidence import FACTORS, ODDS, SAME, over_factors
 from fidim_lab.identification.mle.findings import MISFIT
@@ -39,10 +40,13 @@ from fidim_lab.model.sensitivity.integrate import States
 
 HORIZONS = (1.0, 3.0, 10.0)
 """s, by which the way is taken again where a window got lost; starts are known well by then"""
-ROUND = replace(ON_THE_WAY, promise=1e-2, haste=10.0)
-"""to a tenth of a standard deviation"""
-LAST = replace(ROUND, promise=1e-3)
-"""to a thirtieth of a standard deviation where the model is right, a tenth where it is wrong"""
+ROUND = replace(ON_THE_WAY, promise=1e-1, haste=10.0)
+"""to a third of a standard deviation, a whole one where the model is wrong: the quick grid shows no more (1.5 in χ²)"""
+LAST = replace(ON_THE_WAY, promise=1e-3, haste=1e3)
+"""to a thirtieth of a standard deviation where the model is right; where it is wrong as `ROUND`: of sixty real takes the
+best fit on the fine grid is within 0.05 of the stated standard deviations, and costs three times as much"""
+NEAR = 0.3
+"""of its stated standard deviation, by which no parameter of the body is still to move"""
 ROUNDS = 3
 """of choosing χ²/dof and the survey's factor, and fitting again; both settle in two"""
 COARSE = 10.0
@@ -142,7 +146,13 @@ class JointFit:
     @property
     def settled(self) -> bool:
         """Whether nothing better is near."""
-        return self.optimum.ending.settled or self.optimum.promise < 1.0
+        if self.optimum.ending.settled or self.optimum.promise < 1.0:
+            return True
+        replicates = spread.leave_one_out(self.tables, self.prior_rows, self.values)
+        if self.explained or replicates is None:
+            return False
+        sd = np.maximum(jackknife_sd(replicates), np.sqrt(np.diag(self.tempered_covariance)))
+        return bool((np.abs(self.without(np.zeros(len(sd), dtype=bool)) - self.values) < NEAR * sd)[:BODY].all())
 
     @property
     def chi2_gain(self) -> float:
@@ -207,7 +217,7 @@ def fit_some(common: Common, whole: JointFit, chosen: Sequence[int], *, native: 
     members = tuple(whole.members[k].by(m) for k, m in zip(chosen, layout.mechanisms, strict=True))
     task = _Task(tuple(chosen), layout, members, whole.start)
     points = [Point(whole.values[whole.layout.places[k]], whole.optimum.states[k]) for k in chosen]
-    return _settled(task, _together(task, points, whole.factor), whole.factor)
+    return _settled(task, _together(task, points, whole.factor), whole.factor, ROUND)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,9 +232,12 @@ class _Task:
         return self.layout.prior(self.body.vector, FAR_PRIOR * scales(self.body), factor)
 
 
-def _settled(task: _Task, start: tuple[np.ndarray, Sequence[States]], factor: float = 1.0) -> JointFit:
-    """The optimum with the windows' χ²/dof and the survey's factor that it has itself."""
-    for effort in (*((ROUND,) * (ROUNDS - 1)), LAST):
+def _settled(
+    task: _Task, start: tuple[np.ndarray, Sequence[States]], factor: float = 1.0, last: Effort = LAST
+) -> JointFit:
+    """The optimum with the windows' χ²/dof and the survey's factor that it has itself; last: how exact it is."""
+    effort, rounds = ROUND, 1
+    while True:
         prior = task.prior(factor)
         optimum = _fitted(task, start, prior, effort)
         if optimum is None:
@@ -240,10 +253,11 @@ def _settled(task: _Task, start: tuple[np.ndarray, Sequence[States]], factor: fl
         moved = [np.abs(np.log(new.worth / old.worth)).max() for new, old in zip(weighed, task.members, strict=True)]
         best = _best_factor(found) if any(piece.guessed for piece in task.layout.pieces) else 1.0
         same = max(moved) < np.log(SETTLED) and 1 / SAME < best / factor < SAME
-        if (same and found.settled) or effort is LAST:
+        if (same and found.settled and effort is last) or rounds == ROUNDS:
             return found
         task, factor, start = replace(task, members=weighed), best, (optimum.shared, optimum.states)
-    raise OurBugError("A joint fit had no round.")
+        rounds += 1
+        effort = last if same or rounds == ROUNDS else ROUND
 
 
 def _worth(remainders: Sequence[Remainder]) -> Float[np.ndarray, " W"]:

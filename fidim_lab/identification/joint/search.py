@@ -19,7 +19,7 @@ from fidim_lab.identification.mle.trajectories.optimise import (
     HOPELESS,
     Effort,
     Ending,
-    negligible,
+    hasty,
     relaxed,
     share_of_promise,
     stretched,
@@ -49,6 +49,15 @@ class JointOptimum:
     def states(self) -> tuple[States, ...]:
         """Of the windows of each campaign."""
         return tuple(simulation.point.states for simulation in self.simulations)
+
+    def negligible(self, effort: Effort) -> float:
+        """The promise of a step that is not worth taking, as squares are weighed; larger where the model is wrong.
+
+        Whether it is wrong is told by what windows leave before they are weighed: weighed they leave no more than noise.
+        """
+        count = sum(_numbers(simulation) for simulation in self.simulations)
+        left = sum(simulation.cost for simulation in self.simulations)
+        return effort.promise * max(1.0, self.cost / count) * hasty(effort, left / count)
 
     def parts(self, members: Sequence[Member], layout: Layout) -> tuple[Part, ...]:
         """The linearised problem, campaign by campaign."""
@@ -86,7 +95,7 @@ def search(
     while now is not None:
         parts, rows, room = now.parts(members, layout), prior.rows(now.shared), prior.room(now.shared)
         promise = now.cost - step_of_parts(parts, rows, DAMPING[0], free, room)[2]
-        least = negligible(effort, now.cost / sum(residuals(simulation) for simulation in now.simulations))
+        least = now.negligible(effort)
         now = replace(now, promise=promise)
         if promise < min(least, HOPELESS * now.cost):
             return replace(now, ending=Ending.CONVERGED)
@@ -108,7 +117,7 @@ def search(
     return None
 
 
-def residuals(simulation: Simulation) -> int:
+def _numbers(simulation: Simulation) -> int:
     """How many numbers were compared."""
     return sum(len(residual.markers) + len(residual.lengths) for residual in simulation.residuals)
 

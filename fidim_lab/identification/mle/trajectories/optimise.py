@@ -213,8 +213,12 @@ def edge(likelihood: Likelihood, count: int, promise: float, cost: float) -> End
 
 def negligible(effort: Effort, misfit: float) -> float:
     """The promise of a step that is not worth taking; larger where the model is wrong and the sd mean little."""
-    haste = effort.haste if misfit > MISFIT else 1.0
-    return effort.promise * max(1.0, misfit) * haste
+    return effort.promise * max(1.0, misfit) * hasty(effort, misfit)
+
+
+def hasty(effort: Effort, misfit: float) -> float:
+    """Times the promise that is negligible at this χ²/dof."""
+    return effort.haste if misfit > MISFIT else 1.0
 
 
 def relaxed(damping: float, gain: float) -> float:

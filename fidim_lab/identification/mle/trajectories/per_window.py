@@ -157,7 +157,7 @@ def _settle(search: _Search, ours: _Part, simulation: Simulation, *, last: bool,
 def _improved(search: _Search, ours: _Part, shared: np.ndarray, effort: Effort) -> Simulation | None:
     """A better state for each of these windows, damped until it is one, or an ending where none is found.
 
-    Returns the simulation of the better states where one trial gave all of them.
+    Returns the simulation of the better states where one trial gave a better one for each.
     """
     members, mechanism, begins = ours.members, ours.likelihood.mechanism, ours.likelihood.begins
     if not len(members):
@@ -181,7 +181,7 @@ def _improved(search: _Search, ours: _Part, shared: np.ndarray, effort: Effort) 
                 waiting[k] = False
                 cost, promise = float(search.costs[w]), float(search.promises[w])
                 search.endings[w] = edge(ours.likelihood, int(search.counts[w]), promise, cost) or Ending.STUCK
-    return there if trials == 1 else None
+    return there if trials == 1 and all(search.endings[w] is None for w in members) else None
 
 
 def _simulated(likelihood: Likelihood, point: Point, ends: np.ndarray, effort: Effort) -> Simulation | None:

@@ -12,7 +12,7 @@ from fidim_lab.identification.mle.held_out import Prediction, predict, predict_a
 from fidim_lab.identification.mle.starts.start import first_guess, first_guesses
 from fidim_lab.identification.mle.trajectories.likelihood import Point, simulate
 from fidim_lab.identification.mle.trajectories.normal import Prior, own_steps, step
-from fidim_lab.identification.mle.trajectories.optimise import ON_THE_WAY, creeps, optimise
+from fidim_lab.identification.mle.trajectories.optimise import DAMPING, ON_THE_WAY, Ending, creeps, optimise
 from fidim_lab.identification.mle.trajectories.per_window import optimise_apart
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.model.mechanism import Mechanism
@@ -75,6 +75,21 @@ def test_one_window_that_contradicts_its_lengths_leaves_the_others_be(recorded):
         assert isinstance(prediction, Prediction)
         alone = predict(mechanism, shared, recording, robot.sensors)
         assert prediction.remainder.chi2 == pytest.approx(alone.remainder.chi2, rel=1e-6)
+
+
+def test_windows_go_on_where_one_of_them_finds_no_better_state(recorded):
+    robot, recordings = recorded
+    mechanism, shared = Mechanism(robot), robot.nominal.vector
+    guesses = [first_guess(mechanism, robot.nominal, recording) for recording in recordings]
+    likelihood = likelihood_of(mechanism, shared, tuple(recordings), guesses, robot.sensors)
+    start, ends = Point(shared, likelihood.guesses), np.full(3, 1.0)
+    best = optimise_apart(likelihood, start, ends, replace(ON_THE_WAY, promise=1e-6))
+    mixed = start.states.with_one(0, best.simulation.point.states, 0)  # the first is at its best already
+    last_try = replace(ON_THE_WAY, promise=0.0, damping=DAMPING[1], rounds=2)
+    found = optimise_apart(likelihood, Point(shared, mixed), ends, last_try)
+    before = simulate(likelihood, Point(shared, mixed), ends, ON_THE_WAY.resolution)
+    assert found.cost < before.cost
+    assert found.simulation.residuals[0].rows == pytest.approx(before.residuals[0].rows)
 
 
 def test_a_window_too_quick_for_its_blocks_gets_shorter_ones_alone(recorded):
