@@ -17,11 +17,11 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import Body, Role
 from fidim_lab.effects.effect import NamedEffect
-from fidim_lab.errors import OurBugError, RefusedError
+from fidim_lab.errors import RefusedError
+from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.joint.members import Layout, Member, lay_out
 from fidim_lab.identification.joint.search import JointOptimum, linear_tables, search
 from fidim_lab.identification.joint.sharing import Common
-from fidim_lab.identification.equations.uncertainty import jackknife_sd
 from fidim_lab.identification.mle import spread
 from fidim_lab.identification.mle.evidence import FACTORS, ODDS, SAME, over_factors
 from fidim_lab.identification.mle.findings import MISFIT
@@ -40,11 +40,11 @@ from fidim_lab.model.sensitivity.integrate import States
 
 HORIZONS = (1.0, 3.0, 10.0)
 """s, by which the way is taken again where a window got lost; starts are known well by then"""
-ROUND = replace(ON_THE_WAY, promise=1e-1, haste=10.0)
-"""to a third of a standard deviation, a whole one where the model is wrong: the quick grid shows no more (1.5 in χ²)"""
-LAST = replace(ON_THE_WAY, promise=1e-3, haste=1e3)
-"""to a thirtieth of a standard deviation where the model is right; where it is wrong as `ROUND`: of sixty real takes the
-best fit on the fine grid is within 0.05 of the stated standard deviations, and costs three times as much"""
+ROUND = replace(ON_THE_WAY, promise=1e-1, haste=20.0)
+"""to a third of a standard deviation; where the model is wrong to 2 of χ²: the quick grid feigns a gain of 1.5"""
+LAST = replace(ROUND, promise=1e-3, haste=2e3)
+"""to a thirtieth of a standard deviation where the model is right; as `ROUND` where it is wrong: of sixty real takes
+the best fit on the fine grid is within 0.05 of the stated standard deviations, and costs three times as much"""
 NEAR = 0.3
 """of its stated standard deviation, by which no parameter of the body is still to move"""
 ROUNDS = 3
@@ -253,7 +253,7 @@ def _settled(
         moved = [np.abs(np.log(new.worth / old.worth)).max() for new, old in zip(weighed, task.members, strict=True)]
         best = _best_factor(found) if any(piece.guessed for piece in task.layout.pieces) else 1.0
         same = max(moved) < np.log(SETTLED) and 1 / SAME < best / factor < SAME
-        if (same and found.settled and effort is last) or rounds == ROUNDS:
+        if (same and found.settled and (effort is last or not found.explained)) or rounds == ROUNDS:
             return found
         task, factor, start = replace(task, members=weighed), best, (optimum.shared, optimum.states)
         rounds += 1

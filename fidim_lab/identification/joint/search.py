@@ -53,7 +53,7 @@ class JointOptimum:
     def negligible(self, effort: Effort) -> float:
         """The promise of a step that is not worth taking, as squares are weighed; larger where the model is wrong.
 
-        Whether it is wrong is told by what windows leave before they are weighed: weighed they leave no more than noise.
+        Whether it is wrong is told by what windows leave before they are weighed: weighed they leave noise.
         """
         count = sum(_numbers(simulation) for simulation in self.simulations)
         left = sum(simulation.cost for simulation in self.simulations)

@@ -82,6 +82,12 @@ class Hypotheses:
     """scored by modulation: one for each frequency and kind"""
     untested: tuple[str, ...]
     """ids of the catalogue that this version cannot score"""
+    without: frozenset[str] = frozenset()
+    """ids of effects that are taken as unknown, in whatever form"""
+
+    def admitted(self, forms: Iterable[tuple[NamedEffect, np.ndarray]]) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """Those forms of a term, with their θ, that are not taken as unknown."""
+        return tuple(form for form in forms if form[0].id not in self.without)
 
     @property
     def every(self) -> tuple[Hypothesis, ...]:
@@ -111,7 +117,7 @@ def hypotheses(robot: Robot, without: Collection[str] = ()) -> Hypotheses:
             continue
         seen.add(effect.id)
     untested = dict.fromkeys(effect.id for effect in effects if effect.id not in seen)
-    return Hypotheses(tuple(direct), tuple(periodic), tuple(untested))
+    return Hypotheses(tuple(direct), tuple(periodic), tuple(untested), frozenset(without))
 
 
 def general(simple: Hypothesis, effect: NamedEffect, start: np.ndarray) -> Hypothesis:

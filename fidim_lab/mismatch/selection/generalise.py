@@ -47,7 +47,7 @@ def _over_first_seconds(start: Baseline, simple: Completed, fresh: set[NamedEffe
     fits: list[Callable[[], Completed | None]] = []
     for k, term in enumerate(simple.tried):
         forms = term.effect.wider(simple.thetas[k], simple.mechanism.robot) if term.effect in fresh else ()
-        for effect, begin in forms:
+        for effect, begin in start.tried.admitted(forms):
             wider = general(term, effect, begin)
             fits.append(partial(in_place_of, simple, k, wider, begin, start.short_ground, start.context))
     return [wide for wide in found_side_by_side(fits) if wide.excess <= SELECTION.generalise_as_good * simple.excess]

@@ -143,7 +143,8 @@ class Trials:
         term, theta = model.tried[k], model.thetas[k]
         narrow = term.effect.narrower(theta) if len(model.tried) > 1 else None
         simple = term.effect.parts(theta) or (() if narrow is None else (narrow,))
-        if not simple or len(model.tried) + len(simple) - 1 > SELECTION.most_terms:
+        fewer = len(self.start.tried.admitted(simple)) < len(simple)
+        if not simple or fewer or len(model.tried) + len(simple) - 1 > SELECTION.most_terms:
             return None
         tried = [*model.tried[:k], *(general(term, *one) for one in simple), *model.tried[k + 1 :]]
         thetas = [*model.thetas[:k], *(values for _, values in simple), *model.thetas[k + 1 :]]
@@ -158,7 +159,8 @@ class Trials:
         best, alone = model, len(model.tried) == 1
         ground = self.start.ground(model)
         for k, term in enumerate(() if alone and model.is_white else model.tried):
-            for effect, theta in term.effect.other_forms(model.thetas[k], self.start.context):
+            forms = term.effect.other_forms(model.thetas[k], self.start.context)
+            for effect, theta in self.start.tried.admitted(forms):
                 other = general(term, effect, theta)
                 if alone:
                     found = refit(ground, self.start.short, [other], [theta], self.start.context)

@@ -137,7 +137,8 @@ class _Steps:
     def _simple(self, model: WholeModel, k: int) -> WholeModel:
         """With the simple form of term k in its place, where it has a more general one."""
         form = model.terms[k].effect.narrower(model.theta_of(k))
-        return model if form is None else self._in_form(model, k, *form) or model
+        known = self.every.admitted(() if form is None else (form,))
+        return (self._in_form(model, k, *known[0]) or model) if known else model
 
     def _evident(self, fresh: Sequence[WholeModel | None], best: WholeModel) -> list[WholeModel]:
         """Those of these models that evidence prefers to the best so far as a term must be."""
@@ -148,7 +149,7 @@ class _Steps:
     def _wider(self, model: WholeModel, k: int) -> list[WholeModel | None]:
         """With each more general form of term k in its place."""
         forms = model.terms[k].effect.wider(model.theta_of(k), model.found.likelihood.mechanism.robot)
-        return [self._in_form(model, k, *form) for form in forms]
+        return [self._in_form(model, k, *form) for form in self.every.admitted(forms)]
 
     def _in_form(self, model: WholeModel, k: int, effect: NamedEffect, theta: np.ndarray) -> WholeModel | None:
         """With another form of term k in its place, from these θ."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Campaign, Robot, Role
+from fidim_lab.effects.loads.umbilical import Umbilical
 from fidim_lab.effects.plausibility import Context
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.trajectories.likelihood import Point, simulate
@@ -152,3 +153,13 @@ def test_having_chosen_a_cable_costs_what_there_was_to_choose_from(dragged: Case
     place = next(k for k, h in enumerate(projected.tried) if h.effect == friction[2].effect)
     free = replace(projected, tried=tuple(replace(h, alike=1) for h in projected.tried))
     assert freedom(projected, (place,))[0] == pytest.approx(freedom(free, (place,))[0] + friction[2].choice)
+
+
+def test_forms_of_a_term_are_none_of_what_is_taken_as_unknown(dragged: Case) -> None:
+    weak = np.array([0.0, 0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0])  # a hose without a spring: a drag and a steady force
+    forms = Umbilical().parts(weak)
+    robot = dragged.campaign.robot
+    admitted = hypotheses(robot).admitted(forms)
+    assert [effect.id for effect, _ in admitted] == ["air-drag-linear", "constant-force"]
+    without = hypotheses(robot, ["air-drag-linear"]).admitted(forms)
+    assert [effect.id for effect, _ in without] == ["constant-force"]

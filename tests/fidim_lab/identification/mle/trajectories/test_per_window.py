@@ -12,7 +12,7 @@ from fidim_lab.identification.mle.held_out import Prediction, predict, predict_a
 from fidim_lab.identification.mle.starts.start import first_guess, first_guesses
 from fidim_lab.identification.mle.trajectories.likelihood import Point, simulate
 from fidim_lab.identification.mle.trajectories.normal import Prior, own_steps, step
-from fidim_lab.identification.mle.trajectories.optimise import DAMPING, ON_THE_WAY, Ending, creeps, optimise
+from fidim_lab.identification.mle.trajectories.optimise import DAMPING, ON_THE_WAY, creeps, optimise
 from fidim_lab.identification.mle.trajectories.per_window import optimise_apart
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.model.mechanism import Mechanism
