@@ -226,9 +226,9 @@ def _pair(text: str, part: str, kind: HiddenKind) -> tuple[str, float]:
     if not np.isfinite(number):
         raise SetupError(f"--hide {text}: {key} is '{value}', which is not a finite number.")
     spec = kind.keys.get(key)
-    if spec is not None and not spec.lowest <= number <= spec.high:
-        most = "" if spec.high == np.inf else f" to {spec.high:g}"
-        says = f"{key} is {number:g} {spec.unit} ({spec.says}); {spec.lowest:g}{most or ' or more'} can be meant."
+    if spec is not None and not spec.lowest <= number <= spec.highest:
+        bound = f"{spec.lowest:g} or more" if number < spec.lowest else f"{spec.highest:g} or less"
+        says = f"{key} is {number:g} {spec.unit} ({spec.says}); {bound} can be meant."
         raise SetupError(f"--hide {text}: {says}")
     return key, number
 

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 NOT_NEGATIVE = frozenset(("N s/m", "N s²/m²", "N s³/m³", "N m s", "kg m²", "kg/m", "kg", "Hz"))
 """units of damping, inertia, mass and frequency"""
 
+FAR = 1e4
+"""times the default of a parameter: beyond it is a slip of the unit or of the hand"""
+
 
 @dataclass(frozen=True)
 class Key:
@@ -20,9 +23,15 @@ class Key:
     high: float = math.inf
 
     @property
+    def highest(self) -> float:
+        """The largest that can be meant: the default is one that a laboratory sees, and integrators follow no further."""
+        return self.high if self.default == 0.0 else min(self.high, FAR * abs(self.default))
+
+    @property
     def lowest(self) -> float:
         """The smallest value that can be meant."""
-        return self.low if self.low is not None else 0.0 if self.unit in NOT_NEGATIVE else -math.inf
+        bound = self.low if self.low is not None else 0.0 if self.unit in NOT_NEGATIVE else -math.inf
+        return max(bound, -self.highest)
 
 
 @dataclass(frozen=True)
