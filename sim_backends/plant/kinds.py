@@ -24,7 +24,7 @@ class Key:
 
     @property
     def highest(self) -> float:
-        """The largest that can be meant: the default is one that a laboratory sees, and integrators follow no further."""
+        """The largest that can be meant: the default is what a laboratory may see, integrators follow no further."""
         return self.high if self.default == 0.0 else min(self.high, FAR * abs(self.default))
 
     @property

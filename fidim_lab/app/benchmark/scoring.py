@@ -51,18 +51,42 @@ def grade(explanation: dict[str, Any] | None, label: list[str], cable: int | Non
     return Marked.CLASS if any(sorted(choice) == hidden for choice in product(*choices)) else Marked.WRONG
 
 
-def grade_without(explanation: dict[str, Any] | None) -> Marked:
-    """Judge an explanation of something that its catalogue lacks.
+PLACES = {
+    "anchor-offset": "anchor",
+    "attachment-offset": "attachment",
+    "pulley-radius": "radius",
+    "marker-offset": "marker",
+    "cable-length-bias": "encoder_zero",
+    "frame-misalignment": "frame",
+    "gravity-tilt": "gravity",
+}
+"""effects that the survey of the robot file counts with, and its key"""
+CLEARLY = 5.0
+"""standard deviations by which a place must be told off"""
 
-    right: it is called unknown. class: neighbours are named, none of them as the only one. wrong: a name that claims
-    odds over 20 is wrong and sure; so is "nothing is missing".
+
+def grade_without(explanation: dict[str, Any] | None, hidden: str = "", cable: int | None = None) -> Marked:
+    """Judge an explanation of something that its catalogue lacks, the effect `hidden` (with its cable).
+
+    right: it is called unknown. class: neighbours are named, none of them as the only one; or nothing else is missing
+    beside a geometry that is told to be clearly off there. wrong: a name that claims odds over 20 is wrong and sure; so
+    is any other "nothing is missing".
     """
     if explanation is None:
         return Marked.WRONG
     effects = explanation.get("effects", [])
     if explanation.get("verdict") == "unknown-physics":
         return Marked.RIGHT
-    return Marked.CLASS if effects and not any(effect.get("single") for effect in effects) else Marked.WRONG
+    if not effects:
+        return Marked.CLASS if _told_off(explanation, hidden, cable) else Marked.WRONG
+    return Marked.WRONG if any(effect.get("single") for effect in effects) else Marked.CLASS
+
+
+def _told_off(explanation: dict[str, Any], hidden: str, cable: int | None) -> bool:
+    """Whether the geometry is told to be off where the hidden effect has moved it."""
+    moved = (explanation.get("geometry") or {}).get("moved", ())
+    own = (m for m in moved if m["what"] == PLACES.get(hidden) and cable in (None, m["cable"]))
+    return any(abs(by) > CLEARLY * sd for m in own for by, sd in zip(m["by"], m["sd"], strict=True))
 
 
 def named(explanation: dict[str, Any] | None) -> str:

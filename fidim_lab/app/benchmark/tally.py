@@ -66,17 +66,18 @@ def judged(name: str, truth: Json, answer: Json, loud: Json | None, *, without: 
     """
     case, explanation = truth["case"], answer["answer"]
     measured = None if loud is None else loud["answer"]
+    label, cable = case["label"], case.get("cable")
     held = {} if explanation is None else explanation.get("held_out", {}).get("chi2_per_dof", {})
     effects = [] if explanation is None else explanation["effects"]
     return ScoredCampaign(
         name=name,
         kind=SecretKind(truth["kind"]),
-        label=tuple(case["label"]),
+        label=tuple(label),
         hidden=tuple(truth["hidden"]),
-        cable=case.get("cable"),
+        cable=cable,
         named=named(explanation),
         named_ids=tuple(effect["id"] for effect in effects),
-        grade=grade_without(explanation) if without else grade(explanation, case["label"], case.get("cable")),
+        grade=grade_without(explanation, label[0], cable) if without else grade(explanation, label, cable),
         why=answer["why"],
         chi2_excess=None if measured is None else measured["chi2_excess"],
         faintest=_faintest(loud),

@@ -25,8 +25,8 @@ through `equivalent_to`, or right names under the verdict "partly-explained"."""
 
 WITHOUT = """\
 Every campaign hides `{effect}`, which the catalogue lacked: physics that nobody listed. Right: called unknown. By
-class: neighbours are named, none of them as the only one. Wrong: a name that claims odds over 20, or "nothing is
-missing"."""
+class: neighbours are named, none of them as the only one, or the geometry is told to be off where the effect has moved
+it. Wrong: a name that claims odds over 20, or any other "nothing is missing"."""
 
 
 def page(tally: Tally, command: str, commitment: str, without: str = "") -> str:

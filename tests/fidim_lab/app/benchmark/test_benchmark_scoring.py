@@ -71,6 +71,22 @@ def test_what_the_catalogue_lacks_must_not_get_a_sure_name(explanation, expected
     assert grade_without(explanation) is expected
 
 
+@pytest.mark.parametrize(
+    ("hidden", "cable", "sd", "expected"),
+    [
+        ("anchor-offset", 2, 1e-4, Marked.CLASS),
+        ("anchor-offset", 3, 1e-4, Marked.WRONG),  # of another cable
+        ("anchor-offset", 2, 1e-3, Marked.WRONG),  # within what is not known
+        ("attachment-offset", 2, 1e-4, Marked.WRONG),
+        ("air-drag-linear", None, 1e-4, Marked.WRONG),
+    ],
+)
+def test_a_place_that_is_told_off_counts_for_what_moved_it(hidden, cable, sd, expected):
+    moved = {"what": "anchor", "cable": 2, "by": [1e-3, 0.0, 0.0], "sd": [sd, sd, sd]}
+    explanation = {**said("nothing-missing"), "geometry": {"chi2_gain": 100.0, "moved": [moved]}}
+    assert grade_without(explanation, hidden, cable) is expected
+
+
 def test_no_answer_is_wrong_even_where_nothing_was_hidden():
     assert grade(None, [], None) is Marked.WRONG
     assert named(None) == "no answer"
