@@ -18,6 +18,11 @@ class Effect:
     id: str
     cable: int | None = None
 
+    @property
+    def label(self) -> str:
+        """As it is listed."""
+        return self.id
+
     def plausible(self, theta: object, context: object) -> None:
         """No reason against it."""
 

@@ -7,11 +7,13 @@ import pytest
 
 from fidim_lab.data.records import Robot
 from fidim_lab.effects.plausibility import Context
-from fidim_lab.mismatch.linearised.hypotheses import Hypothesis, general, hypotheses
+from fidim_lab.mismatch.linearised.hypotheses import Hypotheses, Hypothesis, general, hypotheses
 from fidim_lab.mismatch.selection import trials as module
 from fidim_lab.mismatch.selection.budget import Patience
 from fidim_lab.mismatch.selection.thresholds import SELECTION
 from fidim_lab.mismatch.selection.trials import Trials
+
+NOTHING_TRIED = Hypotheses((), (), ())
 
 
 def model(*tried: Hypothesis, whole: bool = True, chi2: float = 1e4) -> SimpleNamespace:
@@ -44,7 +46,9 @@ def test_pruning_fits_the_same_terms_of_whole_windows_once(
 
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "price", lambda model, k: 1.0)
-    trials = Trials(SimpleNamespace(ground=lambda model: None, context=None), lambda _: None, Patience())  # type: ignore[arg-type]
+    trials = Trials(
+        SimpleNamespace(ground=lambda model: None, tried=NOTHING_TRIED, context=None), lambda _: None, Patience()
+    )  # type: ignore[arg-type]
     pair = model(first, second, whole=whole)
     kept = [trials.keeping(pair, [1]) for _ in range(2)]  # type: ignore[arg-type]
     assert [one.tried for one in kept if one] == [(second,)] * 2
@@ -66,7 +70,9 @@ def test_a_fit_that_ended_far_before_its_optimum_is_made_again_from_a_better_one
 
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "price", lambda model, k: price)
-    trials = Trials(SimpleNamespace(ground=lambda model: None, context=None), lambda _: None, Patience())  # type: ignore[arg-type]
+    trials = Trials(
+        SimpleNamespace(ground=lambda model: None, tried=NOTHING_TRIED, context=None), lambda _: None, Patience()
+    )  # type: ignore[arg-type]
     both = model(drag, tilt)
     kept = [trials.keeping(both, [0]) for _ in range(3)]  # type: ignore[arg-type]
     assert [one.chi2 for one in kept if one] == [1.1e4, *([1e4] * 2 if fits == 2 else [1.1e4] * 2)]
@@ -86,7 +92,9 @@ def test_a_fit_that_ended_far_before_its_optimum_goes_on_as_long_as_that_helps(
 
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "price", lambda model, k: 0.1)
-    trials = Trials(SimpleNamespace(ground=lambda model: None, context=None), lambda _: None, Patience())  # type: ignore[arg-type]
+    trials = Trials(
+        SimpleNamespace(ground=lambda model: None, tried=NOTHING_TRIED, context=None), lambda _: None, Patience()
+    )  # type: ignore[arg-type]
     both = model(tone, mass)
     both.fit.at = both.chi2
     found = trials.keeping(both, [0])  # type: ignore[arg-type]
@@ -116,7 +124,7 @@ def test_beside_other_terms_the_form_of_an_effect_that_says_more_is_taken(
 
     monkeypatch.setattr(module, "in_place_of", in_place_of)
     monkeypatch.setattr(module, "most_convincing", convincing)
-    start = SimpleNamespace(ground=lambda model: None, context=Context.of(irma4))
+    start = SimpleNamespace(ground=lambda model: None, tried=NOTHING_TRIED, context=Context.of(irma4))
     trials = Trials(start, lambda _: None, Patience())  # type: ignore[arg-type]
     assert soft.effect.variant == "by length"
     found = trials.in_best_form(model(soft, tilt, whole=False))  # type: ignore[arg-type]
@@ -153,7 +161,7 @@ def test_a_wider_form_that_others_have_made_needless_becomes_the_simple_one(
     ((effect, theta),) = simple.effect.wider(np.array([0.5]), irma4)
     steep = general(simple, effect, theta)
     monkeypatch.setattr(module, "advantage", lambda model, less: lost)
-    start = SimpleNamespace(ground=lambda model: None, context=None)
+    start = SimpleNamespace(ground=lambda model: None, tried=NOTHING_TRIED, context=None)
     trials = Trials(start, lambda _: None, Patience())  # type: ignore[arg-type]
     found = trials.pruned(model(steep, tilt))  # type: ignore[arg-type]
     assert [h.effect.id for h in found.tried] == [expected, "gravity-tilt"]
@@ -179,7 +187,7 @@ def test_a_hose_without_a_spring_falls_into_what_it_stands_for(
     found = model(hose)
     found.thetas = [theta]
     monkeypatch.setattr(module, "advantage", lambda model, less: -10.0)
-    start = SimpleNamespace(ground=lambda model: None, context=None)
+    start = SimpleNamespace(ground=lambda model: None, tried=NOTHING_TRIED, context=None)
     told = Trials(start, lambda _: None, Patience()).pruned(found)  # type: ignore[arg-type]
     assert [h.effect.id for h in told.tried] == expected
     if len(expected) == 2:
@@ -205,7 +213,7 @@ def test_wider_forms_are_not_tried_once_patience_has_ended(
         fitted=lambda ground, context: model(drag),
         score=SimpleNamespace(tried=(drag,)),
     )
-    start = SimpleNamespace(ground=lambda model: None, context=None)
+    start = SimpleNamespace(ground=lambda model: None, tried=NOTHING_TRIED, context=None)
     trials = Trials(start, lambda _: None, Patience(cpu))  # type: ignore[arg-type]
     found = trials.added(addition, [])  # type: ignore[arg-type]
     assert found is not None
