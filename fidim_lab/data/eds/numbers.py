@@ -4,7 +4,7 @@ import re
 
 NODE = re.compile(r"\$?\{?NODE_?ID\}?", re.IGNORECASE)
 _DECIMAL = re.compile(r"[+-]?0{0,20}[0-9]{1,20}")
-_HEXADECIMAL = re.compile(r"([+-]?)(?:0x(0{0,20}[0-9a-f]{1,16})|(0{0,20}[0-9][0-9a-f]{0,15})h)", re.IGNORECASE)
+_HEXADECIMAL = re.compile(r"([+-]?)(?:0x(0{0,20}[0-9a-f]{1,16})|(?=[0-9])(0{0,20}[0-9a-f]{1,16})h)", re.IGNORECASE)
 _BARE = re.compile(r"[0-9a-f]{2,16}", re.IGNORECASE)
 """hexadecimal without a sign of it: only where a letter shows it"""
 _FIRST = re.compile(r"([+-]?(?:0x[0-9a-f]+|[0-9][0-9a-f]*h?))(?=[\s;,(])", re.IGNORECASE)

@@ -156,6 +156,11 @@ SUMS = st.sampled_from(
 )
 
 
+@pytest.mark.parametrize("text", ["0a000000000000000h", "0x00A000000000000000", "11529215046068469760"])
+def test_sixty_four_bits_are_read_whole(read, text):
+    assert read(variable("2000", DataType="0x1B", DefaultValue=text)).dictionary[0x2000].default == 0xA << 60
+
+
 @given(value=st.integers(0, 2**31 - 1), spelt=SPELT)
 def test_a_number_in_any_spelling(tmp_path_factory, value, spelt):
     path = tmp_path_factory.mktemp("eds") / "x.eds"
