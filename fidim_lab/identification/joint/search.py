@@ -55,7 +55,7 @@ class JointOptimum:
 
         Whether it is wrong is told by what windows leave before they are weighed: weighed they leave noise.
         """
-        count = sum(_numbers(simulation) for simulation in self.simulations)
+        count = sum(simulation.count for simulation in self.simulations)
         left = sum(simulation.cost for simulation in self.simulations)
         return effort.promise * max(1.0, self.cost / count) * hasty(effort, left / count)
 
@@ -115,11 +115,6 @@ def search(
         damping = relaxed(damping, gain / share_of_promise(stretch))
         stretch, now = stretched(stretch, gain), there
     return None
-
-
-def _numbers(simulation: Simulation) -> int:
-    """How many numbers were compared."""
-    return sum(len(residual.markers) + len(residual.lengths) for residual in simulation.residuals)
 
 
 def linear_tables(member: Member, simulation: Simulation) -> Tables:

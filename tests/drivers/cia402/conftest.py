@@ -5,7 +5,8 @@ The drive is not the simulated drive of `sim_backends`: it is as plain as possib
 
 import asyncio
 import struct
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from contextlib import asynccontextmanager, closing
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -319,6 +320,22 @@ def jump() -> Callable[[Coroutine[Any, Any, Any]], Any]:
     return run
 
 
+@asynccontextmanager
+async def controlled(master: CanopenMaster) -> AsyncIterator[asyncio.Task[None]]:
+    """While the master's control loop runs."""
+    task = asyncio.create_task(master.run())
+    try:
+        yield task
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+@pytest.fixture
+def control_loop() -> Callable[[CanopenMaster], Any]:
+    return controlled
+
+
 @pytest.fixture
 def on_bench(jump: Callable[..., Any]) -> Callable[..., Any]:
     """Run `script(bench)` with one winch, its drive and a running control loop."""
@@ -329,12 +346,8 @@ def on_bench(jump: Callable[..., Any]) -> Callable[..., Any]:
             bus = InProcessBus([drive])
             master = CanopenMaster(bus, LoopClock())
             winch = Cia402Winch(make_config(**changes), master)
-            task = asyncio.create_task(master.run())
-            try:
+            async with controlled(master) as task:
                 await script(Bench(drive, bus, master, winch, task))
-            finally:
-                task.cancel()
-                await asyncio.gather(task, return_exceptions=True)
 
         jump(main())
 
@@ -351,13 +364,9 @@ def against() -> Callable[..., None]:
             master = CanopenMaster(transport, LoopClock(), sync_rate=50.0)
             slow = {"sdo_timeout": 2.0, "step_timeout": 5.0, "sample_age": 1.0, "rated_current": 5.0}
             winch = kind(make_config(**(slow | changes)), master)
-            task = asyncio.create_task(master.run())
-            try:
-                await script(transport, master, winch)
-            finally:
-                task.cancel()
-                await asyncio.gather(task, return_exceptions=True)
-                transport.close()
+            with closing(transport):
+                async with controlled(master):
+                    await script(transport, master, winch)
 
         asyncio.run(main())
 

@@ -5,6 +5,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,9 @@ class DriveThread:
 
 
 @pytest.fixture
-def on_real_bus(plain_drive: Callable[[int], Any], config: Callable[..., WinchConfig]) -> Iterator[Callable[..., None]]:
+def on_real_bus(
+    plain_drive: Callable[[int], Any], config: Callable[..., WinchConfig], control_loop: Callable[[CanopenMaster], Any]
+) -> Iterator[Callable[..., None]]:
     channel = f"fidim-rt-{next(_numbers)}"
     drives = [plain_drive(node) for node in (1, 2)]
     peer = DriveThread(channel, drives)
@@ -72,13 +75,9 @@ def on_real_bus(plain_drive: Callable[[int], Any], config: Callable[..., WinchCo
             transport = PythonCanTransport("virtual", channel)
             master = CanopenMaster(transport, LoopClock(), sync_rate=100.0)
             winches = [Cia402Winch(config(name=f"w{n}", node_id=n, **PATIENT), master) for n in (1, 2)]
-            task = asyncio.create_task(master.run())
-            try:
-                await script(transport, master, winches, drives, task)
-            finally:
-                task.cancel()
-                await asyncio.gather(task, return_exceptions=True)
-                transport.close()
+            with closing(transport):
+                async with control_loop(master) as task:
+                    await script(transport, master, winches, drives, task)
 
         asyncio.run(main())
 

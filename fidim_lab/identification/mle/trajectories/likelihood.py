@@ -115,6 +115,11 @@ class WindowResidual:
         """All of them in one."""
         return np.concatenate([self.markers, self.lengths, self.loose])
 
+    @property
+    def count(self) -> int:
+        """How many recorded numbers were compared."""
+        return len(self.markers) + len(self.lengths)
+
 
 @dataclass(frozen=True, eq=False)
 class WindowLinear:
@@ -154,6 +159,11 @@ class Simulation:
         """Sum of squares; infinite where a motion could not be simulated."""
         total = sum(float(residual.rows @ residual.rows) for residual in self.residuals)
         return total if np.isfinite(total) else np.inf
+
+    @property
+    def count(self) -> int:
+        """How many recorded numbers were compared."""
+        return sum(residual.count for residual in self.residuals)
 
     def trajectory_of(self, window: int) -> tuple[Trajectories, int]:
         """The batch of trajectories in which a recording is, and its place there."""

@@ -115,7 +115,7 @@ class Optimum:
     @property
     def misfit(self) -> float:
         """χ²/dof, about."""
-        return self.cost / _residuals(self.simulation)
+        return self.cost / self.simulation.count
 
 
 def optimise(
@@ -150,7 +150,7 @@ def carry_on(
         rounds = len(costs) - 1
         rows, room = prior.rows(simulation.point.shared), prior.room(simulation.point.shared)
         foretold.append(step(tables, likelihood.own, rows, DAMPING[0], free, room).predicted)
-        promise, count = cost - foretold[-1], _residuals(simulation)
+        promise, count = cost - foretold[-1], simulation.count
         if promise < min(negligible(effort, cost / count), HOPELESS * cost):
             return Optimum(simulation, tables, cost, Ending.CONVERGED, rounds, tuple(costs), tuple(foretold))
         beyond = rounds >= PATIENCE and cost - REACH * promise > effort.wanted
@@ -243,10 +243,6 @@ def stretched(stretch: float, gain: float) -> float:
     """
     curvature = (2 * stretch - gain) / stretch**2
     return float(np.clip(1 / max(curvature, 1e-3), *STRETCHES))
-
-
-def _residuals(simulation: Simulation) -> int:
-    return sum(len(residual.markers) + len(residual.lengths) for residual in simulation.residuals)
 
 
 def _tables(likelihood: Likelihood, simulation: Simulation) -> Tables | None:

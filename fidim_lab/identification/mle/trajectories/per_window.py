@@ -145,7 +145,7 @@ def _settle(search: _Search, ours: _Part, simulation: Simulation, *, last: bool,
     promised = search.costs[ours.members] - own_steps(search.tables[ours.members], ours.likelihood.own, smallest)[1]
     for k, w in enumerate(ours.members):
         cost, residual = float(search.costs[w]), simulation.residuals[k]
-        count = len(residual.markers) + len(residual.lengths)
+        count = residual.count
         search.counts[w], search.promises[w] = count, promised[k]
         search.courses[w].append(cost)
         if promised[k] < min(negligible(effort, cost / count), HOPELESS * cost):
