@@ -74,6 +74,15 @@ def case_of(seed: int, number: int, mass: float, cables: int) -> Case:
     return Case(kind, tuple(_sized(id, rng, mass, cables) for id in ids))
 
 
+EACH = "each"
+"""--without: every effect in its turn, campaign after campaign"""
+
+
+def lacking(without: str, number: int) -> str:
+    """The effect that campaign `number` (from 1) hides and the catalogue lacks by `--without`; empty for none."""
+    return tuple(EFFECTS)[(number - 1) % len(EFFECTS)] if without == EACH else without
+
+
 def case_with(id: str, seed: int, number: int, mass: float, cables: int) -> Case:
     """Campaign `number` with this effect alone, for a catalogue that lacks it."""
     rng = np.random.default_rng([seed, number, 13])

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.markdown import Markdown
 
+from fidim_lab.app.benchmark.cases import lacking
 from fidim_lab.app.benchmark.child import ChildOutcome, ChildTask, in_child
 from fidim_lab.app.benchmark.folder import (
     BenchmarkFolder,
@@ -52,7 +53,7 @@ class BenchmarkOptions:
     json_file: Path | None
     page: Path | None
     without: str = ""
-    """an effect that every campaign hides and the catalogue lacks"""
+    """an effect that every campaign hides and the catalogue lacks, or `cases.EACH`"""
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -63,7 +64,9 @@ class BenchmarkOptions:
     def tasks(self) -> list[SealTask]:
         """What to make."""
         windows = (self.equilibria, self.validation)
-        return [SealTask(self.out, self.seed, number, windows, self.without) for number in self.numbers]
+        return [
+            SealTask(self.out, self.seed, number, windows, lacking(self.without, number)) for number in self.numbers
+        ]
 
     @property
     def text(self) -> str:
@@ -82,9 +85,7 @@ def benchmark_command(options: BenchmarkOptions, *, explainer: Action | None = N
     explainer: instead of `explain` in a child process. Raises SetupError for an --out that holds another benchmark,
     RefusedError where a sealed truth was changed.
     """
-    tally, commitment = run_benchmark(
-        options, explainer or partial(in_child, ChildTask.EXPLAIN, cap=options.cap, without=options.without)
-    )
+    tally, commitment = run_benchmark(options, explainer or partial(_explained, options))
     text = page(tally, options.text, commitment, options.without)
     if options.json_file is not None:
         write_json(options.json_file, {**tally.table, "commitment": commitment, "command": options.text})
@@ -113,6 +114,11 @@ def run_benchmark(options: BenchmarkOptions, explainer: Action) -> tuple[Tally, 
         left = [task for task in tasks if not folder.loudness(task.name).exists()]
         _told(spread(partial(measure, cap=options.cap), left), len(left), "measured")
     return Tally(tuple(_judged(folder, name, options.without) for name in names)), commitment
+
+
+def _explained(options: BenchmarkOptions, campaign: Campaign) -> ChildOutcome:
+    (task,) = (task for task in options.tasks if task.name == campaign.name)
+    return in_child(ChildTask.EXPLAIN, campaign, options.cap, task.without)
 
 
 def _explain_all(folder: BenchmarkFolder, names: list[str], explainer: Action, spread: Map) -> None:

@@ -244,15 +244,21 @@ def benchmark(context: click.Context) -> None:
 @click.option("--cap", default=600.0, show_default=True, type=Number(1), help="CPU seconds for a campaign.")
 @click.option("--processes", default=None, type=click.IntRange(1), help="Default: one for each core.")
 @click.option("--scheduler", default=None, metavar="ADDRESS", help="Explain on a dask cluster instead.")
-@click.option("--without", default="", metavar="EFFECT", help="Hide it in each campaign; the catalogue lacks it.")
+@click.option(
+    "--without",
+    default="",
+    metavar="EFFECT",
+    help="Hide it in each campaign, the catalogue lacks it; 'each': every effect in its turn.",
+)
 @click.option("--json", "json_file", type=OUT_FILE_DEEP, default=None, help="Write the result for programs.")
 @click.option("--page", type=OUT_FILE_DEEP, default=None, help="Write the result as a page of docs.")
 @example("fidim benchmark explain --campaigns 300 --out runs/sealed")
 def benchmark_explain(**options: Any) -> None:
     """Seal campaigns with secrets of random size in random robots, explain them blind, open and score them."""
+    from fidim_lab.app.benchmark.cases import EACH
     from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command
 
-    _scored((options["without"],) if options["without"] else ())
+    _scored((options["without"],) if options["without"] not in ("", EACH) else ())
     sys.exit(benchmark_command(BenchmarkOptions(**options)))
 
 

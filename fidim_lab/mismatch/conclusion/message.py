@@ -72,7 +72,8 @@ def _cause(found: Selection, model: Completed, k: int, doubtful: bool) -> NamedC
         for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
     }
     effect, members = tried.effect, alike(found, k)
-    ids, single = tuple(one.id for one in members), stands_alone(members) and not doubtful
+    ids, has_own = tuple(one.id for one in members), not effect.parts(values)
+    single = stands_alone(members) and has_own and not doubtful
     return NamedCause(effect.id, effect.cable, ids, parameters, effect.says, members, single)
 
 

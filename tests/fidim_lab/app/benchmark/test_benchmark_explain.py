@@ -14,6 +14,7 @@ from fidim_lab.app.benchmark.cases import SecretKind
 from fidim_lab.app.benchmark.child import ChildOutcome, ChildTask, in_child
 from fidim_lab.app.benchmark.command import BenchmarkOptions, benchmark_command, run_benchmark
 from fidim_lab.app.benchmark.folder import BenchmarkFolder, read_json, write_json
+from fidim_lab.app.benchmark.sizes import EFFECTS
 from fidim_lab.data.campaign import read_campaign, write_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Role, Window
 from fidim_lab.errors import RefusedError, SetupError
@@ -110,6 +111,17 @@ def test_figures_of_six_campaigns(options, quick, capsys):
     assert written["commitment"] in capsys.readouterr().out
     assert "no answer within 10 s" in page
     assert "2/3 = 66.7 %" in page
+
+
+def test_each_effect_in_its_turn_is_what_the_catalogue_lacks(options, quick):
+    options = replace(options, campaigns=len(EFFECTS) + 1, without="each")
+    lacked = [task.without for task in options.tasks]
+    assert lacked == [*EFFECTS, next(iter(EFFECTS))]
+    assert benchmark_command(replace(options, only=(1, 5)), explainer=Explainer(options.out)) == 0
+    page = options.page.read_text()
+    assert "one effect of the catalogue, each in its turn" in page
+    assert "| air-drag-linear | 2 | 0 | 2 | 0 |" in page  # named, and not as the only one
+    assert "A fifth hides nothing" not in page
 
 
 def test_the_commitment_is_the_hash_of_the_sealed_files(options, quick):
