@@ -24,6 +24,8 @@ class RunStarted:
     windows: tuple[str, ...]
     seconds: float
     """estimate for all of it"""
+    between: tuple[float, float]
+    """the least and the most that it takes in a run in which nothing is recorded twice, s"""
 
 
 @dataclass(frozen=True)

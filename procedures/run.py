@@ -159,11 +159,12 @@ class _Run:
             "format": FORMAT,
             "windows": windows,
             "seconds": round(outline.seconds, 1),
+            "seconds_between": [round(seconds, 1) for seconds in outline.between],
             "settings": asdict(settings),
         }
         kind = Kind.RUN_STARTED if self._resumption is None else Kind.CONTINUED
         self._journal.write(kind, text=experiment.name, data=data)
-        self._publish(RunStarted(self._rig.clock.now(), experiment.name, windows, outline.seconds))
+        self._publish(RunStarted(self._rig.clock.now(), experiment.name, windows, outline.seconds, outline.between))
         return await self._engine.run(experiment.procedure, stand, handlers, guards, settings.guard)
 
     async def _close(self, ending: ProcedureEnd, begin: float, error: BaseException | None) -> RunReport:

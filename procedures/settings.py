@@ -13,6 +13,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from drivers.ports import Prompt, PromptKind
 from fidim_lab.data.files.toml_file import NotNegative, Positive
 from fidim_lab.data.rigs.rig_guard_tables import (
     BusLost,
@@ -373,3 +374,9 @@ class Settings:
     """None: the rig has none, a hand lets go"""
     prompt_estimate: float = 15.0
     """s that a person needs to answer a prompt, for the time estimate only"""
+    steady_estimate: float = 15.0
+    """s that a person needs to bring the platform to rest, likewise"""
+
+    def estimate(self, prompt: Prompt) -> float:
+        """s until a prompt is answered."""
+        return self.steady_estimate if prompt.kind is PromptKind.STEADY else self.prompt_estimate

@@ -34,7 +34,7 @@ def begin(n: int, settings: Settings, *, attended: bool = True) -> Generator[Ste
         if result.answer != SWINGS:
             break
         prompt = Prompt(PromptKind.STEADY, REST, choices=("done", "abort"))
-        if (yield Ask(prompt=prompt, estimate=settings.prompt_estimate)).answer == "abort":
+        if (yield Ask(prompt=prompt, estimate=settings.estimate(prompt))).answer == "abort":
             yield Stop(outcome=Outcome.ABORTED, reason="The operator aborted before the winches were tried.")
         result = yield step
     if result.answer == SWINGS and not attended:

@@ -116,4 +116,4 @@ _NEXT = "Next is {0}: may it wind and pay out, at low speed, without load?"
 
 def _ask(window: str, text: str, settings: Settings, choices: tuple[str, ...]) -> AskWithoutPower:
     prompt = Prompt(PromptKind.CONFIRM, text, choices=choices)
-    return AskWithoutPower(window=window, prompt=prompt, estimate=settings.prompt_estimate)
+    return AskWithoutPower(window=window, prompt=prompt, estimate=settings.estimate(prompt))

@@ -89,7 +89,7 @@ def _ask(place: PlannedWindow, settings: Settings) -> AskWithoutPower:
         cables = "" if slack else ", with all cables taut"
         text = f"Is the platform exactly at the known place (main marker at {where} m){cables}?"
     prompt = Prompt(PromptKind.CONFIRM, text, choices=("done", "abort"))
-    return AskWithoutPower(window=place.id, prompt=prompt, estimate=settings.prompt_estimate)
+    return AskWithoutPower(window=place.id, prompt=prompt, estimate=settings.estimate(prompt))
 
 
 def _require_markers(robot: Robot) -> None:

@@ -160,7 +160,7 @@ class WindowProtocol:
         return (yield from self._ask(planned, Prompt(PromptKind.STEADY, text)))
 
     def _ask(self, planned: PlannedWindow, prompt: Prompt) -> Generator[Step, Result, str]:
-        asked = Ask(window=planned.id, prompt=prompt, estimate=self.settings.prompt_estimate)
+        asked = Ask(window=planned.id, prompt=prompt, estimate=self.settings.estimate(prompt))
         answer = (yield asked).answer
         if answer == "abort":
             yield Stop(window=planned.id, outcome=Outcome.ABORTED, reason=f"The operator aborted at “{prompt.text}”.")
@@ -174,6 +174,7 @@ class WindowProtocol:
             tolerance=motion.settle_tolerance,
             over=motion.settle_over,
             timeout=motion.settle_timeout,
+            steadied=self.settings.steady_estimate,
         )
         result = yield step
         for _ in range(motion.settle_tries - 1):

@@ -30,6 +30,9 @@ class Outline:
     def __init__(self, procedure: Procedure) -> None:
         self.steps = tuple(planned_steps(procedure))
         self.seconds = sum(step.seconds for step in self.steps)
+        least, most = zip(*(step.seconds_between for step in self.steps), strict=True) if self.steps else ((), ())
+        self.between = (sum(least), sum(most))
+        """s: every rest and place at once, and none in time; a window that is recorded again comes on top"""
         self.windows = tuple(dict.fromkeys(step.window for step in self.steps if step.window))
         self._left: dict[tuple[object, ...], Mapping[type[Step], float]] = {}
         left: dict[type[Step], float] = {}
@@ -55,9 +58,10 @@ class Outline:
         passed = 0.0
         for number, step in enumerate(self.steps, start=1):
             where = f"[{step.window}] " if step.window else ""
-            lines.append(f"{number:4d}  {_clock(passed)}  {where}{step.text}")
+            lines.append(f"{number:4d}  {clock(passed)}  {where}{step.text}")
             passed += step.seconds
-        lines.append(f"      {_clock(passed)}  end: {self._reached()}, all winches held")
+        lines.append(f"      {clock(passed)}  end: {self._reached()}, all winches held")
+        lines.append(f"      {duration(*self.between)}")
         return "\n".join(lines) + "\n"
 
     def _reached(self) -> str:
@@ -70,7 +74,14 @@ class Outline:
         return f"{len(self.windows) - len(lost)} of {len(self.windows)} windows, without {', '.join(lost)} (see there)"
 
 
-def _clock(seconds: float) -> str:
+def duration(least: float, most: float) -> str:
+    """How long a run takes, s, in words: a range where there is one."""
+    if clock(least) == clock(most):
+        return f"takes about {clock(least)}"
+    return f"takes {clock(least)} to {clock(most)}, by how soon the platform rests; windows recorded again come on top"
+
+
+def clock(seconds: float) -> str:
     """h:mm:ss"""
-    minutes, rest = divmod(round(seconds), 60)
+    minutes, rest = divmod(round(max(seconds, 0.0)), 60)
     return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"

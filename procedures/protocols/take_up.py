@@ -53,4 +53,4 @@ def ask_for_motion(place: PlannedWindow, settings: Settings) -> AskWithoutPower:
         "on its stand, nobody within reach of cables and drums, and the emergency stop at hand?"
     )
     prompt = Prompt(PromptKind.CONFIRM, text, choices=("done", "abort"))
-    return AskWithoutPower(window=place.id, prompt=prompt, estimate=settings.prompt_estimate)
+    return AskWithoutPower(window=place.id, prompt=prompt, estimate=settings.estimate(prompt))

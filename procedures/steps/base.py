@@ -90,6 +90,11 @@ class Step:
         return 0.0
 
     @property
+    def seconds_between(self) -> tuple[float, float]:
+        """The least and the most that it takes in a run in which nothing is recorded twice, s."""
+        return self.seconds, self.seconds
+
+    @property
     def expected(self) -> Result:
         """The result that a reader without hardware assumes."""
         return Result()

@@ -72,6 +72,11 @@ class MoveTo(Step):
         way = UNKNOWN_WAY if self.start is None else longest_way(self.start, self.lengths)
         return travel_time(way, self.speed, self.acceleration)
 
+    @property
+    def seconds_between(self) -> tuple[float, float]:
+        """A robot whose place is not known may be there already."""
+        return (0.0 if self.start is None else self.seconds), self.seconds
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settle(Step):
@@ -83,6 +88,8 @@ class Settle(Step):
     """s"""
     timeout: float
     """s"""
+    steadied: float = 0.0
+    """s that somebody needs to steady the platform where it comes to no rest, for the time estimate only"""
 
     @property
     def text(self) -> str:
@@ -97,6 +104,12 @@ class Settle(Step):
         """Estimate: the platform needs about as long again to come to rest."""
         return min(2.0 * self.over, self.timeout)
 
+    @property
+    def seconds_between(self) -> tuple[float, float]:
+        """At rest from the start; or not in time, steadied, and looked at again."""
+        again = self.steadied + self.over if self.steadied else 0.0
+        return self.over, self.timeout + again
+
 
 @dataclass(frozen=True, kw_only=True)
 class Hold(Step):
@@ -106,6 +119,11 @@ class Hold(Step):
     def text(self) -> str:
         """The step in words."""
         return "hold all winches"
+
+    @property
+    def seconds(self) -> float:
+        """Estimate: the encoders are looked at for a moment."""
+        return 0.2
 
 
 @dataclass(frozen=True, kw_only=True)

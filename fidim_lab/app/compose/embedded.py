@@ -33,8 +33,8 @@ SYNC_RATE = 100.0
 """Hz at most"""
 PATIENCE = 3.0
 """s that everything may be late: simulators, service and screens share one computer, which may be busy"""
-HAND_ANSWERS = 5.0
-"""s that a simulated hand needs for a prompt: 3 to 8 s over 45 prompts of three dry runs; a person has 15"""
+HAND_ESTIMATES = {"prompt_estimate": 4.5, "steady_estimate": 2.1}
+"""s that a simulated hand needs to displace and let go, and to steady: means of 52 and 61 prompts of four dry runs"""
 STOP_LATE = 0.2
 """s that a stop may take besides its reaction and its ramp, for the same reason"""
 GAP, COMPLETE = 0.5, 0.9
@@ -101,7 +101,7 @@ def patient_settings(settings: Settings) -> Settings:
         record=replace(settings.record, longest_gap=max(settings.record.longest_gap, GAP), complete=COMPLETE),
         commission=replace(settings.commission, late=max(settings.commission.late, STOP_LATE)),
         hold=replace(settings.hold, timeout=max(settings.hold.timeout, 2.0 * PATIENCE)),
-        prompt_estimate=HAND_ANSWERS,
+        **HAND_ESTIMATES,
     )
 
 

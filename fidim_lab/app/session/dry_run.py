@@ -115,7 +115,7 @@ def resume_dry_run(folder: Path, spec: DryRunSpec, json_file: Path | None) -> in
 
 def _experiment(spec: DryRunSpec, plan: Plan, robot: Robot, resumption: Resumption | None = None) -> Experiment:
     motion = MotionSettings(length_limits=compose.length_limits(plan))
-    settings = Settings(motion=motion, prompt_estimate=compose.HAND_ANSWERS)
+    settings = Settings(motion=motion, **compose.HAND_ESTIMATES)
     return procedure_of("excite" if spec.excite else "identify", plan, robot, settings, resumption=resumption)
 
 

@@ -88,7 +88,9 @@ def _listed(outline: Outline) -> dict[str, object]:
     steps = [
         {"window": s.window, "step": type(s).__name__, "text": s.text, "seconds": s.seconds} for s in outline.steps
     ]
-    return {"seconds": outline.seconds, "windows": list(outline.windows), "steps": steps}
+    least, most = outline.between
+    estimate = {"seconds": outline.seconds, "seconds_least": least, "seconds_most": most}
+    return {**estimate, "windows": list(outline.windows), "steps": steps}
 
 
 def make_spec(options: RunOptions) -> RunSpec:

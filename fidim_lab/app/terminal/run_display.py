@@ -20,6 +20,7 @@ from procedures.events import (
     WindowFinished,
 )
 from procedures.outcomes import Outcome
+from procedures.protocols.listing import clock, duration
 from procedures.steps import (
     Ask,
     AwaitHandsOff,
@@ -124,7 +125,7 @@ class LiveDisplay:
             self._lines[window] = replace(self._lines[window], **what)  # type: ignore[arg-type]
 
     def _render(self) -> Group:
-        title = f"{self._title}   {_clock(self._left)} left"
+        title = f"{self._title}   {clock(self._left)} left"
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)
         for column in ("window", "now", "", "tensions, N", "recordings", "verdict"):
             table.add_column(column)
@@ -153,10 +154,10 @@ class PlainDisplay:
         """Print what a reader of a log wants to know."""
         match event:
             case RunStarted():
-                self._say(event.t, "", f"{self._title}: {len(event.windows)} windows, about {_clock(event.seconds)}")
+                self._say(event.t, "", f"{self._title}: {len(event.windows)} windows; {duration(*event.between)}")
             case StepStarted() if type(event.step) in NAMES:
                 name = NAMES[type(event.step)]
-                self._say(event.t, event.step.window, f"{name:10} {_clock(event.left)} left")
+                self._say(event.t, event.step.window, f"{name:10} {clock(event.left)} left")
             case Prompted():
                 self._say(event.t, event.window, f"? {event.prompt.text}")
             case StepFinished(step=CheckTension()):
@@ -173,7 +174,7 @@ class PlainDisplay:
 
     def _say(self, t: float, window: str, text: str) -> None:
         if (window, text) != self._last:  # a check and the rejection that follows have the same reason
-            self._console.print(f"{_clock(t):>8}  {window:4} {text}", markup=False)
+            self._console.print(f"{clock(t):>8}  {window:4} {text}", markup=False)
         self._last = (window, text)
 
 
@@ -184,8 +185,3 @@ def display(console: Console, title: str) -> LiveDisplay | PlainDisplay:
 
 def _range(tensions: Sequence[float]) -> str:
     return f"{min(tensions):.0f}–{max(tensions):.0f}" if tensions else ""
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(max(seconds, 0.0)), 60)
-    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"

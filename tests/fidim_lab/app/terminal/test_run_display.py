@@ -27,7 +27,7 @@ TENSIONS = CheckTension(window="i01", limits=(20.0, 200.0), tolerance=0.1, over=
 PROMPT = Prompt(PromptKind.STEADY, "Bring [bold]it[/bold] to rest.")
 REPORT = RunReport("r", Path(), Outcome.PASS, "", (), held=True, held_says="", seconds=70.0)
 EVENTS: tuple[Event, ...] = (
-    RunStarted(0.0, "r", ("i01", "i02"), 130.0),
+    RunStarted(0.0, "r", ("i01", "i02"), 130.0, (110.0, 150.0)),
     StepStarted(1.0, 1, TENSIONS, 129.0),
     StepFinished(2.0, 1, TENSIONS, Result(values=(34.4, 71.2, 90.6)), 128.0),
     Prompted(3.0, "i01", PROMPT),
@@ -50,7 +50,7 @@ def test_a_log_gets_a_line_for_each_thing_that_happens() -> None:
             shown(event)
     said = text.getvalue()
     for expected in (
-        "dry run: 2 windows, about 0:02:10",
+        "dry run: 2 windows; takes 0:01:50 to 0:02:30",
         "tensions 34–91 N",
         "? Bring [bold]it[/bold] to rest.",
         "recording  0:02:02 left",
