@@ -21,6 +21,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from drivers.disk import InlineDisk
 from drivers.ports import Clock, Disk
 from fidim_lab.data.files.input_file import read_bytes, unseen
+from fidim_lab.data.files.mistakes import first_mistake
 from fidim_lab.errors import FileError, HardwareError
 from fidim_lab.say import printable
 from procedures.outcomes import Outcome
@@ -171,9 +172,14 @@ def _read(path: Path) -> list[tuple[Entry, int]]:
         except ValidationError as error:
             if data[offset:].strip(b"\0\n") == b"":  # the last line: torn by a crash
                 break
-            raise FileError(path, f"line {number}", f"is not a journal line: {error.errors()[0]['msg']}") from None
+            raise FileError(path, f"line {number}", f"is not a journal line: {_wrong(error)}") from None
         entries.append((_shown(entry) if unseen(line.decode("utf-8", "replace")) or b"\\u" in line else entry, offset))
     return entries
+
+
+def _wrong(error: ValidationError) -> str:
+    place, problem = first_mistake(error.errors(include_url=False))
+    return f"{place}: {problem}" if place else problem
 
 
 def _shown(entry: Entry) -> Entry:

@@ -24,10 +24,15 @@ from fidim_lab.data.robot_file import read_robot
 from fidim_lab.errors import FidimError, FileError
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Entry, Kind, read_journal
+from procedures.steps import Accept, CheckWindow, GiveUp, Record, Verdict
 
 FORMAT = "fidim-history/1"
 JOURNAL, RESULT, EXPLANATION, ROBOT = "journal.jsonl", "result.json", "explanation.json", "robot.toml"
 FAILED = (Outcome.FAIL, Outcome.ERROR)
+ACCEPT = Accept.__name__
+RECORDING = (Record.__name__, CheckWindow.__name__, ACCEPT)
+VERDICTS = (ACCEPT, GiveUp.__name__, Verdict.__name__)
+"""steps, as the journal calls them"""
 SHOWN = 10
 """lines of each failure statistic"""
 
@@ -45,7 +50,7 @@ class Run:
     verdict: str = ""
     """how the run ended; "cut off" where it did not say; "imported" or "simulated" where nothing was run"""
     windows: str = ""
-    """accepted of planned"""
+    """accepted of planned; done of planned where the procedure records nothing"""
     found: str = ""
     """what identify and explain said, where they wrote it down"""
     note: str = ""
@@ -111,14 +116,22 @@ def _journal(entries: Sequence[Entry]) -> dict[str, Any]:
     ended = [entry for entry in entries if entry.kind == Kind.RUN_FINISHED]
     done = [entry for entry in entries if entry.kind == Kind.STEP_FINISHED]
     planned = begun[0].data.get("windows", ()) if begun else ()
-    accepted = {entry.window for entry in done if entry.step == "Accept"}
     return {
         "when": entries[0].wall.removesuffix("Z").replace("T", " ")[:16] if entries else "",
         "verdict": ended[-1].outcome.value if ended else "cut off",
-        "windows": f"{len(accepted)} of {len(planned)}",
+        "windows": _counted_windows(done, len(planned)),
         "steps": _counted((entry.step, entry) for entry in done),
         "rejected": _counted((entry.window, entry) for entry in done if entry.step == "CheckWindow"),
     }
+
+
+def _counted_windows(done: Sequence[Entry], planned: int) -> str:
+    """How many of the planned windows were accepted. Where nothing was recorded: at how many the procedure did all."""
+    judged = {entry.window: entry for entry in done if entry.step in VERDICTS}
+    if judged and not any(entry.step in RECORDING for entry in done):
+        well = [entry for entry in judged.values() if entry.outcome in (Outcome.PASS, Outcome.MARGINAL)]
+        return f"{len(well)} of {planned} places done"
+    return f"{sum(entry.step == ACCEPT for entry in judged.values())} of {planned}"
 
 
 def _counted(entries: Iterable[tuple[str, Entry]]) -> dict[str, tuple[int, int]]:

@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from fidim_lab.app.service.commands import Message
+from fidim_lab.data.files.mistakes import mistakes
 from fidim_lab.say import printable
 
 LINE_LIMIT = 1 << 15
@@ -68,7 +69,7 @@ class LineDecoder(Generic[M]):
         try:
             return self._adapter.validate_json(line)
         except ValidationError as error:
-            return self._break("; ".join(_sentence(e["loc"], e["msg"]) for e in error.errors()[:3]))
+            return self._break("; ".join(_sentence(place, says) for place, says, _ in mistakes(error.errors())[:3]))
 
     def _break(self, says: str) -> MalformedLine:
         self._broken = True

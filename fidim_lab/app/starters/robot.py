@@ -46,7 +46,7 @@ def _sections(cables: int) -> list[Section]:
         Section("[platform]", PlatformTable, platform),
         Section("[limits]", LimitsTable, {"tension": [5.0, 200.0], "free_displacement": [0.1, 0.1]}),
         Section("[sensors]", SensorsTable, {"marker_noise": 1e-4, "encoder_resolution": 2e-5}),
-        Section("[winch]", WinchTable, winch, "One table [winch] for all winches, or one [[winch]] for each."),
+        Section("[winch]", WinchTable, winch, says="One table [winch] for all winches, or one [[winch]] for each."),
         Section(
             "[survey]",
             SurveyTable,
@@ -60,7 +60,8 @@ def _sections(cables: int) -> list[Section]:
 
 def _cable(number: int, cables: int) -> Section:
     says = "One table for each cable, in the order of the winches." if number == 0 else ""
-    return Section("[[cable]]", CableTable, cable_values(number, cables), says, silent=number > 0)
+    own = {"name": f"cable {number + 1}"}
+    return Section("[[cable]]", CableTable, cable_values(number, cables), says, silent=number > 0, examples=own)
 
 
 def cable_values(number: int, cables: int) -> dict[str, object]:

@@ -36,6 +36,8 @@ class Section:
     """without what each key means: a table like the one before"""
     commented: bool = False
     """the whole table stands as a comment"""
+    examples: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """what stands behind a key that is a comment, where each table of this kind needs one of its own"""
 
 
 def document(kind: str, opening: str, sections: Iterable[Section]) -> str:
@@ -84,7 +86,8 @@ def _section(kind: str, section: Section) -> str:
         if not section.silent:
             lines.append(_prose(sentence(words, schema_of_key)))
         given = key in section.values
-        value = section.values[key] if given else _stand_in(section.model, key, words.example)
+        example = section.examples.get(key, words.example)
+        value = section.values[key] if given else _stand_in(section.model, key, example)
         lines.append(f"{'' if given and not section.commented else '#'}{key} = {toml_value(value)}")
     return "\n".join(lines) + "\n"
 

@@ -6,7 +6,8 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from fidim_lab.data.files.input_file import JSON_LIMIT, place_words, read_json
+from fidim_lab.data.files.input_file import JSON_LIMIT, read_json
+from fidim_lab.data.files.mistakes import first_mistake
 from fidim_lab.errors import FileError
 
 T = TypeVar("T")
@@ -22,5 +23,4 @@ def validated_json(path: Path, found: Any, validate: Callable[[Any], T]) -> T:
     try:
         return validate(found)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise FileError(path, place_words(first["loc"]), first["msg"]) from None
+        raise FileError(path, *first_mistake(error.errors(include_url=False), found)) from None

@@ -11,6 +11,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from fidim_lab.data.files.input_file import DEEPEST, MIB, NotAllowedError, check_values, place_words, read_text
+from fidim_lab.data.files.mistakes import mistakes, shown
 from fidim_lab.errors import FileError
 
 Schema = TypeVar("Schema", bound="Table")
@@ -88,7 +89,7 @@ def validated(path: Path, table: dict[str, Any], schema: type[Schema], wanted_fo
     try:
         made = schema.model_validate(table)
     except ValidationError as error:
-        raise FileError(path, "", _together(_sentences(error.errors(), schema))) from None
+        raise FileError(path, "", _together(_sentences(error.errors(), table, schema))) from None
     _check_types(path, table, made.model_dump(by_alias=True), ())
     return made
 
@@ -110,13 +111,13 @@ def _together(sentences: list[str]) -> str:
     return f"{shown}; and {len(further)} more" if further else shown
 
 
-def _sentences(errors: Iterable[Any], schema: type[BaseModel]) -> list[str]:
+def _sentences(errors: Iterable[Any], table: dict[str, Any], schema: type[BaseModel]) -> list[str]:
     """Each mistake once, at the first of its places: what `[every_winch]` says is wrong in every winch."""
     places: dict[tuple[tuple[str, ...], str], list[str]] = {}
     keys = schema.model_json_schema()
-    for error in errors:
-        place, problem = _problem(error, keys)
-        names = tuple(part for part in error["loc"] if isinstance(part, str))
+    for location, sentence, error in mistakes(list(errors), table):
+        place, problem = _problem(location, sentence, error, keys)
+        names = tuple(part for part in location if isinstance(part, str))
         places.setdefault((names, problem), []).append(place)
     return [
         f"{first}: {problem}" + (f" (the same in {len(others)} more)" if others else "")
@@ -124,28 +125,20 @@ def _sentences(errors: Iterable[Any], schema: type[BaseModel]) -> list[str]:
     ]
 
 
-def _problem(error: Any, keys: dict[str, Any]) -> tuple[str, str]:
+def _problem(location: tuple[int | str, ...], sentence: str, error: Any, keys: dict[str, Any]) -> tuple[str, str]:
     """Where, and what is wrong there. keys: the JSON schema of the whole file."""
-    place = place_words(error["loc"]) or "file"
+    place = place_words(location) or "file"
     found = error["input"]
     match error["type"]:
         case "extra_forbidden":
-            return place, f"unknown key; {_meant(str(error['loc'][-1]), _inside(keys, error['loc'][:-1]))}"
+            return place, f"{sentence}; {_meant(str(error['loc'][-1]), _inside(keys, error['loc'][:-1]))}"
         case "missing" if isinstance(found, list):  # a tuple that ended too early
             wanted = [one["minItems"] for one in _at(keys, error["loc"][:-1]) if "minItems" in one]
             says = f", {wanted[0]} are wanted" if wanted else ""
             few = "1 number is" if len(found) == 1 else f"{len(found)} numbers are"
             return place_words(error["loc"][:-1]), f"{few} too few{says}"
-        case "missing":
-            return place, "is missing"
-        case "too_long":
-            allowed = error["ctx"]["max_length"]
-            return place, f"{error['ctx']['actual_length']} values, at most {allowed} are allowed"
-        case "value_error":
-            return place, f"{error['ctx']['error']}"
         case _:
-            shown = repr(found)
-            return place, f"{error['msg']}, found {shown if len(shown) < 60 else shown[:57] + '...'}"
+            return place, sentence
 
 
 def _meant(name: str, known: list[str]) -> str:
@@ -170,7 +163,10 @@ def _at(keys: dict[str, Any], location: tuple[int | str, ...]) -> list[dict[str,
 def _below(schema: dict[str, Any], part: int | str) -> list[dict[str, Any]]:
     if isinstance(part, int):
         return [*schema.get("prefixItems", ())[part : part + 1], *([schema["items"]] if "items" in schema else [])]
-    return [schema["properties"][part]] if part in schema.get("properties", {}) else []
+    if part in schema.get("properties", {}):
+        return [schema["properties"][part]]
+    others = schema.get("additionalProperties")  # keys that a person chooses
+    return [others] if isinstance(others, dict) else []
 
 
 def _choices(schema: dict[str, Any], keys: dict[str, Any]) -> list[dict[str, Any]]:
@@ -190,8 +186,7 @@ def _check_types(path: Path, written: Any, made: Any, place: tuple[str | int, ..
         for index, (one, other) in enumerate(zip(written, made, strict=False)):
             _check_types(path, one, other, (*place, index))
     elif isinstance(written, str | bool) and isinstance(made, int | float) and not isinstance(made, type(written)):
-        what = "a text" if isinstance(written, str) else "true or false"
-        raise FileError(path, place_words(place), f"{written!r} is {what}; a number was expected")
+        raise FileError(path, place_words(place), f"{shown(written)}; a number is wanted")
 
 
 def _check_sizes(value: Any, place: tuple[str | int, ...] = ()) -> None:

@@ -132,7 +132,7 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
             "hardly tell; the nearest existing body is given."
         )
     elif eigenvalue > 0:
-        parts.append(f"It is {plain(min(in_sd, 9999))} nominal sd away from bodies that cannot.")
+        parts.append(f"The nearest body that cannot exist is {plain(min(in_sd, 9999))} nominal sd away.")
     if ended is Outcome.NOT_CONVERGED or found.ending is Ending.EDGE:
         parts.append(found.ending.value)
     if figures.unseen:

@@ -41,7 +41,7 @@ def test_written_file_reads_back_the_same(irma4: Robot, tmp_path: Path) -> None:
             'format = "fidim-plan/1"',
             "format: is 'fidim-plan/1'; another kind of file; \"fidim-robot/1\" is wanted here",
         ),
-        ("mass = 11.0", "mass = -1", "platform, mass: Input should be greater than 0, found -1"),
+        ("mass = 11.0", "mass = -1", "platform, mass: -1; more than 0 is allowed"),
         ("mass = 11.0", "mass = 11.0\ncolour = 1", "platform, colour: unknown key"),
         ("mass = 11.0", "", "platform, mass: is missing"),
         ("d = [0.0532, 0.796, 0.532]", "d = [0.0532, 0.796]", "cable 4, d: 2 numbers are too few, 3 are wanted"),

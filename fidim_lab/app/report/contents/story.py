@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from fidim_lab.app.report.drawings.figures import Bout
+from fidim_lab.data.files.mistakes import first_mistake
 from fidim_lab.errors import FileError
 from procedures.outcomes import Outcome
 from procedures.recording.journal import Entry, Kind, read_journal
@@ -264,8 +265,9 @@ class _Reader:
         try:
             return _SEEN.validate_python(found)
         except ValidationError as error:
-            problem = error.errors(include_url=False)[0]["msg"]
-            raise FileError(self.path, f"entry {entry.number}, measurements", problem) from None
+            place, problem = first_mistake(error.errors(include_url=False), found)
+            where = ", ".join(filter(None, (f"entry {entry.number}", "measurements", place)))
+            raise FileError(self.path, where, problem) from None
 
 
 def _failed(entry: Entry) -> Outcome:

@@ -83,3 +83,13 @@ def test_who_and_why_are_kept_with_the_run(tmp_path: Path, monkeypatch: pytest.M
     )  # fmt: skip
     spec = make_spec(options)
     assert (spec.operator, spec.note) == ("grace", "gusty")
+
+
+def test_a_procedure_that_records_nothing_counts_what_it_did(tmp_path: Path) -> None:
+    tried = [_step("Settle", "pass", "i01"), _step("GiveUp", "pass", "i01"), _step("GiveUp", "fail", "v01")]
+    _journal(tmp_path / "check", "2026-03-01", *tried)
+    left_out = [_step("Record", "pass", "i01"), _step("Accept", "pass", "i01"), _step("GiveUp", "skipped", "v01")]
+    _journal(tmp_path / "run", "2026-03-02", *left_out)
+    assert run(["ls", str(tmp_path), "--json", str(tmp_path / "h.json")]) == 0
+    told = json.loads((tmp_path / "h.json").read_text())["runs"]
+    assert [one["windows"] for one in told] == ["1 of 2 places done", "1 of 2"]
