@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fidim_lab.app.compose.embedded import HAND_ESTIMATES, Ports, embedded_devices, patient_settings, rehearsal_file
+    from fidim_lab.app.compose.embedded import Ports, embedded_devices, hand_settings, patient_settings, rehearsal_file
     from fidim_lab.app.compose.loop import STOP_SIGNALS, run_loop
     from fidim_lab.app.compose.real import RealRig, real_rig, require_what_winches_do, rig_settings
     from fidim_lab.app.compose.simulated import (
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from fidim_lab.app.compose.simulators import SimulatedDevices, simulated_devices
 
 __all__ = [
-    "HAND_ESTIMATES",
     "MARKER_RATE",
     "STOP_SIGNALS",
     "SYNC_RATE",
@@ -38,6 +37,7 @@ __all__ = [
     "SimulatedRig",
     "World",
     "embedded_devices",
+    "hand_settings",
     "hidden_keys",
     "length_limits",
     "patient_settings",
@@ -54,7 +54,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    **dict.fromkeys(("HAND_ESTIMATES", "embedded_devices", "patient_settings", "Ports", "rehearsal_file"), "embedded"),
+    **dict.fromkeys(("hand_settings", "embedded_devices", "patient_settings", "Ports", "rehearsal_file"), "embedded"),
     **dict.fromkeys(("run_loop", "STOP_SIGNALS"), "loop"),
     **dict.fromkeys(("real_rig", "RealRig", "require_what_winches_do", "rig_settings"), "real"),
     **dict.fromkeys(

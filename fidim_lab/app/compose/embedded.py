@@ -33,7 +33,7 @@ SYNC_RATE = 100.0
 """Hz at most"""
 PATIENCE = 3.0
 """s that everything may be late: simulators, service and screens share one computer, which may be busy"""
-HAND_ESTIMATES = {"prompt_estimate": 4.5, "steady_estimate": 2.1}
+HAND_ANSWERS, HAND_STEADIES = 4.5, 2.1
 """s that a simulated hand needs to displace and let go, and to steady: means of 52 and 61 prompts of four dry runs"""
 STOP_LATE = 0.2
 """s that a stop may take besides its reaction and its ramp, for the same reason"""
@@ -93,15 +93,19 @@ def _patient_line(ports: Ports, number: int) -> dict[str, Any]:
     return {"port": port, **({"age": PATIENCE} if number else {"timeout": PATIENCE, "watchdog": PATIENCE})}
 
 
+def hand_settings(settings: Settings) -> Settings:
+    """With the times that the simulated hand takes."""
+    return replace(settings, prompt_estimate=HAND_ANSWERS, steady_estimate=HAND_STEADIES)
+
+
 def patient_settings(settings: Settings) -> Settings:
     """For a rehearsal: what shares a busy computer comes late, and is not held against it. Limits stay as they are."""
     return replace(
-        settings,
+        hand_settings(settings),
         motion=replace(settings.motion, together=max(settings.motion.together, PATIENCE)),
         record=replace(settings.record, longest_gap=max(settings.record.longest_gap, GAP), complete=COMPLETE),
         commission=replace(settings.commission, late=max(settings.commission.late, STOP_LATE)),
         hold=replace(settings.hold, timeout=max(settings.hold.timeout, 2.0 * PATIENCE)),
-        **HAND_ESTIMATES,
     )
 
 

@@ -115,7 +115,7 @@ def resume_dry_run(folder: Path, spec: DryRunSpec, json_file: Path | None) -> in
 
 def _experiment(spec: DryRunSpec, plan: Plan, robot: Robot, resumption: Resumption | None = None) -> Experiment:
     motion = MotionSettings(length_limits=compose.length_limits(plan))
-    settings = Settings(motion=motion, **compose.HAND_ESTIMATES)
+    settings = compose.hand_settings(Settings(motion=motion))
     return procedure_of("excite" if spec.excite else "identify", plan, robot, settings, resumption=resumption)
 
 
