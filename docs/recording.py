@@ -27,6 +27,9 @@ from time import monotonic
 
 import pyte
 
+sys.path.insert(0, str(Path(__file__).parent))
+from page_pictures import WINDOW, draw
+
 COMMANDS = (
     "fidim dry-run --seed 4 --equilibria 6 --validate 3 --hide swivel-friction:c=0.01 --out lab",
     "fidim explain lab --report why.html",
@@ -178,6 +181,8 @@ def main() -> None:
     out = Path(__file__).parent / "pictures" / "session.svg"
     with tempfile.TemporaryDirectory() as folder:
         out.write_text(picture(record(COMMANDS, Path(folder))) + "\n", encoding="utf-8")
+        draw(Path(folder) / "why.html", "explain", 1000, 3100)
+        draw(Path(folder) / "lab" / "report.html", "report-window", 1100, 1230, WINDOW)
 
 
 if __name__ == "__main__":

@@ -31,6 +31,11 @@ class Enable(Step):
         """Estimate."""
         return 2.0
 
+    @property
+    def seconds_between(self) -> tuple[float, float]:
+        """0.2 s of simulated drives, to a second and more on a bus."""
+        return 0.2, self.seconds
+
 
 @dataclass(frozen=True, kw_only=True)
 class MoveTo(Step):

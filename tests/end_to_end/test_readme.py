@@ -12,6 +12,8 @@ from fidim_lab.app import cli
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ROW = re.compile(r"│ ([sI]_\w+) +│ +(-?[\d.]+) │ +([\d.]+) │ +(-?[\d.]+) │")
+PRINTED = re.compile(r"│ (s_\w) +│ +-?[\d.]+ │ +(-?[\d.]+) │")
+"""name, identified"""
 CLOSE = 0.02
 """mm, 1e-3 m²: another processor's rounding may show in the last digits; another result must not"""
 
@@ -50,3 +52,18 @@ def test_the_dry_run_prints_what_the_readme_shows(outputs: dict[str, Any]) -> No
     for there, here in zip(*rows, strict=True):
         assert there[0] == here[0]
         assert [float(v) for v in here[1:]] == pytest.approx([float(v) for v in there[1:]], abs=CLOSE)
+
+
+def test_the_picture_above_the_output_is_of_the_same_run(outputs: dict[str, Any]) -> None:
+    pictures = runpy.run_path(str(ROOT / "docs" / "page_pictures.py"))
+    (shown,) = re.findall(r"\((docs/pictures/\w+\.png)\)", README)
+    said = pictures["description"](ROOT / shown)
+    ((_, text),) = outputs["blocks"](README)
+    first = text[: text.index("Free of the choice of P")]
+    rows = {name: float(value) for name, value in PRINTED.findall(first)}
+    assert set(rows) >= {"s_x", "s_y", "s_z"}
+    found = re.search(r"s = \((.*?)\) mm", said)
+    assert found is not None, "make outputs draws it anew"
+    drawn = [float(one.partition(" ±")[0]) for one in found[1].split(",")]
+    for name, value in zip(("s_x", "s_y", "s_z"), drawn, strict=True):
+        assert value == pytest.approx(rows[name], abs=1e-3), f"{name}: make outputs draws the picture anew"

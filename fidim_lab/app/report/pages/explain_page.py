@@ -69,6 +69,9 @@ def _page(contents: Contents, explanation: Explanation) -> ExplainPage:
 
 
 def _summary(contents: Contents, explanation: Explanation) -> tuple[tuple[str, str], ...]:
+    recorded = ("Recorded", recorded_sentence(contents))
+    if explanation.answer is not None:
+        return (recorded, *explanation.answer.parts)
     left_out = "; ".join(
         cause.id if cause.cable is None else f"{cause.id} of cable {cause.cable}" for cause in explanation.effects
     )
@@ -82,7 +85,7 @@ def _summary(contents: Contents, explanation: Explanation) -> tuple[tuple[str, s
         )
     verdict = VERDICTS[explanation.verdict][2:].capitalize()
     named = f"Left out: {left_out}." if left_out else f"{verdict}: no effect is named."
-    return (("Recorded", recorded_sentence(contents)), ("Found", named), ("Proof", shown))
+    return (recorded, ("Found", named), ("Proof", shown))
 
 
 def _arrows(explanation: Explanation) -> list[tuple[np.ndarray, np.ndarray]]:
