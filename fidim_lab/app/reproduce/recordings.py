@@ -19,9 +19,9 @@ from fidim_lab.data.importers.grab import FITTED, GROUPS, VALIDATED, read_grab
 from fidim_lab.data.importers.grab_results import Processed, read_bodies, read_processed
 from fidim_lab.data.importers.takes import Takes
 from fidim_lab.data.records import Body, Campaign, Role, Window
-from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
 from fidim_lab.errors import SetupError
-from fidim_lab.identification.joint.fit import JointFit, alone, fit_jointly, fit_some
+from fidim_lab.identification.joint.fit import FRICTION, alone, fit_jointly, fit_some
+from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.sharing import in_common
 from fidim_lab.identification.mle.figures import figures_of
 from fidim_lab.identification.papers_takes import (
@@ -144,7 +144,7 @@ def _bodies(groups: Sequence[Takes]) -> tuple[ByCables, ...]:
         return ()
     native = compiler() is not None
     common = in_common(campaigns)
-    whole = fit_jointly(common, alone(common, native=native), (AttachmentFriction(),), native=native)
+    whole = fit_jointly(common, alone(common, native=native), FRICTION, native=native)
     if len(campaigns) == 1:
         return (_by(whole),)
     each = [fit_some(common, whole, (k,), native=native) for k in range(len(campaigns))]

@@ -8,7 +8,8 @@ from jaxtyping import Float
 
 from fidim_lab.data.records import Role
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.joint.fit import JointFit, fit_some
+from fidim_lab.identification.joint.fit import fit_some
+from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.members import lay_out
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle import held_out

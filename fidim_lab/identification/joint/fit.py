@@ -7,6 +7,9 @@ Where the model misses more of a window than noise, that window's squares are di
 its noise is as large as what is left, and found with the fit. So a millimetre that the model cannot follow is no
 measurement of an anchor to a micrometre, and a window with a marker that jumps does not outvote the others. A usual
 survey's factor is chosen by evidence where no file states one.
+
+Friction may be at each joint of a cable: where it is tied to the platform, at its pulley's swivel, at the wrap. All of
+them are fitted, then those that the evidence can do without are left out.
 """
 
 from collections.abc import Sequence
@@ -16,21 +19,21 @@ import numpy as np
 from jaxtyping import Float
 
 from fidim_lab.data.records import Body, Role
+from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
+from fidim_lab.effects.dissipation.pulley_friction import PulleyFriction
+from fidim_lab.effects.dissipation.swivel_friction import SwivelDamping, SwivelFriction
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import RefusedError
-from fidim_lab.identification.equations.uncertainty import jackknife_sd
+from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.members import Layout, Member, lay_out
 from fidim_lab.identification.joint.search import JointOptimum, linear_tables, search
 from fidim_lab.identification.joint.sharing import Common
-from fidim_lab.identification.mle import spread
-from fidim_lab.identification.mle.evidence import FACTORS, ODDS, SAME, over_factors
-from fidim_lab.identification.mle.findings import MISFIT
+from fidim_lab.identification.mle.evidence import FACTORS, SAME, over_factors
 from fidim_lab.identification.mle.fit import Fit, fit
 from fidim_lab.identification.mle.judge import Remainder
-from fidim_lab.identification.mle.linearised import Linearised
 from fidim_lab.identification.mle.starts.possible import nearest_possible, scales
 from fidim_lab.identification.mle.trajectories.likelihood import Point, Simulation, simulate, stepped
-from fidim_lab.identification.mle.trajectories.normal import Part, Prior, reduced, step_of_parts
+from fidim_lab.identification.mle.trajectories.normal import Part, Prior, step_of_parts
 from fidim_lab.identification.mle.trajectories.optimise import DAMPING, ON_THE_WAY, Effort
 from fidim_lab.identification.mle.trajectories.stages import FAR_PRIOR, is_lost
 from fidim_lab.model.mechanism import Mechanism
@@ -45,8 +48,8 @@ ROUND = replace(ON_THE_WAY, promise=1e-1, haste=20.0)
 LAST = replace(ROUND, promise=1e-3, haste=2e3)
 """to a thirtieth of a standard deviation where the model is right; as `ROUND` where it is wrong: of sixty real takes
 the best fit on the fine grid is within 0.05 of the stated standard deviations, and costs three times as much"""
-NEAR = 0.3
-"""of its stated standard deviation, by which no parameter of the body is still to move"""
+FRICTION: tuple[NamedEffect, ...] = (AttachmentFriction(), SwivelFriction(), SwivelDamping(), PulleyFriction())
+"""at the joints of a cable, alike for all cables"""
 ROUNDS = 3
 """of choosing χ²/dof and the survey's factor, and fitting again; both settle in two"""
 COARSE = 10.0
@@ -62,118 +65,6 @@ class Alone:
     found: Fit
     """its geometry as in the file, and only to a standard deviation: where the joint fit begins"""
     member: Member
-
-
-@dataclass(frozen=True, eq=False)
-class JointFit:
-    """An optimum of several campaigns and everything that is known about it."""
-
-    chosen: tuple[int, ...]
-    """which of the campaigns"""
-    layout: Layout
-    members: tuple[Member, ...]
-    optimum: JointOptimum
-    start: Body
-    prior: Prior
-    factor: float
-    """times a usual survey, where no file states one"""
-    remainders: tuple[tuple[Remainder, ...], ...]
-
-    @property
-    def values(self) -> Float[np.ndarray, " shared"]:
-        """The joint parameters."""
-        return self.optimum.shared
-
-    @property
-    def body(self) -> Body:
-        """The identified body."""
-        return Body.from_vector(self.values[:BODY])
-
-    @property
-    def theta(self) -> Float[np.ndarray, " dissipating"]:
-        """Of what dissipates."""
-        return self.values[BODY : BODY + self.layout.dissipating]
-
-    @property
-    def dof(self) -> int:
-        """Numbers compared less unknowns."""
-        return sum(left.dof for of_one in self.remainders for left in of_one) - len(self.values)
-
-    @property
-    def chi2_per_dof(self) -> float:
-        """Of all markers and lengths that were used."""
-        return sum(left.chi2 for of_one in self.remainders for left in of_one) / max(1, self.dof)
-
-    @property
-    def noise_ratio(self) -> float:
-        """Marker noise by fourth differences of the residuals over the stated one; 1 where that cannot be told."""
-        each = zip(self.members, self.remainders, strict=True)
-        seen = [x.noise / m.likelihood.noise for m, of_one in each for x in of_one if x.noise is not None]
-        return float(np.median(seen)) if seen else 1.0
-
-    @property
-    def excess(self) -> float:
-        """χ²/dof for the noise that the residuals show."""
-        return self.chi2_per_dof / self.noise_ratio**2
-
-    @property
-    def explained(self) -> bool:
-        """Whether what is left is near noise: how much of it counts is said by the worth of each window."""
-        return self.excess < MISFIT
-
-    @property
-    def tables(self) -> Float[np.ndarray, "W s s"]:
-        """The windows' reduced tables at the optimum, by the joint parameters; alike in shape for all windows."""
-        found: list[np.ndarray] = []
-        for part in self.optimum.parts(self.members, self.layout):
-            local = reduced(part.tables, part.own)
-            wide = part.spread(local, self.layout.size)
-            padded = np.zeros((len(wide), self.layout.size + 1, self.layout.size + 1))
-            padded[:, : wide.shape[1]] = wide
-            found.append(padded)
-        return np.concatenate(found)
-
-    @property
-    def prior_rows(self) -> Float[np.ndarray, "shared s"]:
-        """The prior at the optimum."""
-        return self.prior.rows(self.values)
-
-    @property
-    def tempered_covariance(self) -> Float[np.ndarray, "shared shared"]:
-        """The information to rely on: each window's over its χ²/dof, with the survey."""
-        return spread.Quadratic.of(self.tables, self.prior_rows).covariance
-
-    @property
-    def settled(self) -> bool:
-        """Whether nothing better is near."""
-        if self.optimum.ending.settled or self.optimum.promise < 1.0:
-            return True
-        replicates = spread.leave_one_out(self.tables, self.prior_rows, self.values)
-        if self.explained or replicates is None:
-            return False
-        sd = np.maximum(jackknife_sd(replicates), np.sqrt(np.diag(self.tempered_covariance)))
-        return bool((np.abs(self.without(np.zeros(len(sd), dtype=bool)) - self.values) < NEAR * sd)[:BODY].all())
-
-    @property
-    def chi2_gain(self) -> float:
-        """By how much the sum of squares falls with the open geometry, to first order, in units of χ²/dof."""
-        problem = self.linearised()
-        fixed = np.arange(self.layout.size) < BODY + self.layout.dissipating
-        return max(0.0, problem.where(fixed, self.prior_sd(self.factor), 1.0).left - problem.here)
-
-    def without(self, dropped: Float[np.ndarray, " shared"]) -> Float[np.ndarray, " shared"]:
-        """The estimate with the parameters marked in `dropped` (bool) set to zero, to first order."""
-        free = ~np.asarray(dropped, dtype=bool)
-        return self.values + spread.Quadratic.of(self.tables, self.prior_rows).step(free, -self.values)
-
-    def linearised(self) -> Linearised:
-        """The data's sum of squares near the optimum."""
-        return Linearised.of(self.tables, self.optimum.data_cost, max(1, self.dof), self.values[BODY:])
-
-    def prior_sd(self, factor: float) -> Float[np.ndarray, " theta"]:
-        """Of what dissipates, and of the geometry at so many times a usual survey."""
-        dissipating = self.prior.sd[BODY : BODY + self.layout.dissipating]
-        return np.concatenate([dissipating, self.layout.survey(factor)])
 
 
 def alone(common: Common, *, native: bool) -> tuple[Alone, ...]:
@@ -206,18 +97,36 @@ def fit_jointly(
     body = nearest_possible(common.campaigns[0].robot.nominal)
     task = _Task(tuple(every), layout, members, body)
     found = _settled(task, _combined(task, [one.found for one in singles]))
-    if effects and not _asked_for(found):
-        return fit_jointly(common, singles, native=native)
+    while len(asked_for := found.asked_for) < len(found.layout.effects):
+        found = _again(common, found, every, asked_for, LAST, native=native)
     return found
 
 
 def fit_some(common: Common, whole: JointFit, chosen: Sequence[int], *, native: bool = False) -> JointFit:
     """The fit of some of the campaigns, begun where the whole would be without the others to first order."""
-    layout = lay_out(common, chosen, whole.layout.effects, native=native)
+    return _again(common, whole, chosen, whole.layout.effects, ROUND, native=native)
+
+
+def _again(
+    common: Common,
+    whole: JointFit,
+    chosen: Sequence[int],
+    effects: Sequence[NamedEffect],
+    last: Effort,
+    *,
+    native: bool,
+) -> JointFit:
+    """Some of the campaigns with some of the effects, begun where the whole would be to first order."""
+    layout = lay_out(common, chosen, effects, native=native)
     members = tuple(whole.members[k].by(m) for k, m in zip(chosen, layout.mechanisms, strict=True))
     task = _Task(tuple(chosen), layout, members, whole.start)
-    points = [Point(whole.values[whole.layout.places[k]], whole.optimum.states[k]) for k in chosen]
-    return _settled(task, _together(task, points, whole.factor), whole.factor, ROUND)
+    each = zip(whole.layout.effects, whole.layout.of_effects, strict=True)
+    kept = np.ones(whole.layout.size, dtype=bool)
+    for place in (place for effect, place in each if effect not in effects):
+        kept[place] = False
+    local = [(place := whole.layout.places[k])[kept[place]] for k in chosen]
+    points = [Point(whole.values[at], whole.optimum.states[k]) for k, at in zip(chosen, local, strict=True)]
+    return _settled(task, _together(task, points, whole.factor), whole.factor, last)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,16 +172,6 @@ def _settled(
 def _worth(remainders: Sequence[Remainder]) -> Float[np.ndarray, " W"]:
     """Of windows whose noise is as large as what is left of them, and no smaller than stated."""
     return np.array([1.0 / max(1.0, left.chi2_per_dof) for left in remainders])
-
-
-def _asked_for(found: JointFit) -> bool:
-    """Whether the evidence is for what dissipates."""
-    problem, count = found.linearised(), found.layout.dissipating
-    sd = found.prior_sd(found.factor)
-    every = np.ones(found.layout.size, dtype=bool)
-    without = every.copy()
-    without[BODY : BODY + count] = False
-    return problem.where(every, sd, 1.0).nats(1.0) - problem.where(without, sd, 1.0).nats(1.0) > ODDS
 
 
 def _fitted(

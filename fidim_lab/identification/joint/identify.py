@@ -7,7 +7,6 @@ from time import perf_counter
 import numpy as np
 
 from fidim_lab.data.records import Campaign, Role
-from fidim_lab.effects.dissipation.attachment_friction import AttachmentFriction
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.choice import soft_mode
 from fidim_lab.identification.cleaning.clean import clean_recordings
@@ -16,7 +15,8 @@ from fidim_lab.identification.equations import consistency
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.input_check import check
 from fidim_lab.identification.joint.cross import Cross, cross_predictions
-from fidim_lab.identification.joint.fit import Alone, JointFit, alone, fit_jointly
+from fidim_lab.identification.joint.fit import FRICTION, Alone, alone, fit_jointly
+from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.sharing import Common, in_common
 from fidim_lab.identification.joint.words import message, warnings
 from fidim_lab.identification.mle.figures import figures_of
@@ -82,7 +82,7 @@ def identify_jointly(campaigns: Sequence[Campaign], *, native: bool = False, pre
     notes, removed, cleaned = _cleaned(campaigns)
     common = in_common(cleaned)
     singles = alone(common, native=native)
-    whole = fit_jointly(common, singles, (AttachmentFriction(),), native=native)
+    whole = fit_jointly(common, singles, FRICTION, native=native)
     figures = figures_of(whole, common.campaigns[0].robot.nominal)
     cross = cross_predictions(common, whole, native=native) if predict else ()
     ended = _outcome(whole, figures)

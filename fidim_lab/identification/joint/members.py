@@ -56,6 +56,12 @@ class Layout:
         return sum(len(effect.parameters) for effect in self.effects)
 
     @property
+    def of_effects(self) -> tuple[slice, ...]:
+        """Where each effect's parameters are among the joint ones."""
+        ends = BODY + np.cumsum([len(effect.parameters) for effect in self.effects], dtype=int)
+        return tuple(slice(int(e) - len(one.parameters), int(e)) for one, e in zip(self.effects, ends, strict=True))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Of the joint parameters."""
         of_effects = [f"{effect.id} {parameter.name}" for effect in self.effects for parameter in effect.parameters]

@@ -7,7 +7,7 @@ import numpy as np
 from fidim_lab.identification.cleaning.free_motion import whole_id
 from fidim_lab.identification.equations import consistency
 from fidim_lab.identification.joint.cross import Cross
-from fidim_lab.identification.joint.fit import JointFit
+from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.sharing import Common
 from fidim_lab.identification.mle.dissipated import lost_energy
 from fidim_lab.identification.mle.findings import MISFIT, Figures, doubtful
@@ -47,11 +47,9 @@ def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequenc
             "to be the same in all robot files."
         )
     if whole.layout.dissipating:
-        viscous, dry = whole.theta[:2]
         said.append(
-            f"Friction at the attachments was fitted with the body ({dry:.2g} N m dry, {viscous:.2g} N m s viscous for "
-            "each cable, alike in all campaigns): it takes up what dissipates, and does not prove where. "
-            "`fidim explain` asks that."
+            f"Friction was fitted with the body, alike for all cables and campaigns: {_sizes(whole)}. It takes up "
+            "what dissipates, and does not prove where; `fidim explain` asks that."
         )
     if any(piece.guessed for piece in whole.layout.pieces):
         said.append(
@@ -75,3 +73,19 @@ def warnings(common: Common, whole: JointFit, geometry: Geometry, cross: Sequenc
             "the spread between windows."
         )
     return tuple(said)
+
+
+def _sizes(whole: JointFit) -> str:
+    """Each effect with the values of its parameters."""
+    each = zip(whole.layout.effects, whole.layout.of_effects, strict=True)
+    said = [
+        (
+            effect.label,
+            ", ".join(
+                f"{parameter.name} {value:.2g} {parameter.unit}"
+                for parameter, value in zip(effect.parameters, whole.values[place], strict=True)
+            ),
+        )
+        for effect, place in each
+    ]
+    return "; ".join(f"{name} ({sizes})" for name, sizes in said)

@@ -33,11 +33,11 @@ def lost_frames(columns: Float[np.ndarray, "G K"], sigma: Float[np.ndarray, " K"
         return None
     dof = (2 * MARKERS.lost_frames_side - MARKERS.lost_frames_smooth - 1) * columns.shape[1]
     stacked = np.stack([piece for _, piece in whole])
-    costs = np.einsum("msr,prk->mpsk", _projectors(), stacked)
+    costs = _projectors()[:, np.newaxis] @ stacked
     chi2_per_dof = (costs**2).sum(axis=(2, 3)) / dof
     frames, place = (int(k) for k in np.unravel_index(int(np.argmin(chi2_per_dof)), chi2_per_dof.shape))
     at = whole[place][0]
-    otherwise = np.einsum("asr,mrk->amsk", _displaced_projectors(), stacked)
+    otherwise = _displaced_projectors()[:, np.newaxis] @ stacked
     as_displaced = float((otherwise**2).sum(axis=(2, 3)).min()) / (dof - columns.shape[1])
     if frames == 0 or chi2_per_dof[frames, place] > min(MARKERS.lost_frames_fits, MARKERS.plainer * as_displaced):
         return None

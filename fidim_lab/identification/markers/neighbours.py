@@ -63,7 +63,7 @@ def _look(columns: np.ndarray, seen: Bool[np.ndarray, " N"], half: int) -> list[
     results = np.empty((3, len(columns), columns.shape[1]))
     common = int(np.bincount(which).argmax())
     usual = which == common
-    results[:, usual] = np.einsum("pw,nkw->pnk", taps[common], windows[usual])
+    results[:, usual] = np.moveaxis(windows[usual] @ taps[common].T, 2, 0)
     results[:, ~usual] = np.einsum("npw,nkw->pnk", taps[which[~usual]], windows[~usual])
     shown = np.broadcast_to(norms[which].T[..., np.newaxis], results.shape)
     return [part for pair in zip(results, shown, strict=True) for part in pair]

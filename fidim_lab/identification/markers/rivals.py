@@ -8,7 +8,7 @@ cable that snaps taut or a hand that knocks; the body really did that, and no se
 
 from dataclasses import dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -65,7 +65,7 @@ def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row:
     useful = (kept.sum(axis=1) - rivals.degree - 2 >= MARKERS.rivals_fewest) & (~deletes | (deleted == rivals.freedom))
     if not useful[0]:
         return None
-    costs, sizes = _costs(np.where(seen[:, np.newaxis], piece, 0.0), kept, rivals)
+    costs, sizes = _costs(np.where(seen[:, np.newaxis], piece, 0.0), seen)
     costs = np.where(useful, costs, np.inf) + 3 * rivals.freedom * np.log(3 * seen.sum())
     best = int(np.argmin(costs))
     innocent = [k for k, what in enumerate(rivals.what) if what in (What.MOTION, What.BLOW)]
@@ -76,20 +76,29 @@ def judge(samples: Float[np.ndarray, "G 3"], sigma: Float[np.ndarray, "3"], row:
     return Verdict(rivals.what[best], rows, sizes[best] * sigma)
 
 
-def _costs(piece: np.ndarray, kept: np.ndarray, rivals: _Rivals) -> tuple[np.ndarray, np.ndarray]:
-    """χ² that each rival leaves, and the size of its further column (C, 3)."""
-    basis = _basis()
+def _costs(piece: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """χ² that each rival leaves of the seen samples, and the size of its further column (C, 3)."""
+    kept = _rivals().kept * seen
+    design, solve = _fits(seen.tobytes())
+    middle = piece.sum(axis=0) / max(1, np.count_nonzero(kept[0]))
+    values = (piece - middle) * kept[..., np.newaxis]
+    found = solve @ values
+    left = values - design @ found
+    return (left**2).sum(axis=(1, 2)), found[:, -1]
+
+
+@lru_cache(maxsize=256)
+def _fits(seen: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """(C, width, D) columns of each rival, (C, D, width) what fits them; few patterns of seen samples come up."""
+    rivals, basis = _rivals(), _basis()
+    kept = rivals.kept * np.frombuffer(seen, dtype=bool)
     terms = np.arange(basis.shape[1]) <= rivals.degree[:, np.newaxis]
     columns = [terms[:, np.newaxis] * basis, rivals.further[..., np.newaxis]]
     design = np.concatenate(columns, axis=2) * kept[..., np.newaxis]
     used = np.column_stack([terms, rivals.further.any(axis=1)])
-    middle = piece.sum(axis=0) / max(1, np.count_nonzero(kept[0]))
-    values = (piece - middle) * kept[..., np.newaxis]
     normal = np.swapaxes(design, 1, 2) @ design
     normal[:, range(used.shape[1]), range(used.shape[1])] += np.where(used, 1e-10, 1.0)
-    found = np.linalg.solve(normal, np.swapaxes(design, 1, 2) @ values)
-    left = values - design @ found
-    return (left**2).sum(axis=(1, 2)), found[:, -1]
+    return design, np.linalg.solve(normal, np.swapaxes(design, 1, 2))
 
 
 @cache

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fidim_lab.data.records import Body, Campaign, Motion, Robot, Role, Sensors, Survey, Window
+from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import InfeasibleError
 from fidim_lab.model.equilibria import pose_from_lengths
 from fidim_lab.model.mechanism import Mechanism
@@ -42,9 +43,10 @@ def body(irma4: Robot) -> Body:
     return Body(irma4.nominal.com + np.array([0.004, -0.006, 0.008]), inertia)
 
 
-def motion_of(robot: Robot, body: Body, k: int, seconds: float) -> tuple[np.ndarray, Motion]:
+def motion_of(mechanism: Mechanism, body: Body, k: int, seconds: float) -> tuple[np.ndarray, Motion]:
     """Lengths and motion, struck at rest along all free twists; drawn until no cable goes slack."""
-    mechanism, random = Mechanism(robot), np.random.default_rng(10 * robot.n + k)
+    robot = mechanism.robot
+    random = np.random.default_rng(10 * robot.n + k)
     t = np.arange(round(seconds * 100) + 1) / 100
     while True:
         lengths = random.uniform(1.25, 1.55, robot.n)
@@ -64,10 +66,16 @@ def motion_of(robot: Robot, body: Body, k: int, seconds: float) -> tuple[np.ndar
 @pytest.fixture(scope="session")
 def surveyed(base: Robot, body: Body) -> Surveyed:
     """Campaigns by 4, 3 and 2 cables whose one robot file has the errors of its survey."""
-    motions: dict[tuple[int, int, float], tuple[np.ndarray, Motion]] = {}
+    motions: dict[tuple[object, ...], tuple[np.ndarray, Motion]] = {}
 
     def make(
-        seed: int, *, cables: tuple[int, ...] = (4, 3, 2), windows: int = 4, seconds: float = 3.0
+        seed: int,
+        *,
+        cables: tuple[int, ...] = (4, 3, 2),
+        windows: int = 4,
+        seconds: float = 3.0,
+        effect: NamedEffect | None = None,
+        theta: tuple[float, ...] = (),
     ) -> list[Campaign]:
         random = np.random.default_rng(seed)
         stated = replace(
@@ -81,9 +89,10 @@ def surveyed(base: Robot, body: Body) -> Surveyed:
         for n in cables:
             robot, recorded = only(stated, CABLES[n]), list[Window]()
             for k in range(windows):
-                key = (n, k, seconds)
+                key = (n, k, seconds, effect, theta)
                 if key not in motions:
-                    motions[key] = motion_of(only(base, CABLES[n]), body, k, seconds)
+                    mechanism = Mechanism(only(base, CABLES[n]), () if effect is None else (effect,), theta)
+                    motions[key] = motion_of(mechanism, body, k, seconds)
                 lengths, motion = motions[key]
                 places = motion.positions[:, None] + np.einsum("nij,mj->nmi", motion.rotations, robot.markers)
                 places = places + robot.sensors.marker_noise * random.standard_normal(places.shape)

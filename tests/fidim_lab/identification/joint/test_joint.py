@@ -8,9 +8,11 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from fidim_lab.data.records import Body, Campaign, Pose, Robot, Survey
+from fidim_lab.effects.dissipation.swivel_friction import SwivelFriction
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.joint.cross import of_pose
-from fidim_lab.identification.joint.fit import JointFit, alone, fit_jointly, fit_some
+from fidim_lab.identification.joint.fit import alone, fit_jointly, fit_some
+from fidim_lab.identification.joint.found import JointFit
 from fidim_lab.identification.joint.identify import JointResult, identify_jointly
 from fidim_lab.identification.joint.sharing import in_common
 from fidim_lab.identification.results.result import Outcome
@@ -38,6 +40,17 @@ def test_the_joint_body_is_true_within_its_uncertainty(joint: JointResult, body:
 
 def test_nothing_dissipates_where_nothing_was_simulated(joint: JointResult) -> None:
     assert joint.dissipation == {}
+
+
+def test_friction_is_found_at_the_joint_that_has_it(surveyed: Surveyed, body: Body) -> None:
+    campaigns = surveyed(0, effect=SwivelFriction(), theta=(0.02,))
+    found = identify_jointly(campaigns, native=True, predict=False)
+    assert set(found.dissipation) == {"swivel-friction c"}
+    value, sd = found.dissipation["swivel-friction c"]
+    assert abs(value - 0.02) < 4 * sd < 0.004
+    assert np.abs(in_sd(found, body)).max() < 4
+    assert found.result.outcome is Outcome.CONVERGED, found.result.message
+    assert "swivel-friction (c 0.02 N m)" in " ".join(found.result.warnings)
 
 
 def test_every_campaign_is_predicted_by_fits_that_have_not_seen_it(joint: JointResult) -> None:
