@@ -13,6 +13,7 @@ from fidim_lab.app.formats.answer_file import write_summary
 from fidim_lab.app.service.main import prepare
 from fidim_lab.app.service.place import place_of
 from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.app.session.busy_computer import load_advice
 from fidim_lab.app.session.left_holding import left_by, power_advice
 from fidim_lab.app.session.run_process import start_and_watch
 from fidim_lab.app.session.undo_stop import confirmed, stop_hint
@@ -68,7 +69,7 @@ def commission_command(options: CommissionOptions) -> int:
         left = left_by(place)
         code = start_and_watch(spec, place, confirmed(spec))
     if code:
-        for line in (*power_advice(out, options.rig, left), *stop_hint(spec)):
+        for line in (*power_advice(out, options.rig, left), *stop_hint(spec), *load_advice(spec, code)):
             console.err.print(line, markup=False, soft_wrap=True)
     path = proofs_path(options.rig, embedded=options.embedded)
     of = "trials of the simulated drives passed" if options.embedded else "trials passed"

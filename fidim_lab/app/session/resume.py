@@ -14,6 +14,7 @@ from fidim_lab.app.formats.answer_file import write_summary
 from fidim_lab.app.service.lock import holder
 from fidim_lab.app.service.place import place_of
 from fidim_lab.app.service.spec import RunSpec, again, read_spec, read_summary
+from fidim_lab.app.session.busy_computer import load_advice
 from fidim_lab.app.session.dry_run_spec import read_dry_run
 from fidim_lab.app.session.run_process import start_and_watch
 from fidim_lab.app.session.shutdown import end_service, serves
@@ -53,7 +54,11 @@ def resume_command(options: ResumeOptions) -> int:
         asyncio.run(end_service(place))  # it stays after its run, or refuses, which the next line says
     code = start_and_watch(spec, place, confirmed(spec))
     if code:
-        for line in (*power_hint(str(read_summary(folder).get("reason", "")), spec.rig, folder), *stop_hint(spec)):
+        for line in (
+            *power_hint(str(read_summary(folder).get("reason", "")), spec.rig, folder),
+            *stop_hint(spec),
+            *load_advice(spec, code),
+        ):
             console.err.print(line, markup=False, soft_wrap=True)
     write_summary(options.json_file, folder.absolute(), code)
     return code

@@ -15,6 +15,7 @@ from fidim_lab.app.formats.answer_file import write_answer, write_summary
 from fidim_lab.app.service.main import Work, prepare
 from fidim_lab.app.service.place import place_of
 from fidim_lab.app.service.spec import AnswerSpec, RunSpec, UnattendedSpec
+from fidim_lab.app.session.busy_computer import load_advice
 from fidim_lab.app.session.left_holding import left_by, power_advice
 from fidim_lab.app.session.run_process import start_and_watch
 from fidim_lab.app.session.undo_stop import confirmed, stop_hint
@@ -77,7 +78,11 @@ def run_command(options: RunOptions) -> int:
     left = left_by(place)
     code = start_and_watch(spec, place, confirmed(spec, asks=not spec.alone))
     if code:
-        for line in (*power_advice(spec.out, spec.rig, left), *stop_hint(spec)):
+        for line in (
+            *power_advice(spec.out, spec.rig, left),
+            *stop_hint(spec),
+            *load_advice(spec, code),
+        ):
             console.err.print(line, markup=False, soft_wrap=True)
     write_summary(options.json_file, spec.out, code)
     return code
