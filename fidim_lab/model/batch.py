@@ -6,11 +6,15 @@ column vector here, matrices flattened row by row (`rows`, `from_rows`), and not
 
 from collections.abc import Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
 
 from fidim_lab.errors import OurBugError
+
+_OVER_SAMPLES: WeakKeyDictionary[ca.Function, dict[int, ca.Function]] = WeakKeyDictionary()
+"""functions of so many samples at once, kept as long as the one that they were made of: half of the time of a call"""
 
 
 def rows(matrix: ca.SX) -> ca.SX:
@@ -67,7 +71,10 @@ def over_samples(compiled: ca.Function, samples: int, *arguments: np.ndarray) ->
         np.broadcast_to(argument, (samples, argument.size)) if argument.ndim == 1 else argument
         for argument in arguments
     ]
-    return evaluate(compiled.map(samples), *columns)
+    made = _OVER_SAMPLES.setdefault(compiled, {})
+    if samples not in made:
+        made[samples] = compiled.map(samples)
+    return evaluate(made[samples], *columns)
 
 
 def _buffer(compiled: ca.Function) -> tuple[Any, Any]:
