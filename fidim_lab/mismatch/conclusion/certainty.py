@@ -1,12 +1,13 @@
 """Which effects are named without a rival: fits of unlisted effects show where a good fit is no proof.
 
 Leave an effect out of the catalogue, and others are put together until they imitate it: a damping of the swivels
-becomes friction there with a tone and a drag beside it, that of a joint which sticks first becomes two drags. Each of
-them has no rival that is nearly as good, so odds alone would make it certain
-(`fidim benchmark explain --without EFFECT`).
+becomes friction there with a tone and a drag beside it, that of a joint which sticks first becomes two drags, a cable
+that stretches a frame that yields with an anchor that is off. Each of them may have no rival that is nearly as good, so
+odds alone would make it certain (`fidim benchmark explain --without each`).
 """
 
 from dataclasses import replace
+from itertools import combinations
 
 from fidim_lab.effects.equivalences import shared_by
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
@@ -17,14 +18,12 @@ from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
 def only_certain(told: Explanation) -> Explanation:
     """The explanation with no name as the only one where its effects may be parts of something that is not listed.
 
-    That is: where something stays unexplained, where there are several effects of one family, or many in all.
+    That is: where something stays unexplained, where there are several effects of one family, or many in all, and where
+    one of them has a rival: what stands in its place would change the others.
     """
-    ids = [cause.id for cause in told.effects]
-    laws = [id for id in ids if id != HAND]
-    all_in_doubt = told.verdict is not Verdict.EXPLAINED or len(laws) >= CONCLUSION.certainty_many
-
-    def in_doubt(place: int) -> bool:
-        return all_in_doubt or any(shared_by((ids[place], id)) for k, id in enumerate(ids) if k != place)
-
-    effects = (replace(one, single=one.single and not in_doubt(k)) for k, one in enumerate(told.effects))
-    return replace(told, effects=tuple(effects))
+    laws = [cause for cause in told.effects if cause.id != HAND]
+    alike = any(shared_by((one.id, other.id)) for one, other in combinations(told.effects, 2))
+    rivalled = not all(cause.single for cause in laws)
+    few = len(laws) < CONCLUSION.certainty_many
+    certain = told.verdict is Verdict.EXPLAINED and few and not alike and not rivalled
+    return replace(told, effects=tuple(replace(one, single=one.single and certain) for one in told.effects))

@@ -35,9 +35,11 @@ def test_a_name_is_the_only_one_where_nothing_unlisted_may_be_behind_it(
     assert tuple(one.single for one in only_certain(told).effects) == single
 
 
-def test_what_is_not_certain_before_does_not_become_so() -> None:
-    effects = (replace(sure("swivel-friction"), single=False),)
+@pytest.mark.parametrize("rivalled", [0, 1])
+def test_one_that_has_a_rival_makes_all_uncertain(rivalled: int) -> None:
+    effects = [sure("frame-compliance"), sure("anchor-offset")]
+    effects[rivalled] = replace(effects[rivalled], single=False)
     told = Explanation(
-        "c", Verdict.EXPLAINED, effects, (), Before(9.0, 1.0), Before(1.0, 0.1), (), {}, {}, None, "m", 1.0
+        "c", Verdict.EXPLAINED, tuple(effects), (), Before(9.0, 1.0), Before(1.0, 0.1), (), {}, {}, None, "m", 1.0
     )
-    assert not only_certain(told).effects[0].single
+    assert not any(one.single for one in only_certain(told).effects)
