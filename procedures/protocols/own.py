@@ -55,7 +55,7 @@ def _told(path: Path, function: Any, lab: Lab) -> Steps:
     except (FidimError, Intervention, Aborted):
         raise
     except Exception as error:
-        wrong = f"{type(error).__name__}: {error}.{_takes(error)}"
+        wrong = f"{type(error).__name__}: {error}.{_takes(error)}{_not_yielded(error)}"
         raise FileError(path, _line(path, error), wrong, hint=HINT) from error
 
 
@@ -64,6 +64,14 @@ def _takes(error: Exception) -> str:
     name = str(error).partition(".__init__()")[0]
     kind = getattr(procedures.steps, name, None) if isinstance(error, TypeError) else None
     return f" {name} takes {', '.join(field.name for field in fields(kind))}." if is_dataclass(kind) else ""
+
+
+def _not_yielded(error: Exception) -> str:
+    """What to do where a step is asked for what only its result has; nothing of other errors."""
+    step = getattr(error, "obj", None) if isinstance(error, AttributeError) else None
+    if not isinstance(step, Step) or error.name not in Result.__dataclass_fields__:
+        return ""
+    return f" That is of its result: write `yield` before {type(step).__name__}(…)."
 
 
 def _steps(path: Path, steps: Generator[Any, Result, None], lab: Lab) -> Steps:

@@ -7,22 +7,30 @@ the winches.
 
 import os
 import shlex
+from pathlib import Path
 
-from fidim_lab.app.service.spec import RunSpec
+from fidim_lab.app.service.spec import RunSpec, read_summary
 from fidim_lab.errors import HardwareError
+
+EMERGENCY_STOP = "The emergency stop guard"
+"""begin of the reason of a run that a person stopped"""
 
 
 def load_advice(spec: RunSpec, code: int, load: float | None = None, cores: int | None = None) -> tuple[str, ...]:
     """Lines to print after a run with this exit code; none where the computer had time.
 
+    Nothing is said where a person stopped it, or a mistake in a procedure of somebody's own.
+
     load: processes that wanted to compute, mean of the last minute; cores: for how many there is room.
     """
     cores = cores or os.cpu_count() or 1
     load = os.getloadavg()[0] if load is None else load
-    if code != HardwareError.exit_code or load <= cores:
+    reason = str(read_summary(spec.out).get("reason", ""))
+    own = (str(Path(spec.procedure).absolute()), spec.procedure) if spec.procedure.endswith(".py") else ()
+    if code != HardwareError.exit_code or load <= cores or any(one in reason for one in (*own, EMERGENCY_STOP)):
         return ()
     where = (
-        "The simulated drives share it, so that is the probable cause."
+        "The simulated drives share it: what came late did so for that reason, not at the winches."
         if spec.embedded
         else "What it hears comes late."
     )

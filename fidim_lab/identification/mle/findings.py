@@ -29,6 +29,8 @@ OPTIMISM = 3.0
 SOMETHING = "Something is missing from it"
 OTHER_NOISE = "The residuals show a marker noise of"
 """begin of the sentence that says so"""
+FAR = 1000
+"""sd; beyond it the number says no more than that the body can exist"""
 SLACK_SEEN = 0.01
 """s for which a cable must hang slack to be named"""
 CONTRADICTION_MM = 2.0
@@ -132,7 +134,8 @@ def message(ended: Outcome, found: Fit, figures: Figures) -> str:
             "hardly tell; the nearest existing body is given."
         )
     elif eigenvalue > 0:
-        parts.append(f"The nearest body that cannot exist is {plain(min(in_sd, 9999))} nominal sd away.")
+        far = plain(in_sd) if in_sd <= FAR else f"more than {FAR}"
+        parts.append(f"The nearest body that cannot exist is {far} nominal sd away.")
     if ended is Outcome.NOT_CONVERGED or found.ending is Ending.EDGE:
         parts.append(found.ending.value)
     if figures.unseen:

@@ -44,6 +44,10 @@ def comfortable(lengths):
         ("yield from helper(window)", r"line 6: step \d, Hold: window is a PlannedWindow"),
         ("Hold(window=window.id)", r"line 12: Hold\(…\) is made but not yielded"),
         ("step = Hold(window=window.id)", r"line 12: Hold\(…\) is made but not yielded"),
+        (
+            "step = Hold(window=window.id)\n        yield Note(remark=step.reason)",
+            r"line 13: .* That is of its result: write `yield` before Hold\(…\)",
+        ),
         ("helper(window)", r"line 12: helper\(…\) is dropped, so it does nothing; write `yield from`"),
         ("yield helper(window)", "line 12: .*which is no step: write `yield from`"),
         (SETTLE.format("'2 mm'"), "tolerance is '2 mm'; a finite number"),

@@ -1,6 +1,9 @@
 """A stopped run on an overloaded computer: the probable cause and the cure are said; otherwise nothing."""
 
+import json
 from pathlib import Path
+
+import pytest
 
 from fidim_lab.app.service.spec import RunSpec
 from fidim_lab.app.session.busy_computer import load_advice
@@ -20,3 +23,18 @@ def test_nothing_is_said_of_an_idle_computer_or_of_a_run_that_no_guard_stopped()
     assert load_advice(REHEARSAL, 3, load=1.9, cores=2) == ()
     assert load_advice(REHEARSAL, 1, load=9.0, cores=2) == ()
     assert load_advice(REHEARSAL, 2, load=9.0, cores=2) == ()
+
+
+@pytest.mark.parametrize(
+    ("reason", "told"),
+    [
+        ("The stale winch guard stopped the run while recording i01: winch 2 has sent nothing for 0.3 s.", True),
+        ("winch 1: has not begun its move within 3 s of the others.", True),
+        ("The emergency stop guard stopped the run: somebody pressed F12.", False),
+        ("/lab/own.py: line 17: ValueError: Unknown format code 'q'.", False),
+    ],
+)
+def test_it_is_not_blamed_for_what_a_person_did(reason: str, told: bool, tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_text(json.dumps({"reason": reason}))
+    spec = REHEARSAL.model_copy(update={"out": tmp_path, "procedure": "/lab/own.py"})
+    assert bool(load_advice(spec, 3, load=9.0, cores=2)) is told
