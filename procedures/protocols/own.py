@@ -68,8 +68,10 @@ def _takes(error: Exception) -> str:
 
 def _not_yielded(error: Exception) -> str:
     """What to do where a step is asked for what only its result has; nothing of other errors."""
-    step = getattr(error, "obj", None) if isinstance(error, AttributeError) else None
-    if not isinstance(step, Step) or error.name not in Result.__dataclass_fields__:
+    if not isinstance(error, AttributeError):
+        return ""
+    step = error.obj
+    if not isinstance(step, Step) or error.name not in {field.name for field in fields(Result)}:
         return ""
     return f" That is of its result: write `yield` before {type(step).__name__}(…)."
 
