@@ -73,7 +73,10 @@ class Kernel:
     library: Path
     build: Thread | None
     """None: there is nothing to wait for"""
-    _derived: dict[Hashable, ca.Function] = field(default_factory=dict[Hashable, ca.Function])
+    _derived: dict[Hashable, tuple[ca.Function, ca.Function]] = field(
+        default_factory=dict[Hashable, tuple[ca.Function, ca.Function]]
+    )
+    """key → what was derived from, and what that gave"""
 
     @classmethod
     def of(cls, function: ca.Function, *, native: bool = True) -> Self:
@@ -103,11 +106,10 @@ class Kernel:
     def derived(self, key: Hashable, make: Callable[[ca.Function], ca.Function]) -> ca.Function:
         """`make` of the fastest there is, made once for each key: CasADi takes its time for maps and loops."""
         function = self.now()
-        whole = (function.class_name(), key)
-        found = self._derived.get(whole)
-        if found is None:  # two threads may both make one: neither is wrong
-            found = self._derived[whole] = make(function)
-        return found
+        found = self._derived.get(key)
+        if found is None or found[0] is not function:  # two threads may both make one: neither is wrong
+            found = self._derived[key] = function, make(function)
+        return found[1]
 
     def over(self, samples: int) -> ca.Function:
         """The function of so many samples at once."""
