@@ -147,6 +147,7 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
     ),
 )
 
+GEOMETRY = "geometry of the robot file"
 SHARED: Mapping[str, tuple[str, ...]] = {
     "dissipation of rotation": (
         "rotational-drag",
@@ -157,7 +158,7 @@ SHARED: Mapping[str, tuple[str, ...]] = {
         "attachment-friction",
     ),
     "dissipation": ("air-drag-linear", "air-drag-quadratic"),
-    "geometry of the robot file": (
+    GEOMETRY: (
         "anchor-offset",
         "attachment-offset",
         "pulley-radius",
@@ -183,6 +184,11 @@ WIDER: Mapping[str, tuple[str, ...]] = {
     "dissipation": ("dissipation of rotation", "dissipation"),
 }
 """what several of these have in common"""
+
+
+def holds_others(id: str) -> bool:
+    """Whether an effect can do exactly what some other one does, so that no free motion ever proves it alone."""
+    return any(one.kind is Kind.CONTAINED and one.ids[0] == id for one in EQUIVALENCES)
 
 
 def shared_by(ids: Iterable[str]) -> str | None:

@@ -10,6 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from fidim_lab.app.benchmark.sizes import EFFECTS, OUTSIDE, SIZES, Size
+from fidim_lab.mismatch.linearised.hypotheses import NOT_BY_SCORE
 
 Rng = np.random.Generator
 
@@ -75,12 +76,13 @@ def case_of(seed: int, number: int, mass: float, cables: int) -> Case:
 
 
 EACH = "each"
-"""--without: every effect in its turn, campaign after campaign"""
+"""--without: every effect that is searched for in its turn, campaign after campaign"""
 
 
 def lacking(without: str, number: int) -> str:
     """The effect that campaign `number` (from 1) hides and the catalogue lacks by `--without`; empty for none."""
-    return tuple(EFFECTS)[(number - 1) % len(EFFECTS)] if without == EACH else without
+    searched = [id for id in EFFECTS if id not in NOT_BY_SCORE]
+    return searched[(number - 1) % len(searched)] if without == EACH else without
 
 
 def case_with(id: str, seed: int, number: int, mass: float, cables: int) -> Case:

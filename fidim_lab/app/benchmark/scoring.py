@@ -4,6 +4,8 @@ from enum import StrEnum
 from itertools import product
 from typing import Any
 
+from fidim_lab.effects.equivalences import GEOMETRY, SHARED
+
 EQUIVALENTS = 3
 """so many alternatives of an effect are read; who names more names nothing"""
 
@@ -51,16 +53,6 @@ def grade(explanation: dict[str, Any] | None, label: list[str], cable: int | Non
     return Marked.CLASS if any(sorted(choice) == hidden for choice in product(*choices)) else Marked.WRONG
 
 
-PLACES = {
-    "anchor-offset": "anchor",
-    "attachment-offset": "attachment",
-    "pulley-radius": "radius",
-    "marker-offset": "marker",
-    "cable-length-bias": "encoder_zero",
-    "frame-misalignment": "frame",
-    "gravity-tilt": "gravity",
-}
-"""effects that the survey of the robot file counts with, and its key"""
 CLEARLY = 5.0
 """standard deviations by which a place must be told off"""
 
@@ -68,9 +60,9 @@ CLEARLY = 5.0
 def grade_without(explanation: dict[str, Any] | None, hidden: str = "", cable: int | None = None) -> Marked:
     """Judge an explanation of something that its catalogue lacks, the effect `hidden` (with its cable).
 
-    right: it is called unknown. class: neighbours are named, none of them as the only one; or nothing else is missing
-    beside a geometry that is told to be clearly off there. wrong: a name that claims odds over 20 is wrong and sure; so
-    is any other "nothing is missing".
+    right: it is called unknown. class: neighbours are named, none of them as the only one; or it belongs to the
+    geometry, and that is told to be clearly off (at its cable). wrong: a name that claims odds over 20 is wrong and
+    sure; so is any other "nothing is missing".
     """
     if explanation is None:
         return Marked.WRONG
@@ -83,9 +75,11 @@ def grade_without(explanation: dict[str, Any] | None, hidden: str = "", cable: i
 
 
 def _told_off(explanation: dict[str, Any], hidden: str, cable: int | None) -> bool:
-    """Whether the geometry is told to be off where the hidden effect has moved it."""
+    """Whether the geometry is told to be off where the hidden effect is one of it."""
+    if hidden not in SHARED[GEOMETRY]:
+        return False
     moved = (explanation.get("geometry") or {}).get("moved", ())
-    own = (m for m in moved if m["what"] == PLACES.get(hidden) and cable in (None, m["cable"]))
+    own = (m for m in moved if cable in (None, m["cable"]))
     return any(abs(by) > CLEARLY * sd for m in own for by, sd in zip(m["by"], m["sd"], strict=True))
 
 

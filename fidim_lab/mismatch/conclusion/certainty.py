@@ -9,7 +9,7 @@ odds alone would make it certain (`fidim benchmark explain --without each`).
 from dataclasses import replace
 from itertools import combinations
 
-from fidim_lab.effects.equivalences import shared_by
+from fidim_lab.effects.equivalences import holds_others, shared_by
 from fidim_lab.mismatch.conclusion.explanation import Explanation, Verdict
 from fidim_lab.mismatch.conclusion.merge_cleaning import HAND
 from fidim_lab.mismatch.conclusion.thresholds import CONCLUSION
@@ -19,11 +19,12 @@ def only_certain(told: Explanation) -> Explanation:
     """The explanation with no name as the only one where its effects may be parts of something that is not listed.
 
     That is: where something stays unexplained, where there are several effects of one family, or many in all, and where
-    one of them has a rival: what stands in its place would change the others.
+    one of them has a rival: what stands in its place would change the others. A steady force always has one: gravity
+    that is tilted does the same.
     """
     laws = [cause for cause in told.effects if cause.id != HAND]
     alike = any(shared_by((one.id, other.id)) for one, other in combinations(told.effects, 2))
-    rivalled = not all(cause.single for cause in laws)
+    rivalled = any(holds_others(cause.id) or not cause.single for cause in laws)
     few = len(laws) < CONCLUSION.certainty_many
     certain = told.verdict is Verdict.EXPLAINED and few and not alike and not rivalled
     return replace(told, effects=tuple(replace(one, single=one.single and certain) for one in told.effects))

@@ -114,9 +114,9 @@ def test_figures_of_six_campaigns(options, quick, capsys):
 
 
 def test_each_effect_in_its_turn_is_what_the_catalogue_lacks(options, quick):
-    options = replace(options, campaigns=len(EFFECTS) + 1, without="each")
-    lacked = [task.without for task in options.tasks]
-    assert lacked == [*EFFECTS, next(iter(EFFECTS))]
+    searched = [id for id in EFFECTS if id not in ("time-offset", "hand-contact")]
+    options = replace(options, campaigns=len(searched) + 1, without="each")
+    assert [task.without for task in options.tasks] == [*searched, searched[0]]
     assert benchmark_command(replace(options, only=(1, 5)), explainer=Explainer(options.out)) == 0
     page = options.page.read_text()
     assert "one effect of the catalogue, each in its turn" in page

@@ -77,7 +77,8 @@ def test_what_the_catalogue_lacks_must_not_get_a_sure_name(explanation, expected
         ("anchor-offset", 2, 1e-4, Marked.CLASS),
         ("anchor-offset", 3, 1e-4, Marked.WRONG),  # of another cable
         ("anchor-offset", 2, 1e-3, Marked.WRONG),  # within what is not known
-        ("attachment-offset", 2, 1e-4, Marked.WRONG),
+        ("attachment-offset", 2, 1e-4, Marked.CLASS),  # the geometry of that cable
+        ("pulley-radius", None, 1e-4, Marked.CLASS),
         ("air-drag-linear", None, 1e-4, Marked.WRONG),
     ],
 )

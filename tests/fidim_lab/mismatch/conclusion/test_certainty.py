@@ -23,6 +23,9 @@ def sure(id: str) -> NamedCause:
         # two laws of one family may be a third one
         (Verdict.EXPLAINED, ("rotational-drag", "air-drag-quadratic"), (False, False)),
         (Verdict.EXPLAINED, ("anchor-offset", "umbilical"), (True, True)),
+        # a tilt of gravity would do exactly the same
+        (Verdict.EXPLAINED, ("constant-force",), (False,)),
+        (Verdict.EXPLAINED, ("gravity-tilt",), (True,)),
         # three laws follow much that is none of them
         (Verdict.EXPLAINED, ("swivel-friction", "periodic-force", "anchor-offset"), (False,) * 3),
     ],
