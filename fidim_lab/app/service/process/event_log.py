@@ -21,6 +21,7 @@ from procedures.events import (
     Warned,
     WindowFinished,
 )
+from procedures.protocols.listing import duration
 from procedures.recording.journal import WallTime
 
 CAPACITY = 2000
@@ -88,7 +89,7 @@ def _pieces(events: Sequence[bytes], forgotten: int) -> Iterator[bytes]:
 def _fields(event: Event) -> dict[str, Any] | None:
     match event:
         case RunStarted():
-            return {"kind": "run-started", "text": event.name}
+            return {"kind": "run-started", "text": f"{event.name}: {duration(*event.between)}"}
         case StepStarted(step=step):
             return {"kind": "step-started", "window": step.window, "step": type(step).__name__, "text": step.text}
         case StepFinished(step=step, result=result):
