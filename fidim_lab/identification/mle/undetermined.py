@@ -40,23 +40,29 @@ def tried_out(found: Fit) -> Fit:
     values, axes = np.linalg.eigh(covariance[:BODY, :BODY] / np.outer(plausible, plausible))
     if values[-1] < LOOSE_COMBINATION**2:
         return found
+    here = _left(found, found.values)  # the states fitted as elsewhere: the search may have got stuck before their best
+    if not np.isfinite(here):
+        return found
     gone = (found.values[:BODY] - found.start.vector) / plausible
     doubt = np.zeros((BODY, BODY))
     for value, axis in zip(values, axes.T, strict=True):
-        if not _excluded(found, FAR * np.sqrt(value) * axis * plausible):
+        if not _excluded(found, FAR * np.sqrt(value) * axis * plausible, here):
             size = np.hypot(OPEN, axis @ gone)
             doubt += size**2 * np.outer(axis * plausible, axis * plausible)
     return replace(found, doubt=doubt) if doubt.any() else found
 
 
-def _excluded(found: Fit, by: Float[np.ndarray, " body"]) -> bool:
-    """Whether the recordings exclude bodies that are off by so much, either way, or the last that can move there."""
+def _excluded(found: Fit, by: Float[np.ndarray, " body"], here: float) -> bool:
+    """Whether the recordings exclude bodies that are off by so much, either way, or the last that can move there.
+
+    here: what is left at the optimum.
+    """
     covariance = found.covariance
     others = covariance[BODY:, :BODY] @ np.linalg.solve(covariance[:BODY, :BODY], by)
     step = np.concatenate([by, others])
     least = RISEN * FAR**2 * max(1.0, found.chi2_per_dof)
     ways = (found.values + _as_far_as_bodies_move(found.values, way) * way for way in (step, -step))
-    return all(_risen(found, there) > least for there in ways)
+    return all(_left(found, there) - here > least for there in ways)
 
 
 def _as_far_as_bodies_move(values: Float[np.ndarray, " shared"], way: Float[np.ndarray, " shared"]) -> float:
@@ -65,16 +71,14 @@ def _as_far_as_bodies_move(values: Float[np.ndarray, " shared"], way: Float[np.n
     return next((p for p in parts if consistency.can_move(Body.from_vector((values + p * way)[:BODY]))), 0.0)
 
 
-def _risen(found: Fit, shared: Float[np.ndarray, " shared"]) -> float:
-    """Of the sum of squares, the prior's among it, with each window's own state fitted anew; infinite where lost."""
+def _left(found: Fit, shared: Float[np.ndarray, " shared"]) -> float:
+    """The sum of squares, the prior's among it, with each window's own state fitted anew; infinite where lost."""
     likelihood, ends = found.likelihood, found.journey.ends
     recordings = [one.until(float(end)) for one, end in zip(likelihood.recordings, ends, strict=True)]
     sensors: Sensors = replace(likelihood.mechanism.robot.sensors, marker_noise=likelihood.noise)
-    total = float((found.prior.rows(shared)[:, -1] ** 2).sum() - (found.prior_rows[:, -1] ** 2).sum())
-    for now, before in zip(
-        held_out.predict_all(likelihood.mechanism, shared, recordings, sensors), found.remainders, strict=True
-    ):
-        if isinstance(now, RefusedError) or now.lost:
+    total = float((found.prior.rows(shared)[:, -1] ** 2).sum())
+    for one in held_out.predict_all(likelihood.mechanism, shared, recordings, sensors):
+        if isinstance(one, RefusedError) or one.lost:
             return np.inf
-        total += now.remainder.chi2 - before.chi2
+        total += one.remainder.chi2
     return total
