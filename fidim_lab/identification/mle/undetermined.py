@@ -55,14 +55,15 @@ def tried_out(found: Fit) -> Fit:
 def _excluded(found: Fit, by: Float[np.ndarray, " body"], here: float) -> bool:
     """Whether the recordings exclude bodies that are off by so much, either way, or the last that can move there.
 
-    here: what is left at the optimum.
+    A way on which none can within a standard deviation says nothing. here: what is left at the optimum.
     """
     covariance = found.covariance
     others = covariance[BODY:, :BODY] @ np.linalg.solve(covariance[:BODY, :BODY], by)
     step = np.concatenate([by, others])
     least = RISEN * FAR**2 * max(1.0, found.chi2_per_dof)
-    ways = (found.values + _as_far_as_bodies_move(found.values, way) * way for way in (step, -step))
-    return all(_left(found, there) - here > least for there in ways)
+    reached = [(_as_far_as_bodies_move(found.values, way), way) for way in (step, -step)]
+    asked = [found.values + part * way for part, way in reached if part * FAR > 1.0]
+    return bool(asked) and all(_left(found, there) - here > least for there in asked)
 
 
 def _as_far_as_bodies_move(values: Float[np.ndarray, " shared"], way: Float[np.ndarray, " shared"]) -> float:
