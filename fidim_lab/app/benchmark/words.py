@@ -39,10 +39,16 @@ def page(tally: Tally, command: str, commitment: str, without: str = "") -> str:
     """The whole page; without: the effect that all campaigns hide and the catalogue lacked, or `cases.EACH`."""
     sections = (
         ("By loudness", _bands(tally)),
-        *((("By effect", _effects(tally)),) if without else ()),
-        *((("By kind", _kinds(tally)), ("False alarms and the unknown", _alarms(tally))) if not without else ()),
-        ("Confusion", _confusion(tally)),
-        ("Detection limits", _limits(tally)),
+        *(
+            (("By effect", _effects(tally)), ("Confusion", _confusion(tally)))
+            if without
+            else (
+                ("By kind", _kinds(tally)),
+                ("False alarms and the unknown", _alarms(tally)),
+                ("Confusion", _confusion(tally)),
+                ("Detection limits", _limits(tally)),
+            )
+        ),
         ("Parameters and time", _parameters(tally)),
         ("Not right", _failures(tally)),
     )
