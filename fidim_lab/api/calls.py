@@ -9,13 +9,14 @@ from fidim_lab.api.as_command import as_command
 from fidim_lab.api.inputs import Campaign, Robot
 from fidim_lab.app.analysis.identify import identify_posed
 from fidim_lab.app.analysis.pose_from import Posed, read_posed
-from fidim_lab.app.analysis.validate import LIMIT, run_validate
+from fidim_lab.app.analysis.validate import LIMIT, run_validate, sigma_of
+from fidim_lab.app.report.contents.explanation_file import as_file
+from fidim_lab.app.report.contents.found_model import read_found
 from fidim_lab.data import records
 from fidim_lab.data.robot_file import robot_path
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.equations.estimators import Method
 from fidim_lab.identification.motion.pose_sources import PoseSource
-from fidim_lab.identification.results.result_file import read_result
 from fidim_lab.mismatch.selection.budget import PATIENCE
 
 AnyCampaign = records.Campaign | Path | str
@@ -75,7 +76,7 @@ def explain(campaign: AnyCampaign, *, patience: float = PATIENCE, without: str |
 @as_command
 def validate(
     campaign: AnyCampaign,
-    parameters: Identified | Path | str,
+    parameters: Identified | Explained | Path | str,
     *,
     everything: bool = False,
     paper: bool = False,
@@ -83,12 +84,19 @@ def validate(
 ) -> Validated:
     """Do identified parameters predict the held-out windows of a campaign? Only initial states are fitted.
 
-    `parameters`: an answer of `identify`, or a "fidim-result/1" file. `everything`: judge windows of role identify too.
-    `limit`: largest χ²/dof. Raises FileError for a wrong file, SetupError without a window to judge.
+    `parameters`: an answer of `identify` or `explain` (with the effects that it names), or a file of one. `everything`:
+    judge windows of role identify too. `limit`: largest χ²/dof. Raises FileError for a wrong file, SetupError without a
+    window to judge, and for an explanation that names no physics.
     """
-    given = parameters.result if isinstance(parameters, Identified) else read_result(Path(parameters))
+    match parameters:
+        case Identified():
+            given = parameters.result
+        case Explained():
+            given = as_file(parameters.explanation)
+        case _:
+            given = read_found(Path(parameters))
     how = {"everything": everything, "paper": paper}
-    return Validated(run_validate(_in_memory(campaign), given, limit=limit, **how), given.sigma_W)
+    return Validated(run_validate(_in_memory(campaign), given, limit=limit, **how), sigma_of(given))
 
 
 @as_command

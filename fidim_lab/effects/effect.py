@@ -69,9 +69,12 @@ class NamedEffect(Effect):
         del values
         return None
 
-    def parts(self, values: np.ndarray) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
-        """Simpler effects that do the same together, with θ, where these values leave nothing that is its own."""
-        del values
+    def parts(self, values: np.ndarray, sd: np.ndarray) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":
+        """Simpler effects that do the same together, with θ, where these values leave nothing that is surely its own.
+
+        sd: of the values; NaN where one is held at a bound.
+        """
+        del values, sd
         return ()
 
     def other_forms(self, values: np.ndarray, context: Context) -> "tuple[tuple[NamedEffect, np.ndarray], ...]":

@@ -10,7 +10,7 @@ length says more than second derivatives, which can be off where little of the m
 The parameters predict when every window that can be judged does.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,10 +25,10 @@ from fidim_lab.identification.mle.judge import Remainder
 from fidim_lab.identification.mle.trajectories.recordings import prepare
 from fidim_lab.identification.motion.recipe import BEST, Recipe
 from fidim_lab.identification.results.validation import expected_sigma_perp, residual, sigma_perp
-from fidim_lab.identification.survey import as_found
 from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.units import plain
 
+WITH_EFFECTS = "the equations of motion are without the effects that were named"
 LOST = 0.1
 """s before a window's end at which a prediction may end"""
 
@@ -121,12 +121,14 @@ def cross_validate(
     roles: Sequence[Role] = (Role.VALIDATE,),
     rule: Rule | None = None,
     recipe: Recipe = BEST,
-    geometry: Mapping[tuple[str, int | None], Sequence[float]] | None = None,
+    mechanism: Mechanism | None = None,
+    equations: bool = True,
 ) -> CrossValidation:
     """Judge the windows of these roles.
 
-    sigma_W: of the identification, in the unit of the recipe's equations; None where the method has none. geometry:
-    that was found with the body (`survey.as_found`), the robot file's unless given.
+    sigma_W: of the identification, in the unit of the recipe's equations; None where the method has none. mechanism:
+    with the geometry and the effects that were found with the body, the robot file's alone unless given.
+    equations: also by σ⊥; without, where effects were found that the equations of motion do not have.
     Raises SetupError when the campaign has no such window, RefusedError when the body cannot move, or no window can be
     judged.
     """
@@ -140,8 +142,8 @@ def cross_validate(
         raise RefusedError(
             "With these parameters the kinetic energy is negative in some motion: nothing can be predicted."
         )
-    mechanism = as_found(Mechanism(campaign.robot, native=True), geometry or {})
-    judge = _Judge(campaign, mechanism, body, sigma_W, rule or Rule(), recipe)
+    mechanism = Mechanism(campaign.robot, native=True) if mechanism is None else mechanism
+    judge = _Judge(campaign, mechanism, body, sigma_W, rule or Rule(), recipe, equations=equations)
     found = CrossValidation(tuple(judge.window(w) for w in windows), judge.rule)
     if not found.judged:
         raise RefusedError(f"No window can be judged: {'; '.join(f'{w.id}: {w.why}' for w in found.windows)}")
@@ -159,8 +161,11 @@ class _Judge:
         sigma_W: float | None,
         rule: Rule,
         recipe: Recipe,
+        *,
+        equations: bool,
     ) -> None:
         self.rule = rule
+        self._equations = equations
         self._campaign, self._body, self._sigma_W, self._recipe = campaign, body, sigma_W, recipe
         self._mechanism = mechanism
         self._shared = np.concatenate([body.vector, mechanism.theta])
@@ -198,6 +203,8 @@ class _Judge:
 
     def _by_equations(self, window: Window) -> tuple[float | None, float | None, str]:
         """σ⊥ and what is expected of it, or why there is none."""
+        if not self._equations:
+            return None, None, WITH_EFFECTS
         try:
             equations = window_equations(self._mechanism, self._campaign, window, self._recipe)
             sigma = sigma_perp(residual(equations, self._body, self._body))

@@ -8,15 +8,18 @@ import numpy as np
 from rich.table import Table
 
 from fidim_lab.app.formats.answer_file import write_answer
+from fidim_lab.app.report.contents.explanation_file import ExplanationTable
+from fidim_lab.app.report.contents.found_model import Found, found_model, read_found
 from fidim_lab.app.terminal import console
 from fidim_lab.app.terminal.working import Working, windows_of
 from fidim_lab.data.campaign import read_campaign
 from fidim_lab.data.records import PARAMETER_NAMES, Campaign, Role
+from fidim_lab.errors import SetupError
 from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
 from fidim_lab.identification.equations.refusals import no_sigma
 from fidim_lab.identification.motion.recipe import BEST, PAPER
-from fidim_lab.identification.results.result import IdentificationResult
-from fidim_lab.identification.results.result_file import ResultTable, read_result
+from fidim_lab.identification.results.result_file import ResultTable
+from fidim_lab.mismatch.conclusion.explanation import Verdict
 from fidim_lab.units import millimetres, plain
 
 FORMAT = "fidim-validation/1"
@@ -46,21 +49,21 @@ def validate_command(options: ValidateOptions) -> int:
     nothing can be judged.
     """
     begin = perf_counter()
-    given = read_result(options.parameters)
+    given = read_found(options.parameters)
     campaign = read_campaign(options.campaign)
     how = {"everything": options.everything, "paper": options.paper}
     with Working("predicting each window from its initial state", windows_of(options.campaign)):
         found = run_validate(campaign, given, limit=options.limit, **how)
     console.warn(_doubts(campaign, given))
     write_answer(options.json_file, FORMAT, to_json(campaign, given, found, perf_counter() - begin))
-    console.out.print(table(found, given.sigma_W))
+    console.out.print(table(found, sigma_of(given)))
     console.out.print(f"{found.message} Rule: {found.rule.sentence}.", markup=False)
     return 0 if found.predicts else 1
 
 
 def run_validate(
     campaign: Campaign,
-    given: IdentificationResult | ResultTable,
+    given: Found,
     *,
     everything: bool = False,
     paper: bool = False,
@@ -68,21 +71,33 @@ def run_validate(
 ) -> CrossValidation:
     """Judge the held-out windows of a campaign, or all of `everything`, with nothing but their initial states fitted.
 
-    given: body, geometry that was found with it, and σ_W of that fit (Eq. 31), by the paper's form where `paper` is
-    set. limit: largest χ²/dof. Raises SetupError without a window to judge, RefusedError where none can be judged.
+    given: body, geometry and effects that were found with it, and σ_W of that fit (Eq. 31), by the paper's form where
+    `paper` is set. limit: largest χ²/dof. Raises SetupError without a window to judge, and where what was found has no
+    model with a name; RefusedError where none can be judged.
     """
+    if isinstance(given, ExplanationTable) and given.verdict is Verdict.UNKNOWN_PHYSICS:
+        raise SetupError(
+            f"{given.campaign}: the explanation names no physics, so its file has no model that could predict.",
+            hint="Its own held-out windows are judged in its answer; fidim validate takes a result of identify too.",
+        )
     roles = (Role.IDENTIFY, Role.VALIDATE) if everything else (Role.VALIDATE,)
     recipe = PAPER if paper else BEST
-    geometry = None if given.geometry is None else given.geometry.pieces
+    model = found_model(given, campaign.robot, native=True)
     return cross_validate(
         campaign,
-        given.body,
-        given.sigma_W,
+        model.body,
+        sigma_of(given),
         roles=roles,
         rule=Rule(chi2_per_dof=limit),
         recipe=recipe,
-        geometry=geometry,
+        mechanism=model.mechanism,
+        equations=not isinstance(given, ExplanationTable),
     )
+
+
+def sigma_of(given: Found) -> float | None:
+    """Explain forms no equations of motion."""
+    return None if isinstance(given, ExplanationTable) else given.sigma_W
 
 
 def table(found: CrossValidation, sigma_W: float | None) -> Table:
@@ -116,16 +131,18 @@ def table(found: CrossValidation, sigma_W: float | None) -> Table:
     return shown
 
 
-def to_json(campaign: Campaign, given: ResultTable, found: CrossValidation, seconds: float) -> dict[str, object]:
+def to_json(
+    campaign: Campaign, given: ResultTable | ExplanationTable, found: CrossValidation, seconds: float
+) -> dict[str, object]:
     """What --json writes, "fidim-validation/1" (docs/validate.md)."""
     return {
         "campaign": campaign.name,
         "parameters_from": given.campaign,
-        "method": given.method,
+        "method": None if isinstance(given, ExplanationTable) else given.method,
         "predicts": found.predicts,
         "message": found.message,
         "rule": {"chi2_per_dof": found.rule.chi2_per_dof, "sigma_perp_ratio": found.rule.ratio},
-        "sigma_W": given.sigma_W,
+        "sigma_W": sigma_of(given),
         "windows": [
             {
                 "id": w.id,
@@ -143,7 +160,7 @@ def to_json(campaign: Campaign, given: ResultTable, found: CrossValidation, seco
     }
 
 
-def _doubts(campaign: Campaign, given: ResultTable) -> list[str]:
+def _doubts(campaign: Campaign, given: ResultTable | ExplanationTable) -> list[str]:
     """What speaks against these parameters belonging to this robot."""
     nominal = [given.parameters[name].nominal for name in PARAMETER_NAMES]
     known = np.array([np.nan if v is None else v for v in nominal])

@@ -94,7 +94,12 @@ def identify(
 
 @fidim.command()
 @click.argument("campaign", type=FOLDER)
-@click.option("--parameters", type=FILE, required=True, help='A "fidim-result/1" file, as identify --json writes it.')
+@click.option(
+    "--parameters",
+    type=FILE,
+    required=True,
+    help="A file of identify --json, or of explain --json: with the effects that it names.",
+)
 @click.option("--all", "everything", is_flag=True, help="Judge the windows of role 'identify' too.")
 @click.option("--paper", is_flag=True, help="The σ_W in the result file is that of identify --paper.")
 @click.option("--limit", type=Number(0, min_open=True), default=2.0, show_default=True, help="Largest χ²/dof.")

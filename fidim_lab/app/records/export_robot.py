@@ -11,19 +11,14 @@ import casadi as ca
 import numpy as np
 
 from fidim_lab.app.compose.multibody import Multibody, multibody_mjcf
-from fidim_lab.app.report.contents.explanation_file import read_explanation
-from fidim_lab.app.report.contents.proof import Model, completed_model
+from fidim_lab.app.report.contents.found_model import Model, found_model, read_found
 from fidim_lab.arrays import Vector3
-from fidim_lab.data.files.input_file import read_json
 from fidim_lab.data.records import Body, Campaign, Pose, Role, Window
 from fidim_lab.effects.effect import NamedEffect
 from fidim_lab.errors import SetupError
 from fidim_lab.identification.mle import held_out
 from fidim_lab.identification.mle.trajectories.recordings import prepare
-from fidim_lab.identification.results.result_file import GeometryTable, read_result
-from fidim_lab.identification.survey import as_found
 from fidim_lab.model.geometry import rotation_from_gibbs
-from fidim_lab.model.mechanism import Mechanism
 from fidim_lab.model.slots import Effect
 
 MOVING = ("length_drift", "compliance", "stretch_damping", "wrench", "tension_wrench", "kinetic_energy", "extra_rates")
@@ -44,19 +39,7 @@ class WindowStart:
 
 def robot_model(source: Path, campaign: Campaign) -> Model:
     """The model that a result or an explanation file found. Raises FileError, SetupError for an unknown effect."""
-    found = read_json(source)
-    form = found.get("format") if isinstance(found, dict) else None
-    if form == "fidim-explanation/1":
-        told = read_explanation(source)
-        return _moved(completed_model(told, campaign.robot), told.geometry)
-    result = read_result(source)
-    return _moved(Model(Mechanism(campaign.robot), result.body.vector), result.geometry)
-
-
-def _moved(model: Model, geometry: GeometryTable | None) -> Model:
-    """With the geometry with which the recordings were fitted, where that is not the robot file's."""
-    made = as_found(model.mechanism, {} if geometry is None else geometry.pieces)
-    return Model(made, np.concatenate([model.shared[:9], made.theta]))
+    return found_model(read_found(source), campaign.robot)
 
 
 def start_of(model: Model, campaign: Campaign, window: str | None) -> WindowStart:

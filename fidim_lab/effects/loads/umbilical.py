@@ -23,6 +23,8 @@ FARTHEST = 20.0
 """m from the platform that a hose ends at most"""
 RESTS = ((0.3, 1.0), (0.6, 1.0), (0.6, 0.6))
 """shares of the length that are tried as rest lengths, and how near the end is then taken to be"""
+SEEN = 5.0
+"""standard deviations of its stiffness by which a spring is seen; with less the evidence decides between the two"""
 TRAVEL = 0.1
 """m that the platform moves at least: what a spring's force changes by must stay a disturbance"""
 STIFFNESS = Parameter("k", "N/m", "a stiffness is positive", scale=0.5, low=0.0, high=1000.0, start=2.0)
@@ -60,10 +62,10 @@ class Umbilical(NamedEffect):
         arm = state.rotation @ theta[5:]
         return at_arm(arm, theta[2:5] - theta[0] * (state.position + arm) - theta[1] * state.velocity(arm))
 
-    def parts(self, values: np.ndarray) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
-        """A drag and a steady force, where hardly any spring is left: its end would be farther than any hose's."""
+    def parts(self, values: np.ndarray, sd: np.ndarray) -> tuple[tuple[NamedEffect, np.ndarray], ...]:
+        """A drag and a steady force, where no spring is seen, or its end would be farther than any hose's."""
         k, c, force = values[0], values[1], values[2:5]
-        if k * FARTHEST > np.linalg.norm(force):
+        if k > SEEN * np.nan_to_num(sd[0]) and k * FARTHEST > np.linalg.norm(force):
             return ()
         drag = ((AirDragLinear(), np.array([c])),) if c > 0 else ()
         return (*drag, (ConstantForce(), force))

@@ -72,7 +72,7 @@ def _cause(found: Selection, model: Completed, k: int, doubtful: bool) -> NamedC
         for parameter, value, sd in zip(tried.effect.parameters, values, sds, strict=True)
     }
     effect, members = tried.effect, alike(found, k)
-    ids, has_own = tuple(one.id for one in members), not effect.parts(values)
+    ids, has_own = tuple(one.id for one in members), not effect.parts(values, sds)
     single = stands_alone(members) and has_own and not doubtful
     return NamedCause(effect.id, effect.cable, ids, parameters, effect.says, members, single)
 

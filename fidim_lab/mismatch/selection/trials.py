@@ -142,7 +142,7 @@ class Trials:
         """With the parts into which term k falls in its place, or beside others its simple form; None without any."""
         term, theta = model.tried[k], model.thetas[k]
         narrow = term.effect.narrower(theta) if len(model.tried) > 1 else None
-        simple = term.effect.parts(theta) or (() if narrow is None else (narrow,))
+        simple = term.effect.parts(*model.theta_of(k)) or (() if narrow is None else (narrow,))
         fewer = len(self.start.tried.admitted(simple)) < len(simple)
         if not simple or fewer or len(model.tried) + len(simple) - 1 > SELECTION.most_terms:
             return None

@@ -157,9 +157,18 @@ def test_having_chosen_a_cable_costs_what_there_was_to_choose_from(dragged: Case
 
 def test_forms_of_a_term_are_none_of_what_is_taken_as_unknown(dragged: Case) -> None:
     weak = np.array([0.0, 0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0])  # a hose without a spring: a drag and a steady force
-    forms = Umbilical().parts(weak)
+    forms = Umbilical().parts(weak, np.full(8, 1e-3))
     robot = dragged.campaign.robot
     admitted = hypotheses(robot).admitted(forms)
     assert [effect.id for effect, _ in admitted] == ["air-drag-linear", "constant-force"]
     without = hypotheses(robot, ["air-drag-linear"]).admitted(forms)
     assert [effect.id for effect, _ in without] == ["constant-force"]
+
+
+def test_a_hose_whose_spring_is_not_seen_falls_into_parts() -> None:
+    taut = np.array([2.0, 0.4, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0])
+    assert Umbilical().parts(taut, np.full(8, 0.1)) == ()
+    assert [effect.id for effect, _ in Umbilical().parts(taut, np.full(8, 1.0))] == [
+        "air-drag-linear",
+        "constant-force",
+    ]

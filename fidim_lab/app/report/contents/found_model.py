@@ -1,0 +1,81 @@
+"""The model that identify or explain tells: the body, effects that were named, the geometry found with them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fidim_lab.app.formats.explanation_parts import EffectTable
+from fidim_lab.app.report.contents.explanation_file import BodyParameterTable, ExplanationTable, read_explanation
+from fidim_lab.data.files.input_file import read_json
+from fidim_lab.data.records import PARAMETER_NAMES, Body, Robot
+from fidim_lab.effects.catalogue import by_id
+from fidim_lab.effects.effect import NamedEffect
+from fidim_lab.errors import SetupError
+from fidim_lab.identification.results.result import IdentificationResult
+from fidim_lab.identification.results.result_file import ResultTable, read_result
+from fidim_lab.identification.survey import as_found
+from fidim_lab.model.mechanism import Mechanism
+
+Found = IdentificationResult | ResultTable | ExplanationTable
+"""by identify or explain, just now or as their files say"""
+HAND = "hand-contact"
+"""no wrench: times that the fit leaves out"""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A mechanism with its shared parameters: body, then θ of its effects."""
+
+    mechanism: Mechanism
+    shared: np.ndarray
+
+    @property
+    def body(self) -> Body:
+        """Of the parameters."""
+        return Body.from_vector(self.shared[: len(PARAMETER_NAMES)])
+
+
+def read_found(path: Path) -> ResultTable | ExplanationTable:
+    """A "fidim-result/1" or "fidim-explanation/1" file. Raises FileError with the key that is wrong."""
+    found = read_json(path)
+    form = found.get("format") if isinstance(found, dict) else None
+    return read_explanation(path) if form == "fidim-explanation/1" else read_result(path)
+
+
+def found_model(told: Found, robot: Robot, *, native: bool = False) -> Model:
+    """What a result or an explanation says of this robot; native: with compiled C.
+
+    Raises SetupError for an effect that the catalogue does not have.
+    """
+    if isinstance(told, ExplanationTable):
+        model = completed_model(told, robot, native=native)
+    else:
+        model = Model(Mechanism(robot, native=native), told.body.vector)
+    made = as_found(model.mechanism, {} if told.geometry is None else told.geometry.pieces)
+    return Model(made, np.concatenate([model.body.vector, made.theta]))
+
+
+def completed_model(found: ExplanationTable, robot: Robot, *, native: bool = False) -> Model:
+    """The model with what was named, as the explanation's numbers say. Raises SetupError for an unknown effect."""
+    simulated = [effect for effect in found.effects if effect.id != HAND]
+    chosen = [_effect(effect, robot) for effect in simulated]
+    pairs = zip(simulated, chosen, strict=True)
+    theta = [float(told.parameters[p.name].value or 0.0) for told, effect in pairs for p in effect.parameters]
+    shared = np.concatenate([body_vector(found.parameters), theta])
+    return Model(Mechanism(robot, tuple(chosen), theta, native=native), shared)
+
+
+def _effect(told: EffectTable, robot: Robot) -> NamedEffect:
+    """The effect of the catalogue with these parameters. Raises SetupError where there is none."""
+    names = {p: one.unit for p, one in told.parameters.items()}
+    every = [one for one in by_id(robot, told.id, told.cable) if one.cable == told.cable]
+    fitting = [one for one in every if {p.name: p.unit for p in one.parameters} == names]
+    if fitting:  # variants of one effect may have the same parameters
+        return next((one for one in fitting if one.says == told.says), fitting[0])
+    raise SetupError(f"{told.label} has no variant with the parameters {', '.join(told.parameters) or '(none)'}.")
+
+
+def body_vector(parameters: dict[str, BodyParameterTable]) -> np.ndarray:
+    """The nine, SI, about P."""
+    return np.array([parameters[name].value for name in PARAMETER_NAMES])

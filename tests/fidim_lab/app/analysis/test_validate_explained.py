@@ -1,0 +1,56 @@
+"""Physics that one campaign showed predicts windows of the same platform: `fidim explain`, then `fidim validate`."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import fidim_lab as fl
+from fidim_lab.app.cli import run
+from fidim_lab.data.campaign import read_campaign, write_campaign
+from fidim_lab.data.records import Role
+
+HIDDEN = "air-drag-linear:c=0.5"
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A platform in air, two campaigns of it; what identify and explain say of the first."""
+    folder = tmp_path_factory.mktemp("world")
+    whole = folder / "whole"
+    sizes = ["--equilibria", "4", "--validate", "4"]
+    assert run(["simulate", "--robot", "irma4", "--out", str(whole), "--hide", HIDDEN, *sizes]) == 0
+    recorded = read_campaign(whole)
+    held = recorded.of_role(Role.VALIDATE)
+    for name, windows in (("one", (*recorded.of_role(Role.IDENTIFY), *held[:2])), ("other", held[2:])):
+        write_campaign(folder / name, replace(recorded, name=name, windows=windows))
+    assert run(["explain", str(folder / "one"), "--json", str(folder / "explanation.json")]) == 0
+    run(["identify", str(folder / "one"), "--json", str(folder / "result.json")])
+    return folder
+
+
+def _validate(world: Path, parameters: Path, *more: str) -> int:
+    return run(["validate", str(world / "other"), "--parameters", str(parameters), *more])
+
+
+def test_the_effects_that_were_named_predict_another_campaign(world: Path, tmp_path: Path) -> None:
+    assert _validate(world, world / "explanation.json", "--json", str(tmp_path / "v.json")) == 0
+    told = json.loads((tmp_path / "v.json").read_text())
+    assert told["predicts"]
+    assert all(0.7 < window["chi2_per_dof"] < 1.4 for window in told["windows"])
+    assert all(window["sigma_perp"] is None for window in told["windows"])
+    assert _validate(world, world / "result.json") == 1  # the body alone does not
+
+
+def test_python_takes_the_answer_itself(world: Path) -> None:
+    other = fl.load(world / "other")
+    assert fl.validate(other, world / "explanation.json").predicts
+    assert fl.validate(other, fl.explain(world / "one")).predicts
+
+
+def test_unknown_physics_predicts_nothing(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = json.loads((world / "explanation.json").read_text())
+    (tmp_path / "unknown.json").write_text(json.dumps({**told, "verdict": "unknown-physics", "effects": []}))
+    assert _validate(world, tmp_path / "unknown.json") == 2
+    assert "names no physics" in " ".join(capsys.readouterr().err.split())
