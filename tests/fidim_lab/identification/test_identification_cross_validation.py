@@ -8,6 +8,8 @@ import pytest
 from fidim_lab.data.records import Body, Role
 from fidim_lab.errors import RefusedError, SetupError
 from fidim_lab.identification.cross_validation import CrossValidation, Judged, Rule, cross_validate
+from fidim_lab.identification.survey import as_found
+from fidim_lab.model.mechanism import Mechanism
 
 NOISE = 1e-4
 
@@ -53,7 +55,8 @@ def test_geometry_that_was_found_with_the_body_predicts_too(campaign, true_body)
     wrong = replace(campaign.robot, cables=(cables[0], replace(cables[1], d=cables[1].d - off), *cables[2:]))
     filed = replace(campaign, robot=wrong)
     assert not cross_validate(filed, true_body, None).predicts
-    assert cross_validate(filed, true_body, None, geometry={("anchor", 2): tuple(off)}).predicts
+    found = as_found(Mechanism(wrong, native=True), {("anchor", 2): tuple(off)})
+    assert cross_validate(filed, true_body, None, mechanism=found).predicts
 
 
 def test_a_large_sigma_perp_is_remarked_and_decides_only_without_lengths(campaign, true_body):

@@ -59,14 +59,14 @@ def found_model(told: Found, robot: Robot, *, native: bool = False) -> Model:
 def completed_model(found: ExplanationTable, robot: Robot, *, native: bool = False) -> Model:
     """The model with what was named, as the explanation's numbers say. Raises SetupError for an unknown effect."""
     simulated = [effect for effect in found.effects if effect.id != HAND]
-    chosen = [_effect(effect, robot) for effect in simulated]
+    chosen = [named_effect(effect, robot) for effect in simulated]
     pairs = zip(simulated, chosen, strict=True)
     theta = [float(told.parameters[p.name].value or 0.0) for told, effect in pairs for p in effect.parameters]
     shared = np.concatenate([body_vector(found.parameters), theta])
     return Model(Mechanism(robot, tuple(chosen), theta, native=native), shared)
 
 
-def _effect(told: EffectTable, robot: Robot) -> NamedEffect:
+def named_effect(told: EffectTable, robot: Robot) -> NamedEffect:
     """The effect of the catalogue with these parameters. Raises SetupError where there is none."""
     names = {p: one.unit for p, one in told.parameters.items()}
     every = [one for one in by_id(robot, told.id, told.cable) if one.cable == told.cable]

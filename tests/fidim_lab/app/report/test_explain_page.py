@@ -9,7 +9,8 @@ import pytest
 from fidim_lab.app.analysis.design_after import claims_of
 from fidim_lab.app.formats.explanation_parts import EffectParameterTable, EffectTable
 from fidim_lab.app.report.contents.explanation_file import as_file, read_explanation
-from fidim_lab.app.report.contents.proof import _effect, proof, rms
+from fidim_lab.app.report.contents.found_model import named_effect
+from fidim_lab.app.report.contents.proof import proof, rms
 from fidim_lab.app.report.drawings import spectra
 from fidim_lab.app.report.drawings.figures import sd_levels
 from fidim_lab.app.report.pages.explain_page import write_explain_page
@@ -273,5 +274,5 @@ def test_every_variant_of_every_effect_is_drawn_as_itself(irma4: Robot):
     for effect in (one for one in catalogue(robot) if one.parameters):
         told = {p.name: EffectParameterTable(value=0.0, unit=p.unit) for p in effect.parameters}
         table = EffectTable(id=effect.id, cable=effect.cable, parameters=told, says=effect.says)
-        drawn = _effect(table, robot)
+        drawn = named_effect(table, robot)
         assert type(drawn) is type(effect), table

@@ -18,7 +18,9 @@ NOTHING_TRIED = Hypotheses((), (), ())
 
 def model(*tried: Hypothesis, whole: bool = True, chi2: float = 1e4) -> SimpleNamespace:
     fit = SimpleNamespace(chi2_per_dof=1.0)
-    return SimpleNamespace(tried=tried, thetas=[h.absent for h in tried], whole=whole, fit=fit, chi2=chi2)
+    made = SimpleNamespace(tried=tried, thetas=[h.absent for h in tried], whole=whole, fit=fit, chi2=chi2)
+    made.theta_of = lambda k: (made.thetas[k], np.zeros(len(made.thetas[k])))  # known exactly
+    return made
 
 
 def hypothesis(robot: Robot, id: str) -> Hypothesis:
